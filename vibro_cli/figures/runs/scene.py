@@ -12,8 +12,17 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from vibro_cli.figures import style
-from vibro_cli.figures.chart import Cell, Sheet, body_look, in_rows, plane_axes
-from vibro_cli.figures.labels import HALO, SAY, Named, draw_legend, ring, rows_of, write_names
+from vibro_cli.figures.chart import Cell, Sheet, body_entries, body_look, in_rows, plane_axes
+from vibro_cli.figures.labels import (
+    HALO,
+    SAY,
+    Named,
+    draw_legend,
+    ring,
+    rows_of,
+    short_number,
+    write_names,
+)
 from vibro_cli.figures.source import Array, Recorded
 from vibro_cli.figures.style import width_of
 from vibro_cli.figures.ticks import round_below
@@ -335,9 +344,9 @@ def plan(run: Recorded, width: str = "single") -> Figure | None:
                 _draw_body(axes, one, index, radius, 0.45 / scale)
             axes.set_title(one.title, pad=1.5, **SAY)
         _draw_bar(sheet, float(high[0] - low[0]), scale)
-        number = len(radii)
-        if number > 1:
-            entries = [(f"body {n}", _dot(n)) for n in range(1, min(number, 5) + 1)]
+        if len(radii) > 1:
+            named = body_entries(run)
+            entries = [(name, look | _DOT if "color" in look else look) for name, look in named]
             draw_legend(sheet.figure, rows_of(entries, width_of(width)))
     return sheet.figure
 
@@ -389,7 +398,7 @@ def configurations(run: Recorded, most: int) -> list[Configuration]:
     if len(times) > most - 1:
         rows = [*rows[:-1], len(times) - 1]
     for row in rows:
-        title = f"impact {int(run.collisions['n'][row])}, {float(times[row]):.4g} s"
+        title = f"impact {int(run.collisions['n'][row])}, {short_number(float(times[row]))} s"
         pair = tuple(int(run.collisions[f"ball_{side}"][row]) - 1 for side in "ab")
         found.append(Configuration(title, _centres_at(run, float(times[row]), row, pair), pair))
     return found
@@ -440,9 +449,7 @@ def _plan_sheet(
     return sheet, panels, float(scale)
 
 
-def _dot(ball: int) -> dict[str, Any]:
-    colour = body_look(ball)["color"]
-    return {"marker": "o", "color": colour, "markersize": 4.0, "linestyle": "none"}
+_DOT: dict[str, Any] = {"marker": "o", "markersize": 4.0, "linestyle": "none"}
 
 
 def _draw_body(axes: Axes, one: Configuration, index: int, radius: float, least: float) -> None:

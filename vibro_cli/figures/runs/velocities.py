@@ -377,7 +377,7 @@ def _say(axes: Axes, run: Recorded, row: int, pair: Sequence[Striking], when: in
     made = bool(run.collisions["admissible"][row]) or bool(run.collisions["substituted"][row])
     if when == 1 and not made:
         sides = "after (inadmissible)"
-    title = f"impact {number}, {time:.4g} s: {sides}" if when == 0 else sides
+    title = f"impact {number}, {short_number(time)} s: {sides}" if when == 0 else sides
     write_over(axes, 0.0, 2, title)
     for line, symbol, unit in ((1, "v", "m/s"), (0, r"\omega", "rad/s")):
         symbols = [f"${symbol}_{{{one.number}}}$" for one in pair]

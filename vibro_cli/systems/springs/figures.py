@@ -40,7 +40,7 @@ from vibro_cli.figures.film import (
     trails_of,
 )
 from vibro_cli.figures.kinds import EXPONENTS, INTERVALS, PORTRAIT, Kind, KindOfBody
-from vibro_cli.figures.labels import Named, ring, write_names
+from vibro_cli.figures.labels import Named, ring, short_number, write_names
 from vibro_cli.figures.runs.over_impacts import speed_map
 from vibro_cli.figures.runs.over_time import (
     HIGH,
@@ -312,7 +312,7 @@ def _title(run: Run, row: int) -> str:
     apart = 2.0 * np.sqrt(radii[0] * radii[1])
     names = rf"$x_{{{other}}}-x_{{{one}}}=2\sqrt{{r_{{{one}}}r_{{{other}}}}}$"
     time = float(run.collisions["t"][row])
-    return f"impact {row + 1}, {time:.4g} s: {names} = {apart:.4g} m"
+    return f"impact {row + 1}, {short_number(time)} s: {names} = {short_number(apart)} m"
 
 
 def _extent(run: Run, shown: list[Instant]) -> tuple[Array, Array]:

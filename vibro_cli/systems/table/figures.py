@@ -284,7 +284,7 @@ def _pair(point: Array) -> tuple[float, float]:
 def _say(axes: Axes, one: Met, when: int) -> None:
     """Write the values above a panel."""
     after = "after" if one.made else "after (inadmissible)"
-    write_over(axes, 0.0, 3, after if when else f"{one.title}, {one.time:.4g} s: before")
+    write_over(axes, 0.0, 3, after if when else f"{one.title}, {short_number(one.time)} s: before")
     rows = (
         (2, "v", "m/s", [ball.speed for ball in one.balls]),
         (1, r"\omega", "rad/s", [ball.omega for ball in one.balls]),

@@ -1,7 +1,8 @@
-"""Figures of an inadmissible impact that ended a run, and of impacts that gain energy."""
+"""Figures of impacts: inadmissible ones, those that gain energy, those of many bodies."""
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from tests.figures.layout import texts
 from vibro_cli import example, simulate
 from vibro_cli.figures.kinds import draw_one
 from vibro_cli.figures.runs.over_time import GAIN, LOSS
+from vibro_cli.figures.runs.scene import plan
 from vibro_cli.scenario import Scenario
 from vibro_cli.systems.table.plan import table_plan
 
@@ -73,3 +75,28 @@ def test_what_impacts_gain_is_drawn_as_what_they_lose_is() -> None:
         np.testing.assert_array_equal(drawn[:, 0], run.collisions["t"][own])
         np.testing.assert_array_equal(drawn[:, 1], np.abs(lost[own]))
     assert "gain" in {text.get_text() for text in texts(figure)}
+
+
+def test_a_plan_names_six_bodies_and_writes_powers_of_ten() -> None:
+    bodies = [
+        {"radius": 0.05, "mass": 1.0, "arc": 1, "angle": f"{angle} deg"}
+        for angle in range(-60, 60, 20)
+    ]
+    shape = {"shape": "valley", "radius": 2e9, "end_slope": "80 deg"}
+    scenario = Scenario.from_dict(
+        {
+            "gravity": 9.81,
+            "trace": {"start_slope": "-80 deg", "arcs": [shape]},
+            "balls": bodies,
+            "collision": {"k": 0.5},
+            "stop": {"collisions": 1},
+        }
+    )
+    figure = plan(simulate(scenario).solved)
+    assert figure is not None
+    shown = {text.get_text() for text in texts(figure)}
+    assert {"body 1", "2", "3", "4", "5", "6"} <= shown
+    titles = [text for text in shown if text.startswith("impact")]
+    assert titles
+    for title in titles:
+        assert re.fullmatch(r"impact \d, \$\d\.\d+\\times 10\^\{4\}\$ s", title)
