@@ -14,7 +14,8 @@ from matplotlib.figure import Figure
 
 from tests.figures.layout import assert_texts_are_apart, texts
 from tests.grid_folder import CAUSES, place_of, product, write_grid
-from vibro_cli import load_scenario, sweep
+from vibro_cli import example, load_scenario, sweep
+from vibro_cli.figures.chart import value_axis
 from vibro_cli.figures.kinds import CONTACT_WORDS, draw_grid, draw_grid_kind
 from vibro_cli.figures.maps import COLOURS, ending_map, lattice, quantity_map, words_of
 from vibro_cli.figures.over_axis import FIRST, curves, diagram, first_times, place_column
@@ -373,3 +374,16 @@ def test_other_folders_are_no_grids(tmp_path: Path) -> None:
     (folder / "summary/part-000000.parquet").unlink()
     with pytest.raises(NotAGrid, match="no finished point"):
         open_grid(folder)
+
+
+def test_the_places_on_a_table_are_of_a_ball_not_of_the_left_one() -> None:
+    scenario = example("billiards").replace({"stop.time": 0.5})
+    grid = sweep(scenario, {"wall.k": [0.7, 0.8, 0.9]}, collisions=True)
+    assert place_column(grid.stored) == ("x_a", "$x$ of ball a", "m")
+
+
+def test_values_that_are_one_but_for_rounding_have_an_axis_around_them() -> None:
+    axes = Figure().add_subplot()
+    value_axis(axes, 0.4244596862733530, 0.4244596862733532, 20.0, "first impact", "s")
+    assert axes.get_ylabel() == "first impact [s]"
+    assert axes.get_ylim()[0] == pytest.approx(0.4244596862733531 * 0.5, rel=0.2)

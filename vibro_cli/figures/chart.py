@@ -27,6 +27,7 @@ from vibro_cli.figures.ticks import (
     vertical_angle_ticks,
     vertical_ticks,
 )
+from vibro_cli.kernels.numerics.constants import EPSILON
 
 LEFT = 13.0
 """Room for a vertical axis' label and numbers (mm)."""
@@ -199,9 +200,9 @@ def count_axis(axes: Axes, numbers: Any, width: float, labelled: bool) -> None:
 def value_axis(axes: Axes, low: float, high: float, height: float, symbol: str, unit: str) -> None:
     """Set a vertical axis with round numbers, in units of a power of ten where they are long.
 
-    Angles (rad) have parts of π.
+    Angles (rad) have parts of π. Values that are one but for rounding lie in the middle.
     """
-    if not high > low:
+    if not high - low > 4.0 * EPSILON * max(abs(low), abs(high)):
         low, high = low - 0.5 * (abs(low) or 1.0), high + 0.5 * (abs(high) or 1.0)
     low, high = limits_apart(low, high)
     room = 0.06 * (high - low)

@@ -235,8 +235,8 @@ GRID_KINDS: dict[str, Kind[Swept]] = {
     "diagram": Kind(
         diagram,
         "Places of the impacts",
-        "Where the left body of each impact is, over one axis: every impact of every run, coloured "
-        "by its number.",
+        "Where the left body of each impact is (on a table ball a), over one axis: every impact of "
+        "every run, coloured by its number.",
         needs="an axis of numbers changes, and impacts were kept with their places",
         dimensions=1,
     ),
@@ -252,7 +252,8 @@ GRID_KINDS: dict[str, Kind[Swept]] = {
     "bifurcation": Kind(
         _bifurcation,
         "The last impacts",
-        f"Place and speed of the left body at the last {LAST} impacts of each run, over one axis.",
+        f"Place and speed of the left body (on a table of ball a) at the last {LAST} impacts of "
+        "each run, over one axis.",
         needs=f"as `diagram`, and runs have more than {LAST} impacts",
         dimensions=1,
     ),

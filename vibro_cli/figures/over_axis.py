@@ -137,9 +137,12 @@ def _value(axes: Axes, values: Array, high: float, symbol: str, unit: str) -> No
 def place_column(grid: Swept) -> tuple[str, str, str] | None:
     """Return column, symbol and unit of the place of the impacts that were kept, if one was.
 
-    The angle on a trace that is one arc; those of several arcs are not of one axis.
+    The angle on a trace that is one arc; those of several arcs are not of one axis. On a table,
+    which has impacts on a wall as well, neither ball is the left one.
     """
     kept = grid.impact_columns()
+    if "bounces" in grid.summary and "x_a" in kept:
+        return "x_a", "$x$ of ball a", "m"
     if len(grid.shapes) == 1 and grid.shapes[0] in _ANGLES and "angle_a" in kept:
         return "angle_a", _ANGLES[grid.shapes[0]], "rad"
     return next((one for one in PLACES if one[0] in kept), None)
