@@ -368,6 +368,8 @@ def test_other_folders_are_no_grids(tmp_path: Path) -> None:
     assert not is_grid(tmp_path)
     (tmp_path / "grid.json").write_text("{}")
     assert is_grid(tmp_path)
+    with pytest.raises(NotAGrid, match="holds no grid; expected a folder that `vibro grid` wrote"):
+        open_grid(tmp_path / "nowhere")
     with pytest.raises(NotAGrid, match="expected its manifest"):
         open_grid(tmp_path)
     folder = write_grid(tmp_path / "one", ONE)

@@ -84,10 +84,20 @@ def read_measured(file: str | Path) -> Measured:
     columns = {
         name: table.column(name).to_pylist() for name in COLUMNS if name in table.column_names
     }
+    if path.suffix == ".csv":
+        columns = {name: list(map(_read, column)) for name, column in columns.items()}
     try:
         return measured_of(columns)
     except NotMeasured as error:
         raise NotMeasured(f"{path}: {error}") from error
+
+
+def _read(value: Any) -> Any:
+    """Return the number that a text is, if it is one: one word makes all of a column texts."""
+    try:
+        return float(value) if isinstance(value, str) else value
+    except ValueError:
+        return value
 
 
 def measured_of(columns: Mapping[str, Any]) -> Measured:

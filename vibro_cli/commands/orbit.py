@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
-from vibro_cli.commands.shared.error_handling import DONE, CommandError, reason
+from vibro_cli.commands.shared.error_handling import DONE, CommandError
 from vibro_cli.commands.shared.options import output_option, scenario_keys, set_option
 from vibro_cli.commands.shared.terminal import print_found, say
 
@@ -309,7 +309,7 @@ class FitCommand:
         except OSError as error:
             if error.filename != str(self.measured):
                 raise
-            text = f"vibro: {self.measured}: cannot be read: {reason(error)}"
+            text = f"vibro: {self.measured}: cannot be read: {error.strerror}"
             raise CommandError(text) from error
         if folder is not None:
             columns = residual_columns(found)
