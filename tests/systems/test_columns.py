@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 
 from vibro_cli.api import simulate
+from vibro_cli.kernels.statistics.impact_columns import place_on
+from vibro_cli.kernels.world import PieceData
 from vibro_cli.scenario import load_any
 from vibro_cli.systems.trace import tables
 
@@ -129,3 +131,16 @@ def test_every_column_of_impacts_on_a_trace_is_written(
             found.append(simulate(scenario, engine).collisions)
     for column, values in found[0].items():
         np.testing.assert_array_equal(found[1][column], values, err_msg=column)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("start", [0.0, -2.0 * math.pi, -math.pi])
+def test_an_impact_at_the_seam_of_a_circle_is_at_the_end_that_it_comes_to(
+    sign: float, start: float
+) -> None:
+    piece = PieceData()
+    piece.sign, piece.angle_start, piece.angle_end = sign, start, start + 2.0 * math.pi
+    for angle in (*np.linspace(start, piece.angle_end, 33), start - 1e-9, piece.angle_end + 1e-9):
+        sine, cosine = math.sin(0.5 * angle), math.cos(0.5 * angle)
+        found = place_on(piece, *((sine, cosine) if sign > 0.0 else (cosine, -sine)))
+        assert found == pytest.approx(min(max(angle, start), piece.angle_end), abs=1e-15)

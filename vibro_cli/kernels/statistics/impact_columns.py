@@ -605,4 +605,9 @@ def place_on(piece: PieceData, s: float, c: float) -> float:
     if piece.sign == 0.0:
         return s
     half = math.atan2(-c, s) if piece.sign < 0.0 else math.atan2(s, c)
-    return min(max(2.0 * half + piece.turn, piece.angle_start), piece.angle_end)
+    angle = 2.0 * half + piece.turn
+    # Half an angle is known but for whole turns: at the ends of a circle a rounding decides.
+    beyond = angle - 0.5 * (piece.angle_start + piece.angle_end)
+    if abs(beyond) > 2.0 * math.pi:
+        angle -= math.copysign(4.0 * math.pi, beyond)
+    return min(max(angle, piece.angle_start), piece.angle_end)
