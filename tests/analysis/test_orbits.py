@@ -318,7 +318,7 @@ def test_a_motion_of_no_time_is_no_orbit() -> None:
     """It closes from any start: Newton's method comes to it where the guess is too short."""
     system = _falling()
     with pytest.raises(NoOrbit, match="the period has become zero"):
-        newton(system, state_of(system), 0.01, None, None)
+        newton(system, state_of(system), 0.01)
 
 
 def test_balls_that_overlap_for_no_time_are_no_orbit_of_an_impact() -> None:

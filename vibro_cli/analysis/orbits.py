@@ -370,13 +370,7 @@ def size_of(system: TraceSystem, state: Floats) -> float:
     return float(np.linalg.norm(state * scale_of(system)))
 
 
-def newton(
-    system: TraceSystem,
-    state: Floats,
-    period: float,
-    word: tuple[str, ...] | None,
-    energy: float | None,
-) -> Orbit:
+def newton(system: TraceSystem, state: Floats, period: float) -> Orbit:
     """Return the periodic orbit near a start.
 
     Parameters
@@ -384,11 +378,7 @@ def newton(
     system
         What moves; its start is not used.
     state, period
-        A guess.
-    word
-        The events that the orbit is to have; those of the guess if None.
-    energy
-        That the orbit is to have (J); None for that next to the guess.
+        A guess, whose events the orbit is to have.
 
     Raises
     ------
@@ -401,21 +391,18 @@ def newton(
     walls = [end.restitution for end in (system.left_end, system.right_end) if end is not None]
     if any(event.endswith("|") for event in shot.word) and all(k != 1.0 for k in walls):
         raise NoOrbit(_LOSSY.format(walls[0]))
-    word = shot.word if word is None else word
-    if shot.word != word:
-        raise NoOrbit("the guess has other events")
-    residual, best = residual_of(system, shot, state, energy), None
+    residual, begun = residual_of(system, shot, state, None), False
     for _ in range(MOST_STEPS):
-        if best is not None and residual < CLOSED:
+        if begun and residual < CLOSED:
             break
-        rows, right = equations(system, shot, state, energy)
+        rows, right = equations(system, shot, state, None)
         columns = np.append(1.0 / scale, 1.0 / unit)
         step = np.linalg.lstsq(rows * columns, right, rcond=1e-12)[0] * columns
-        found = _damped(system, state, period, word, energy, step, residual)
+        found = _damped(system, state, period, shot.word, step, residual)
         if found is None:
             break
         state, period, shot, residual = found
-        best = residual
+        begun = True
     if residual > NEARLY_CLOSED:
         raise NoOrbit(
             f"Newton's method does not converge: it comes to an orbit that fails to close by "
@@ -462,7 +449,6 @@ def _damped(
     state: Floats,
     period: float,
     word: tuple[str, ...],
-    energy: float | None,
     step: Floats,
     residual: float,
 ) -> tuple[Floats, float, Shot, float] | None:
@@ -472,7 +458,7 @@ def _damped(
         new, longer = state + share * step[:-1], period + share * float(step[-1])
         try:
             shot = shoot(admitted(system, new), longer)
-            left = residual_of(system, shot, new, energy)
+            left = residual_of(system, shot, new, None)
             if shot.word == word and left < residual * (1.0 - 0.1 * share):
                 return new, longer, shot, left
         except NoOrbit:
@@ -481,19 +467,17 @@ def _damped(
     return None
 
 
-def nearest_return(
-    system: TraceSystem, impacts: int | None, longest: float, most: int = 24
-) -> float:
+def nearest_return(system: TraceSystem, impacts: int | None, longest: float) -> float:
     """Time (s) at which a motion comes nearest to its start, after so many impacts.
 
-    Of several numbers of impacts up to ``most``, if none is given, the one with the nearest return.
+    Of the first two dozen numbers of impacts, if none is given, the one with the nearest return.
 
     Raises
     ------
     NoOrbit
         If the motion has not as many impacts.
     """
-    count = most if impacts is None else impacts
+    count = 24 if impacts is None else impacts
     run = simulate_system(system, longest, count + 1)
     times = run.collisions["t"]
     wanted = range(1, len(times)) if impacts is None else range(impacts, impacts + 1)
@@ -548,7 +532,7 @@ def find_orbit(
         raise NoOrbit(_LOSSY.format(system.restitution[0]))
     if period is None:
         period = nearest_return(system, impacts, longest)
-    orbit = newton(system, state_of(system), period, None, None)
+    orbit = newton(system, state_of(system), period)
     if not any(word.isdigit() for word in orbit.shot.word):
         raise NoOrbit("the orbit next to this start has no impact")
     return begun_between(orbit, longest=True)
