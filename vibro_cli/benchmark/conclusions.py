@@ -43,11 +43,9 @@ def _precision(rows: Sequence[Row]) -> list[Row]:
     return [row for row in rows if row.part == "precision"]
 
 
-def _find(rows: Sequence[Row], scene: str, method: str, setting: str | None = None) -> Row | None:
-    for row in rows:
-        if (row.scene, row.method) == (scene, method) and setting in (None, row.setting):
-            return row if row.per_impact else None
-    return None
+def _find(rows: Sequence[Row], scene: str, method: str) -> Row | None:
+    found = next((row for row in rows if (row.scene, row.method) == (scene, method)), None)
+    return found if found and found.per_impact else None
 
 
 def _of_scenes(rows: Sequence[Row]) -> Iterator[str]:

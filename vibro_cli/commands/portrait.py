@@ -111,9 +111,10 @@ def _numbers(path: str, texts: Sequence[str], model: Any) -> tuple[list[float], 
     """Numbers (SI) that are written with or without units at a path, and their SI unit."""
     from pydantic_core import PydanticCustomError
 
-    from vibro_cli.grids.axes import NotAnAxis, kind_of, read_number
+    from vibro_cli.grids.axes import kind_of, read_number
     from vibro_cli.scenario.fields import unit_of
-    from vibro_cli.scenario.loading import OverrideError, given, parse_value
+    from vibro_cli.scenario.loading import given, parse_value
+    from vibro_cli.scenario.problems import Faulty
     from vibro_cli.scenario.quantities import Quantity
 
     try:
@@ -121,11 +122,8 @@ def _numbers(path: str, texts: Sequence[str], model: Any) -> tuple[list[float], 
         if not isinstance(kind, Quantity):
             raise CommandError(f"vibro: --vary: found {path}, expected a number of the scenario")
         return [read_number(kind, parse_value(text)) for text in texts], unit_of(kind)
-    except (NotAnAxis, OverrideError) as error:
-        fault = error.fault
-        raise CommandError(
-            f"vibro: --vary: found {fault.found}, expected {fault.expected}"
-        ) from error
+    except Faulty as error:
+        raise CommandError(f"vibro: --vary: {error}") from error
     except PydanticCustomError as error:
         raise CommandError(f"vibro: --vary: {path}: {error.message()}") from error
 

@@ -10,19 +10,21 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from vibro_cli.grids.axes import Axis, Design, Wrong, read_axis
+from vibro_cli.grids.axes import Axis, Design, read_axis
 from vibro_cli.grids.models import GridFile, Keep, faults_between
 from vibro_cli.scenario import fields, loading
 from vibro_cli.scenario.base import AnyScenario, model_of, plain, system_of
 from vibro_cli.scenario.fields import DIALECT, SCHEMA_KEY, identifier, json_schema, schema_of
 from vibro_cli.scenario.forms import Source
-from vibro_cli.scenario.loading import Document, OverrideError, apply, load_document, located
+from vibro_cli.scenario.loading import Document, apply, load_document, located
 from vibro_cli.scenario.problems import (
     Fault,
+    Faulty,
     KeyPath,
     Problem,
     ScenarioError,
     in_order,
+    parsed_path,
     path_text,
     shown,
     suggestion,
@@ -171,8 +173,6 @@ class _Within(Source):
     """The source of the scenario that stands in a grid file: its places are further in."""
 
     def place(self, key_path: str | KeyPath, on_key: bool = False) -> Any:
-        from vibro_cli.scenario.problems import parsed_path
-
         loc = parsed_path(key_path) if isinstance(key_path, str) else key_path
         for path, _ in self.overrides:
             if loc[: len(path)] == path:
@@ -208,11 +208,11 @@ def _design(given: GridFile, folder: Path, base: Document, faults: list[Fault]) 
         try:
             axes.append(read_axis(table, ("axes", i), folder, given.seed, model_of(base.data)))
             _check_paths(axes, base)
-        except Wrong as error:
+        except Faulty as error:
             faults.append(error.fault)
     try:
         points = _points(given.mode, given.n, axes)
-    except Wrong as error:
+    except Faulty as error:
         faults.append(error.fault)
     return Design(tuple(axes), given.mode, points, given.seed)
 
@@ -224,13 +224,13 @@ def _check_paths(axes: list[Axis], base: Document) -> None:
     before = [path for axis in axes[:-1] for path in axis.paths]
     for i, path in enumerate(axes[-1].paths):
         if path in before or path in axes[-1].paths[:i]:
-            raise Wrong(loc, f"{path_text(path)} twice", "each path on one axis only")
+            raise Faulty(loc, f"{path_text(path)} twice", "each path on one axis only")
         try:
             apply(base.data, path, None)
-        except OverrideError as error:
-            raise Wrong(loc, error.fault.found, error.fault.expected) from None
+        except Faulty as error:
+            raise Faulty(loc, error.fault.found, error.fault.expected) from None
         except (TypeError, AttributeError, KeyError, IndexError):
-            raise Wrong(loc, path_text(path), "a path into the scenario") from None
+            raise Faulty(loc, path_text(path), "a path into the scenario") from None
 
 
 def _points(mode: str, count: int | None, axes: list[Axis]) -> int:
@@ -239,17 +239,17 @@ def _points(mode: str, count: int | None, axes: list[Axis]) -> int:
     for i, axis in enumerate(axes):
         if axis.interval is not None:
             where: KeyPath = ("axes", i, "uniform")
-            raise Wrong(where, "[low, high]", f"[low, high, count] in mode {mode}")
+            raise Faulty(where, "[low, high]", f"[low, high, count] in mode {mode}")
     lengths = [len(axis) for axis in axes]
     if mode == "zip":
         for i, length in enumerate(lengths):
             if length != lengths[0]:
                 expected = f"{lengths[0]} values, as many as the first axis has (mode zip)"
-                raise Wrong(("axes", i), f"{length} values", expected)
+                raise Faulty(("axes", i), f"{length} values", expected)
         return lengths[0] if lengths else 0
     total = math.prod(lengths)
     if total >= 2**53:
-        raise Wrong(("axes",), f"{total} points", "fewer than 2^53")
+        raise Faulty(("axes",), f"{total} points", "fewer than 2^53")
     return total
 
 

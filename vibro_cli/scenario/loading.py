@@ -25,6 +25,7 @@ from vibro_cli.scenario.models import Scenario
 from vibro_cli.scenario.problems import (
     A_PATH,
     Fault,
+    Faulty,
     FormError,
     KeyPath,
     Place,
@@ -40,14 +41,6 @@ from vibro_cli.scenario.problems import (
 _LONGEST = 100_000
 
 
-class OverrideError(Exception):
-    """An override that cannot be applied, as a fault without a place."""
-
-    def __init__(self, fault: Fault) -> None:
-        super().__init__(fault)
-        self.fault = fault
-
-
 @dataclass(frozen=True)
 class Override:
     """One override: the path, the value and the text it was given as."""
@@ -61,19 +54,19 @@ def parse(text: str) -> Override:
     """Return the override of a text `path=value`.
 
     The value is one of TOML (`0.8`, `"0.4 m"`, `[1, 0.9]`, `{wall = 0.8}`); what is not, is a
-    word or text without quotes (`hedrih`, `-60 deg`). Raises `OverrideError` if there is no `=`,
+    word or text without quotes (`hedrih`, `-60 deg`). Raises `Faulty` if there is no `=`,
     or no path before it.
     """
     path, equals, value = text.partition("=")
     if not equals:
-        raise OverrideError(Fault((), shown(text), "path=value, such as balls[1].angle=-1.2"))
+        raise Faulty((), shown(text), "path=value, such as balls[1].angle=-1.2")
     return Override(_path(path), parse_value(value.strip()), text)
 
 
 def given(path: str, value: Any) -> Override:
     """Return the override of a path by a value of Python: a number, a text, a list, a dictionary.
 
-    Numbers and arrays of numpy are taken as those of Python. Raises `OverrideError` if the text is
+    Numbers and arrays of numpy are taken as those of Python. Raises `Faulty` if the text is
     no path.
     """
     return Override(_path(str(path)), plain(value), f"{path}={value!r}")
@@ -83,7 +76,7 @@ def _path(text: str) -> KeyPath:
     try:
         return parsed_path(text)
     except ValueError:
-        raise OverrideError(Fault((), shown(text), A_PATH)) from None
+        raise Faulty((), shown(text), A_PATH) from None
 
 
 def parse_value(text: str) -> Any:
@@ -107,7 +100,7 @@ def apply(
 
     Tables that are missing on the way are made. Of keys that exclude one another (`density` and
     `mass`) the new one replaces the other, unless that one is among the paths `given` by overrides
-    too. Raises `OverrideError` if the path is not one of a scenario, or counts beyond a list.
+    too. Raises `Faulty` if the path is not one of a scenario, or counts beyond a list.
     """
     changed = deepcopy(data)
     root = model_of(data)
@@ -144,10 +137,10 @@ def _entered(place: Any, path: KeyPath, depth: int, root: type[AnyScenario]) -> 
     elif isinstance(place.get(part), list):
         count = len(place[part])
         expected = f"a number from 1 to {count} after it: {path_text(here)}[1].{following}"
-        raise OverrideError(Fault(here, path_text(here), expected))
+        raise Faulty(here, path_text(here), expected)
     elif not isinstance(place.get(part), dict):
         if fields.model_at(here, root) is None:
-            raise OverrideError(Fault(here, f"{path_text(here)} as a table", "a single value"))
+            raise Faulty(here, f"{path_text(here)} as a table", "a single value")
         place[part] = {}
     return place[part]
 
@@ -159,15 +152,16 @@ def _check_step(place: Any, path: KeyPath, root: type[AnyScenario]) -> None:
         _check_list(place, path[:-1])
         if part >= len(place):
             found = f"{path_text(path)} of {len(place)}"
-            raise OverrideError(Fault(path, found, f"a number from 1 to {len(place)}"))
+            raise Faulty(path, found, f"a number from 1 to {len(place)}")
     elif not isinstance(place, dict) or part not in fields.known_keys(path[:-1], root):
-        raise OverrideError(fields.unknown_key(path, root))
+        fault = fields.unknown_key(path, root)
+        raise Faulty(path, fault.found, fault.expected)
 
 
 def _check_list(value: Any, path: KeyPath) -> None:
     if not isinstance(value, list) or not value:
         found = f"{path_text(path)} as a list" if value is None else shown(value)
-        raise OverrideError(Fault(path, found, f"a value of {path_text(path)} as a whole"))
+        raise Faulty(path, found, f"a value of {path_text(path)} as a whole")
 
 
 FORMS = {".toml": "toml", ".json": "json", ".yaml": "yaml", ".yml": "yaml"}
@@ -287,7 +281,7 @@ def _changed(
         try:
             override = made()
             changed = apply(changed, override.path, override.value, [path for path, _ in done])
-        except OverrideError as error:
+        except Faulty as error:
             problems.append(_problem(error.fault, Place(called)))
         else:
             done.append((override.path, called))

@@ -40,9 +40,9 @@ class Problem:
     column: int | None = None
 
     @staticmethod
-    def at(place: Place, path: str, found: str, expected: str, message: str = "") -> Problem:
+    def at(place: Place, path: str, found: str, expected: str) -> Problem:
         """Return the problem at a place."""
-        return Problem(path, message, found, expected, place.file, place.line, place.column)
+        return Problem(path, "", found, expected, place.file, place.line, place.column)
 
     def __str__(self) -> str:
         place = str(Place(self.file, self.line, self.column))
@@ -79,6 +79,14 @@ class Fault:
     expected: str
     on_key: bool = False
     """Whether the key is at fault (an unknown one), rather than its value."""
+
+
+class Faulty(Exception):
+    """What was given has a fault, whose place is not known yet."""
+
+    def __init__(self, loc: KeyPath, found: str, expected: str, on_key: bool = False) -> None:
+        super().__init__(f"found {found}, expected {expected}")
+        self.fault = Fault(loc, found, expected, on_key)
 
 
 def path_text(loc: KeyPath) -> str:

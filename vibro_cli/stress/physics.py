@@ -68,9 +68,9 @@ def motion_of(run: Run, samples: int) -> Motion:
     return Motion(times, *columns)
 
 
-def faults_of(run: Run, samples: int = 500) -> list[Fault]:
+def faults_of(run: Run) -> list[Fault]:
     """Everything that is wrong with a run."""
-    motion = motion_of(run, samples)
+    motion = motion_of(run, 500)
     faults = [*ending(run), *overlaps(run, motion), *order(run, motion), *walls(run, motion)]
     faults += [*jumps(run, motion), *standing(run, motion), *energy(run, motion)]
     return [*faults, *impacts(run)]

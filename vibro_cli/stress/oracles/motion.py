@@ -341,12 +341,12 @@ class Undecided(ArithmeticError):
     """What happens depends on digits beyond the working precision."""
 
 
-def without_leading_zeros(series: Series, zero: float = 2.0**-ROUNDING_BITS) -> Series:
+def without_leading_zeros(series: Series) -> Series:
     """The polynomial divided by the power of its variable that it begins with.
 
     Empty if nothing of it is above rounding.
     """
-    least = max(abs(value) for value in series) * zero
+    least = max(abs(value) for value in series) * 2.0**-ROUNDING_BITS
     for k, value in enumerate(series):
         if abs(value) > max(least, 2.0 ** (BITS - 140)):
             return series[k:]
@@ -383,16 +383,12 @@ def first_zero(series: Series, end: Whole) -> Whole | None:
             negative = middle
         if high - low < 1 << (BITS - FINEST):
             return middle
-        if negative == middle and abs(float(rate)) > second * half and _is_positive(series, low):
+        if negative == middle and abs(float(rate)) > second * half and value_of(series, low) > 0:
             return _polished(series, slope, low, middle)
         stack += [(middle, high), (low, middle)]
-    if negative is not None or value_of(series, end) > 0:
-        return None if negative is None else negative
-    return end
-
-
-def _is_positive(series: Series, low: Whole) -> bool:
-    return value_of(series, low) > 0
+    if negative is not None:
+        return negative
+    return None if value_of(series, end) > 0 else end
 
 
 def _polished(series: Series, slope: Series, low: Whole, high: Whole) -> Whole:
