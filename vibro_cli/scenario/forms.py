@@ -296,11 +296,6 @@ class Scanner:
         self._take("}")
 
 
-_JSON_SPACE = re.compile(r"[ \t\r\n]*")
-_JSON_STRINGS = json.JSONDecoder()
-_JSON_BARE = re.compile(r"[^\s,:\[\]{}\"]+")
-
-
 class _GivenTwice(Exception):
     """A key was given twice; the tree of places tells which."""
 
@@ -330,55 +325,28 @@ def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 def json_places(text: str) -> Node:
     """Return the tree of places of a JSON text; a key given twice is a `FormError`."""
-    node, _ = _json_value(text, _after_space(text, 0), ())
-    return node
+    scanner = _JsonScanner(text)
+    scanner.scan()
+    return scanner.root
 
 
-def _after_space(text: str, at: int) -> int:
-    match = _JSON_SPACE.match(text, at)
-    return at if match is None else match.end()
+class _JsonScanner(Scanner):
+    """Walks through valid JSON, whose values are those of TOML but for the keys of tables."""
 
+    def scan(self) -> None:
+        self._skip(_BLANK)
+        self.root = self._value(())
 
-def _json_value(text: str, at: int, path: KeyPath) -> tuple[Node, int]:
-    node = Node(at)
-    first = text[at : at + 1]
-    if first == "{":
-        return node, _json_table(text, at, node, path)
-    if first == "[":
-        return node, _json_list(text, at, node, path)
-    if first == '"':
-        return node, _JSON_STRINGS.raw_decode(text, at)[1]
-    match = _JSON_BARE.match(text, at)
-    return node, at + 1 if match is None else match.end()
-
-
-def _json_table(text: str, at: int, node: Node, path: KeyPath) -> int:
-    at = _after_space(text, at + 1)
-    while text[at] != "}":
-        start = at
-        key, at = _JSON_STRINGS.raw_decode(text, at)
-        if key in node.children:
-            raise FormError(start, f"the key {shown(key)} twice", "each key once", (*path, key))
-        at = _after_space(text, _after_space(text, at) + 1)  # over the colon
-        child, at = _json_value(text, at, (*path, key))
-        child.key_offset = start
-        node.children[key] = child
-        at = _after_comma(text, at)
-    return at + 1
-
-
-def _json_list(text: str, at: int, node: Node, path: KeyPath) -> int:
-    at = _after_space(text, at + 1)
-    while text[at] != "]":
-        index = len(node.children)
-        node.children[index], at = _json_value(text, at, (*path, index))
-        at = _after_comma(text, at)
-    return at + 1
-
-
-def _after_comma(text: str, at: int) -> int:
-    at = _after_space(text, at)
-    return _after_space(text, at + 1) if text[at] == "," else at
+    def _pair(self, table: Node, path: KeyPath) -> None:
+        start, key = self.at, str(json.loads(self._skip(_STRING)))
+        path = (*path, key)
+        if key in table.children:
+            raise FormError(start, f"the key {shown(key)} twice", "each key once", path)
+        self._skip(_BLANK)
+        self._take(":")
+        self._skip(_BLANK)
+        table.children[key] = self._value(path)
+        table.children[key].key_offset = start
 
 
 _INTEGER = re.compile(r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+", re.ASCII)
