@@ -134,94 +134,69 @@ class _Pen:
         self._y: list[float] = []
         self._s: list[float] = []
 
-    def place(self, x_terms: Sequence[float] = (), y_terms: Sequence[float] = ()) -> Point:
-        """Return the end of the chain, moved by the given terms and rounded once."""
+    def _place(self, *more: float) -> Point:
+        """Return the end of the chain, moved by two terms if given and rounded once."""
         return (
-            elementwise.exact_sum([*self._x, *x_terms]),
-            elementwise.exact_sum([*self._y, *y_terms]),
+            elementwise.exact_sum([*self._x, *more[:1]]),
+            elementwise.exact_sum([*self._y, *more[1:]]),
         )
 
     def arc_length(self) -> float:
         """Return the length of the chain drawn so far."""
         return elementwise.exact_sum(self._s)
 
-    def move(self, x_terms: Sequence[float], y_terms: Sequence[float], length: float) -> None:
-        """Draw on by a displacement given as sums."""
-        self._x.extend(x_terms)
-        self._y.extend(y_terms)
+    def draw(self, index: int, shape: str, radius: float, length: float, end_slope: float) -> Piece:
+        """Draw on by a piece."""
+        sign, start, start_s = _SIGN[shape], self._place(), self.arc_length()
+        start_slope, self.slope = self.slope, end_slope
+        sine, cosine = sine_cosine(start_slope)
+        if shape == LINE:
+            center, ends = (math.nan, math.nan), (0.0, length)
+            self._x.append(length * cosine)
+            self._y.append(length * sine)
+        else:
+            # contact point P = O + sign R (sin α, −cos α), for valley and hump alike
+            reach = sign * radius
+            to_center = (-reach * sine, reach * cosine)
+            center, ends = self._place(*to_center), (sign * start_slope, sign * end_slope)
+            sine, cosine = sine_cosine(end_slope)
+            self._x += (to_center[0], reach * sine)
+            self._y += (to_center[1], -reach * cosine)
         self._s.append(length)
-
-
-def _draw_line(pen: _Pen, index: int, length: float) -> Piece:
-    slope = pen.slope
-    start, start_s = pen.place(), pen.arc_length()
-    sine, cosine = sine_cosine(slope)
-    pen.move((length * cosine,), (length * sine,), length)
-    return Piece(
-        index=index,
-        shape=LINE,
-        sign=0.0,
-        radius=math.inf,
-        start_slope=slope,
-        end_slope=slope,
-        length=length,
-        start_s=start_s,
-        start=start,
-        end=pen.place(),
-        center=(math.nan, math.nan),
-        angle_start=0.0,
-        angle_end=length,
-    )
-
-
-def _draw_arc(pen: _Pen, index: int, shape: str, radius: float, end_slope: float) -> Piece:
-    sign = _SIGN[shape]
-    start_slope, pen.slope = pen.slope, end_slope
-    start, start_s = pen.place(), pen.arc_length()
-    sine_start, cosine_start = sine_cosine(start_slope)
-    sine_end, cosine_end = sine_cosine(end_slope)
-    reach = sign * radius
-    # contact point P = O + sign R (sin α, −cos α), for valley and hump alike
-    to_center = (-reach * sine_start, reach * cosine_start)
-    center = pen.place(to_center[:1], to_center[1:])
-    length = radius * abs(end_slope - start_slope)
-    pen.move(
-        (to_center[0], reach * sine_end),
-        (to_center[1], -reach * cosine_end),
-        length,
-    )
-    return Piece(
-        index=index,
-        shape=shape,
-        sign=sign,
-        radius=radius,
-        start_slope=start_slope,
-        end_slope=end_slope,
-        length=length,
-        start_s=start_s,
-        start=start,
-        end=pen.place(),
-        center=center,
-        angle_start=sign * start_slope,
-        angle_end=sign * end_slope,
-    )
+        return Piece(
+            index=index,
+            shape=shape,
+            sign=sign,
+            radius=radius,
+            start_slope=start_slope,
+            end_slope=end_slope,
+            length=length,
+            start_s=start_s,
+            start=start,
+            end=self._place(),
+            center=center,
+            angle_start=ends[0],
+            angle_end=ends[1],
+        )
 
 
 def _draw(pen: _Pen, index: int, described: ArcShape) -> Piece:
-    if described.shape not in _SIGN:
-        raise ValueError(f"piece {index + 1}: unknown shape {described.shape!r}")
-    if described.shape == LINE:
+    shape = described.shape
+    if shape not in _SIGN:
+        raise ValueError(f"piece {index + 1}: unknown shape {shape!r}")
+    if shape == LINE:
         if described.length is None or not elementwise.holds(described.length > 0.0):
             raise ValueError(f"piece {index + 1}: a line needs a length greater than 0")
-        return _draw_line(pen, index, described.length)
-    if described.radius is None or not elementwise.holds(described.radius > 0.0):
-        raise ValueError(f"piece {index + 1}: a {described.shape} needs a radius greater than 0")
-    if described.end_slope is None:
-        raise ValueError(f"piece {index + 1}: a {described.shape} needs an end slope")
-    if not elementwise.holds(bends(described.shape, pen.slope, described.end_slope)):
-        turn = "rise" if described.shape == VALLEY else "fall"
-        raise ValueError(f"piece {index + 1}: the slope of a {described.shape} must {turn}")
-    return _draw_arc(pen, index, described.shape, described.radius, described.end_slope)
+        return pen.draw(index, shape, math.inf, described.length, pen.slope)
+    radius, end_slope = described.radius, described.end_slope
+    if radius is None or not elementwise.holds(radius > 0.0):
+        raise ValueError(f"piece {index + 1}: a {shape} needs a radius greater than 0")
+    if end_slope is None:
+        raise ValueError(f"piece {index + 1}: a {shape} needs an end slope")
+    if not elementwise.holds(bends(shape, pen.slope, end_slope)):
+        turn = "rise" if shape == VALLEY else "fall"
+        raise ValueError(f"piece {index + 1}: the slope of a {shape} must {turn}")
+    return pen.draw(index, shape, radius, radius * abs(end_slope - pen.slope), end_slope)
 
 
 @dataclass(frozen=True)
