@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from vibro_cli.storage.files import json_bytes, manifest
+from vibro_cli.storage.files import entry, json_bytes, manifest_of
 from vibro_cli.storage.tables import Origin, parquet_bytes, summary, to_arrow
 from vibro_cli.systems.columns import Column, Table
 from vibro_cli.systems.trace.tables import collisions
@@ -62,7 +62,8 @@ def write_grid(
     }
     files = {"grid.json": json_bytes(definition), **parts}
     details = {"complete": planned is None, "points": planned or points}
-    files["manifest.json"] = json_bytes(manifest("grid", files, details))
+    entries = {path: entry(content) for path, content in files.items()}
+    files["manifest.json"] = json_bytes(manifest_of("grid", entries, details))
     for path, content in files.items():
         (folder / path).parent.mkdir(parents=True, exist_ok=True)
         (folder / path).write_bytes(content)

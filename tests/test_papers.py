@@ -20,7 +20,6 @@ from vibro_cli.analysis.paper_formulas import (
     CORRECT,
     CentralImpact,
     Swing,
-    contact_angle,
     partial_sums,
     printed_time,
     series_time,
@@ -31,6 +30,7 @@ from vibro_cli.assemble import build_any as assembled
 from vibro_cli.commands.app import run_command_line
 from vibro_cli.commands.shared.papers import LETTERS, commands, rows_of
 from vibro_cli.figures import style
+from vibro_cli.mechanics.reachability import contact_angle
 from vibro_cli.report import content as report_content
 from vibro_cli.report.papers import time_between, turning_points
 from vibro_cli.scenario import load_any
@@ -146,7 +146,7 @@ def test_contact_angle() -> None:
             first, second = 1 / r1, r2 / r1
             ratio = (first * (first - second - 1) - second) / ((first - second) * (first - 1))
             assert abs(mp.acos(ratio) - beta) < mp.mpf(10) ** -40 / beta
-            assert contact_angle(piece, (one, other)) == pytest.approx(float(beta), rel=1e-15)
+            assert contact_angle(piece, one, other) == pytest.approx(float(beta), rel=1e-15)
 
 
 def test_circle_has_a_centre_below_and_a_saddle_above() -> None:

@@ -135,8 +135,8 @@ def test_the_schema_takes_units_where_there_is_a_dimension() -> None:
 )
 def test_schema_and_reader_refuse_lists_of_wrong_lengths(name: str, key: str, entries: int) -> None:
     data = tomllib.loads(gallery.text(name))
-    change = parse(f"{key}={[[0.0, 1.0]] * entries if entries == 2 else [1.0] * entries}")
-    changed = apply(data, change.path, change.value)
+    path, value = parse(f"{key}={[[0.0, 1.0]] * entries if entries == 2 else [1.0] * entries}")
+    changed = apply(data, path, value)
     schema = json_schema(data.get("system", "trace"))
     assert not jsonschema.Draft202012Validator(schema).is_valid(changed)
     with pytest.raises(ScenarioError, match=r"expected a list of at (least|most)"):

@@ -6,7 +6,7 @@ A branch of a phase trajectory is what a body runs through in free flight betwee
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -144,12 +144,6 @@ def centre_of(piece: Piece) -> float:
     return 0.0 if piece.sign > 0.0 else math.pi
 
 
-def stationary_positions(piece: Piece) -> tuple[float, ...]:
-    """Return the ends of a piece and the places within where its tangent is level."""
-    inner = [] if piece.is_line else level_positions(piece)
-    return (piece.angle_start, *inner, piece.angle_end)
-
-
 def level_positions(piece: Piece) -> list[float]:
     """Return the angles (rad) strictly within an arc where its tangent is level: multiples of π."""
     first = math.floor(piece.angle_start / math.pi)
@@ -210,15 +204,15 @@ def end_width(landscape: Landscape, piece: Piece) -> float:
 
 
 def _lowest_height(landscape: Landscape) -> float:
-    def places(piece: Piece) -> Iterable[float]:
-        if landscape.turning is None:
-            return stationary_positions(piece)
-        return (piece.angle_start, *equilibria(landscape, piece), piece.angle_end)
+    def within(piece: Piece) -> list[float]:
+        if landscape.turning is not None:
+            return equilibria(landscape, piece)
+        return [] if piece.is_line else level_positions(piece)
 
     return min(
         landscape.height(piece, place)
         for piece in landscape.trace.pieces
-        for place in places(piece)
+        for place in (piece.angle_start, *within(piece), piece.angle_end)
     )
 
 
@@ -239,6 +233,16 @@ class Reach:
     """Whether the body turns back at the left, rather than rolling on to the next piece."""
     turns_high: bool
     """Whether the body turns back at the right."""
+
+    @property
+    def left_s(self) -> float:
+        """Arc length of its left end (m)."""
+        return self.piece.arc_length(self.low)
+
+    @property
+    def right_s(self) -> float:
+        """Arc length of its right end (m)."""
+        return self.piece.arc_length(self.high)
 
 
 @dataclass(frozen=True)
@@ -389,22 +393,12 @@ def connected_reaches(landscape: Landscape, energy: float) -> tuple[tuple[Reach,
     tolerance = _JOINED * landscape.trace.length
     runs: list[list[Reach]] = []
     for part in parts:
-        joined = runs and left_s(part) - right_s(runs[-1][-1]) <= tolerance
+        joined = runs and part.left_s - runs[-1][-1].right_s <= tolerance
         if joined:
             runs[-1].append(part)
         else:
             runs.append([part])
     return tuple(tuple(run) for run in runs)
-
-
-def left_s(part: Reach) -> float:
-    """Return the arc length (m) of the left end of a part of a piece."""
-    return part.piece.arc_length(part.low)
-
-
-def right_s(part: Reach) -> float:
-    """Return the arc length (m) of the right end of a part of a piece."""
-    return part.piece.arc_length(part.high)
 
 
 def through_saddles(
@@ -430,7 +424,7 @@ def separatrix_curves(
 ) -> tuple[LevelCurve, ...]:
     """Return the level curves of an energy (J) through saddles at arc lengths (m), by pieces."""
     runs = connected_reaches(landscape, energy)
-    spans = [(left_s(run[0]), right_s(run[-1])) for run in runs]
+    spans = [(run[0].left_s, run[-1].right_s) for run in runs]
     kept = through_saddles(landscape, spans, saddles)
     return tuple(
         LevelCurve(part.piece.index, *_sampled(landscape, part, energy, count))

@@ -191,12 +191,3 @@ def stays(swing: Swing, piece: Piece, closed: bool) -> bool:
     if swing.modulus <= 1.0:
         return closed
     return piece.angle_start <= -swing.amplitude and swing.amplitude <= piece.angle_end
-
-
-def contact_angle(piece: Piece, radii: tuple[float, float]) -> float:
-    """Return β (rad) between two bodies in contact on an arc, A (6), B (48).
-
-    sin(β/2) = √(r₁ r₂/(ρ₁ ρ₂)), which keeps the digits that their arccos loses.
-    """
-    one, other = (piece.path_radius(radius) for radius in radii)
-    return 2.0 * math.asin(math.sqrt(radii[0] * radii[1] / (one * other)))

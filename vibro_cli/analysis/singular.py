@@ -20,9 +20,7 @@ from vibro_cli.analysis.levels import (
     end_width,
     equilibria,
     half_turn,
-    left_s,
     level_positions,
-    right_s,
 )
 from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.mechanics.trace import VALLEY, Piece
@@ -96,8 +94,10 @@ def _balanced_within(landscape: Landscape, piece: Piece) -> list[float]:
 def _at_junction(landscape: Landscape, number: int) -> list[SingularPoint]:
     """The singular point at the left end of a piece, or at the right end of the trace."""
     sides = _sides(landscape, number)
-    if not _balances(landscape, number) or any(_is_level_line(landscape, one) for one, _ in sides):
-        return []  # the point of a level line is the line as a whole
+    # The point of a level line is the line as a whole: nothing pulls where it ends.
+    on_line = landscape.turning is None and any(piece.is_line for piece, _ in sides)
+    if on_line or not _balances(landscape, number):
+        return []
     kinds = {_kind(landscape, *side) for side in sides}
     kind = kinds.pop() if len(kinds) == 1 else DEGENERATE
     return [_point(landscape, kind, *sides[-1 if number == 0 else 0])]
@@ -129,11 +129,6 @@ def _balances(landscape: Landscape, number: int) -> bool:
         )
         for piece, end in sides
     )
-
-
-def _is_level_line(landscape: Landscape, piece: Piece) -> bool:
-    """Whether nothing pulls along the whole of a line that ends where nothing pulls."""
-    return piece.is_line and landscape.turning is None
 
 
 def _kind(landscape: Landscape, piece: Piece, position: float) -> str:
@@ -302,9 +297,7 @@ def _turnings(landscape: Landscape, saddle: SingularPoint) -> tuple[float | None
     if not runs:
         return saddle.s, saddle.s  # all below it is lost in rounding
     # The run through the saddle; where rounding leaves the saddle itself out, the one beside it.
-    run = min(
-        runs, key=lambda run: max(left_s(run[0]) - saddle.s, saddle.s - right_s(run[-1]), 0.0)
-    )
+    run = min(runs, key=lambda run: max(run[0].left_s - saddle.s, saddle.s - run[-1].right_s, 0.0))
     leftmost, rightmost = run[0], run[-1]
     if not landscape.trace.closed:
         left, right = _turning(leftmost, rightmost)
@@ -313,19 +306,19 @@ def _turnings(landscape: Landscape, saddle: SingularPoint) -> tuple[float | None
             None if right is None else max(right, saddle.s),
         )
     length = landscape.trace.length
-    if left_s(leftmost) <= 0.0 and right_s(rightmost) >= length:
+    if leftmost.left_s <= 0.0 and rightmost.right_s >= length:
         return None, None  # the level runs all the way round
-    if left_s(leftmost) <= 0.0:
+    if leftmost.left_s <= 0.0:
         leftmost = runs[-1][0]
-    elif right_s(rightmost) >= length:
+    elif rightmost.right_s >= length:
         rightmost = runs[0][-1]
     return _turning(leftmost, rightmost)
 
 
 def _turning(leftmost: Reach, rightmost: Reach) -> tuple[float | None, float | None]:
     return (
-        left_s(leftmost) if leftmost.turns_low else None,
-        right_s(rightmost) if rightmost.turns_high else None,
+        leftmost.left_s if leftmost.turns_low else None,
+        rightmost.right_s if rightmost.turns_high else None,
     )
 
 

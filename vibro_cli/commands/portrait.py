@@ -113,12 +113,12 @@ def _numbers(path: str, texts: Sequence[str], model: Any) -> tuple[list[float], 
 
     from vibro_cli.grids.axes import kind_of, read_number
     from vibro_cli.scenario.fields import unit_of
-    from vibro_cli.scenario.loading import given, parse_value
+    from vibro_cli.scenario.loading import parse_value, path_of
     from vibro_cli.scenario.problems import Faulty
     from vibro_cli.scenario.quantities import Quantity
 
     try:
-        kind = kind_of(given(path, 0.0).path, model)
+        kind = kind_of(path_of(path), model)
         if not isinstance(kind, Quantity):
             raise CommandError(f"vibro: --vary: found {path}, expected a number of the scenario")
         return [read_number(kind, parse_value(text)) for text in texts], unit_of(kind)

@@ -7,7 +7,7 @@ All else is the same for every system: axes, chunks, parts, manifest, shards, wo
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -48,7 +48,7 @@ def impact_table_of(grid: Grid, name: str = "collisions") -> Table:
     table = table_named(name, ["side"] if _may_be_sided(grid) else [], grid.system)
     kept = grid.keep.columns
     columns = [column for column in table.columns if kept is None or column.name in kept]
-    columns = [_nullable(c) if c.name == "side" else c for c in columns]
+    columns = [replace(c, nullable=True) if c.name == "side" else c for c in columns]
     return Table(f"grid-{name}", table.row, (_NUMBER, *columns))
 
 
@@ -69,10 +69,6 @@ def _may_be_sided(grid: Grid) -> bool:
     trace = grid.base.data.get("trace", {})
     closed = isinstance(trace, dict) and trace.get("closed") is True
     return ball_count(grid) == 2 and (closed or ("trace", "closed") in grid.design.paths)
-
-
-def _nullable(column: Column) -> Column:
-    return Column(column.name, column.type, column.unit, column.description, nullable=True)
 
 
 Columns = dict[str, Any]

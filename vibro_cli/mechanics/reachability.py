@@ -358,9 +358,9 @@ def reach(trace: Trace, body_a: Body, body_b: Body) -> tuple[tuple[bool, ...], .
 def contact_angle(piece: Piece, radius_a: float, radius_b: float) -> float:
     """Return how far apart on one piece touching bodies are: β (rad), on a line in m.
 
-    sin(β/2) = √(r_a r_b/(ρ_a ρ_b)) (A (6), B (48)); 2√(r_a r_b) on a line (C §3). inf when the
-    bodies are too large to touch within one valley (r_a + r_b > R): there they would always
-    overlap.
+    sin(β/2) = √(r_a r_b/(ρ_a ρ_b)) (A (6), B (48), whose arccos loses digits); 2√(r_a r_b) on a
+    line (C §3). inf when the bodies are too large to touch within one valley (r_a + r_b > R): there
+    they would always overlap.
     """
     if piece.is_line:
         return 2.0 * elementwise.square_root(radius_a * radius_b)

@@ -292,11 +292,6 @@ def checked(name: str, value: Any, kind: kinds.Kind | Listed) -> Any:
         raise ValueError(f"{name}: {error.message()}") from None
 
 
-def model_named(system: str) -> type[AnyScenario]:
-    """Return the model of the scenarios of a system."""
-    return system_named(system).model
-
-
 def system_of(data: Any) -> str:
     """Return the system of the data of a scenario; without one that there is, `trace`."""
     system = data.get("system") if isinstance(data, Mapping) else None
@@ -305,7 +300,7 @@ def system_of(data: Any) -> str:
 
 def model_of(data: Any) -> type[AnyScenario]:
     """Return the model for the data of a scenario; without a system it knows, that of a trace."""
-    return model_named(system_of(data))
+    return system_named(system_of(data)).model
 
 
 BodyKind = Literal["ball", "disk", "hollow_ball", "hoop", "particle"]

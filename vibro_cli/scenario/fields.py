@@ -19,10 +19,11 @@ from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
 from vibro_cli.errors import similar
-from vibro_cli.scenario.base import Table, model_named
+from vibro_cli.scenario.base import Table
 from vibro_cli.scenario.models import Scenario
 from vibro_cli.scenario.problems import Fault, KeyPath, listing, shown, suggestion
 from vibro_cli.scenario.quantities import Kind, Quantity
+from vibro_cli.systems import system_named
 
 Model = type[Table]
 
@@ -221,7 +222,7 @@ def identifier(name: str) -> str:
 
 def json_schema(system: str = "trace") -> dict[str, Any]:
     """Return the JSON Schema (draft 2020-12) of a system's scenarios as plain data."""
-    schema = schema_of(model_named(system))
+    schema = schema_of(system_named(system).model)
     for table, key in (("", "name"), ("", "collision"), ("Collision", "k")):
         part = schema["$defs"].get(table) if table else schema
         if part is not None:

@@ -41,13 +41,8 @@ from vibro_cli.scenario.problems import (
 _LONGEST = 100_000
 
 
-@dataclass(frozen=True)
-class Override:
-    """One override: the path, the value and the text it was given as."""
-
-    path: KeyPath
-    value: Any
-    text: str
+Override = tuple[KeyPath, Any]
+"""The path of a value, and the value."""
 
 
 def parse(text: str) -> Override:
@@ -60,7 +55,7 @@ def parse(text: str) -> Override:
     path, equals, value = text.partition("=")
     if not equals:
         raise Faulty((), shown(text), "path=value, such as balls[1].angle=-1.2")
-    return Override(_path(path), parse_value(value.strip()), text)
+    return path_of(path), parse_value(value.strip())
 
 
 def given(path: str, value: Any) -> Override:
@@ -69,10 +64,11 @@ def given(path: str, value: Any) -> Override:
     Numbers and arrays of numpy are taken as those of Python. Raises `Faulty` if the text is
     no path.
     """
-    return Override(_path(str(path)), plain(value), f"{path}={value!r}")
+    return path_of(str(path)), plain(value)
 
 
-def _path(text: str) -> KeyPath:
+def path_of(text: str) -> KeyPath:
+    """Return the parts of a path, counted from 0; raises `Faulty` if the text is no path."""
     try:
         return parsed_path(text)
     except ValueError:
@@ -279,12 +275,12 @@ def _changed(
     problems: list[Problem] = []
     for called, made in overrides:
         try:
-            override = made()
-            changed = apply(changed, override.path, override.value, [path for path, _ in done])
+            path, value = made()
+            changed = apply(changed, path, value, [before for before, _ in done])
         except Faulty as error:
             problems.append(_problem(error.fault, Place(called)))
         else:
-            done.append((override.path, called))
+            done.append((path, called))
     return changed, done, problems
 
 

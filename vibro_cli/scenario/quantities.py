@@ -267,10 +267,6 @@ class Dictionary(Kind):
             return value
         raise fault(shown(value), f"a dictionary of {self.meaning}")
 
-    def schema(self) -> dict[str, Any]:
-        """Return the JSON Schema: an object."""
-        return {"type": "object"}
-
 
 @dataclass(frozen=True)
 class Flag(Kind):

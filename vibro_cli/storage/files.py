@@ -202,7 +202,8 @@ def write_folder(
     with new_folder(target, lambda there: check_replaceable(there, kind)) as folder:
         for name, content in files.items():
             folder.write(name, content)
-        folder.write(MANIFEST_NAME, json_bytes(manifest(kind, files, details)))
+        entries = {name: entry(content) for name, content in files.items()}
+        folder.write(MANIFEST_NAME, json_bytes(manifest_of(kind, entries, details)))
 
 
 def _open_partial(target: Path) -> tuple[Path, int]:
@@ -275,15 +276,6 @@ def json_bytes(values: Any) -> bytes:
     return (json.dumps(values, indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode()
 
 
-def manifest(kind: str, files: Mapping[str, bytes], details: Mapping[str, Any]) -> dict[str, Any]:
-    """The manifest of a folder of results.
-
-    `kind` is what the folder holds ("run"), `files` its files' names and contents, `details` what
-    else belongs to the folder's origin.
-    """
-    return manifest_of(kind, {name: entry(content) for name, content in files.items()}, details)
-
-
 def entry(content: bytes | memoryview) -> dict[str, Any]:
     """What a manifest says of a file."""
     return {"bytes": len(content), "sha256": hashlib.sha256(content).hexdigest()}
@@ -292,7 +284,11 @@ def entry(content: bytes | memoryview) -> dict[str, Any]:
 def manifest_of(
     kind: str, entries: Mapping[str, Mapping[str, Any]], details: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """The manifest of a folder whose files are known by their sizes and checksums."""
+    """The manifest of a folder of results.
+
+    `kind` is what the folder holds ("run"), `entries` are those of its files by their names,
+    `details` what else belongs to the folder's origin.
+    """
     return {
         "schema": f"vibro-{kind}/{_MANIFEST_VERSION}",
         "program": {"name": "vibro", "version": __version__},

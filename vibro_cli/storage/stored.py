@@ -19,7 +19,7 @@ from vibro_cli.assemble import build_any
 from vibro_cli.errors import VibroError
 from vibro_cli.scenario.base import AnyScenario
 from vibro_cli.scenario.loading import load_any
-from vibro_cli.storage.files import check_files, manifest, read_manifest
+from vibro_cli.storage.files import check_files, manifest_of, read_manifest
 from vibro_cli.storage.folders import NotContinuable, read_earlier_run
 from vibro_cli.storage.tables import (
     as_array,
@@ -152,7 +152,7 @@ class StoredRun:
 
 def as_if_stored(run: Run, scenario: AnyScenario, tables: Mapping[str, Columns]) -> StoredRun:
     """Return a run that has no folder as the report takes it, with its tables."""
-    made = manifest("run", {}, {"engine": run.engine})
+    made = manifest_of("run", {}, {"engine": run.engine})
     summary = run.summary_record()
     return StoredRun(None, scenario, made, summary, lambda: run, lambda: run, dict(tables))
 

@@ -9,9 +9,10 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from vibro_cli.analysis.levels import Landscape
-from vibro_cli.analysis.paper_formulas import contact_angle, starting_swing, stays
+from vibro_cli.analysis.paper_formulas import starting_swing, stays
 from vibro_cli.analysis.singular import as_record, portrait_of
 from vibro_cli.figures.portraits.trace_phase_plane import structure
+from vibro_cli.mechanics.reachability import contact_angle
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.mechanics.trace import Piece
 from vibro_cli.scenario.fields import settings
@@ -100,7 +101,7 @@ def _contacts(system: TraceSystem, left: int, right: int) -> Iterator[dict[str, 
             yield {"arc": piece.index + 1, "distance": 2.0 * math.sqrt(one * other)}
         else:
             ratios = {"lambda_1": piece.radius / one, "lambda_2": other / one}
-            yield {"arc": piece.index + 1, "beta": contact_angle(piece, (one, other)), **ratios}
+            yield {"arc": piece.index + 1, "beta": contact_angle(piece, one, other), **ratios}
 
 
 def understood_lines(found: dict[str, Any]) -> Iterator[str]:
