@@ -22,6 +22,18 @@ State = list[float]
 """Angle and rate of each body in turn."""
 
 
+class Event(NamedTuple):
+    """What ended a leg: a pair in contact, or a body at a junction (side −1 or +1)."""
+
+    pair: int
+    ball: int = -1
+    side: int = 0
+
+
+EventFunction = Callable[[float, Any], Any]
+"""Of time and state; positive before its event."""
+
+
 @dataclass(frozen=True)
 class Arc:
     """One arc: φ'' = −sign w² sin φ (ψ on a hump), its centre and its ends as angles."""
@@ -31,6 +43,11 @@ class Arc:
     y: float
     low: float
     high: float
+
+
+def _room(place: int, side: float, end: float) -> EventFunction:
+    """The angle left before a junction."""
+    return lambda t, y: side * (end - y[place])
 
 
 class Motion:
@@ -75,14 +92,39 @@ class Motion:
         a, b = self.pairs[pair]
         return self.contact_angle(a, b, piece) - (math.tau if b < a else 0.0)
 
-    def gap(self, pair: int, pieces: Sequence[int], y: Sequence[float]) -> float:
+    def events(
+        self, pieces: Sequence[int], sin: Any = math.sin, cos: Any = math.cos
+    ) -> list[tuple[Event, EventFunction]]:
+        """Return the events that may end a leg on these pieces, with their functions.
+
+        These take numbers alone, for a compiler, or with other `sin` and `cos` expressions.
+        """
+        found = [
+            (Event(pair), self._gap(pair, pieces, sin, cos)) for pair in range(len(self.pairs))
+        ]
+        for ball, side in self.junctions(pieces):
+            arc = self.arcs[pieces[ball]]
+            end = arc.high if side > 0 else arc.low
+            found.append((Event(-1, ball, side), _room(2 * ball, float(side), end)))
+        return found
+
+    def _gap(self, pair: int, pieces: Sequence[int], sin: Any, cos: Any) -> EventFunction:
         """What is positive while a pair is apart: an angle on one arc, else d² − (r_a + r_b)²."""
         a, b = self.pairs[pair]
+        i, j = 2 * a, 2 * b
         if pieces[a] == pieces[b]:
-            return y[2 * b] - y[2 * a] - self.least_angle(pair, pieces[a])
-        (xa, ya), (xb, yb) = self.centre(a, pieces[a], y), self.centre(b, pieces[b], y)
-        touch = self.bodies[a].radius + self.bodies[b].radius
-        return (xb - xa) ** 2 + (yb - ya) ** 2 - touch**2
+            least = self.least_angle(pair, pieces[a])
+            return lambda t, y: y[j] - y[i] - least
+        one, two = self.arcs[pieces[a]], self.arcs[pieces[b]]
+        rho_a, rho_b = self.radius[a][pieces[a]], self.radius[b][pieces[b]]
+        x, up_a, up_b = two.x - one.x, one.sign * rho_a, two.sign * rho_b
+        height = two.y - one.y
+        touch = (self.bodies[a].radius + self.bodies[b].radius) ** 2
+        return lambda t, y: (
+            (x + rho_b * sin(y[j]) - rho_a * sin(y[i])) ** 2
+            + (height - up_b * cos(y[j]) + up_a * cos(y[i])) ** 2
+            - touch
+        )
 
     def centre(self, ball: int, piece: int, y: Sequence[float]) -> tuple[float, float]:
         """Centre of a body (m)."""
@@ -101,11 +143,6 @@ class Motion:
             for side in (-1, 1)
             if 0 <= piece + side <= last
         ]
-
-    def room(self, ball: int, side: int, piece: int, y: Sequence[float]) -> float:
-        """Angle left before a junction."""
-        arc = self.arcs[piece]
-        return arc.high - y[2 * ball] if side > 0 else y[2 * ball] - arc.low
 
     def cross(self, ball: int, side: int, pieces: Sequence[int], y: State) -> tuple[int, ...]:
         """Carry a body over a junction; return the pieces all bodies are on now."""
@@ -236,14 +273,6 @@ class Method(NamedTuple):
     """Whether the method can be used on a scene at all."""
     repeats: bool = False
     """Whether a run begins a motion that ends anew, until it has its impacts."""
-
-
-class Event(NamedTuple):
-    """What ended a leg: a pair in contact, or a body at a junction (side −1 or +1)."""
-
-    pair: int
-    ball: int = -1
-    side: int = 0
 
 
 Leg = Callable[[tuple[int, ...], float, State], tuple[float, Sequence[float], Event]]

@@ -18,6 +18,7 @@ import numpy as np
 
 from vibro_cli.benchmark.methods.runner import (
     Course,
+    Event,
     Lost,
     Method,
     Motion,
@@ -31,24 +32,10 @@ from vibro_cli.benchmark.scenes import Scene
 _FAR = 1.0e9
 
 
-def gap(hy: Any, motion: Motion, pair: int, pieces: tuple[int, ...], angles: list[Any]) -> Any:
-    """The gap of ``Motion.gap`` as an expression."""
-    a, b = motion.pairs[pair]
-    if pieces[a] == pieces[b]:
-        return angles[b] - angles[a] - motion.least_angle(pair, pieces[a])
-    places = []
-    for ball in (a, b):
-        arc, rho = motion.arcs[pieces[ball]], motion.radius[ball][pieces[ball]]
-        places.append(
-            (arc.x + rho * hy.sin(angles[ball]), arc.y - arc.sign * rho * hy.cos(angles[ball]))
-        )
-    touch = motion.bodies[a].radius + motion.bodies[b].radius
-    (xa, ya), (xb, yb) = places
-    return (xb - xa) ** 2 + (yb - ya) ** 2 - touch**2
-
-
-def _equations(hy: Any, motion: Motion, pieces: tuple[int, ...]) -> tuple[list[Any], list[Any]]:
-    """Equations of motion of bodies on their pieces, and the variables that are angles."""
+def _equations(
+    hy: Any, motion: Motion, pieces: tuple[int, ...]
+) -> tuple[list[Any], list[tuple[Event, Any]]]:
+    """Equations of motion of bodies on their pieces, and their events as expressions."""
     names = [name for ball in range(len(pieces)) for name in (f"a{ball}", f"v{ball}")]
     variables = hy.make_vars(*names)
     angles, rates = list(variables[::2]), list(variables[1::2])
@@ -56,7 +43,8 @@ def _equations(hy: Any, motion: Motion, pieces: tuple[int, ...]) -> tuple[list[A
     for ball, piece in enumerate(pieces):
         equations.append((angles[ball], rates[ball]))
         equations.append((rates[ball], -motion.w2[ball][piece] * hy.sin(angles[ball])))
-    return equations, angles
+    events = motion.events(pieces, hy.sin, hy.cos)
+    return equations, [(event, function(0.0, variables)) for event, function in events]
 
 
 class HeyokaRunner(Runner):
@@ -107,21 +95,17 @@ class HeyokaRunner(Runner):
     def _build(self, pieces: tuple[int, ...]) -> tuple[Any, Any]:
         import heyoka as hy
 
-        motion = self._motion
-        equations, angles = _equations(hy, motion, pieces)
-        down = hy.event_direction.negative
+        equations, found = _equations(hy, self._motion, pieces)
         events = [
             hy.t_event(
-                gap(hy, motion, pair, pieces, angles),
-                callback=self._impact(pair, pieces),
-                direction=down,
+                expression,
+                callback=self._crossing(event.ball, event.side)
+                if event.side
+                else self._impact(event.pair, pieces),
+                direction=hy.event_direction.negative,
             )
-            for pair in range(len(motion.pairs))
+            for event, expression in found
         ]
-        for ball, side in motion.junctions(pieces):
-            arc = motion.arcs[pieces[ball]]
-            room = arc.high - angles[ball] if side > 0 else angles[ball] - arc.low
-            events.append(hy.t_event(room, callback=self._crossing(ball, side), direction=down))
         integrator = hy.taylor_adaptive(
             equations, [0.0] * len(equations), tol=self._tolerance, t_events=events,
             fast_math=self._fast,
@@ -189,9 +173,9 @@ class Lanes:
         self.count: int = hy.recommended_simd_size()
         self._motion = motion
         self._law = motion.jump(0, (0, 0), [0.0, 0.0, motion.contact_angle(0, 1, 0), 0.0])
-        equations, angles = _equations(hy, motion, (0, 0))
+        equations, [(_, gap)] = _equations(hy, motion, (0, 0))
         event = hy.t_event_batch(
-            gap(hy, motion, 0, (0, 0), angles),
+            gap,
             callback=self._impact(),
             direction=hy.event_direction.negative,
         )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cache, partial
 from typing import Any
 
@@ -11,6 +10,7 @@ import numpy as np
 from vibro_cli.benchmark.methods.runner import (
     Course,
     Event,
+    EventFunction,
     LegRunner,
     Lost,
     Method,
@@ -35,17 +35,15 @@ _TOLERANCES = {
 """As far as each gets in reasonable time: Radau at 1e-13 takes a second for an impact."""
 
 
-def events_of(motion: Motion, pieces: tuple[int, ...]) -> list[tuple[Event, Callable[..., float]]]:
-    """Return event functions, positive before their event, for bodies on these pieces."""
-    found: list[tuple[Event, Callable[..., float]]] = []
-    for pair in range(len(motion.pairs)):
-        found.append((Event(pair), lambda t, y, pair=pair: motion.gap(pair, pieces, y)))
-    for ball, side in motion.junctions(pieces):
-        found.append(
-            (Event(-1, ball, side),
-             lambda t, y, ball=ball, side=side: motion.room(ball, side, pieces[ball], y))
-        )  # fmt: skip
-    return found
+def _terminal(function: EventFunction) -> Any:
+    """A plain function around one: it carries the attributes that the libraries look for."""
+
+    def event(t: float, y: Any) -> Any:
+        return function(t, y)
+
+    marked: Any = event
+    marked.terminal, marked.direction = True, -1.0
+    return marked
 
 
 def _prepare_scipy(kind: str, scene: Scene, setting: Setting) -> Runner:
@@ -64,10 +62,8 @@ def _prepare_scipy(kind: str, scene: Scene, setting: Setting) -> Runner:
             rates[1::2] = -w2 * np.sin(y[::2])
             return rates.copy()
 
-        events, functions = zip(*events_of(motion, pieces), strict=True)
-        for function in functions:
-            function.terminal, function.direction = True, -1.0
-        return change, list(events), list(functions)
+        events, functions = zip(*motion.events(pieces), strict=True)
+        return change, list(events), [_terminal(function) for function in functions]
 
     def leg(pieces: tuple[int, ...], t: float, y: State) -> tuple[float, Any, Event]:
         change, events, functions = ready(pieces)
@@ -103,54 +99,8 @@ def _compiled(motion: Motion, pieces: tuple[int, ...]) -> tuple[Any, list[Any], 
             dy[2 * ball] = y[2 * ball + 1]
             dy[2 * ball + 1] = -w2[ball] * np.sin(y[2 * ball])
 
-    functions, events = [], []
-    for pair in range(len(motion.pairs)):
-        functions.append(_gap(motion, pair, pieces))
-        events.append(Event(pair))
-    for ball, side in motion.junctions(pieces):
-        arc = motion.arcs[pieces[ball]]
-        functions.append(_room(2 * ball, float(side), arc.high if side > 0 else arc.low))
-        events.append(Event(-1, ball, side))
-    # A plain function around each: it carries the attributes CyRK looks for.
-    wrapped = [_terminal(function) for function in functions]
-    return change, wrapped, events
-
-
-def _gap(motion: Motion, pair: int, pieces: tuple[int, ...]) -> Any:
-    from numba import njit
-
-    a, b = motion.pairs[pair]
-    i, j = 2 * a, 2 * b
-    if pieces[a] == pieces[b]:
-        least = motion.least_angle(pair, pieces[a])
-        return njit(lambda t, y: y[j] - y[i] - least)
-    one, two = motion.arcs[pieces[a]], motion.arcs[pieces[b]]
-    rho_a, rho_b = motion.radius[a][pieces[a]], motion.radius[b][pieces[b]]
-    x, up_a, up_b = two.x - one.x, one.sign * rho_a, two.sign * rho_b
-    height = two.y - one.y
-    touch = (motion.bodies[a].radius + motion.bodies[b].radius) ** 2
-    return njit(
-        lambda t, y: (
-            (x + rho_b * np.sin(y[j]) - rho_a * np.sin(y[i])) ** 2
-            + (height - up_b * np.cos(y[j]) + up_a * np.cos(y[i])) ** 2
-            - touch
-        )
-    )
-
-
-def _room(place: int, side: float, end: float) -> Any:
-    from numba import njit
-
-    return njit(lambda t, y: side * (end - y[place]))
-
-
-def _terminal(function: Callable[..., float]) -> Any:
-    def event(t: float, y: Any) -> float:
-        return function(t, y)
-
-    marked: Any = event
-    marked.terminal, marked.direction = True, -1
-    return marked
+    events, functions = zip(*motion.events(pieces), strict=True)
+    return change, [_terminal(njit(function)) for function in functions], list(events)
 
 
 def _prepare_cyrk(scene: Scene, setting: Setting) -> Runner:
