@@ -134,8 +134,6 @@ class Family:
     def __init__(
         self, system_at: SystemAt | None, first: Orbit, value: float, low: float, high: float
     ) -> None:
-        if not low <= value <= high:
-            raise ValueError(f"found {value}, expected a value from {low} to {high}")
         self._system_at = system_at
         self._system = first.system
         self._low, self._range = low, high - low

@@ -27,12 +27,10 @@ from vibro_cli.benchmark.measurement import (
     Job,
     Plan,
     Row,
-    Task,
     by_turns,
     command,
     shared_out,
     timed,
-    warmed,
 )
 from vibro_cli.benchmark.methods import installed_peers
 from vibro_cli.benchmark.methods.runner import Lost, Motion
@@ -42,6 +40,7 @@ from vibro_cli.benchmark.scenes import BY_NAME, VALLEY, Scene, ball, timed_scene
 from vibro_cli.scenario.loading import any_scenario_of
 from vibro_cli.storage.files import available_cores, json_bytes
 from vibro_cli.systems.contract import Document
+from vibro_cli.systems.driver import Driver
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.trace import simulate_system
 from vibro_cli.systems.trace.ensemble import Batch, empty_results, points_of
@@ -113,8 +112,11 @@ def _measure_scenes(plan: Plan, part: str, scenes: dict[int, Scene]) -> list[Row
         Row(part, scene.name, "vibro", size=size, impacts=impacts) for size, scene in scenes.items()
     ]
     runners = [DriverRunner(scene.system, "compiled") for scene in scenes.values()]
-    jobs = [Task(runner.go, partial(runner.ready, impacts)) for runner in runners]
-    for row, runner, times in zip(rows, runners, by_turns(warmed(jobs), plan), strict=True):
+    jobs = [Job(runner.go, partial(runner.ready, impacts)) for runner in runners]
+    for job in jobs:  # machine code is loaded, and memory is there
+        job.ready()
+        job.go()
+    for row, runner, times in zip(rows, runners, by_turns(jobs, plan), strict=True):
         try:
             row.crossings = runner.course().crossings
             row.take_times(times)
@@ -128,7 +130,7 @@ def first_halves(numbers: Any, count: int) -> Any:
     return -0.36 - 0.05 * numbers / count
 
 
-class Crew(Job):
+class Crew:
     """Threads that solve a number of scenarios, a stretch at a time.
 
     They are circles that differ in where the first ball starts.
@@ -139,10 +141,10 @@ class Crew(Job):
         self._count = count
         self._batches = [Batch(self._scene.system) for _ in range(threads)]
 
-    def go(self) -> None:
-        """Solve all scenarios."""
+    def go(self) -> int:
+        """Solve all scenarios; return the impacts there were."""
         firsts = range(0, self._count, _STRETCH)
-        self.impacts = shared_out(firsts, [partial(self._solve, batch) for batch in self._batches])
+        return shared_out(firsts, [partial(self._solve, batch) for batch in self._batches])
 
     def _solve(self, batch: Batch, first: int) -> int:
         count = min(_STRETCH, self._count - first)
@@ -160,10 +162,11 @@ def _measure_batches(plan: Plan) -> list[Row]:
     cores = available_cores()
     size = _THREADED if plan.form != "quick" else 1000
     jobs = [
-        (Row("scenarios", "circle", BATCH, size=count), Crew(1, count)) for count in plan.scenarios
+        (Row("scenarios", "circle", BATCH, size=count), Job(Crew(1, count).go))
+        for count in plan.scenarios
     ]
     for threads in sorted({1, min(2, cores), cores}):
-        jobs.append((Row("cores", "circle", BATCH, size=threads), Crew(threads, size)))
+        jobs.append((Row("cores", "circle", BATCH, size=threads), Job(Crew(threads, size).go)))
     return timed(jobs, plan)
 
 
@@ -203,7 +206,7 @@ _SCENE = "circle"
 _SCENARIOS = {"quick": 64, "default": 10_000, "full": 10_000}
 
 
-class Processes(Job):
+class Processes:
     """heyoka's batches of the scenarios of a `Crew`, in processes that wait for their work."""
 
     def __init__(self, processes: int, count: int, tolerance: float) -> None:
@@ -217,11 +220,11 @@ class Processes(Job):
             work.start()
             self._ends.append(here)
 
-    def go(self) -> None:
-        """Solve all scenarios."""
+    def go(self) -> int:
+        """Solve all scenarios; return the impacts there were."""
         for end in self._ends:
             end.send(True)
-        self.impacts = sum(end.recv() for end in self._ends)
+        return sum(end.recv() for end in self._ends)
 
     def close(self) -> None:
         """End the processes."""
@@ -248,19 +251,18 @@ def _serve(end: Connection, share: range, count: int, tolerance: float) -> None:
 def measure_on_all_cores(plan: Plan) -> list[Row]:
     """Measure one grid by every way there is, by turns."""
     count, cores = _SCENARIOS[plan.form], available_cores()
-    jobs: list[tuple[Row, Job]] = [
-        (Row(PART, _SCENE, BATCH, "exact", size=count), Crew(cores, count))
-    ]
+    jobs = [(Row(PART, _SCENE, BATCH, "exact", size=count), Job(Crew(cores, count).go))]
+    others: list[Processes] = []
     if "heyoka" in installed_peers():
         for tolerance in TOLERANCES:
             row = Row(PART, _SCENE, NAME, f"{tolerance:g}", size=count)
-            jobs.append((row, Processes(cores, count, tolerance)))
+            others.append(Processes(cores, count, tolerance))
+            jobs.append((row, Job(others[-1].go)))
     try:
         return timed(jobs, plan)
     finally:
-        for _, job in jobs:
-            if isinstance(job, Processes):
-                job.close()
+        for processes in others:
+            processes.close()
 
 
 def measure_other_systems(plan: Plan) -> list[Row]:
@@ -270,25 +272,24 @@ def measure_other_systems(plan: Plan) -> list[Row]:
     for name, scene in timed_scenes("systems").items():
         impacts = long // scene.share
         row = Row("systems", name, "vibro", impacts=impacts)
-        jobs.append((row, _SystemRun(scene.document, impacts)))
+        jobs.append((row, _system_run(scene.document, impacts)))
     return timed(jobs, plan)
 
 
-class _SystemRun(Job):
+def _system_run(document: Document, impacts: int) -> Job:
     """Runs of a scene of any system, so many impacts or bounces each."""
+    scenario = any_scenario_of(document)
+    lone = len(document["balls"]) == 1
+    limits = Limits(bounces=impacts) if lone else Limits(collisions=impacts)
+    records: list[Driver] = []
 
-    def __init__(self, document: Document, impacts: int) -> None:
-        self._scenario: Any = any_scenario_of(document)
-        lone = len(document["balls"]) == 1
-        self._limits = Limits(bounces=impacts) if lone else Limits(collisions=impacts)
+    def ready() -> None:
+        records[:] = [driver_of(scenario, limits)]
 
-    def ready(self) -> None:
-        """Make the records of a run."""
-        self._driver = driver_of(self._scenario, self._limits)
+    def go() -> None:
+        records[0].run()
 
-    def go(self) -> None:
-        """Run."""
-        self._driver.run()
+    return Job(go, ready)
 
 
 APART = "searches of pairs out of reach"
@@ -311,14 +312,14 @@ class _Searching(DriverRunner):
 def measure_skips(plan: Plan) -> list[Row]:
     """Measure each skip on a scene where it matters, with and without it by turns."""
     impacts = 500 if plan.form == "quick" else 20_000
-    jobs: list[tuple[Row, Job]] = []
+    jobs = []
     for skip, scene, *runners in _kernel_skips():
         for setting, runner in zip((WITH, WITHOUT), runners, strict=True):
             row = Row("skips", scene.name, skip, setting, impacts=impacts)
-            jobs.append((row, Task(runner.go, partial(runner.ready, impacts))))
+            jobs.append((row, Job(runner.go, partial(runner.ready, impacts))))
     for setting, all_of_them in ((WITH, False), (WITHOUT, True)):
         row = Row("skips", "three_arcs", TABLES, setting, impacts=_SHORT_RUN)
-        jobs.append((row, Task(partial(_make_tables, all_of_them))))
+        jobs.append((row, Job(partial(_make_tables, all_of_them))))
     return timed(jobs, plan) + _measure_figures(plan)
 
 
@@ -357,5 +358,9 @@ def _measure_figures(plan: Plan) -> list[Row]:
         for setting, option in ((WITH, "--no-figures"), (WITHOUT, "--figures=default")):
             row = Row("skips", "three_arcs", FIGURES, setting, impacts=_SHORT_RUN)
             target = str(Path(folder) / option.strip("-"))
-            jobs.append((row, Task(partial(command, "run", str(source), option, "-o", target))))
+            jobs.append((row, Job(partial(_run, str(source), option, "-o", target))))
         return timed(jobs, replace(plan, repeats=3))
+
+
+def _run(*arguments: str) -> None:
+    command("run", *arguments)

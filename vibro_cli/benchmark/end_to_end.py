@@ -50,8 +50,7 @@ from vibro_cli.stress.scenes import three_arcs
 from vibro_cli.systems.columns import Table
 from vibro_cli.systems.contract import Document, TimedScene
 from vibro_cli.systems.trace.ensemble import Batch, empty_results
-from vibro_cli.systems.trace.grid_solver import Logged, LogSpace, impact_columns
-from vibro_cli.systems.trace.grid_solver import Task as Planned
+from vibro_cli.systems.trace.grid_solver import Logged, LogSpace, Task, impact_columns
 from vibro_cli.systems.trace.system_template import Setting
 
 ROWS, SUMMARIES = "every impact", "summaries only"
@@ -68,9 +67,10 @@ def measure_grid(plan: Plan) -> list[Row]:
         for setting, one in ((ROWS, grid), (SUMMARIES, grid.without_collisions())):
             expected = expected_impacts(one)
             chunks = Chunks.of(one, expected, impact_density(one, expected, "compiled"))
-            for method, kind in ((KERNEL, _Kernels), (GRID, _Whole)):
+            kernels, whole = _Kernels(one, chunks), _Whole(one, chunks)
+            for method, job in ((KERNEL, Job(kernels.go)), (GRID, Job(whole.go, whole.ready))):
                 row = Row(GRID_PART, _SCENE, method, setting, size=chunks.points)
-                jobs.append((row, kind(one, chunks)))
+                jobs.append((row, job))
         rows = timed(jobs, plan)
         for _, job in jobs:
             job.ready()
@@ -94,7 +94,7 @@ def _grid(side: int) -> Iterator[Grid]:
         yield load_grid(source)
 
 
-class _Whole(Job):
+class _Whole:
     """The grid, planned, solved, encoded and written, with its checksums."""
 
     def __init__(self, grid: Grid, chunks: Chunks) -> None:
@@ -106,18 +106,18 @@ class _Whole(Job):
         """Remove the parts of the last time."""
         shutil.rmtree(self._folder, ignore_errors=True)
 
-    def go(self) -> None:
-        """Solve the grid."""
+    def go(self) -> int:
+        """Solve the grid; return its impacts."""
         for name in ("summary", *self._grid.kept_tables):
             (self._folder / name).mkdir(parents=True)
         receipts = solve_in_threads(
             self._grid, self._chunks, range(self._chunks.count), self._folder, available_cores(),
             "compiled", lambda points, impacts: None,
         )  # fmt: skip
-        self.impacts = sum(receipt.impacts for receipt in receipts)
+        return sum(receipt.impacts for receipt in receipts)
 
 
-class _Kernels(Job):
+class _Kernels:
     """The kernel of the grid, a batch for each thread, on points that are planned."""
 
     def __init__(self, grid: Grid, chunks: Chunks) -> None:
@@ -131,14 +131,14 @@ class _Kernels(Job):
         table = impact_table_of(grid) if grid.keep.collisions else None
         self._solvers = [_Solver(self._setting.system, table) for _ in range(available_cores())]
 
-    def _planned(self, grid: Grid, points: Array) -> Planned:
+    def _planned(self, grid: Grid, points: Array) -> Task:
         values = grid.design.columns(points)
         systems = self._setting.systems(values, len(points))
-        return Planned.of(self._setting.starts(values, systems), systems, points)
+        return Task.of(self._setting.starts(values, systems), systems, points)
 
-    def go(self) -> None:
-        """Solve all points."""
-        self.impacts = shared_out(self._work, [solver.solve for solver in self._solvers])
+    def go(self) -> int:
+        """Solve all points; return their impacts."""
+        return shared_out(self._work, [solver.solve for solver in self._solvers])
 
 
 class _Solver:
@@ -150,7 +150,7 @@ class _Solver:
         self._logs, self._pieces = LogSpace(), Pieces()
         self._most = 0.0
 
-    def solve(self, work: tuple[Array, Planned]) -> int:
+    def solve(self, work: tuple[Array, Task]) -> int:
         """Solve a stretch; return how many impacts it has."""
         points, task = work
         count = len(task.points)

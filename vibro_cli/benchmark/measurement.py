@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
 from statistics import median
-from typing import Annotated, Any, TypeVar, get_args, get_type_hints
+from typing import Annotated, Any, NamedTuple, TypeVar, get_args, get_type_hints
 
 import numpy as np
 
@@ -103,43 +103,12 @@ _LONG = 5.0
 """Runs that take so many times the time planned for one are repeated three times only."""
 
 
-class Job:
+class Job(NamedTuple):
     """Work that is timed, again and again; what makes it ready is not."""
 
-    impacts = 0
-    """Of the last time, where only that tells."""
-
-    def ready(self) -> None:
-        """Nothing has to be made ready."""
-
-    def go(self) -> None:
-        """Do the work."""
-        raise NotImplementedError
-
-
-class Task(Job):
-    """A job that two functions do."""
-
-    def __init__(
-        self, go: Callable[[], object], ready: Callable[[], object] = lambda: None
-    ) -> None:
-        self._go, self._ready = go, ready
-
-    def ready(self) -> None:
-        """Make it ready."""
-        self._ready()
-
-    def go(self) -> None:
-        """Do the work."""
-        self._go()
-
-
-def warmed(jobs: Sequence[Job]) -> Sequence[Job]:
-    """Do all jobs once, so that machine code is loaded and memory is there; return them."""
-    for job in jobs:
-        job.ready()
-        job.go()
-    return jobs
+    go: Callable[[], int | None]
+    """Does the work; returns its impacts where only that tells."""
+    ready: Callable[[], object] = lambda: None
 
 
 def by_turns(jobs: Sequence[Job], plan: Plan) -> list[list[float]]:
@@ -158,9 +127,10 @@ def by_turns(jobs: Sequence[Job], plan: Plan) -> list[list[float]]:
 
 def timed(jobs: Sequence[tuple[Row, Job]], plan: Plan) -> list[Row]:
     """Do jobs once, then by turns; return the rows, which are given their times and impacts."""
-    times = by_turns(warmed([job for _, job in jobs]), plan)
-    for (row, job), taken in zip(jobs, times, strict=True):
-        row.impacts = job.impacts or row.impacts
+    for row, job in jobs:  # machine code is loaded, and memory is there
+        job.ready()
+        row.impacts = job.go() or row.impacts
+    for (row, _), taken in zip(jobs, by_turns([job for _, job in jobs], plan), strict=True):
         row.take_times(taken)
     return [row for row, _ in jobs]
 

@@ -13,7 +13,7 @@ from vibro_cli.benchmark.cost import (
     measure_skips,
 )
 from vibro_cli.benchmark.end_to_end import measure_command, measure_grid
-from vibro_cli.benchmark.measurement import SERIES, Plan, Row, Task, by_turns
+from vibro_cli.benchmark.measurement import SERIES, Job, Plan, Row, by_turns
 from vibro_cli.benchmark.methods import methods
 from vibro_cli.benchmark.methods.runner import Lost, Method, Runner, Setting
 from vibro_cli.benchmark.scenes import SCENES, Scene, errors_of_times, reference_times
@@ -60,7 +60,7 @@ def _measure_scene(plan: Plan, scene: Scene, found: list[Method]) -> list[Row]:
     chosen = [
         (row, runner) for row, runner, method in timed if _fitted(plan, scene, row, runner, method)
     ]
-    jobs = [Task(runner.go, partial(runner.ready, row.impacts)) for row, runner in chosen]
+    jobs = [Job(runner.go, partial(runner.ready, row.impacts)) for row, runner in chosen]
     for (row, runner), times in zip(chosen, by_turns(jobs, plan), strict=True):
         try:
             course = runner.course()
