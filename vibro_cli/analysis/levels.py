@@ -467,8 +467,6 @@ def _sampled(landscape: Landscape, part: Reach, energy: float, count: int) -> tu
     return position, rate
 
 
-Mask = NDArray[np.bool_]
-
 _NO_TURN = 1e-6
 """A sweep within this (rad) of none or a whole turn is the one for which the time is right."""
 
@@ -514,29 +512,14 @@ def _on_arc(
         centre = offset + 2.0 * math.pi * np.round((start[0] - offset) / (2.0 * math.pi))
         w = landscape.natural_rate(piece)
         q = np.sin(0.5 * (start[0] - centre)) ** 2 + (0.5 / w * start[1]) ** 2
-        swings = _swings_between(q, start, end, centre)
-        swinging = _oscillation(
-            w,
-            (start[0] - centre)[swings],
-            start[1][swings],
-            (end[0] - centre)[swings],
-            end[1][swings],
-            duration[swings],
-            fraction,
-        )
-        position[swings] = centre[swings, None] + swinging[0]
-        rate[swings] = swinging[1]
+        # Which flights oscillate; on the separatrix their ends decide, not q.
+        turned = start[1] * end[1] < 0.0
+        passed = np.abs(end[0] - centre) > math.pi
+        swings = ((q < 1.0) & ~passed) | turned
+        one, other = (((angle - centre)[swings], at[swings]) for angle, at in (start, end))
+        angles, rate[swings] = _oscillation(w, one, other, duration[swings], fraction)
+        position[swings] = centre[swings, None] + angles
     return position, rate
-
-
-def _swings_between(
-    q: Array, start: tuple[Array, Array], end: tuple[Array, Array], centre: Array
-) -> Mask:
-    """Return which flights oscillate; on the separatrix their ends decide, not q."""
-    turned = start[1] * end[1] < 0.0
-    passed = np.abs(end[0] - centre) > math.pi
-    swings: Mask = ((q < 1.0) & ~passed) | turned
-    return swings
 
 
 def _without_turning(
@@ -552,16 +535,14 @@ def _without_turning(
 
 def _oscillation(
     w: float,
-    angle_start: Array,
-    rate_start: Array,
-    angle_end: Array,
-    rate_end: Array,
+    start: tuple[Array, Array],
+    end: tuple[Array, Array],
     duration: Array,
     fraction: Array,
 ) -> tuple[Array, Array]:
     """Return angles and rates about a centre: S = √q sin θ, P = √q cos θ, with θ growing."""
-    s_start, p_start = np.sin(0.5 * angle_start), 0.5 / w * rate_start
-    s_end, p_end = np.sin(0.5 * angle_end), 0.5 / w * rate_end
+    s_start, p_start = np.sin(0.5 * start[0]), 0.5 / w * start[1]
+    s_end, p_end = np.sin(0.5 * end[0]), 0.5 / w * end[1]
     theta = np.arctan2(s_start, p_start)
     modulus = np.hypot(s_start, p_start)
     period = _period(w, modulus)

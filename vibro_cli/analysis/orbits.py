@@ -208,16 +208,14 @@ def admitted(system: TraceSystem, state: Floats) -> TraceSystem:
 def velocity(system: TraceSystem, state: Floats) -> Floats:
     """Speeds (m/s) and accelerations (m/s^2) of a state without contact."""
     found = []
-    for body in range(len(system.bodies)):
-        piece, position = place_of(system, body, float(state[2 * body]))
-        on = system.trace.pieces[piece]
-        slope = on.slope(position)
+    for body, start in zip(system.bodies, started(system, state).initial, strict=True):
+        piece = system.trace.pieces[start.piece]
+        slope = piece.slope(start.position)
         pull = -system.gravity * np.sin(slope)
         if system.turning is not None:
-            x, _ = on.body_center(position, system.bodies[body].radius)
+            x, _ = piece.body_center(start.position, body.radius)
             pull += system.turning.square * (x - system.turning.x) * np.cos(slope)
-        pull /= system.bodies[body].kappa
-        found += [state[2 * body + 1], pull]
+        found += [start.speed, pull / body.kappa]
     return np.array(found)
 
 
@@ -234,15 +232,13 @@ def _shares(system: TraceSystem) -> Floats:
 
 def energy_of(system: TraceSystem, state: Floats) -> float:
     """Energy (J) that impacts keep (see `_shares`), potential from the trace's left end on."""
-    total, shares = 0.0, _shares(system)
-    for number, body in enumerate(system.bodies):
-        piece, position = place_of(system, number, float(state[2 * number]))
-        x, height = system.trace.pieces[piece].body_center(position, body.radius)
+    total, initial = 0.0, started(system, state).initial
+    for body, start, share in zip(system.bodies, initial, _shares(system), strict=True):
+        x, height = system.trace.pieces[start.piece].body_center(start.position, body.radius)
         if system.turning is not None:
             height -= 0.5 * system.turning.square / system.gravity * (x - system.turning.x) ** 2
-        speed = float(state[2 * number + 1])
-        own = body.mass * (system.gravity * height + 0.5 * body.kappa * speed * speed)
-        total += float(shares[number]) * own
+        kinetic = 0.5 * body.kappa * start.speed * start.speed
+        total += float(share) * (body.mass * (system.gravity * height + kinetic))
     return total
 
 

@@ -90,6 +90,8 @@ def read_number(kind: kinds.Kind, value: Any) -> Any:
 
 
 Array = np.ndarray[Any, np.dtype[Any]]
+DTYPES = {"float64": np.float64, "int64": np.int64, "bool": np.bool_, "string": object}
+"""Of arrays, by the types of their columns."""
 
 _MOST_VALUES = 100_000_000
 # Longer lists stand in the resolved grid by their digest.
@@ -173,8 +175,7 @@ def _value(kind: kinds.Kind, value: Any, loc: KeyPath) -> Any:
 
 
 def _column(kind: kinds.Kind, values: list[Any]) -> Array:
-    types = {"float64": np.float64, "int64": np.int64, "bool": np.bool_, "string": object}
-    return np.array(values, dtype=types[type_of(kind)])
+    return np.array(values, dtype=DTYPES[type_of(kind)])
 
 
 def _listed(

@@ -224,7 +224,7 @@ def found_receipts(folder: Path, grid: Grid, chunks: Chunks) -> dict[int, Receip
     for chunk in range(chunks.count):
         names = file_names(grid, chunk).values()
         receipt = known.get(chunk)
-        if receipt is not None and all(_has_size(folder / n, receipt.files[n]) for n in names):
+        if receipt is not None and all(has_size(folder / n, receipt.files[n]) for n in names):
             found[chunk] = receipt
         elif receipt is None and all((folder / name).exists() for name in names):
             read = _read_receipt(folder, grid, chunks, chunk)
@@ -245,7 +245,8 @@ def _receipts_of(manifest: dict[str, Any], grid: Grid) -> dict[int, Receipt]:
     return receipts
 
 
-def _has_size(path: Path, described: dict[str, Any]) -> bool:
+def has_size(path: Path, described: dict[str, Any]) -> bool:
+    """Return whether a file is there and as large as a receipt says."""
     return path.is_file() and path.stat().st_size == described["bytes"]
 
 
@@ -325,13 +326,9 @@ def verify(folder: Path) -> Verdict:
         if path.is_file() and not hidden and not of_shard and name not in known:
             findings.append(Finding(name, "unknown", "not in the manifest"))
     size = sum(one["bytes"] for one in found["files"].values())
-    missing = _missing_chunks(found)
+    missing = int(found["wanted"] - len(found["chunks"])) if "wanted" in found else 0
     kind = str(found["schema"]).removeprefix("vibro-").partition("/")[0]
     return Verdict(kind, len(found["files"]), size, missing == 0, missing, tuple(findings))
-
-
-def _missing_chunks(manifest: dict[str, Any]) -> int:
-    return int(manifest["wanted"] - len(manifest["chunks"])) if "wanted" in manifest else 0
 
 
 class MergeRefused(Failure):

@@ -14,7 +14,7 @@ import numpy as np
 import pyarrow as pa
 
 from vibro_cli.api import simulate
-from vibro_cli.grids.axes import Array, kind_of, type_of
+from vibro_cli.grids.axes import DTYPES, Array, kind_of, type_of
 from vibro_cli.grids.document import Grid, document_at, reason_of
 from vibro_cli.scenario import fields
 from vibro_cli.scenario.loading import any_scenario_of
@@ -173,8 +173,7 @@ def columns_of_runs(table: Table, points: Array, runs: Sequence[Run]) -> dict[st
     `points` has the number, from 0 in the grid, of that of each run, in order.
     """
     if not runs:
-        kinds = {"float64": np.float64, "int64": np.int64, "bool": np.bool_, "string": object}
-        return {column.name: np.zeros(0, kinds[column.type]) for column in table.columns}
+        return {column.name: np.zeros(0, DTYPES[column.type]) for column in table.columns}
     # The name of the table of a run.
     kept = runs[0].kind.impact_logs[table.name.removeprefix("grid-")]
     logs = [run.history()[kept.log] for run in runs]

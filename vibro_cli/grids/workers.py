@@ -10,6 +10,7 @@ import queue
 import threading
 import time
 import uuid
+from collections import Counter
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,7 +22,7 @@ from vibro_cli.errors import Failure, VibroError
 from vibro_cli.grids.axes import Array
 from vibro_cli.grids.chunk_writer import Encoded, Making, Rooms, part_bytes
 from vibro_cli.grids.chunks import Chunks, Division, Expected, Receipt, has_many_parts
-from vibro_cli.grids.dataset import known_division, opened
+from vibro_cli.grids.dataset import has_size, known_division, opened
 from vibro_cli.grids.document import Grid
 from vibro_cli.grids.solving import Solver, solver_of
 from vibro_cli.storage.files import available_cores
@@ -366,65 +367,45 @@ def _solved(
     from distributed import as_completed
     from distributed.comm.core import CommClosedError
 
-    given = _Submitter(client, grid, chunks, folder, engine)
+    run, place = uuid.uuid4().hex[:12], str(folder.absolute())
+    tries, chunk_of = Counter[int](), dict[str, int]()
+
+    def submit(chunk: int) -> Any:
+        """Have a chunk solved, perhaps once more; return its future."""
+        tries[chunk] += 1
+        key = f"vibro-{run}-{chunk}-{tries[chunk]}"
+        chunk_of[key] = chunk
+        return client.submit(
+            solve_chunk, run, grid, chunks, chunk, place, engine, key=key, pure=False
+        )
+
     left = iter(wanted)
     threads = sum(client.nthreads().values()) or 1
     ordered: Any = as_completed
-    first = [given.submit(n) for _, n in zip(range(_WAITING * threads), left, strict=False)]
+    first = [submit(n) for _, n in zip(range(_WAITING * threads), left, strict=False)]
     stream = ordered(first, loop=client.loop)
     for future in stream:
-        chunk = given.chunk_of(future)
+        chunk = chunk_of[future.key]
         try:
             yield chunk, future.result()
         except (CommClosedError, CancelledError) as error:
             # A receipt is lost with the worker that has it; the chunk is solved again.
-            if client.status != "running" or given.tries(chunk) >= _TRIES:
+            if client.status != "running" or tries[chunk] >= _TRIES:
                 raise ClusterError(f"the Dask scheduler is lost: {_line(error)}") from error
-            stream.add(given.submit(chunk))
+            stream.add(submit(chunk))
             continue
         except Exception as error:
             yield chunk, _line(error)
         following = next(left, None)
         if following is not None:
-            stream.add(given.submit(following))
-
-
-class _Submitter:
-    """Hands chunks to a cluster."""
-
-    def __init__(self, client: Any, grid: Grid, chunks: Chunks, folder: Path, engine: str) -> None:
-        self._client = client
-        self._arguments = (chunks, str(folder.absolute()), engine)
-        self._grid = grid
-        self._run = uuid.uuid4().hex[:12]
-        self._tries: dict[int, int] = {}
-        self._chunks: dict[str, int] = {}
-
-    def submit(self, chunk: int) -> Any:
-        """Have a chunk solved; return its future."""
-        chunks, folder, engine = self._arguments
-        self._tries[chunk] = self.tries(chunk) + 1
-        key = f"vibro-{self._run}-{chunk}-{self._tries[chunk]}"
-        self._chunks[key] = chunk
-        return self._client.submit(
-            solve_chunk, self._run, self._grid, chunks, chunk, folder, engine, key=key, pure=False
-        )
-
-    def chunk_of(self, future: Any) -> int:
-        """Return the chunk of a future."""
-        return self._chunks[future.key]
-
-    def tries(self, chunk: int) -> int:
-        """Return how often a chunk was handed out."""
-        return self._tries.get(chunk, 0)
+            stream.add(submit(following))
 
 
 def _check_shared(folder: Path, receipt: Receipt) -> None:
     for name, described in receipt.files.items():
-        path = folder / name
-        if not path.is_file() or path.stat().st_size != described["bytes"]:
+        if not has_size(folder / name, described):
             raise ClusterError(
-                f"{path} was written by a worker and is not here; "
+                f"{folder / name} was written by a worker and is not here; "
                 "expected workers that share the folder"
             )
 

@@ -389,25 +389,19 @@ def check_files(folder: Path, described: Mapping[str, Mapping[str, Any]]) -> Ite
     when a file cannot be read.
     """
     for name, wanted in described.items():
-        finding = _check(folder, name, wanted)
-        if finding is not None:
-            yield finding
-
-
-def _check(folder: Path, name: str, described: Mapping[str, Any]) -> Finding | None:
-    path = folder / name
-    try:
-        size = path.stat().st_size
-    except FileNotFoundError:
-        return Finding(name, "missing", "not there")
-    if size != described["bytes"]:
-        return Finding(name, "damaged", f"{size} bytes, expected {described['bytes']}")
-    with open(path, "rb") as file:
-        found = hashlib.file_digest(file, "sha256").hexdigest()
-    if found != described["sha256"]:
-        detail = f"SHA-256 {found[:12]}…, expected {described['sha256'][:12]}…"
-        return Finding(name, "damaged", detail)
-    return None
+        try:
+            size = (folder / name).stat().st_size
+        except FileNotFoundError:
+            yield Finding(name, "missing", "not there")
+            continue
+        if size != wanted["bytes"]:
+            yield Finding(name, "damaged", f"{size} bytes, expected {wanted['bytes']}")
+            continue
+        with open(folder / name, "rb") as file:
+            found = hashlib.file_digest(file, "sha256").hexdigest()
+        if found != wanted["sha256"]:
+            detail = f"SHA-256 {found[:12]}…, expected {wanted['sha256'][:12]}…"
+            yield Finding(name, "damaged", detail)
 
 
 def available_cores() -> int:

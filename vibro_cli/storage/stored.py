@@ -26,6 +26,7 @@ from vibro_cli.storage.tables import (
     read_column,
     read_first,
     schema_of,
+    unit_of,
     units_of_numbers,
 )
 from vibro_cli.systems import system_named
@@ -360,7 +361,7 @@ def open_grid(folder: Path, owner: object = None) -> StoredGrid:
         definition=definition,
         manifest=manifest,
         axes=tuple(names[names.index("scenario") + 1 : names.index("status")]),
-        units={field.name: _unit(field) for field in summary.schema},
+        units={field.name: unit_of(field) for field in summary.schema},
         summary=summary,
         owner=owner,
     )
@@ -391,10 +392,6 @@ def _read(parts: Sequence[Path], *columns: Any, **wanted: Any) -> pyarrow.Table:
 
     files = [str(part) for part in parts]
     return dataset.dataset(files, format="parquet").to_table(*columns, **wanted)
-
-
-def _unit(field: pyarrow.Field) -> str:
-    return str((field.metadata or {}).get(b"unit", b""), "utf-8")
 
 
 def _columns(data: pyarrow.Table) -> dict[str, Column]:

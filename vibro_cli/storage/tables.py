@@ -296,10 +296,15 @@ def read_parquet(source: Path | BinaryIO) -> pa.Table:
         return file.read()
 
 
+def unit_of(field: pa.Field) -> str:
+    """The unit of a column; an empty text for a plain number and for words."""
+    return str((field.metadata or {}).get(b"unit", b""), "utf-8")
+
+
 def units_of_numbers(schema: pa.Schema) -> dict[str, str]:
     """The units of the columns of numbers of a table, by name; an empty text for plain numbers."""
     return {
-        field.name: (field.metadata or {}).get(b"unit", b"").decode()
+        field.name: unit_of(field)
         for field in schema
         if pa.types.is_integer(field.type) or pa.types.is_floating(field.type)
     }
