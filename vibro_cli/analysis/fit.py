@@ -354,7 +354,6 @@ class _Problem:
         return [*found, len(self._measured.t)]
 
     def changed(self, values: Floats) -> Scenario:
-        """The scenario with other numbers."""
         pairs = zip(self._free, values, strict=True)
         return self._scenario.replace({one.name: float(value) for one, value in pairs})
 
@@ -458,7 +457,6 @@ class _Problem:
             raise NoFit(f"{', '.join(names)}: the instants tell only of a combination of them")
 
     def told(self, start: Floats, first: Floats, values: Floats) -> Fit:
-        """The result."""
         rows = len(self._measured.t)
         late, jacobian = self._late(values, rows)
         self._check_told(jacobian)

@@ -302,7 +302,6 @@ class _Searching(DriverRunner):
     """Single runs in which no pair is taken for apart because its pieces are out of reach."""
 
     def ready(self, impacts: int) -> None:
-        """Make the records of the runs."""
         super().ready(impacts)
         for driver in self.drivers:
             far: Any = driver.world.far

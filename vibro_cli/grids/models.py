@@ -26,7 +26,6 @@ class _Path(kinds.Text):
     """A path of the scenario, such as balls[1].angle."""
 
     def read(self, value: object) -> str:
-        """Return the path."""
         text = super().read(value)
         try:
             parsed_path(text)
@@ -45,7 +44,6 @@ class _Ends(kinds.Kind):
     count_needed: bool = True
 
     def read(self, value: object) -> list[Any]:
-        """Return the list."""
         forms = {2: "[low, high]", 3: "[low, high, count]"}
         if self.count_needed:
             del forms[2]
@@ -54,7 +52,6 @@ class _Ends(kinds.Kind):
         raise kinds.fault(shown(value), listing(forms.values()))
 
     def schema(self) -> dict[str, Any]:
-        """Return the JSON Schema: a list of two ends and a count."""
         end = {"type": ["number", "string"]}
         return {
             "type": "array",

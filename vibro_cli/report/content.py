@@ -30,6 +30,7 @@ from vibro_cli.scenario.base import BodyTable
 from vibro_cli.storage.stored import StoredRun
 from vibro_cli.storage.tables import table_named
 from vibro_cli.systems.columns import Column
+from vibro_cli.systems.run import Run
 
 FIRST_ROWS = 100
 """Rows of the table of impacts that stand in the report."""
@@ -111,15 +112,10 @@ def section_of_trace(run: StoredRun, name: str, beside: Path) -> dict[str, Any]:
     """Return what a report says of a run on a trace."""
     notes = mechanics_warnings(run.system, run.summary["end_time"])
     return {
-        "key_figures": key_figures(run),
+        **_section(run, run, name, notes, "Largest distance of the surfaces left at an impact"),
         "setting": _setting_of_trace(run),
         "tables": _tables(run, name),
-        "figures": list(figures_of_run(run, name)),
         "series": series_rows(run),
-        "analogy": analogy(run.system, run.collisions),
-        "energy": energy_balance(run),
-        "validity": _validity(run, notes),
-        "accuracy": _accuracy(run, "Largest distance of the surfaces left at an impact"),
         "sides": _jumps(run, "eight"),
         "regimes": _jumps(run, "regime"),
         "logs": [_impacts(run, name, beside)],
@@ -128,29 +124,37 @@ def section_of_trace(run: StoredRun, name: str, beside: Path) -> dict[str, Any]:
 
 def section(stored: StoredRun, name: str, beside: Path) -> dict[str, Any]:
     """Return what a report says of a run of a system besides the trace."""
+    notes = warnings_of(stored.scenario, stored.run.system)
     return {
-        "key_figures": key_figures(stored),
+        **_section(stored, stored.run, name, notes, "Largest distance left at an impact"),
         "setting": _setting(stored),
         "tables": [_bodies(stored, name)],
-        "figures": list(figures_of_run(stored.run, name)),
         "series": [],
-        "analogy": analogy(stored.run.system, stored.run.collisions),
-        "energy": energy_balance(stored),
-        "validity": _validity(stored, warnings_of(stored.scenario, stored.run.system)),
-        "accuracy": _accuracy(stored, "Largest distance left at an impact"),
         "sides": [],
         "regimes": [],
         "logs": _logs(stored, name, beside),
     }
 
 
+def _section(
+    stored: StoredRun, run: StoredRun | Run, name: str, notes: Sequence[str], gap: str
+) -> dict[str, Any]:
+    """What is said of every run, whose motion and impacts are those of `run`."""
+    rolls = any(body.kappa > 1.0 for body in stored.system.bodies)
+    refused = int(np.sum(~stored.collisions["admissible"]))
+    return {
+        "key_figures": key_figures(stored),
+        "figures": list(figures_of_run(run, name)),
+        "analogy": analogy(run.system, run.collisions),
+        "energy": energy_balance(stored),
+        "validity": validity(stored.summary, rolls, refused, notes),
+        "accuracy": _labelled(stored, ((gap, "max_gap", "m"), *_ACCURACY)),
+    }
+
+
 def key_figures(run: StoredRun) -> list[tuple[str, str]]:
     """Return what came out, as labels and values with units."""
     return _labelled(run, _KEY_FIGURES)
-
-
-def _accuracy(run: StoredRun, gap: str) -> list[tuple[str, str]]:
-    return _labelled(run, ((gap, "max_gap", "m"), *_ACCURACY))
 
 
 def _labelled(run: StoredRun, wanted: Sequence[tuple[str, str, str]]) -> list[tuple[str, str]]:
@@ -162,13 +166,7 @@ def _labelled(run: StoredRun, wanted: Sequence[tuple[str, str, str]]) -> list[tu
     ]
 
 
-def _validity(run: StoredRun, notes: Sequence[str]) -> list[str]:
-    rolls = any(body.kappa > 1.0 for body in run.system.bodies)
-    return validity(run.summary, rolls, int(np.sum(~run.collisions["admissible"])), notes)
-
-
 def _rotation(system: TraceSystem) -> list[tuple[str, str]]:
-    """Return how the trace turns, if it does."""
     turning = system.turning
     if turning is None:
         return []

@@ -50,7 +50,6 @@ def grid_html(grid: StoredGrid, beside: Path, version: str, columns: Sequence[st
 
 
 def _page(grid: StoredGrid, beside: Path, version: str, columns: Sequence[str]) -> dict[str, Any]:
-    """The values of the report."""
     return {
         "title": grid.name,
         "version": version,

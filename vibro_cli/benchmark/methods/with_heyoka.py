@@ -47,7 +47,7 @@ def _equations(
     return equations, [(event, function(0.0, variables)) for event, function in events]
 
 
-class HeyokaRunner(Runner):
+class _HeyokaRunner(Runner):
     """A scene for heyoka; fast: impacts are carried out in callbacks, and `fast_math` is on."""
 
     def __init__(self, motion: Motion, tolerance: float, fast: bool) -> None:
@@ -88,7 +88,6 @@ class HeyokaRunner(Runner):
             self._crossed.clear()
 
     def course(self) -> Course:
-        """Return times, counts and drift of energy."""
         y = self._state.tolist()
         return course_of(self._motion, self._times, self._crossings, self._pieces, y)
 
@@ -147,7 +146,7 @@ def methods() -> list[Method]:
     """Return heyoka with fast options and as it is by default."""
 
     def prepare(fast: bool, scene: Scene, setting: Setting) -> Runner:
-        return HeyokaRunner(Motion(scene.system), setting.value, fast)
+        return _HeyokaRunner(Motion(scene.system), setting.value, fast)
 
     settings = tolerances(1e-16, 1e-12, 1e-9, 1e-6)
     return [
@@ -219,7 +218,7 @@ class Lanes:
         return impact
 
 
-class HeyokaBatchRunner(Runner):
+class _HeyokaBatchRunner(Runner):
     """A scene in all lanes, again and again from the same start."""
 
     def __init__(self, motion: Motion, tolerance: float) -> None:
@@ -234,7 +233,6 @@ class HeyokaBatchRunner(Runner):
         self._starts = np.tile(np.array(self._motion.start)[:, None], self._lanes.count)
 
     def go(self) -> None:
-        """Run."""
         self._impacts = sum(self._lanes.go(self._starts, self._each) for _ in range(self._runs))
 
     def course(self) -> Course:
@@ -251,6 +249,6 @@ def batches() -> list[Method]:
         return alone and scene.most is None
 
     def prepare(scene: Scene, setting: Setting) -> Runner:
-        return HeyokaBatchRunner(Motion(scene.system), setting.value)
+        return _HeyokaBatchRunner(Motion(scene.system), setting.value)
 
     return [Method(NAME, tolerances(*TOLERANCES), prepare, 8000, possible)]

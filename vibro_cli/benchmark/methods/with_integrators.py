@@ -182,7 +182,7 @@ def _flight(motion: Motion, tolerance: float) -> Any:
     return flight
 
 
-class DiffraxRunner(Runner):
+class _DiffraxRunner(Runner):
     """A scene on one arc for diffrax; the tolerance is that of steps and of the event."""
 
     def __init__(self, motion: Motion, tolerance: float) -> None:
@@ -207,7 +207,6 @@ class DiffraxRunner(Runner):
         self._result: Any = None
 
     def ready(self, impacts: int) -> None:
-        """Choose the number of impacts."""
         self._wanted = impacts
 
     def go(self) -> None:
@@ -233,7 +232,7 @@ def diffrax() -> list[Method]:
     """
 
     def prepare(scene: Scene, setting: Setting) -> Runner:
-        return DiffraxRunner(Motion(scene.system), setting.value)
+        return _DiffraxRunner(Motion(scene.system), setting.value)
 
     def suits(scene: Scene) -> bool:
         return len(scene.system.trace.pieces) == 1

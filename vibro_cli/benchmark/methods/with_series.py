@@ -95,7 +95,7 @@ def terms(q2: float, order: int) -> list[float]:
     return found
 
 
-class SeriesRunner(Runner):
+class _SeriesRunner(Runner):
     """Two bodies swinging in one valley, leg by leg, by series of an order."""
 
     def __init__(self, motion: Motion, order: int) -> None:
@@ -105,7 +105,6 @@ class SeriesRunner(Runner):
         self.ready(0)
 
     def ready(self, impacts: int) -> None:
-        """Go back to the start."""
         self._wanted = impacts
         self._times: list[float] = []
         self._y = list(self._motion.start)
@@ -169,7 +168,6 @@ class SeriesRunner(Runner):
         return None
 
     def course(self) -> Course:
-        """Return times, counts and drift of energy."""
         return course_of(self._motion, self._times, None, (0, 0), self._y)
 
 
@@ -182,6 +180,6 @@ def methods() -> list[Method]:
         return len(trace.pieces) == 1 and not trace.closed and len(scene.system.bodies) == 2
 
     def prepare(scene: Scene, setting: Setting) -> Runner:
-        return SeriesRunner(Motion(scene.system), int(setting.value))
+        return _SeriesRunner(Motion(scene.system), int(setting.value))
 
     return [Method(SERIES, settings, prepare, 60, suits)]

@@ -109,7 +109,7 @@ _EACH = 60
 """Impacts of each run of a batch; it starts as the scene does."""
 
 
-class BatchRunner(Runner):
+class _BatchRunner(Runner):
     """Many runs of one scene by the kernel of grids, in one thread.
 
     A motion that ends is begun again after its most impacts.
@@ -150,6 +150,6 @@ def methods() -> list[Method]:
     return [
         Method(COMPILED, EXACT, partial(_driver, "compiled", False), 20_000, repeats=True),
         Method(KEPT, EXACT, partial(_driver, "compiled", True), 20_000),
-        Method(BATCH, EXACT, lambda s, _: BatchRunner(s.system, s.most), 20_000, repeats=True),
+        Method(BATCH, EXACT, lambda s, _: _BatchRunner(s.system, s.most), 20_000, repeats=True),
         Method(INTERPRETED, EXACT, partial(_driver, "python", False), 300, repeats=True),
     ]

@@ -85,9 +85,7 @@ class Course:
 
     def columns(self) -> tuple[Series, ...]:
         """All its series."""
-        return (
-            self.x, self.y, self.c, self.s, self.v, self.q, self.along, self.across, self.rate
-        )  # fmt: skip
+        return tuple(vars(self).values())
 
 
 class Constraint(NamedTuple):

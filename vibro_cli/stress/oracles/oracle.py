@@ -211,7 +211,6 @@ class Oracle:
         return [sorted(one) for one in sets]
 
     def _held_among(self, balls: Sequence[int]) -> list[int]:
-        """Held pairs of some bodies."""
         return [
             pair for pair, bodies in enumerate(self.now.pairs)
             if pair in self.held and bodies[0] in balls
