@@ -21,7 +21,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from enum import Enum
 from functools import lru_cache, reduce
 from itertools import combinations, pairwise, permutations
 from operator import and_
@@ -40,14 +39,6 @@ _LEVELS = 12
 _NARROW = 0.1
 
 Interval = tuple[float, float]
-
-
-class Answer(Enum):
-    """What a search has found out about the distance of two paths."""
-
-    CLEAR = "clear"
-    TOUCH = "touch"
-    UNDECIDED = "undecided"
 
 
 @dataclass(frozen=True)
@@ -115,17 +106,17 @@ def _rounding(path: Path, other: Path, needed: float) -> float:
     return 64.0 * EPSILON * (path.size + other.size + needed)
 
 
-def search(path: Path, other: Path, window: Window, needed: float) -> Answer:
-    """Tell whether every point of a path keeps more than a distance from another path.
+def is_clear(path: Path, other: Path, window: Window, needed: float) -> bool:
+    """Tell whether every point of a path is certified to keep more than a distance from another.
 
     `window.stretch(low, high)` gives the stretch of the other path that has to be regarded for the
-    positions between low and high.
+    positions between low and high. False also where it was not found out.
     """
     rounding = _rounding(path, other, needed)
     pending = [(path.low, path.high)]
     for _ in range(_SEARCH_LIMIT):
         if not pending:
-            return Answer.CLEAR
+            return True
         low, high = pending.pop()
         stretch = window.stretch(low, high)
         if stretch[0] >= stretch[1]:
@@ -137,13 +128,11 @@ def search(path: Path, other: Path, window: Window, needed: float) -> Answer:
             continue
         at_middle = window.stretch(middle, middle)
         close = other.distance(x, y, *at_middle) < needed - rounding
-        if at_middle[0] < at_middle[1] and close:
-            return Answer.TOUCH
-        if half_length < _RESOLUTION * path.size:
-            return Answer.UNDECIDED
-        pending.append((low, middle))
-        pending.append((middle, high))
-    return Answer.UNDECIDED
+        touches = at_middle[0] < at_middle[1] and close
+        if touches or half_length < _RESOLUTION * path.size:
+            return False
+        pending += [(low, middle), (middle, high)]
+    return False
 
 
 def near(paths: Sequence[Path], others: Sequence[Path], needed: float) -> list[tuple[int, int]]:
@@ -325,8 +314,7 @@ def touched_pieces(trace: Trace, radius: float) -> tuple[tuple[int, int], ...]:
     return tuple(
         (i, j)
         for i, j in near(paths, pieces, radius)
-        if i != j
-        and search(paths[i], pieces[j], Window.of(trace, i, j), radius) is not Answer.CLEAR
+        if i != j and not is_clear(paths[i], pieces[j], Window.of(trace, i, j), radius)
     )
 
 
@@ -348,9 +336,8 @@ def reach(trace: Trace, body_a: Body, body_b: Body) -> tuple[tuple[bool, ...], .
     needed = body_a.radius + body_b.radius
     far = [[True] * len(paths_b) for _ in paths_a]
     for i, j in near(paths_a, paths_b, needed):
-        far[i][j] = (
-            not _adjacent(trace, i, j)
-            and search(paths_a[i], paths_b[j], whole(trace.pieces[j]), needed) is Answer.CLEAR
+        far[i][j] = not _adjacent(trace, i, j) and is_clear(
+            paths_a[i], paths_b[j], whole(trace.pieces[j]), needed
         )
     return tuple(map(tuple, far))
 
@@ -404,7 +391,7 @@ def touch_across(trace: Trace, radius_a: float, radius_b: float) -> tuple[int, i
     for i, j in near(paths_a, paths_b, needed):
         if i == j or (i > j and not trace.closed):
             continue
-        if search(paths_a[i], paths_b[j], Window.of(trace, i, j), needed) is not Answer.CLEAR:
+        if not is_clear(paths_a[i], paths_b[j], Window.of(trace, i, j), needed):
             return i, j
     return None
 
