@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Iterator
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -21,7 +23,6 @@ from vibro_cli.benchmark.measurement import (
     TABLE,
     Row,
     parquet,
-    read_rows,
 )
 from vibro_cli.benchmark.methods.runner import Event, LegRunner, Lost, Method, Motion, Setting
 from vibro_cli.benchmark.methods.with_heyoka import batches
@@ -35,6 +36,7 @@ from vibro_cli.benchmark.scenes import (
     reference_times,
 )
 from vibro_cli.storage.files import write_file
+from vibro_cli.storage.tables import read_parquet
 from vibro_cli.systems.trace import simulate_system
 
 pytestmark = pytest.mark.long
@@ -162,6 +164,15 @@ def test_a_grid_and_its_kernel_alone_do_the_same_work() -> None:
     (impacts,) = {row.impacts for row in rows}
     assert impacts > 1000
     assert all(row.per_impact for row in rows)
+
+
+def read_rows(path: Path) -> tuple[list[Row], dict[str, Any]]:
+    """Return the rows of a table that was written, and its details."""
+    table = read_parquet(path)
+    names = [column.name for column in TABLE.columns]
+    columns = {name: table.column(name).to_pylist() for name in names}
+    rows = [Row(**{name: columns[name][n] for name in names}) for n in range(table.num_rows)]
+    return rows, json.loads(table.schema.metadata[b"vibro:scenario"])
 
 
 def test_rows_come_back_from_the_table(tmp_path: Path) -> None:

@@ -216,6 +216,8 @@ def _lowest_height(landscape: Landscape) -> float:
     )
 
 
+_POINTS = 121
+"""Of a level curve on one piece."""
 _JOINED = 1e-9
 """Parts of a curve join where they are closer than this fraction of the trace's length."""
 
@@ -354,20 +356,18 @@ def _line_reaches(landscape: Landscape, piece: Piece, energy: float) -> tuple[Re
     return (Reach(piece, turning, piece.length, True, False),) if turning <= piece.length else ()
 
 
-def level_curves(
-    landscape: Landscape, piece: Piece, energy: float, count: int = 121
-) -> tuple[LevelCurve, ...]:
-    """Return the level curves of an energy (J) on one piece, `count` points each.
+def level_curves(landscape: Landscape, piece: Piece, energy: float) -> tuple[LevelCurve, ...]:
+    """Return the level curves of an energy (J) on one piece.
 
     The points are dense towards both ends, where a curve turns or passes near a saddle.
     """
     return tuple(
-        LevelCurve(piece.index, *_sampled(landscape, part, energy, count))
+        LevelCurve(piece.index, *_sampled(landscape, part, energy))
         for part in reaches(landscape, piece, energy)
     )
 
 
-def arc_separatrix(landscape: Landscape, piece: Piece, count: int = 121) -> LevelCurve | None:
+def arc_separatrix(landscape: Landscape, piece: Piece) -> LevelCurve | None:
     """Return the separatrix of an arc's own equation of motion, within the arc; None on a line.
 
     In a valley φ̇ = 2w cos(φ/2), through φ = ±π; on a hump ψ̇ = 2w sin(ψ/2), through the crest;
@@ -376,7 +376,7 @@ def arc_separatrix(landscape: Landscape, piece: Piece, count: int = 121) -> Leve
     """
     if piece.is_line or landscape.turning is not None:
         return None
-    position = np.linspace(piece.angle_start, piece.angle_end, count)
+    position = np.linspace(piece.angle_start, piece.angle_end, _POINTS)
     if piece.angle_start < 0.0 < piece.angle_end:
         position[np.argmin(np.abs(position))] = 0.0
     half = 0.5 * position
@@ -420,21 +420,23 @@ def through_saddles(
 
 
 def separatrix_curves(
-    landscape: Landscape, energy: float, saddles: Sequence[float], count: int = 121
+    landscape: Landscape, energy: float, saddles: Sequence[float]
 ) -> tuple[LevelCurve, ...]:
     """Return the level curves of an energy (J) through saddles at arc lengths (m), by pieces."""
     runs = connected_reaches(landscape, energy)
     spans = [(run[0].left_s, run[-1].right_s) for run in runs]
     kept = through_saddles(landscape, spans, saddles)
     return tuple(
-        LevelCurve(part.piece.index, *_sampled(landscape, part, energy, count))
+        LevelCurve(part.piece.index, *_sampled(landscape, part, energy))
         for run, is_one in zip(runs, kept, strict=True)
         if is_one
         for part in run
     )
 
 
-def speed_curves(landscape: Landscape, energy: float, count: int = 121) -> tuple[LevelCurve, ...]:
+def speed_curves(
+    landscape: Landscape, energy: float, count: int = _POINTS
+) -> tuple[LevelCurve, ...]:
     """Return the level curves of an energy (J) along the whole trace, `count` points on each piece.
 
     The centre's speed against the arc length of the contact point; continuous at the junctions.
@@ -455,7 +457,9 @@ def _along(landscape: Landscape, run: Sequence[Reach], energy: float, count: int
     return LevelCurve(0, np.concatenate(places), np.concatenate(speeds))
 
 
-def _sampled(landscape: Landscape, part: Reach, energy: float, count: int) -> tuple[Array, Array]:
+def _sampled(
+    landscape: Landscape, part: Reach, energy: float, count: int = _POINTS
+) -> tuple[Array, Array]:
     bend = 0.5 - 0.5 * np.cos(np.linspace(0.0, math.pi, count))
     position = part.low + (part.high - part.low) * bend
     position[-1] = part.high

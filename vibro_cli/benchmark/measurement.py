@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import os
 import platform
 import subprocess
@@ -22,7 +21,7 @@ import numpy as np
 from vibro_cli import __version__
 from vibro_cli.grids.solving import columns_of_records
 from vibro_cli.storage.files import available_cores
-from vibro_cli.storage.tables import Origin, parquet_bytes, read_parquet, to_arrow
+from vibro_cli.storage.tables import Origin, parquet_bytes, to_arrow
 from vibro_cli.systems.columns import Column, Table
 
 
@@ -139,15 +138,6 @@ def parquet(rows: Sequence[Row], details: dict[str, Any]) -> bytes:
     """Return the table of the rows as a parquet file; the details go into its metadata."""
     columns = columns_of_records([vars(row) for row in rows], TABLE)
     return parquet_bytes(to_arrow(TABLE, columns, Origin(details, __version__)))
-
-
-def read_rows(path: Path) -> tuple[list[Row], dict[str, Any]]:
-    """Return the rows of a table that was written, and its details."""
-    table = read_parquet(path)
-    names = [column.name for column in TABLE.columns]
-    columns = {name: table.column(name).to_pylist() for name in names}
-    rows = [Row(**{name: columns[name][n] for name in names}) for n in range(table.num_rows)]
-    return rows, json.loads(table.schema.metadata[b"vibro:scenario"])
 
 
 _LIBRARIES = ("numpy", "scipy", "heyoka", "diffrax", "jax", "CyRK")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -142,7 +141,20 @@ def read_axis(given: AxisTable, loc: KeyPath, folder: Path, seed: int, root: Mod
         places = [(*loc, "paths", i) for i in range(len(paths))]
     of = tuple(_kind(path, where, root) for path, where in zip(paths, places, strict=True))
     key = next(key for key in GENERATORS if getattr(given, key) is not None)
-    return _READERS[key](paths, of, getattr(given, key), (*loc, key), seed)
+    values, loc = getattr(given, key), (*loc, key)
+    if key == "values":
+        return _listed(paths, of, values, loc)
+    low, high, *count = _numbers(of, values, loc)
+    resolved = {"paths": [path_text(path) for path in paths], key: [low, high, *count]}
+    if not count:
+        return Axis(paths, of, None, (low, high), resolved)
+    if key == "uniform":
+        # loc[1] is the number of the axis: every axis has random numbers of its own.
+        share = np.random.default_rng([seed, int(loc[1])]).random(count[0])
+        column = low + (high - low) * share
+    else:
+        column = _spaced(low, high, count[0], loc)
+    return Axis(paths, of, (column,) * len(paths), None, resolved)
 
 
 def _texts(given: AxisTable) -> tuple[str, ...]:
@@ -179,7 +191,7 @@ def _column(kind: kinds.Kind, values: list[Any]) -> Array:
 
 
 def _listed(
-    paths: tuple[KeyPath, ...], of: tuple[kinds.Kind, ...], given: Any, loc: KeyPath, seed: int
+    paths: tuple[KeyPath, ...], of: tuple[kinds.Kind, ...], given: Any, loc: KeyPath
 ) -> Axis:
     """``values``: one for all paths at a time, or a list with one for each."""
     rows = []
@@ -227,45 +239,16 @@ def _numbers(of: tuple[kinds.Kind, ...], given: Any, loc: KeyPath) -> list[Any]:
     return numbers
 
 
-def _spaced(
-    paths: tuple[KeyPath, ...], of: tuple[kinds.Kind, ...], given: Any, loc: KeyPath, seed: int
-) -> Axis:
+def _spaced(low: float, high: float, count: int, loc: KeyPath) -> Array:
     """``linspace`` and ``logspace``: from one end to the other, both included."""
-    low, high, count = _numbers(of, given, loc)
-    if loc[-1] == "logspace":
-        if not (low != 0.0 and high != 0.0 and (low > 0.0) == (high > 0.0)):
-            raise Faulty(loc, f"{low!r} to {high!r}", "two ends of one sign, neither of them 0")
-        # The library's logarithms differ in the last bit from processor to processor.
-        ratio = math.log(high / low)
-        steps = [low * math.exp(ratio * i / (count - 1)) for i in range(1, count - 1)]
-        values = np.array([low, *steps, high][:count] if count > 1 else [low])
-    else:
-        values = np.linspace(low, high, count)
-    resolved = {"paths": [path_text(path) for path in paths], str(loc[-1]): [low, high, count]}
-    return Axis(paths, of, (values,) * len(paths), None, resolved)
-
-
-def _uniform(
-    paths: tuple[KeyPath, ...], of: tuple[kinds.Kind, ...], given: Any, loc: KeyPath, seed: int
-) -> Axis:
-    """``uniform``: an interval for a design to draw from, or a number of random values."""
-    numbers = _numbers(of, given, loc)
-    low, high = numbers[:2]
-    resolved = {"paths": [path_text(path) for path in paths], "uniform": numbers}
-    if len(numbers) == 2:
-        return Axis(paths, of, None, (low, high), resolved)
-    # loc[1] is the number of the axis: every axis has random numbers of its own.
-    share = np.random.default_rng([seed, int(loc[1])]).random(numbers[2])
-    return Axis(paths, of, (low + (high - low) * share,) * len(paths), None, resolved)
-
-
-_Reader = Callable[[tuple[KeyPath, ...], tuple[kinds.Kind, ...], Any, KeyPath, int], Axis]
-_READERS: dict[str, _Reader] = {
-    "values": _listed,
-    "linspace": _spaced,
-    "logspace": _spaced,
-    "uniform": _uniform,
-}
+    if loc[-1] == "linspace":
+        return np.linspace(low, high, count)
+    if not (low != 0.0 and high != 0.0 and (low > 0.0) == (high > 0.0)):
+        raise Faulty(loc, f"{low!r} to {high!r}", "two ends of one sign, neither of them 0")
+    # The library's logarithms differ in the last bit from processor to processor.
+    ratio = math.log(high / low)
+    steps = [low * math.exp(ratio * i / (count - 1)) for i in range(1, count - 1)]
+    return np.array([low, *steps, high][:count] if count > 1 else [low])
 
 
 def _from_table(given: AxisTable, name: str, where: KeyPath, folder: Path, root: Model) -> Axis:

@@ -37,8 +37,6 @@ class Expected(NamedTuple):
 
     mean: float
     most: float
-    crossings: float = 0.0
-    """And junctions crossed, on average: they take as long."""
 
 
 def has_many_parts(grid: Grid, impacts: Expected) -> bool:

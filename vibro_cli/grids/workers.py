@@ -172,8 +172,7 @@ def expected_impacts(grid: Grid) -> Expected:
     solved = solver_of(limited.without_collisions()).solve(spread(grid, _POINTS)).summary
     counts = _counts(grid, solved)
     counts[counts >= _MOST_IMPACTS] = limit
-    crossings = np.ma.filled(solved.get("crossings", np.zeros(1)), 0)
-    return Expected(float(np.mean(counts)), float(np.max(counts)), float(np.mean(crossings)))
+    return Expected(float(np.mean(counts)), float(np.max(counts)))
 
 
 def _counts(grid: Grid, summary: Mapping[str, Any]) -> Array:

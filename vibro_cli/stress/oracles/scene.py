@@ -60,7 +60,6 @@ class Piece:
     size: Real  # radius of an arc, length of a line, m
     slopes: tuple[Real, Real]
     origin: tuple[Real, Real]  # centre of an arc, left end of a line
-    end: tuple[Real, Real]
 
     @property
     def low(self) -> Real:
@@ -141,7 +140,7 @@ def chain(start_slope: Real, shapes: Sequence[tuple[str, Real, Real | None]]) ->
             slope = end_slope
             origin = (x - sign * size * mp.sin(start), y + sign * size * mp.cos(start))
             x, y = origin[0] + sign * size * mp.sin(slope), origin[1] - sign * size * mp.cos(slope)
-        pieces.append(Piece(sign, size, (start, slope), origin, (x, y)))
+        pieces.append(Piece(sign, size, (start, slope), origin))
     return tuple(pieces)
 
 
