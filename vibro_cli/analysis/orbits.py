@@ -306,11 +306,8 @@ def shoot(system: TraceSystem, period: float) -> Shot:
 def state_at(run: Run, t: float) -> Floats:
     """Ways and speeds of a run at an instant (s)."""
     system, sample, found = run.system, run.sample([t]), []
-    for body in range(len(system.bodies)):
+    for body, position in enumerate(_positions(system, sample).tolist()):
         piece = int(sample["arc"][body]) - 1
-        on = system.trace.pieces[piece]
-        along = float(sample["s"][body]) - on.start_s
-        position = along if on.is_line else float(sample["angle"][body])
         found += [way_of(system, body, piece, position), float(sample["speed"][body])]
     return np.array(found)
 
@@ -483,10 +480,11 @@ def nearest_return(system: TraceSystem, impacts: int | None, longest: float) -> 
             raise NoOrbit(f"found {len(times)} impacts, expected more than {number}")
         instants = np.linspace(times[number - 1], times[number], 402)[1:-1]
         sample = run.sample(instants)
+        positions = _positions(system, sample)
         gaps: Any = 0.0
         for body in range(len(system.bodies)):
             mine = sample["ball"] == body + 1
-            places = zip(sample["arc"][mine], _positions(system, sample, mine), strict=True)
+            places = zip(sample["arc"][mine], positions[mine], strict=True)
             ways = np.array([way_of(system, body, int(arc) - 1, place) for arc, place in places])
             gap = ways - state[2 * body]
             if system.trace.closed:
@@ -499,11 +497,11 @@ def nearest_return(system: TraceSystem, impacts: int | None, longest: float) -> 
     return best[1]
 
 
-def _positions(system: TraceSystem, sample: Any, mine: Any) -> Floats:
+def _positions(system: TraceSystem, sample: Any) -> Floats:
     """Positions on their pieces of the rows of a sample: angles, or distances along lines."""
     start = np.array([piece.start_s for piece in system.trace.pieces])
-    along = sample["s"][mine] - start[sample["arc"][mine] - 1]
-    found: Floats = np.where(np.isnan(sample["angle"][mine]), along, sample["angle"][mine])
+    along = sample["s"] - start[sample["arc"] - 1]
+    found: Floats = np.where(np.isnan(sample["angle"]), along, sample["angle"])
     return found
 
 
