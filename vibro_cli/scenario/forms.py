@@ -20,6 +20,7 @@ import tomllib
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
+from itertools import count
 from typing import Any
 
 from vibro_cli.scenario.problems import FormError, KeyPath, Node, Place, parsed_path, shown
@@ -158,9 +159,7 @@ def _syntax_error(text: str, message: str) -> FormError:
 
 def toml_places(text: str) -> Node:
     """Return the tree of places of a TOML text that `tomllib` has accepted."""
-    scanner = Scanner(text)
-    scanner.scan()
-    return scanner.root
+    return Scanner(text).scan()
 
 
 class Scanner:
@@ -177,8 +176,8 @@ class Scanner:
         self.last_key: KeyPath = ()
         self.last_key_offset = 0
 
-    def scan(self) -> None:
-        """Walk through the whole text."""
+    def scan(self) -> Node:
+        """Walk through the whole text; return the tree of places."""
         table: Node = self.root
         path: KeyPath = ()
         self._skip(_BLANK)
@@ -188,6 +187,7 @@ class Scanner:
             else:
                 self._pair(table, path)
             self._skip(_BLANK)
+        return self.root
 
     def _peek(self, chars: str) -> bool:
         return self.text.startswith(chars, self.at)
@@ -263,37 +263,30 @@ class Scanner:
     def _value(self, path: KeyPath) -> Node:
         node = Node(self.at)
         if self._peek("["):
-            self._list(node, path)
+            for index in self._entries("[", "]"):
+                node.children[index] = self._value((*path, index))
         elif self._peek("{"):
-            self._inline_table(node, path)
+            for _ in self._entries("{", "}"):
+                self._pair(node, path)
         elif self._peek('"') or self._peek("'"):
             self._skip(_STRING)
         else:
             self._skip(_BARE_VALUE)
         return node
 
-    def _list(self, node: Node, path: KeyPath) -> None:
-        self._take("[")
+    def _entries(self, begin: str, end: str) -> Iterator[int]:
+        """Yield the number of each entry of a list or an inline table, where it begins."""
+        self._take(begin)
         self._skip(_BLANK)
-        while not self._peek("]"):
-            index = len(node.children)
-            node.children[index] = self._value((*path, index))
+        for index in count():
+            if self._peek(end):
+                break
+            yield index
             self._skip(_BLANK)
-            if not self._peek("]"):
+            if not self._peek(end):
                 self._take(",")
                 self._skip(_BLANK)
-        self._take("]")
-
-    def _inline_table(self, node: Node, path: KeyPath) -> None:
-        self._take("{")
-        self._skip(_BLANK)
-        while not self._peek("}"):
-            self._pair(node, path)
-            self._skip(_BLANK)
-            if not self._peek("}"):
-                self._take(",")
-                self._skip(_BLANK)
-        self._take("}")
+        self._take(end)
 
 
 class _GivenTwice(Exception):
@@ -325,17 +318,15 @@ def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 def json_places(text: str) -> Node:
     """Return the tree of places of a JSON text; a key given twice is a `FormError`."""
-    scanner = _JsonScanner(text)
-    scanner.scan()
-    return scanner.root
+    return _JsonScanner(text).scan()
 
 
 class _JsonScanner(Scanner):
     """Walks through valid JSON, whose values are those of TOML but for the keys of tables."""
 
-    def scan(self) -> None:
+    def scan(self) -> Node:
         self._skip(_BLANK)
-        self.root = self._value(())
+        return self._value(())
 
     def _pair(self, table: Node, path: KeyPath) -> None:
         start, key = self.at, str(json.loads(self._skip(_STRING)))

@@ -55,11 +55,8 @@ def as_json() -> dict[str, object]:
             "row": table.row,
             "columns": [
                 {
-                    "name": column.name,
-                    "type": column.type,
-                    "unit": column.unit,
-                    "nullable": column.nullable,
-                    "description": column.description,
+                    key: getattr(column, key)
+                    for key in ("name", "type", "unit", "nullable", "description")
                 }
                 for column in table.columns
             ],

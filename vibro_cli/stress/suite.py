@@ -15,10 +15,7 @@ from typing import Any
 from vibro_cli import __version__
 from vibro_cli.errors import VibroError
 from vibro_cli.grids.solving import columns_of_records
-from vibro_cli.storage.files import (
-    json_bytes,
-    write_folder,
-)
+from vibro_cli.storage.files import json_bytes, write_folder
 from vibro_cli.storage.tables import Origin, parquet_bytes, to_arrow
 from vibro_cli.stress.scenes import Finding, Plan
 from vibro_cli.systems import NAMES as SYSTEMS

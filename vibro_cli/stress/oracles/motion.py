@@ -83,10 +83,6 @@ class Course:
     across: Series  # V_y
     rate: Series  # v', not in shares
 
-    def columns(self) -> tuple[Series, ...]:
-        """All its series."""
-        return tuple(vars(self).values())
-
 
 class Constraint(NamedTuple):
     """A pair that keeps its distance: a, b among the bodies of the group."""
@@ -151,10 +147,13 @@ class Group:
             whole(scene.gravity / kappa), whole(scene.turning_square / kappa), whole(scene.axis),
         )  # fmt: skip
 
+    def _series(self) -> list[Series]:
+        """All series of all bodies."""
+        return [one for course in self.courses for one in vars(course).values()]
+
     def tail(self) -> float:
         """Size of the last terms."""
-        columns = [one for course in self.courses for one in course.columns()]
-        last = max(abs(value) for one in columns for value in one[-3:])
+        last = max(abs(value) for one in self._series() for value in one[-3:])
         return float(last) / 2.0**BITS
 
     def shorten(self, ratio: Real) -> None:
@@ -164,8 +163,7 @@ class Group:
         for _ in self.courses[0].x:
             powers.append(power)
             power = scaled(power, factor)
-        columns = [one for course in self.courses for one in course.columns()]
-        for one in (*columns, *self.forces):
+        for one in (*self._series(), *self.forces):
             for k, value in enumerate(one):
                 one[k] = scaled(value, powers[k])
 
