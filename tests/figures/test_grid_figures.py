@@ -386,6 +386,6 @@ def test_the_places_on_a_table_are_of_a_ball_not_of_the_left_one() -> None:
 
 def test_values_that_are_one_but_for_rounding_have_an_axis_around_them() -> None:
     axes = Figure().add_subplot()
-    value_axis(axes, 0.4244596862733530, 0.4244596862733532, 20.0, "first impact", "s")
+    value_axis(axes, [0.4244596862733530, 0.4244596862733532], "first impact", "s")
     assert axes.get_ylabel() == "first impact [s]"
     assert axes.get_ylim()[0] == pytest.approx(0.4244596862733531 * 0.5, rel=0.2)

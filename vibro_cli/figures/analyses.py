@@ -19,16 +19,15 @@ from vibro_cli.analysis.basins import (
     outcomes_of,
 )
 from vibro_cli.figures import style
-from vibro_cli.figures.chart import BAND, count_axis, log_axis, stacked, value_axis
+from vibro_cli.figures.chart import BAND, BAND_KEY, count_axis, log_axis, stacked, value_axis
 from vibro_cli.figures.labels import Entry
 from vibro_cli.figures.maps import Categories, Lattice, Swept, category_map, ended, lattice
+from vibro_cli.figures.style import Look, line, mark, panel_size
 from vibro_cli.figures.ticks import label_axis, number_ticks
 
 _FIT_HEIGHTS = {"single": 24.0, "double": 32.0}
-_POINT: dict[str, Any] = {
-    "marker": "o", "markersize": 2.2, "linestyle": "none", "color": style.BLUE,
-}  # fmt: skip
-_BEFORE = _POINT | {"marker": "s", "color": style.VERMILLION, "fillstyle": "none"}
+_POINT = mark("o", 2.2, style.BLUE)
+_BEFORE = mark("s", 2.2, style.VERMILLION) | {"fillstyle": "none"}
 _SPREAD = 2.0
 _LABEL = 8.5
 """Distance of a vertical axis' label from the axis (mm)."""
@@ -51,13 +50,10 @@ def fit_figure(found: dict[str, Any], width: str) -> Figure:
     entries: list[Entry] = [
         ("before the fit", _BEFORE),
         ("after it", _POINT),
-        (
-            r"$\pm 2\sigma$",
-            {"color": BAND["color"], "linewidth": 4.0, "solid_capstyle": "butt"},
-        ),
+        (r"$\pm 2\sigma$", BAND_KEY),
     ]
     with style.journal():
-        figure, panels, widths = stacked(width, [_FIT_HEIGHTS[width]] * 2, entries=entries)
+        figure, panels = stacked(width, [_FIT_HEIGHTS[width]] * 2, entries=entries)
         for axes, name, look in zip(panels, ("first", "residual"), (_BEFORE, _POINT), strict=True):
             late = 1e3 * np.asarray(found[name], dtype=np.float64)
             spread = _SPREAD * noise
@@ -66,21 +62,16 @@ def fit_figure(found: dict[str, Any], width: str) -> Figure:
             axes.fill_between(around, -wide, wide, step="mid", **BAND)
             axes.axhline(0.0, color=style.FRAME_GREY, linewidth=0.4)
             axes.errorbar(number, late, noise, elinewidth=0.6, **look)
-            low = float(np.nanmin([*(late - noise), *-spread]))
-            high = float(np.nanmax([*(late + noise), *spread]))
-            value_axis(axes, low, high, _FIT_HEIGHTS[width], r"$t_{n}-T_{n}$", "ms")
-            axes.yaxis.set_label_coords(-_LABEL / widths[0], 0.5)
-            count_axis(axes, number, widths[0], axes is panels[-1])
+            reached = np.concatenate([late - noise, late + noise, -spread, spread])
+            value_axis(axes, reached, r"$t_{n}-T_{n}$", "ms")
+            axes.yaxis.set_label_coords(-_LABEL / panel_size(axes)[0], 0.5)
+            count_axis(axes, number, axes is panels[-1])
     return figure
 
 
 _BRANCH_HEIGHTS = {"single": 32.0, "double": 42.0}
-STABLE: dict[str, Any] = {"color": style.BLUE, "linewidth": 1.2, "linestyle": "solid"}
-UNSTABLE: dict[str, Any] = {
-    "color": style.VERMILLION,
-    "linewidth": 0.9,
-    "linestyle": (0, (3.0, 1.2)),
-}
+STABLE = line(style.BLUE, 1.2)
+UNSTABLE = line(style.VERMILLION, 0.9, (3.0, 1.2))
 _MARKS = {
     "doubling": ("s", "doubling"), "fold": ("D", "fold"), "exchange": ("^", "exchange"),
     "grazing": ("x", "grazing end"), "coincidence": ("+", "two events at once"),
@@ -110,7 +101,7 @@ def branch_figure(found: dict[str, Any], label: str, width: str) -> Figure:
         *((label, _look(marker)) for marker, label in marks),
     ]  # fmt: skip
     with style.journal():
-        figure, panels, widths = stacked(width, [_BRANCH_HEIGHTS[width]] * 2, entries=entries)
+        figure, panels = stacked(width, [_BRANCH_HEIGHTS[width]] * 2, entries=entries)
         names = (("period", "$T$", "s"), ("multiplier", r"$|\mu|$", ""))
         for axes, (name, symbol, unit) in zip(panels, names, strict=True):
             height = np.asarray(found[name])
@@ -123,27 +114,17 @@ def branch_figure(found: dict[str, Any], label: str, width: str) -> Figure:
             for kind, x, y in zip(kinds, value, height, strict=True):
                 if kind:
                     axes.plot([x], [y], **_look(_MARKS.get(kind, _OTHER)[0]))
-            value_axis(
-                axes,
-                float(np.min(height)),
-                float(np.max(height)),
-                _BRANCH_HEIGHTS[width],
-                symbol,
-                unit,
-            )
+            value_axis(axes, height, symbol, unit)
             low, high = float(np.min(value)), float(np.max(value))
             span = low, high if high > low else low + 1.0
             axes.set_xlim(span)
-            ticks = number_ticks(*span, widths[0])
+            ticks = number_ticks(*span, panel_size(axes)[0])
             label_axis(axes.xaxis, ticks, label, "", axes is panels[-1])
     return figure
 
 
-def _look(marker: str) -> dict[str, Any]:
-    return {
-        "marker": marker, "color": style.BLACK, "linestyle": "none", "markersize": 3.4,
-        "fillstyle": "none", "clip_on": False, "zorder": 4.0,
-    }  # fmt: skip
+def _look(marker: str) -> Look:
+    return mark(marker, 3.4, style.BLACK) | {"fillstyle": "none", "clip_on": False, "zorder": 4.0}
 
 
 # Told apart in grey too.
@@ -152,10 +133,8 @@ _COLOURS = (
     "#00463A",
 )  # fmt: skip
 _OTHERS = "#8a8a8a"
-_SHARE_POINT: dict[str, Any] = {
-    "marker": "o", "markersize": 3.2, "linestyle": "none", "color": style.BLUE,
-}  # fmt: skip
-_LINE: dict[str, Any] = {"color": style.BLACK, "linewidth": 0.8}
+_SHARE_POINT = mark("o", 3.2, style.BLUE)
+_LINE = line(style.BLACK, 0.8)
 _SCALING_HEIGHTS = {"single": 42.0, "double": 56.0}
 
 
@@ -189,14 +168,14 @@ class Mapped:
         if found.exponent is None:
             return None
         slope = found.exponent.value
-        line = np.log(found.distances) - np.log(found.distances).mean()
-        fitted = np.exp(np.log(found.uncertain).mean() + slope * line)
+        away = np.log(found.distances) - np.log(found.distances).mean()
+        fitted = np.exp(np.log(found.uncertain).mean() + slope * away)
         entries: list[Entry] = [
             ("starts with another outcome within the distance", _SHARE_POINT),
             (rf"slope ${slope:.3f}\pm{found.exponent.error:.3f}$", _LINE),
         ]
         with style.journal():
-            figure, (axes,), _ = stacked(width, [_SCALING_HEIGHTS[width]], entries=entries)
+            figure, (axes,) = stacked(width, [_SCALING_HEIGHTS[width]], entries=entries)
             axes.plot(found.distances, fitted, **_LINE)
             axes.plot(found.distances, found.uncertain, **_SHARE_POINT)
             log_axis(axes, np.concatenate([found.uncertain, fitted]), "share of the starts", "")

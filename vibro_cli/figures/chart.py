@@ -12,12 +12,12 @@ from matplotlib.axes import Axes
 from matplotlib.colors import Colormap, Normalize, to_rgba
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from vibro_cli.figures import style
 from vibro_cli.figures.labels import LINE, Entry, draw_legend, rows_of, short_number
 from vibro_cli.figures.source import Array, Integers, Recorded
-from vibro_cli.figures.style import MM, width_of
+from vibro_cli.figures.style import MM, Look, line, panel_size, width_of
 from vibro_cli.figures.ticks import (
     CHARACTER,
     Ticks,
@@ -36,8 +36,7 @@ _BETWEEN = 3.0
 _BOTTOM = 8.5
 MOST_VECTOR_POINTS = 20000
 """Of more points than this a curve is rasterised in PDF and SVG."""
-_MOST_NAMED = 6
-MOST_LOOKS = 12
+_MOST_LOOKS = 12
 """Bodies that have a look of their own."""
 _WIDE_RANGE = 50.0
 """A range wider than this is shown on a logarithmic axis."""
@@ -47,12 +46,15 @@ _BELOW = 1.3
 """Room below the lowest of them (mm), clear of the numbers of the horizontal axis."""
 _DASHES: tuple[Any, ...] = ("solid", (0, (5, 1.5)), (0, (1, 1)), (0, (5, 1.5, 1, 1.5)))
 _COLOURS = (style.BLUE, style.VERMILLION, style.GREEN, "#CC79A7", "#E69F00", "#56B4E9")
-TOTAL: dict[str, Any] = {"color": style.BLACK, "linewidth": 0.9, "linestyle": "solid"}
-BAND: dict[str, Any] = {"color": "#e3e3e3", "linewidth": 0.0, "zorder": 0.5}
+MOST_COLOURS = len(_COLOURS)
+TOTAL = line(style.BLACK, 0.9)
+BAND: Look = {"color": "#e3e3e3", "linewidth": 0.0, "zorder": 0.5}
+BAND_KEY = line("#e3e3e3", 4.0) | {"solid_capstyle": "butt"}
+"""The band in a legend."""
 CONTACT_LABEL = "lasting contact"
 
 
-def body_look(ball: int) -> dict[str, Any]:
+def body_look(ball: int) -> Look:
     """Return the line of a body (from 1): colour and dashes, told apart in grey too."""
     return {
         "color": _COLOURS[(ball - 1) % len(_COLOURS)],
@@ -123,18 +125,10 @@ def in_rows(
     return Sheet(wide, total), corners
 
 
-def panel_size(axes: Axes) -> tuple[float, float]:
-    """Return width and height of a panel (mm)."""
-    figure = axes.get_figure(root=True)
-    assert figure is not None
-    box = axes.get_position()
-    return box.width * figure.get_figwidth() / MM, box.height * figure.get_figheight() / MM
-
-
 def stacked(
     width: str, heights: Sequence[float], above: float = 5.5, entries: Sequence[Entry] = ()
-) -> tuple[Figure, list[Axes], list[float]]:
-    """Return a figure with panels of the given heights (mm), top to bottom, and their widths (mm).
+) -> tuple[Figure, list[Axes]]:
+    """Return a figure with panels of the given heights (mm), top to bottom.
 
     `above` is the room for a line of legend (mm), `entries` the legend if it may have more.
     Raises ValueError for a width that is neither `single` nor `double`.
@@ -144,26 +138,23 @@ def stacked(
     above += LINE * max(len(rows) - 1, 0)
     total = above + sum(heights) + _BETWEEN * (len(heights) - 1) + _BOTTOM
     sheet = Sheet(wide, total)
-    inner = wide - LEFT - RIGHT
     panels = []
     top = total - above
     for high in heights:
-        panels.append(sheet.panel(LEFT, top - high, inner, high))
+        panels.append(sheet.panel(LEFT, top - high, wide - LEFT - RIGHT, high))
         top -= high + _BETWEEN
     draw_legend(sheet.figure, rows)
-    return sheet.figure, panels, [inner] * len(heights)
+    return sheet.figure, panels
 
 
-def time_axis(
-    axes: Axes, end: float, width: float, labelled: bool, whole: float | None = None
-) -> None:
+def time_axis(axes: Axes, end: float, labelled: bool = True, whole: float | None = None) -> None:
     """Set the horizontal axis of time from 0 to `end` (s), of a run as long as `whole` (s).
 
     Its label says which part is shown, where that is not the whole run.
     """
     end = end if end > 0.0 else 1.0
     axes.set_xlim(0.0, end)
-    ticks = _clear_of_edge(number_ticks(0.0, end, width), (0.0, end), width)
+    ticks = _clear_of_edge(axes)
     part = "" if whole is None else first_part(end, whole)
     label_axis(axes.xaxis, ticks, "$t$", "s", labelled, part)
 
@@ -175,16 +166,17 @@ def first_part(end: float, whole: float) -> str:
     return f", the first {short_number(end, 3)} s of {short_number(whole, 4)} s"
 
 
-def _clear_of_edge(ticks: Ticks, span: tuple[float, float], width: float) -> Ticks:
+def _clear_of_edge(axes: Axes, whole: bool = False) -> Ticks:
     """Return ticks of a horizontal axis without the labels that would reach over the edge."""
-    labels = []
+    (low, high), (width, _) = axes.get_xlim(), panel_size(axes)
+    ticks, labels = number_ticks(low, high, width, whole), []
     for place, text in zip(ticks.places, ticks.labels, strict=True):
-        room = (span[1] - place) / (span[1] - span[0]) * width + RIGHT
+        room = (high - place) / (high - low) * width + RIGHT
         labels.append(text if room > 0.6 * CHARACTER * len(text) else "")
     return replace(ticks, labels=tuple(labels))
 
 
-def count_axis(axes: Axes, numbers: Any, width: float, labelled: bool) -> None:
+def count_axis(axes: Axes, numbers: Any, labelled: bool = True) -> None:
     """Set the horizontal axis of the numbers of impacts."""
     low, high = (0.5, float(np.max(numbers)) + 0.5) if len(numbers) else (0.5, 1.5)
     axes.set_xlim(low, high)
@@ -192,65 +184,71 @@ def count_axis(axes: Axes, numbers: Any, width: float, labelled: bool) -> None:
         numbers = range(1, int(high + 0.5))
         ticks = Ticks(tuple(map(float, numbers)), tuple(map(str, numbers)))
     else:
-        ticks = number_ticks(low, high, width, whole=True)
-        ticks = _clear_of_edge(ticks, (low, high), width)
+        ticks = _clear_of_edge(axes, whole=True)
     label_axis(axes.xaxis, ticks, "impact $n$", "", labelled)
 
 
-def value_axis(axes: Axes, low: float, high: float, height: float, symbol: str, unit: str) -> None:
-    """Set a vertical axis with round numbers, in units of a power of ten where they are long.
+def value_axis(
+    axes: Axes, values: ArrayLike, symbol: str, unit: str, height: float | None = None
+) -> None:
+    """Set a vertical axis that shows values, with round numbers; those not finite do not count.
 
-    Angles (rad) have parts of π. Values that are one but for rounding lie in the middle.
+    In units of a power of ten where the numbers are long; angles (rad) have parts of π. There are
+    as many as a panel of a height (mm) has room for, by default one as high as this. Values that
+    are one but for rounding lie in the middle.
     """
+    finite = np.asarray(values, dtype=np.float64)
+    finite = finite[np.isfinite(finite)]
+    low, high = (float(np.min(finite)), float(np.max(finite))) if len(finite) else (0.0, 1.0)
     if not high - low > 4.0 * EPSILON * max(abs(low), abs(high)):
         low, high = low - 0.5 * (abs(low) or 1.0), high + 0.5 * (abs(high) or 1.0)
     low, high = limits_apart(low, high)
     room = 0.06 * (high - low)
     axes.set_ylim(low - room, high + room)
     ticked = vertical_angle_ticks if unit == "rad" else vertical_ticks
-    label_axis(axes.yaxis, ticked(low - room, high + room, height), symbol, unit)
+    label_axis(axes.yaxis, ticked(*axes.get_ylim(), height or panel_size(axes)[1]), symbol, unit)
 
 
-def plane_axes(
-    axes: Axes, low: Array, high: Array, size: Array, labelled: bool = True, after: str = ""
-) -> None:
-    """Set both axes of a plane in m, from the corner `low` to `high`; `size` of the panel in mm.
+def plane_axes(axes: Axes, low: Array, high: Array, labelled: bool = True, after: str = "") -> None:
+    """Set both axes of a plane in m, from the corner `low` to `high`.
 
     Without `labelled` the horizontal axis has ticks, but no numbers and no name, behind which
     `after` is said.
     """
     axes.set_xlim(low[0], high[0])
     axes.set_ylim(low[1], high[1])
-    panel = float(size[0]), float(size[1])
-    number_plane(axes, panel, ("$x$", "m"), ("$y$", "m"), labelled, after)
+    number_plane(axes, ("$x$", "m"), ("$y$", "m"), labelled, after)
 
 
 def number_plane(
     axes: Axes,
-    size: tuple[float, float],
     across: tuple[str, str],
     along: tuple[str, str],
     labelled: bool = True,
     after: str = "",
+    larger: float = 1.0,
 ) -> None:
-    """Write numbers and names at both axes of a plane whose limits are set; `size` in mm.
+    """Write numbers and names at both axes of a plane whose limits are set.
 
-    `across` and `along` are symbols and units, `after` is said behind the first.
+    `across` and `along` are symbols and units, `after` is said behind the first; letters are
+    `larger` than in print by this factor.
     """
-    label_axis(axes.xaxis, number_ticks(*axes.get_xlim(), size[0]), *across, labelled, after)
-    label_axis(axes.yaxis, vertical_ticks(*axes.get_ylim(), size[1]), *along)
+    wide, high = panel_size(axes)
+    across_ticks = number_ticks(*axes.get_xlim(), wide / larger)
+    label_axis(axes.xaxis, across_ticks, *across, labelled, after)
+    label_axis(axes.yaxis, vertical_ticks(*axes.get_ylim(), high / larger), *along)
 
 
-def positive_axis(axes: Axes, values: Array, height: float, symbol: str, unit: str) -> None:
+def positive_axis(axes: Axes, values: Array, symbol: str, unit: str) -> None:
     """Set a vertical axis of values that are not negative: logarithmic where they range widely.
 
-    Else from 0; `height` is that of the panel (mm).
+    Else from 0.
     """
     positive = values[np.isfinite(values) & (values > 0.0)]
     if len(positive) and float(np.max(positive)) > _WIDE_RANGE * float(np.min(positive)):
         log_axis(axes, positive, symbol, unit)
     else:
-        value_axis(axes, 0.0, float(np.max(positive, initial=0.0)), height, symbol, unit)
+        value_axis(axes, np.append(positive, 0.0), symbol, unit)
 
 
 def log_axis(axes: Axes, values: Array, symbol: str, unit: str) -> None:
@@ -295,13 +293,12 @@ def draw_contacts(axes: Axes, spans: Sequence[tuple[float, float]]) -> None:
         axes.axvspan(start, end, **BAND)
 
 
-def band_entry(spans: Sequence[tuple[float, float]]) -> list[tuple[str, dict[str, Any]]]:
+def band_entry(spans: Sequence[tuple[float, float]]) -> list[Entry]:
     """Return the legend's entry of the bands, if there are any."""
-    look = {"color": BAND["color"], "linewidth": 4.0}
-    return [(CONTACT_LABEL, look)] if spans else []
+    return [(CONTACT_LABEL, line(BAND["color"], 4.0))] if spans else []
 
 
-def body_entries(run: Any, most: int = _MOST_NAMED) -> list[tuple[str, dict[str, Any]]]:
+def body_entries(run: Any, most: int = _MOST_LOOKS) -> list[Entry]:
     """Return the legend's entries of the bodies; of more than `most` only the first."""
     number = len(run.system.bodies)
     shown = range(1, min(number, most) + 1)

@@ -58,8 +58,7 @@ class Link:
         along = np.array([x, y]) - self.foot
         length = float(np.hypot(*along)) or 1.0
         side = np.array([-along[1], along[0]]) / length
-        points: Array = self.foot + self.coil[:, :1] * along + self.coil[:, 1:] * side
-        return points
+        return self.foot + self.coil[:, :1] * along + self.coil[:, 1:] * side
 
 
 @dataclass(frozen=True)
@@ -242,7 +241,6 @@ _WIDE = 1.7
 _MARGIN = 0.06
 _LEAST = 0.008
 """Least radius of a body that is drawn, as a share of the width of the plan."""
-_INCH = 25.4
 _LARGER = 1.6
 """How much larger letters are than in print: a film is looked at on a phone too."""
 
@@ -289,7 +287,6 @@ class Stage:
     def _draw_plane(self, panel: Panel) -> None:
         """Draw the axes of speed against place, as wide as the motion, between frames too."""
         axes, frames = self.plane, self.frames
-        box = axes.get_position()
         across = [frames.across.ravel(), *(way.across for way in frames.trails)]
         up = [frames.up.ravel(), *(way.up for way in frames.trails)]
         for values, limits in ((across, axes.set_xlim), (up, axes.set_ylim)):
@@ -297,11 +294,7 @@ class Stage:
             low, high = float(np.nanmin(reached)), float(np.nanmax(reached))
             room = _MARGIN * (high - low) or 0.1 * abs(high) or 1.0
             limits(*limits_apart(low - room, high + room))
-        size = (
-            box.width * SIZE[0] * _INCH / _LARGER,
-            box.height * SIZE[1] * _INCH / _LARGER,
-        )
-        number_plane(axes, size, (f"${panel.symbol}$", "m"), ("$v$", "m/s"))
+        number_plane(axes, (f"${panel.symbol}$", "m"), ("$v$", "m/s"), larger=_LARGER)
         for place in panel.lines:
             axes.axvline(place, color=style.LEVEL_GREY, linewidth=0.5, zorder=0.8)
 
@@ -363,8 +356,7 @@ class Film(Stage):
                 ):
                     axes.draw_artist(artist)
             self._clock.draw(self.canvas.get_renderer())
-        picture: NDArray[np.uint8] = np.array(self.canvas.buffer_rgba())[:, :, :3]
-        return picture
+        return np.array(self.canvas.buffer_rgba())[:, :, :3]
 
     def _move(self, frame: int, body: int, moving: _Moving) -> None:
         """Bring a body, its link, its point and its trail to a frame."""

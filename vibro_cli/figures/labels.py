@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib import patheffects
@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 
 from vibro_cli.figures import style
 from vibro_cli.figures.source import Array
-from vibro_cli.figures.style import MM
+from vibro_cli.figures.style import MM, Look, panel_size
 
 _MIDDLE = 2.2
 """Distance of the line from the top of the figure (mm)."""
@@ -30,7 +30,7 @@ _HANDLE = 6.7
 """Width of a mark of a legend with the room around it (mm)."""
 HALO = [patheffects.withStroke(linewidth=1.4, foreground="white")]
 """Around what is written over lines."""
-SAY: dict[str, Any] = {"fontsize": style.SMALL, "color": style.FRAME_GREY}
+SAY: Look = {"fontsize": style.SMALL, "color": style.FRAME_GREY}
 """The look of words over and under panels."""
 LINE = 3.4
 """Height of a line of a legend (mm)."""
@@ -42,7 +42,7 @@ _RIGHT = 2.5
 _SHARES = (0.9, 0.8, 0.7, 0.6)
 """Of the width, that rows of a legend are tried in."""
 
-Entry = tuple[str, dict[str, Any]]
+Entry = tuple[str, Look]
 """What is written, and the looks of its line or mark."""
 
 
@@ -134,7 +134,7 @@ def _draw_bar(figure: Figure, width: float, height: float, words: Bar) -> None:
     bar.imshow(np.arange(256)[None, :], aspect="auto", cmap=style.time_colours())
     bar.set_xticks([])
     bar.set_yticks([])
-    before: dict[str, Any] = {"ha": "right", "va": "center_baseline", "fontsize": style.SMALL}
+    before: Look = {"ha": "right", "va": "center_baseline", "fontsize": style.SMALL}
     figure.text((left - 0.8) / width, middle / height, words.first, **before)
     after = before | {"ha": "left"}
     figure.text((left + _BAR[0] + 0.8) / width, middle / height, words.last, **after)
@@ -276,14 +276,14 @@ def write_names(
     axes: Axes,
     names: Sequence[Named],
     obstacles: Array,
-    size: tuple[float, float],
     figures: Sequence[Array] = (),
 ) -> None:
     """Write names beside their points, where they cover least of `obstacles`, shape (n, 2).
 
-    Points in the units of the axes, `size` of the panel in mm. Names that stand far get lines.
-    `figures` are the middles of single figures that are written already.
+    Points in the units of the axes. Names that stand far get lines. `figures` are the middles of
+    single figures that are written already.
     """
+    size = panel_size(axes)
     (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
     corner = np.array([left, low])
     scale = np.array([size[0] / (right - left), size[1] / (high - low)])

@@ -22,9 +22,9 @@ from numpy.typing import NDArray
 from vibro_cli.analysis.basins import Codes, codes_of, combined
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import Sheet, draw_dots
-from vibro_cli.figures.labels import LINE, draw_legend, rows_of, text_width
+from vibro_cli.figures.labels import LINE, Entry, draw_legend, rows_of, text_width
 from vibro_cli.figures.source import Array
-from vibro_cli.figures.style import MM, width_of
+from vibro_cli.figures.style import MM, mark, panel_size, width_of
 from vibro_cli.figures.ticks import (
     LEAST,
     Ticks,
@@ -120,8 +120,7 @@ class Coordinate:
     @property
     def different(self) -> Array:
         """The different places, rising."""
-        places: Array = np.unique(self.place)
-        return places
+        return np.unique(self.place)
 
     @property
     def is_even(self) -> bool:
@@ -138,8 +137,7 @@ class Coordinate:
             return around
         middles = 0.5 * (places[1:] + places[:-1])
         first, last = 2.0 * places[0] - middles[0], 2.0 * places[-1] - middles[-1]
-        edges: Array = np.concatenate([[first], middles, [last]])
-        return edges
+        return np.concatenate([[first], middles, [last]])
 
     def ticks(self, low: float, high: float, length: float, vertical: bool) -> Ticks:
         """Return ticks for a figure's axis of a length (mm)."""
@@ -252,13 +250,13 @@ def _coordinate(grid: Swept, path: str, rows: NDArray[np.int64]) -> Coordinate:
     return Coordinate(path, unit, place, tuple(map(str, words[order][:_MOST_WORDS])))
 
 
-def set_axis(axis: Axis, one: Coordinate, length: float, labelled: bool = True) -> None:
-    """Set limits, ticks and, if `labelled`, the label of an axis of a figure, of a length (mm)."""
+def set_axis(axis: Axis, one: Coordinate, labelled: bool = True) -> None:
+    """Set limits, ticks and, if `labelled`, the label of an axis of a figure."""
     edges = one.edges()
     low, high = float(edges[0]), float(edges[-1])
     vertical = isinstance(axis, YAxis)
     (axis.axes.set_ylim if vertical else axis.axes.set_xlim)(low, high)
-    ticks = one.ticks(low, high, length, vertical)
+    ticks = one.ticks(low, high, panel_size(axis.axes)[vertical], vertical)
     label_axis(axis, ticks, one.symbol or words_of(one.path), one.unit, labelled)
 
 
@@ -307,16 +305,16 @@ class Categories:
         number = len(self.palette)
         return BoundaryNorm(np.arange(number + 1) - 0.5, number)
 
-    def entries(self) -> list[tuple[str, dict[str, Any]]]:
+    def entries(self) -> list[Entry]:
         """Return the legend."""
-        return list(zip(self.names, map(_patch, self.palette), strict=True))
+        patches = [mark("s", 4.5, colour, style.FRAME_GREY, 0.3) for colour in self.palette]
+        return list(zip(self.names, patches, strict=True))
 
 
 def ended(grid: Swept) -> Column:
     """Return the cause that ended the run of each point, or its status where it has none."""
     summary = grid.summary
-    found: Column = np.where(summary["status"] == "ok", summary["end_cause"], summary["status"])
-    return found
+    return np.where(summary["status"] == "ok", summary["end_cause"], summary["status"])
 
 
 @dataclass(frozen=True)
@@ -345,18 +343,6 @@ class Endings(Categories):
             for cause, count in zip(causes, counts, strict=True)
         ]
         return Endings(code, tuple(names), tuple(COLOURS[cause] for cause in causes), tuple(causes))
-
-
-def _patch(colour: str) -> dict[str, Any]:
-    """Return the look of a colour in a legend."""
-    return {
-        "marker": "s",
-        "markersize": 4.5,
-        "markerfacecolor": colour,
-        "markeredgecolor": "#303030",
-        "markeredgewidth": 0.3,
-        "linestyle": "none",
-    }
 
 
 def grouped(count: int) -> str:
@@ -456,12 +442,11 @@ def _panel(shown: Lattice, width: str, legend: float, right: float) -> tuple[Fig
     edges = along.edges()
     ticks = along.ticks(float(edges[0]), float(edges[-1]), high, vertical=True)
     left = _LABEL + along.label_width(ticks)
-    inner = wide - left - right
     total = _TOP + legend + high + _BOTTOM
     sheet = Sheet(wide, total)
-    axes = sheet.panel(left, _BOTTOM, inner, high)
-    set_axis(axes.xaxis, across, inner)
-    set_axis(axes.yaxis, along, high)
+    axes = sheet.panel(left, _BOTTOM, wide - left - right, high)
+    set_axis(axes.xaxis, across)
+    set_axis(axes.yaxis, along)
     return sheet.figure, axes
 
 

@@ -35,6 +35,7 @@ from vibro_cli.figures.maps import (
     set_axis,
 )
 from vibro_cli.figures.source import Array
+from vibro_cli.figures.style import mark
 from vibro_cli.figures.ticks import symbol_of
 from vibro_cli.mechanics.trace import HUMP, VALLEY
 from vibro_cli.scenario.base import Listed, checked
@@ -42,19 +43,12 @@ from vibro_cli.scenario.problems import suggestion
 from vibro_cli.scenario.quantities import Count
 from vibro_cli.systems.wanted import FINAL
 
-_ROW = {"single": (26.0,) * 4, "double": (34.0,) * 4}
+_ROW = {"single": 26.0, "double": 34.0}
 _DIAGRAM = {"single": 58.0, "double": 80.0}
 _WIDE_RANGE = 50.0
 FIRST = 20
 """Impacts of each run whose times are shown."""
-ENDED: dict[str, Any] = {
-    "marker": "x",
-    "markersize": 3.0,
-    "markeredgewidth": 0.7,
-    "color": style.VERMILLION,
-    "linestyle": "none",
-    "zorder": 2.5,
-}
+ENDED = mark("x", 3.0, style.VERMILLION) | {"markeredgewidth": 0.7, "zorder": 2.5}
 PLACES = (
     ("s_a", "$s$ of the left body", "m"),
     ("x_a", "$x$ of the left body", "m"),
@@ -92,14 +86,11 @@ def curves(grid: Swept, width: str = "single") -> Figure | None:
         return None
     panels = [one for one in panels if np.nanmin(one[0]) < np.nanmax(one[0])] or panels[:1]
     with style.journal():
-        heights = _ROW[width][: len(panels)]
-        figure, drawn, across = stacked(width, heights, entries=endings.entries())
-        for axes, (values, symbol, unit), wide, high in zip(
-            drawn, panels, across, _ROW[width], strict=False
-        ):
+        figure, drawn = stacked(width, [_ROW[width]] * len(panels), entries=endings.entries())
+        for axes, (values, symbol, unit) in zip(drawn, panels, strict=True):
             _dots(axes, shown, values, endings)
-            _value(axes, values, high, symbol, unit)
-            set_axis(axes.xaxis, shown.coordinates[0], wide, labelled=axes is drawn[-1])
+            _value(axes, values, symbol, unit)
+            set_axis(axes.xaxis, shown.coordinates[0], labelled=axes is drawn[-1])
     return figure
 
 
@@ -108,10 +99,6 @@ _NEEDED = ("energy_start", "energy_end", "first_collision_time")
 
 def _dots(axes: Axes, shown: Lattice, values: Array, endings: Endings) -> None:
     size = float(np.clip(1500.0 / len(values), 0.5, 7.0))
-    look: dict[str, Any] = {
-        "edgecolors": style.FRAME_GREY,
-        "linewidths": 0.2 if size > 2.0 else 0.0,
-    }
     dots = axes.scatter(
         shown.coordinates[0].place,
         values,
@@ -120,18 +107,17 @@ def _dots(axes: Axes, shown: Lattice, values: Array, endings: Endings) -> None:
         norm=endings.norm(),
         s=size,
         zorder=2.0,
-        **look,
+        edgecolors=style.FRAME_GREY,
+        linewidths=0.2 if size > 2.0 else 0.0,
     )
     dots.set_rasterized(len(values) > MOST_VECTOR_POINTS)
 
 
-def _value(axes: Axes, values: Array, high: float, symbol: str, unit: str) -> None:
-    finite = values[np.isfinite(values)]
-    low, top = float(np.min(finite)), float(np.max(finite))
-    if low > 0.0 and top > _WIDE_RANGE * low:
-        log_axis(axes, finite, symbol, unit)
+def _value(axes: Axes, values: Array, symbol: str, unit: str) -> None:
+    if 0.0 < _WIDE_RANGE * np.nanmin(values) < np.nanmax(values):
+        log_axis(axes, values, symbol, unit)
     else:
-        value_axis(axes, low if unit else min(low, 0.0), top, high, symbol, unit)
+        value_axis(axes, values if unit else np.append(values, 0.0), symbol, unit)
 
 
 def place_column(grid: Swept) -> tuple[str, str, str] | None:
@@ -182,11 +168,10 @@ def _impacts_over(
         return None
     number, values, row = number[kept], values[kept], row[kept]
     places, ends = _early_ends(grid, shown, most) if name == "t" else (np.empty(0), np.empty(0))
-    every = np.concatenate([values, ends])
     with style.journal():
-        figure, (axes,), across = stacked(width, [_DIAGRAM[width]])
-        value_axis(axes, float(np.min(every)), float(np.max(every)), _DIAGRAM[width], symbol, unit)
-        set_axis(axes.xaxis, shown.coordinates[0], across[0])
+        figure, (axes,) = stacked(width, [_DIAGRAM[width]])
+        value_axis(axes, np.concatenate([values, ends]), symbol, unit)
+        set_axis(axes.xaxis, shown.coordinates[0])
         size = float(np.clip(6000.0 / len(values), 0.15, 4.0))
         norm = Normalize(float(np.min(number)), float(np.max(number)))
         along = shown.coordinates[0].place[row]
@@ -378,10 +363,10 @@ def bifurcation(
         raise NothingToShow(section.why_none(section.counts(impacts, row), held))
     across = shown.coordinates[0]
     with style.journal():
-        figure, drawn, wide = stacked(width, [_HIGH[width]] * len(panels), 2.0)
-        for axes, panel, inner in zip(drawn, panels, wide, strict=True):
+        figure, drawn = stacked(width, [_HIGH[width]] * len(panels), 2.0)
+        for axes, panel in zip(drawn, panels, strict=True):
             values = np.asarray(impacts[panel[0]], dtype=np.float64)[chosen]
-            set_axis(axes.xaxis, across, inner, labelled=axes is drawn[-1])
+            set_axis(axes.xaxis, across, labelled=axes is drawn[-1])
             _draw_over(axes, across.place[row][chosen], values, panel, width)
     return figure
 
@@ -414,8 +399,8 @@ def poincare(
     name, symbol, unit = quantities[0]
     along = Coordinate(name, unit, x, (), symbol)
     with style.journal():
-        figure, (axes,), (inner,) = stacked(width, [_SQUARE[width]], 2.0)
-        set_axis(axes.xaxis, along, inner)
+        figure, (axes,) = stacked(width, [_SQUARE[width]], 2.0)
+        set_axis(axes.xaxis, along)
         _draw_over(axes, x, y, quantities[1], width)
         low, high = axes.get_xlim()
         axes.set_xlim(low - _MARGIN * (high - low), high + _MARGIN * (high - low))
@@ -425,8 +410,6 @@ def poincare(
 def _draw_over(axes: Axes, places: Array, values: Array, quantity: Quantity, width: str) -> None:
     """Draw values as dots over places, along an axis that is set."""
     _, symbol, unit = quantity
-    finite = values[np.isfinite(values)]
-    low, high = (float(np.min(finite)), float(np.max(finite))) if len(finite) else (0.0, 1.0)
-    value_axis(axes, low, high, _HIGH[width], symbol, unit)
+    value_axis(axes, values, symbol, unit, _HIGH[width])
     black, size = ListedColormap([style.BLACK]), float(np.clip(6000 / len(values), 0.15, 4))
     draw_dots(axes, places, values, np.ones(len(values)), black, Normalize(0, 1), size)

@@ -10,6 +10,7 @@ from typing import Any
 
 import matplotlib
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.colors import Colormap, ListedColormap
 from matplotlib.figure import Figure
 
@@ -27,6 +28,15 @@ def width_of(width: str) -> float:
 MM = 1.0 / 25.4
 """One millimetre in inches."""
 
+
+def panel_size(axes: Axes) -> tuple[float, float]:
+    """Return width and height of a panel (mm), without the rounding of its shares of a figure."""
+    figure, box = axes.get_figure(root=True), axes.get_position()
+    assert figure is not None
+    wide, high = figure.get_size_inches() / MM * (box.width, box.height)
+    return round(float(wide), 9), round(float(high), 9)
+
+
 TEXT = 8.0
 """Size of axis labels (pt)."""
 SMALL = 7.0
@@ -42,6 +52,33 @@ BLACK = "#000000"
 LEVEL_GREY = "#c9c9c9"
 SEPARATRIX_GREY = "#5a5a5a"
 FRAME_GREY = "#303030"
+
+Look = dict[str, Any]
+"""How something is drawn, in the words of matplotlib."""
+
+
+def line(colour: str | None, width: float, dashes: tuple[float, ...] = ()) -> Look:
+    """Return the look of a line of a width (pt), solid or with dashes and gaps so many widths long.
+
+    Without a colour it takes that of what it belongs to.
+    """
+    look: Look = {"linewidth": width, "linestyle": (0, dashes) if dashes else "solid"}
+    return look if colour is None else look | {"color": colour}
+
+
+def mark(
+    shape: str, size: float, colour: str, edge: str | None = None, edge_width: float = 0.7
+) -> Look:
+    """Return the look of marks (pt), of one colour or with an edge of another, without a line."""
+    look: Look = {"marker": shape, "markersize": size, "linestyle": "none"}
+    if edge is None:
+        return look | {"color": colour}
+    edges = {"markeredgecolor": edge, "markeredgewidth": edge_width}
+    return look | edges | {"markerfacecolor": colour}
+
+
+AXIS_DASHES = (6.0, 1.5, 1.0, 1.5)
+"""Of axes and normals: long and short by turns."""
 
 _RC: Any = {  # the stubs want each key as a literal
     "font.family": "STIXGeneral",  # shipped with matplotlib: the same glyphs on every machine

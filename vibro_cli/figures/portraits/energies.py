@@ -8,7 +8,6 @@ which stays between impacts and jumps with the speed.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from matplotlib.collections import LineCollection
@@ -26,6 +25,7 @@ from vibro_cli.figures.portraits.portrait import draw_motion, greatest_rate, leg
 from vibro_cli.figures.portraits.trace_phase_plane import behind_along, draw_junctions
 from vibro_cli.figures.portraits.trajectory import Branches, Jumps, Trajectory, trajectory
 from vibro_cli.figures.source import Array, Recorded
+from vibro_cli.figures.style import line
 from vibro_cli.figures.ticks import label_axis, limits_apart, vertical_ticks
 from vibro_cli.mechanics.trace import Piece, Trace
 
@@ -45,10 +45,9 @@ def panels_over(
     `lines` are those of the legend.
     """
     above = _TOP + LINE * (lines - 1)
-    figure, (upper, lower), (wide, _) = stacked(width, _HIGH, above)
-    portrait = plane(upper, window, (wide, _HIGH[0]), symbols, labelled=False)
-    energies = plane(lower, window, (wide, _HIGH[1]), symbols)
-    return figure, portrait, energies
+    figure, (upper, lower) = stacked(width, _HIGH, above)
+    portrait = plane(upper, window, symbols, labelled=False)
+    return figure, portrait, plane(lower, window, symbols)
 
 
 def limit_energies(lower: Panel, highest: float, lowest: float = 0.0) -> None:
@@ -78,7 +77,7 @@ def draw_energies(lower: Panel, path: Trajectory, energies: Array, until: float 
                 np.column_stack([span, [energies[n, 0]] * 2])
                 for n, span in zip(rows, spans, strict=True)
             ]
-        look: dict[str, Any] = own | {"linewidth": layers.thinner(0.7, len(order))}
+        look = own | {"linewidth": layers.thinner(0.7, len(order))}
         if until is not None and not contact:
             look = layers.by_time(look, branches.time[rows], until)
         collection = LineCollection(lines, zorder=2.0, **look)
@@ -94,7 +93,7 @@ _BESIDE = 0.4
 """... with this share of its extent on both sides."""
 _HIGH_UP = 0.7
 """Share of the highest energy below which the axis of energies begins with 0."""
-POTENTIAL: dict[str, Any] = {"color": style.GREEN, "linewidth": 1.0}
+POTENTIAL = line(style.GREEN, 1.0)
 
 
 def energy_portrait(run: Recorded, ball: int, width: str = "single") -> Figure:

@@ -80,7 +80,7 @@ def draw_family(
         draw_legend(sheet.figure, rows)
         panels = []
         for member, (left, bottom) in zip(members, corners, strict=True):
-            panel = plane(sheet.panel(left, bottom, *size), member.window, size, symbols)
+            panel = plane(sheet.panel(left, bottom, *size), member.window, symbols)
             draw_background(panel, member.behind)
             name_points(panel, member.names, member.behind)
             over = bottom + _HIGH + 1.0
@@ -106,7 +106,7 @@ def name_points(panel: Panel, names: Sequence[str], behind: Background) -> None:
     marks = np.array([one.point for one in named]) * scale
     on_marks = [marks + _MARK * np.array(step) for step in product((-1.0, 0.0, 1.0), repeat=2)]
     obstacles = np.concatenate([*map(_evenly, lines), *on_marks * _NEVER])
-    write_names(axes, named, obstacles / scale, panel.size)
+    write_names(axes, named, obstacles / scale)
 
 
 def _evenly(line: Array) -> Array:

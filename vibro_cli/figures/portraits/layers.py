@@ -6,7 +6,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from matplotlib.collections import LineCollection
@@ -27,6 +26,7 @@ from vibro_cli.figures.labels import HALO, Entry, leader, place_numbers
 from vibro_cli.figures.portraits.panels import Panel, Window
 from vibro_cli.figures.portraits.trajectory import MOST_NUMBERS, Branches, Jumps, Trajectory
 from vibro_cli.figures.source import Array
+from vibro_cli.figures.style import Look, line, mark
 
 
 def legend_of(path: Trajectory, behind: Background, others: Sequence[Entry] = ()) -> list[Entry]:
@@ -184,56 +184,25 @@ _OVERVIEW = 0.6
 _HINDERING = 200
 """Branches that numbers keep clear of; of more an even choice."""
 
-SEPARATRIX: dict[str, Any] = {
-    "color": style.SEPARATRIX_GREY,
-    "linewidth": 0.6,
-    "linestyle": (0, (6.0, 2.0)),
-}
-EIGHT: dict[str, Any] = {"color": style.VERMILLION, "linewidth": 1.0, "linestyle": "solid"}
-LEVEL: dict[str, Any] = {"color": style.LEVEL_GREY, "linewidth": 0.45, "linestyle": "solid"}
-ARC_SEPARATRIX: dict[str, Any] = {
-    "color": style.SEPARATRIX_GREY,
-    "linewidth": 0.45,
-    "linestyle": (0, (1.0, 2.0)),
-}
-BRANCH: dict[str, Any] = {"color": style.BLUE, "linewidth": 0.9}
-CONTACT: dict[str, Any] = BRANCH | {"color": "#CC79A7", "linewidth": 1.1}
-JUMP: dict[str, Any] = {
-    "color": style.VERMILLION,
-    "linewidth": 0.8,
-    "linestyle": (0, (2.0, 1.2)),
-}
-BEFORE: dict[str, Any] = {
-    "marker": "o",
-    "markersize": 2.8,
-    "markerfacecolor": "white",
-    "markeredgecolor": style.VERMILLION,
-    "markeredgewidth": 0.7,
-    "linestyle": "none",
-}
-AFTER: dict[str, Any] = BEFORE | {"markerfacecolor": style.VERMILLION}
-NOT_MADE: dict[str, Any] = BEFORE | {"marker": "X", "markersize": 4.0}
-START: dict[str, Any] = {
-    "marker": "s",
-    "markersize": 3.6,
-    "markerfacecolor": style.GREEN,
-    "markeredgecolor": style.BLACK,
-    "markeredgewidth": 0.5,
-    "linestyle": "none",
-}
-NUMBER: dict[str, Any] = {"fontsize": style.SMALL, "ha": "center", "va": "center_baseline"}
-LEADER: dict[str, Any] = {"color": style.FRAME_GREY, "linewidth": 0.35, "linestyle": "solid"}
-WINDOW: dict[str, Any] = {"facecolor": "#ececec", "edgecolor": style.FRAME_GREY, "linewidth": 0.35}
-POINT: dict[str, Any] = {
-    "color": style.SEPARATRIX_GREY,
-    "markersize": 3.2,
-    "markeredgewidth": 0.6,
-    "linestyle": "none",
-}
+SEPARATRIX = line(style.SEPARATRIX_GREY, 0.6, (6.0, 2.0))
+EIGHT = line(style.VERMILLION, 1.0)
+LEVEL = line(style.LEVEL_GREY, 0.45)
+ARC_SEPARATRIX = line(style.SEPARATRIX_GREY, 0.45, (1.0, 2.0))
+BRANCH = line(style.BLUE, 0.9)
+CONTACT = line("#CC79A7", 1.1)
+JUMP = line(style.VERMILLION, 0.8, (2.0, 1.2))
+BEFORE = mark("o", 2.8, "white", style.VERMILLION)
+AFTER = mark("o", 2.8, style.VERMILLION, style.VERMILLION)
+NOT_MADE = mark("X", 4.0, "white", style.VERMILLION)
+START = mark("s", 3.6, style.GREEN, style.BLACK, 0.5)
+NUMBER: Look = {"fontsize": style.SMALL, "ha": "center", "va": "center_baseline"}
+LEADER = line(style.FRAME_GREY, 0.35)
+WINDOW: Look = {"facecolor": "#ececec", "edgecolor": style.FRAME_GREY, "linewidth": 0.35}
+POINT = mark("+", 3.2, style.SEPARATRIX_GREY) | {"markeredgewidth": 0.6}
 MARKER = {CENTRE: "+", SADDLE: "x"}
 
 
-def by_time(look: dict[str, Any], times: Array, until: float) -> dict[str, Any]:
+def by_time(look: Look, times: Array, until: float) -> Look:
     """Return the look of lines in the colours of their times (s), from 0 to a last one."""
     coloured = {"array": times, "cmap": style.time_colours(), "norm": Normalize(0.0, until)}
     return {name: value for name, value in look.items() if name != "color"} | coloured
@@ -261,9 +230,7 @@ def draw_background(one: Panel, behind: Background) -> None:
     draw_points(one, behind.points, 1.3)
 
 
-def draw_curves(
-    one: Panel, curves: Sequence[LevelCurve], order: float, look: dict[str, Any]
-) -> None:
+def draw_curves(one: Panel, curves: Sequence[LevelCurve], order: float, look: Look) -> None:
     """Draw those level curves that are on one piece; `order` is their height over others."""
     shift = np.array([one.shift, 0.0])
     own = [curve for curve in curves if curve.piece == one.piece.index]
@@ -277,7 +244,7 @@ def draw_points(one: Panel, points: Sequence[SingularPoint], order: float) -> No
     for point in points:
         if point.piece == one.piece.index and point.kind in MARKER:
             place, marker = point.position + one.shift, MARKER[point.kind]
-            one.axes.plot(place, 0.0, marker=marker, zorder=order, **POINT)
+            one.axes.plot(place, 0.0, zorder=order, **(POINT | {"marker": marker}))
 
 
 def draw_branches(one: Panel, path: Trajectory, until: float | None) -> None:
@@ -296,7 +263,7 @@ def draw_branches(one: Panel, path: Trajectory, until: float | None) -> None:
         rows = np.flatnonzero(chosen)
         if not len(rows):
             continue
-        look: dict[str, Any] = dict(own)
+        look: Look = dict(own)
         if until is not None:
             look |= {"linewidth": thinner(own["linewidth"], total), "alpha": fainter(total)}
             if own is BRANCH:
@@ -363,7 +330,7 @@ def draw_jumps(one: Panel, jumps: Jumps, marked: bool) -> None:
     one.axes.plot(position[refused], jumps.before[refused], zorder=2.5, **NOT_MADE)
 
 
-def many_jumps(number: int) -> dict[str, Any]:
+def many_jumps(number: int) -> Look:
     """Return the look of jumps that are too many to be marked one by one."""
     width = thinner(JUMP["linewidth"], number) * 0.7
     return JUMP | {"linewidth": width, "linestyle": "solid", "alpha": 0.5 * fainter(number)}
@@ -398,8 +365,7 @@ def draw_numbers(one: Panel, branches: Branches, jumps: Jumps, start: Array) -> 
     obstacles = np.concatenate([curves, segments, *_around([before, after, start])])
     texts = [str(number) for number in jumps.number[here]]
     anchors = [np.stack(pair) for pair in zip(after, before, strict=True)]
-    size = (one.width, one.height)
-    places = place_numbers(texts, anchors, obstacles, size)
+    places = place_numbers(texts, anchors, obstacles, one.size)
     for text, place, points in zip(texts, places, anchors, strict=True):
         one.axes.text(*one.from_millimetres(place), text, path_effects=HALO, zorder=3.0, **NUMBER)
         line = leader(place, points)

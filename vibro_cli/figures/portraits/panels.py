@@ -14,7 +14,7 @@ from matplotlib.axes import Axes
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import Sheet, number_plane
 from vibro_cli.figures.source import Array
-from vibro_cli.figures.style import width_of
+from vibro_cli.figures.style import panel_size, width_of
 from vibro_cli.figures.ticks import (
     Ticks,
     angle_ticks,
@@ -68,15 +68,13 @@ class Panel:
 
     axes: Axes
     window: Window
-    labelled: bool
+    size: tuple[float, float]
+    """Width and height (mm)."""
+    labelled: bool = True
     """Whether the vertical axis has its numbers and label here."""
-    width: float
-    """Width (mm)."""
-    height: float
-    """Height (mm)."""
-    left: float
+    left: float = 0.0
     """Distance of the left edge from that of the figure (mm)."""
-    row: int
+    row: int = 0
     """Row, from the top and 0."""
 
     @property
@@ -95,9 +93,14 @@ class Panel:
         return self.window.low + self.shift, self.window.high + self.shift
 
     @property
-    def size(self) -> tuple[float, float]:
-        """Width and height (mm)."""
-        return self.width, self.height
+    def width(self) -> float:
+        """Width (mm)."""
+        return self.size[0]
+
+    @property
+    def height(self) -> float:
+        """Height (mm)."""
+        return self.size[1]
 
     def millimetres(self, position: Array, rate: Array) -> Array:
         """Return points in mm from the lower left corner of the panel, shape (n, 2)."""
@@ -136,17 +139,15 @@ class Symbols(NamedTuple):
     """What is said behind the unit of the place."""
 
 
-def plane(
-    axes: Axes, window: Window, size: tuple[float, float], symbols: Symbols, labelled: bool = True
-) -> Panel:
-    """Return a panel of speed against place of a size (mm), with its limits, numbers and names.
+def plane(axes: Axes, window: Window, symbols: Symbols, labelled: bool = True) -> Panel:
+    """Return a panel of speed against place, with its limits, numbers and names.
 
     Without `labelled` the horizontal axis has neither numbers nor a name.
     """
     axes.set_xlim(window.low, window.high)
     axes.set_ylim(-window.top, window.top)
-    number_plane(axes, size, (symbols.place, "m"), (symbols.speed, "m/s"), labelled, symbols.after)
-    return Panel(axes, window, True, *size, left=0.0, row=0)
+    number_plane(axes, (symbols.place, "m"), (symbols.speed, "m/s"), labelled, symbols.after)
+    return Panel(axes, window, panel_size(axes))
 
 
 def lay_out(
@@ -170,7 +171,7 @@ def lay_out(
         bottom = total - above - high - row * (high + BOTTOM + ROW_TOP)
         for window, left, wide, labelled in _across(members, windows, across):
             axes = sheet.panel(left, bottom, wide, high)
-            panel = Panel(axes, window, labelled, wide, high, left, row)
+            panel = Panel(axes, window, (wide, high), labelled, left, row)
             axes.set_xlim(panel.span)
             axes.set_ylim(-window.top, window.top)
             panels.append(panel)

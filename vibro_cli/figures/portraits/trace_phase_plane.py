@@ -11,7 +11,6 @@ import textwrap
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import chain
-from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -59,7 +58,7 @@ from vibro_cli.figures.portraits.panels import (
     plane,
     straight,
 )
-from vibro_cli.figures.style import width_of
+from vibro_cli.figures.style import line, width_of
 from vibro_cli.mechanics.trace import Trace
 
 _ABOVE = 1.35
@@ -67,8 +66,8 @@ _ABOVE = 1.35
 _MARGIN = 1.08
 _MARGIN_ALONG = 1.04
 _SYMBOLS = Symbols("$s$", "$v$")
-JUNCTION: dict[str, Any] = {"color": style.LEVEL_GREY, "linewidth": 0.4, "linestyle": (0, (1, 2))}
-REST: dict[str, Any] = {"color": style.SEPARATRIX_GREY, "linewidth": 1.6, "linestyle": "solid"}
+JUNCTION = line(style.LEVEL_GREY, 0.4, (1, 2))
+REST = line(style.SEPARATRIX_GREY, 1.6)
 """A level line: the body stays at rest anywhere on it."""
 _HIGH = {"single": 44.0, "double": 50.0}
 """Height of the panel along the trace (mm)."""
@@ -144,7 +143,7 @@ def _windows(trace: Trace, curves: Sequence[LevelCurve]) -> list[Window]:
 def _panel_below(sheet: Sheet, width: str, window: Window) -> Panel:
     """Return the panel along the trace, under those of the pieces."""
     size = width_of(width) - LEFT - RIGHT, _HIGH[width]
-    return plane(sheet.panel(LEFT, BOTTOM, *size), window, size, _SYMBOLS)
+    return plane(sheet.panel(LEFT, BOTTOM, *size), window, _SYMBOLS)
 
 
 def _words(portrait: Portrait, width: float) -> list[str]:

@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -19,7 +18,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Arc, Circle
 
 from vibro_cli.figures import style
-from vibro_cli.figures.chart import Cell, body_look, in_rows, panel_size
+from vibro_cli.figures.chart import Cell, body_look, in_rows
 from vibro_cli.figures.labels import (
     LINE,
     Entry,
@@ -41,7 +40,7 @@ from vibro_cli.figures.runs.velocities import (
     write_over,
 )
 from vibro_cli.figures.source import Array, Recorded
-from vibro_cli.figures.style import width_of
+from vibro_cli.figures.style import line, width_of
 from vibro_cli.mechanics.system import DISK, HOOP, Body
 
 ASIDE = math.radians(35.0)
@@ -62,10 +61,10 @@ _LONGEST = 1.15
 """Length of the longest arrow, in the same radii."""
 _APART = 0.09
 """Distance in the same radii from which points one behind another have names of their own."""
-_THIN: dict[str, Any] = {"color": style.FRAME_GREY, "linewidth": 0.4}
-_AXIS: dict[str, Any] = _THIN | {"linestyle": (0, (6, 1.5, 1, 1.5))}
-_HIDDEN: dict[str, Any] = _THIN | {"linestyle": (0, (2, 1.5))}
-_PLANE: dict[str, Any] = {"color": style.BLACK, "linewidth": 0.8}
+_THIN = line(style.FRAME_GREY, 0.4)
+_AXIS = line(style.FRAME_GREY, 0.4, style.AXIS_DASHES)
+_HIDDEN = line(style.FRAME_GREY, 0.4, (2, 1.5))
+_PLANE = line(style.BLACK, 0.8)
 _LEGEND: list[Entry] = [
     (words, look | {"color": style.BLACK})
     for words, look in (
@@ -208,7 +207,7 @@ def _draw_elevation(axes: Axes, one: Rolling, scale: float) -> None:
     if len(points) > 1 and abs(points[0, 0] - points[1, 0]) > _APART:
         named.append(Named(rf"$T_{{{one.number}2,{one.number}3}}$", points[1]))
     _dots(axes, np.array([name.point for name in named]))
-    write_names(axes, named, np.concatenate([*drawn, _RING]), panel_size(axes))
+    write_names(axes, named, np.concatenate([*drawn, _RING]))
     radius, speed, omega = (short_number(x, 3) for x in (one.body.radius, one.speed, one.omega))
     number = one.number
     write_over(axes, 0.0, 1, rf"body {number} from the side, $r_{{{number}}}$ = {radius} m")
@@ -245,7 +244,7 @@ def _draw_plan(axes: Axes, one: Rolling, scale: float) -> None:
         Named(rf"$C_{{{one.number}}}$", (0.0, 0.0)),
     ]
     _dots(axes, np.append(points, [[0.0, 0.0]], axis=0))
-    write_names(axes, named, np.concatenate(drawn), panel_size(axes))
+    write_names(axes, named, np.concatenate(drawn))
     reach = short_number(radius * math.cos(one.aside) * one.body.radius, 3)
     write_over(axes, 0.0, 1, "from above")
     write_over(axes, 0.0, 0, rf"$\alpha$ = {short_number(aside, 3)}°, to the axis {reach} m")

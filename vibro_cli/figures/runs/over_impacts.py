@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import (
     BAND,
+    BAND_KEY,
     MOST_MARKS,
     MOST_VECTOR_POINTS,
     body_look,
@@ -29,19 +30,16 @@ from vibro_cli.figures.labels import Bar, Entry, draw_legend
 from vibro_cli.figures.portraits import layers
 from vibro_cli.figures.runs.over_time import energy_residuals, room_after
 from vibro_cli.figures.source import Array, Recorded, Table, kept, made
+from vibro_cli.figures.style import line, mark, panel_size
 from vibro_cli.figures.ticks import angle_ticks, label_axis, number_ticks
 from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.mechanics.trace import VALLEY, Piece
 
 _HIGH = {"single": 46.0, "double": 56.0}
 _SMALL = {"single": 26.0, "double": 30.0}
-DOT: dict[str, Any] = {"marker": "o", "linestyle": "none", "color": style.BLUE, "markersize": 2.2}
-REFUSED: dict[str, Any] = layers.NOT_MADE
-ROUNDING: dict[str, Any] = {
-    "color": style.VERMILLION,
-    "linewidth": 0.6,
-    "linestyle": (0, (4.0, 2.0)),
-}
+DOT = mark("o", 2.2, style.BLUE)
+REFUSED = layers.NOT_MADE
+ROUNDING = line(style.VERMILLION, 0.6, (4.0, 2.0))
 
 
 def impact_map(run: Recorded, width: str = "single") -> Figure | None:
@@ -89,7 +87,7 @@ def speed_map(
     speed = np.asarray(table["approach_speed"], dtype=np.float64)
     happened = made(table)
     with style.journal():
-        figure, (axes,), (across,) = stacked(width, [_HIGH[width]])
+        figure, (axes,) = stacked(width, [_HIGH[width]])
         size = _dot(len(number))
         if len(number) <= MOST_VECTOR_POINTS:
             axes.scatter(place, speed, c=number, cmap=style.time_colours(), s=size, zorder=2.0)
@@ -98,15 +96,16 @@ def speed_map(
                 place[~happened], speed[~happened], zorder=2.2, label="inadmissible", **REFUSED
             )
             axes.legend(loc="best", borderpad=0.2, handletextpad=0.2)
-        positive_axis(axes, speed, _HIGH[width], "approach speed", "m/s")
+        positive_axis(axes, speed, "approach speed", "m/s")
         room = 0.08 * float(np.ptp(place)) or room
         low, high = float(np.min(place)) - room, float(np.max(place)) + room
         axes.set_xlim(low, high)
         ticked = angle_ticks if named[1] == "rad" else number_ticks
         symbol, unit = named
-        label_axis(axes.xaxis, ticked(low, high, across), f"{symbol} of the left body", unit)
-        for line in lines:
-            axes.axvline(line, color=style.LEVEL_GREY, linewidth=0.4, zorder=0.8)
+        ticks = ticked(low, high, panel_size(axes)[0])
+        label_axis(axes.xaxis, ticks, f"{symbol} of the left body", unit)
+        for at in lines:
+            axes.axvline(at, color=style.LEVEL_GREY, linewidth=0.4, zorder=0.8)
         if len(number) > MOST_VECTOR_POINTS:
             draw_marks(axes, place, speed, math.sqrt(size), style.time_colours())
         draw_legend(figure, [], Bar("impact 1", str(len(number))))
@@ -139,9 +138,9 @@ def intervals(run: Recorded, width: str = "single") -> Figure | None:
     without = f" ({together} that are 0 not shown)" if together else ""
     entries: list[Entry] = [(f"time since the impact before{without}", DOT)]
     with style.journal():
-        figure, (axes,), across = stacked(width, [_HIGH[width]], entries=entries)
-        positive_axis(axes, between, _HIGH[width], r"$\Delta t$", "s")
-        count_axis(axes, number, across[0], labelled=True)
+        figure, (axes,) = stacked(width, [_HIGH[width]], entries=entries)
+        positive_axis(axes, between, r"$\Delta t$", "s")
+        count_axis(axes, number)
         _draw_dots(axes, number, np.where(between > 0.0, between, math.nan))
     return figure
 
@@ -160,9 +159,9 @@ def accuracy(run: Recorded, width: str = "single") -> Figure | None:
     entries = [("residual (0 at the lower edge)", DOT), (r"$2^{-52}$", ROUNDING)]
     with style.journal():
         heights = [_SMALL[width]] * (bool(len(gap)) + bool(flights))
-        figure, panels, across = stacked(width, heights, entries=entries[: 1 + bool(flights)])
-        for axes, inner in zip(panels, across, strict=True):
-            time_axis(axes, end, inner, labelled=axes is panels[-1])
+        figure, panels = stacked(width, heights, entries=entries[: 1 + bool(flights)])
+        for axes in panels:
+            time_axis(axes, end, labelled=axes is panels[-1])
         if len(gap):
             _residuals(panels[0], np.asarray(table["t"]), gap, "gap", "m")
         if flights:
@@ -236,21 +235,18 @@ def exponents(run: Any, width: str = "single") -> Figure | None:
     rates = [np.asarray(table[name], dtype=np.float64)[first:] for name in names]
     error = _ERRORS * np.asarray(table["lyapunov_error"], dtype=np.float64)[first:]
     band_edges = rates[0] - error, rates[0] + error
-    look = {"color": BAND["color"], "linewidth": 4.0, "solid_capstyle": "butt"}
-    band: Entry = (r"$\lambda_1\pm 2$ standard errors", look)
+    band: Entry = (r"$\lambda_1\pm 2$ standard errors", BAND_KEY)
     entries = [
         (rf"$\lambda_{{{n}}}$", body_look(n))
         for n, rate in enumerate(rates, 1)
         if np.isfinite(rate).any()
     ]
     with style.journal():
-        figure, (axes,), (across,) = stacked(width, [_HIGH[width]], entries=[*entries, band])
+        figure, (axes,) = stacked(width, [_HIGH[width]], entries=[*entries, band])
         axes.fill_between(t, *band_edges, **BAND)
         axes.axhline(0.0, color=style.FRAME_GREY, linewidth=0.4)
         for n, rate in enumerate(rates, 1):
             axes.plot(t, rate, **body_look(n))
-        shown = np.concatenate([*rates, *band_edges])
-        shown = np.append(shown[np.isfinite(shown)], 0.0)
-        value_axis(axes, float(shown.min()), float(shown.max()), _HIGH[width], r"$\lambda$", "1/s")
-        time_axis(axes, room_after(float(t[-1]), t), across, labelled=True)
+        value_axis(axes, np.concatenate([*rates, *band_edges, [0.0]]), r"$\lambda$", "1/s")
+        time_axis(axes, room_after(float(t[-1]), t))
     return figure

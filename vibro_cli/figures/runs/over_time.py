@@ -14,7 +14,6 @@ from matplotlib.figure import Figure
 from vibro_cli.analysis.levels import Landscape
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import (
-    MOST_LOOKS,
     MOST_VECTOR_POINTS,
     TOTAL,
     band_entry,
@@ -28,6 +27,7 @@ from vibro_cli.figures.chart import (
     value_axis,
 )
 from vibro_cli.figures.source import Array, Integers, Recorded, Table, kept, made
+from vibro_cli.figures.style import mark
 from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.mechanics.trace import Piece
 
@@ -226,16 +226,9 @@ _STRIPS = 2500
 _AT_ONCE = 1 << 19
 MOST_STEMS = 2000
 """Of more losses than this only the points are drawn."""
-LOSS: dict[str, Any] = {"color": style.VERMILLION, "marker": "o", "markersize": 1.8}
-GAIN: dict[str, Any] = LOSS | {"color": style.BLUE, "markerfacecolor": "white"}
-IMPACT: dict[str, Any] = {
-    "marker": "o",
-    "markersize": 2.4,
-    "markerfacecolor": "white",
-    "markeredgecolor": style.BLACK,
-    "markeredgewidth": 0.5,
-    "linestyle": "none",
-}
+LOSS = mark("o", 1.8, style.VERMILLION)
+GAIN = LOSS | {"color": style.BLUE, "markerfacecolor": "white"}
+IMPACT = mark("o", 2.4, "white", style.BLACK, 0.5)
 
 
 def energies(run: Recorded, width: str = "single") -> Figure:
@@ -312,23 +305,23 @@ def energy_chart(
     total = [("sum", TOTAL)] if lines.total is not None else []
     words = f"loss ({hidden} below rounding not shown)" if hidden else "loss"
     lost = [
-        (name, look | {"linestyle": "none"})
+        (name, look)
         for name, look, there in ((words, LOSS, losses[1] > 0.0), ("gain", GAIN, losses[1] < 0.0))
         if np.any(there & shown)
     ]
-    entries = [*body_entries(run, MOST_LOOKS), *total, *lost, *band_entry(contacts)]
+    entries = [*body_entries(run), *total, *lost, *band_entry(contacts)]
     with style.journal():
         heights = HIGH.get(width, HIGH["single"])[: 1 + lossy]
-        figure, panels, across = stacked(width, heights, entries=entries)
+        figure, panels = stacked(width, heights, entries=entries)
         for axes in panels:
             draw_contacts(axes, [span for span in contacts if span[0] < until])
         _draw_energies(panels[0], lines)
         end = room_after(until, losses[0])
-        time_axis(panels[0], end, across[0], labelled=not lossy, whole=whole)
-        value_axis(panels[0], 0.0, lines.highest, HIGH[width][0], "$E$", "J")
+        time_axis(panels[0], end, labelled=not lossy, whole=whole)
+        value_axis(panels[0], [0.0, lines.highest], "$E$", "J")
         if lossy:
-            _draw_losses(panels[1], losses[0][shown], losses[1][shown], HIGH[width][1])
-            time_axis(panels[1], end, across[1], labelled=True, whole=whole)
+            _draw_losses(panels[1], losses[0][shown], losses[1][shown])
+            time_axis(panels[1], end, whole=whole)
     return figure
 
 
@@ -382,16 +375,16 @@ def seen(parts: Iterable[tuple[Array, Array]], strips: int = _STRIPS) -> tuple[A
     return np.concatenate(times), np.concatenate(lines)
 
 
-def _draw_losses(axes: Any, times: Array, losses: Array, height: float) -> None:
-    """Draw the losses at the impacts, or gains, in a panel of a height (mm)."""
+def _draw_losses(axes: Any, times: Array, losses: Array) -> None:
+    """Draw the losses at the impacts, or gains."""
     gained, sizes = losses < 0.0, np.abs(losses)
     symbol = r"$|\Delta E|$" if np.any(gained) else r"$\Delta E$"
-    positive_axis(axes, sizes, height, symbol, "J")
+    positive_axis(axes, sizes, symbol, "J")
     bottom = axes.get_ylim()[0]
     if len(times) <= MOST_STEMS:
         axes.vlines(times, bottom, sizes, linewidth=0.4, color=style.LEVEL_GREY)
     for rows, look in ((~gained, LOSS), (gained, GAIN)):
-        axes.plot(times[rows], sizes[rows], linestyle="none", **look)
+        axes.plot(times[rows], sizes[rows], **look)
     for artist in (*axes.lines, *axes.collections):
         artist.set_rasterized(len(times) > MOST_VECTOR_POINTS)
 
@@ -402,25 +395,24 @@ def space_time(run: Recorded, width: str = "single") -> Figure | None:
     Of a long run, the first part only.
     """
     until = shown_until(run)
-    high = 1.5 * HIGH[width][0]
-    low, high_s = run.system.trace.length, 0.0
     spans = contact_times(run)
     struck = bool(np.any(np.asarray(run.collisions["t"]) <= until))
     marks = [("impact", IMPACT)] if struck else []
-    entries = [*body_entries(run, MOST_LOOKS), *marks, *band_entry(spans)]
+    entries = [*body_entries(run), *marks, *band_entry(spans)]
     with style.journal():
-        figure, (axes,), across = stacked(width, [high], entries=entries)
+        figure, (axes,) = stacked(width, [1.5 * HIGH[width][0]], entries=entries)
         draw_contacts(axes, [span for span in spans if span[0] < until])
         for piece in run.system.trace.pieces[1:]:
             axes.axhline(piece.start_s, color=style.LEVEL_GREY, linewidth=0.4, zorder=0.8)
+        places = []
         for ball in range(1, len(run.system.bodies) + 1):
             line = timeline(run, ball, until)
             (drawn,) = axes.plot(line.time, line.s, zorder=2.0, **body_look(ball))
             drawn.set_rasterized(len(line.time) > MOST_VECTOR_POINTS)
-            low, high_s = min(low, float(np.nanmin(line.s))), max(high_s, float(np.nanmax(line.s)))
+            places.append(line.s)
         draw_impacts(axes, run, "s", until)
-        time_axis(axes, until, across[0], labelled=True, whole=_end(run))
-        value_axis(axes, low, high_s, high, "$s$", "m")
+        time_axis(axes, until, whole=_end(run))
+        value_axis(axes, np.concatenate(places), "$s$", "m")
     return figure
 
 

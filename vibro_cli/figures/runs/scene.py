@@ -12,7 +12,15 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from vibro_cli.figures import style
-from vibro_cli.figures.chart import Cell, Sheet, body_entries, body_look, in_rows, plane_axes
+from vibro_cli.figures.chart import (
+    MOST_COLOURS,
+    Cell,
+    Sheet,
+    body_entries,
+    body_look,
+    in_rows,
+    plane_axes,
+)
 from vibro_cli.figures.labels import (
     HALO,
     SAY,
@@ -24,7 +32,7 @@ from vibro_cli.figures.labels import (
     write_names,
 )
 from vibro_cli.figures.source import Array, Recorded
-from vibro_cli.figures.style import width_of
+from vibro_cli.figures.style import line, mark, width_of
 from vibro_cli.figures.ticks import round_below
 from vibro_cli.mechanics.potential import Turning
 from vibro_cli.mechanics.system import PARTICLE, TraceSystem
@@ -48,23 +56,13 @@ _TINY = 0.003
 """Bodies smaller than this share of the trace are shown close."""
 _LEAST = 0.5
 """Least radius of a body that is drawn (mm)."""
-_SURFACE: dict[str, Any] = {"color": style.BLACK, "linewidth": 0.8}
-_JUNCTION: dict[str, Any] = {"color": style.BLACK, "marker": "o", "markersize": 2.2}
-_AXIS: dict[str, Any] = {
-    "color": style.FRAME_GREY,
-    "linewidth": 0.6,
-    "linestyle": (0, (8.0, 2.0, 1.5, 2.0)),
-}
-_ARROW: dict[str, Any] = {
-    "arrowstyle": "-|>",
-    "color": style.BLACK,
-    "linewidth": 0.7,
-    "shrinkA": 0.0,
-    "shrinkB": 0.0,
-}
-_POINT: dict[str, Any] = {"color": style.BLACK, "marker": "o", "markersize": 1.6}
-_RADIUS: dict[str, Any] = {"color": style.FRAME_GREY, "linewidth": 0.35}
-_UPRIGHT: dict[str, Any] = _RADIUS | {"linestyle": (0, (6.0, 1.5, 1.0, 1.5))}
+_SURFACE = line(style.BLACK, 0.8)
+_JUNCTION = mark("o", 2.2, style.BLACK)
+_AXIS = line(style.FRAME_GREY, 0.6, (8.0, 2.0, 1.5, 2.0))
+ARROW = line(style.BLACK, 0.7) | {"arrowstyle": "-|>", "shrinkA": 0.0, "shrinkB": 0.0}
+_POINT = mark("o", 1.6, style.BLACK)
+_RADIUS = line(style.FRAME_GREY, 0.35)
+_UPRIGHT = line(style.FRAME_GREY, 0.35, style.AXIS_DASHES)
 _LETTERED = 3
 """Bodies up to which centres, contact points and angles are named."""
 _RING = ring(24)
@@ -91,9 +89,8 @@ def scene(run: Recorded, width: str = "single") -> Figure:
     with style.journal():
         sheet = Sheet(wide, total)
         axes = sheet.panel(_LEFT, _BOTTOM, inner, tall)
-        size, middle = np.array([inner, tall]), 0.5 * (low + high)
-        half = 0.5 * size / scale
-        plane_axes(axes, middle - half, middle + half, size)
+        middle, half = 0.5 * (low + high), 0.5 * np.array([inner, tall]) / scale
+        plane_axes(axes, middle - half, middle + half)
         axes.plot(surface[:, 0], surface[:, 1], zorder=2.0, **_SURFACE)
         within = low, high
         numbers = [_number_place(run, piece, scale) for piece in run.system.trace.pieces]
@@ -102,13 +99,13 @@ def scene(run: Recorded, width: str = "single") -> Figure:
             for piece, place in zip(run.system.trace.pieces, numbers, strict=True)
             for name in _draw_piece(axes, run, piece, place, within)
         ]
-        axes.plot(*surface[-1], zorder=2.2, linestyle="none", clip_on=True, **_JUNCTION)
+        axes.plot(*surface[-1], zorder=2.2, clip_on=True, **_JUNCTION)
         draw_ends(axes, run.system, _WALL / scale)
         if run.system.turning is not None:
             _draw_axis(axes, run.system.turning)
         named = [*_draw_bodies(axes, run, scale, within), *named]
         covered = np.concatenate([_obstacles(run, surface, scale), *_points_of(axes)])
-        write_names(axes, named, covered, (inner, tall), numbers)
+        write_names(axes, named, covered, numbers)
     return sheet.figure
 
 
@@ -174,8 +171,7 @@ def _number_place(run: Recorded, piece: Piece, scale: float) -> Array:
         middle += 0.12 * (piece.angle_end - piece.angle_start)
     slope = piece.slope(middle)
     below = np.array([np.sin(slope), -np.cos(slope)]) * _AWAY / scale
-    place: Array = np.array(piece.contact_point(middle)) + below
-    return place
+    return np.array(piece.contact_point(middle)) + below
 
 
 def _draw_piece(
@@ -186,7 +182,7 @@ def _draw_piece(
     The centre of an arc and its radius are left out where they are off the figure.
     """
     begins = piece.contact_point(piece.angle_start)
-    axes.plot(*begins, zorder=2.2, linestyle="none", **_JUNCTION)
+    axes.plot(*begins, zorder=2.2, **_JUNCTION)
     look = _SAY | {"color": style.FRAME_GREY, "fontstyle": "italic"}
     words = str(piece.index + 1)
     if np.all(place > within[0]) and np.all(place < within[1]):
@@ -202,7 +198,7 @@ def _draw_piece(
     aside = piece.angle_start + float(shares[np.argmax(np.round(free, 9))])
     rim = np.array(piece.contact_point(aside))
     axes.plot(*np.transpose([centre, rim]), zorder=1.4, **_RADIUS)
-    axes.plot(*centre, zorder=2.2, linestyle="none", **_POINT)
+    axes.plot(*centre, zorder=2.2, **_POINT)
     half = 0.5 * (centre + rim)
     number = piece.index + 1
     named = [Named(rf"$O_{{{number}}}$", centre, style.FRAME_GREY)]
@@ -227,13 +223,13 @@ def _draw_bodies(axes: Axes, run: Recorded, scale: float, within: Extent) -> lis
         slope = piece.slope(state.position)
         if lettered:
             resting = np.array(piece.contact_point(state.position))
-            axes.plot(*resting, zorder=2.7, linestyle="none", **_POINT)
+            axes.plot(*resting, zorder=2.7, **_POINT)
             named.append(Named(rf"$P_{{{number}}}$", resting))
             named += _draw_position(axes, piece, state.position, number, centre, within)
         if state.speed:
             along = np.sign(state.speed) * np.array([np.cos(slope), np.sin(slope)])
             tip = centre + along * (radius + 4.0 / scale)
-            axes.annotate("", tuple(tip), tuple(centre), arrowprops=_ARROW, zorder=2.6)
+            axes.annotate("", tuple(tip), tuple(centre), arrowprops=ARROW, zorder=2.6)
             axes.plot(*np.transpose([centre, tip]), linewidth=0.0, zorder=1.0)  # keeps names away
             if body.kind != PARTICLE:
                 _draw_spin(axes, centre, radius + 1.1 / scale, slope, state.speed, lettered)
@@ -252,7 +248,7 @@ def _draw_spin(
     angles = slope + 0.5 * np.pi + turned
     arc = centre + radius * np.column_stack([np.cos(angles), np.sin(angles)])
     axes.plot(*arc[:-3].T, color=style.BLACK, linewidth=0.6, zorder=1.6)
-    look = _ARROW | {"linewidth": 0.6, "mutation_scale": 6.0}
+    look = ARROW | {"linewidth": 0.6, "mutation_scale": 6.0}
     axes.annotate("", tuple(arc[-1]), tuple(arc[-6]), arrowprops=look, zorder=2.6)
 
 
@@ -292,8 +288,8 @@ _PART = 0.4
 """Bodies within this share of the trace are shown close, ..."""
 _NEAR = 0.5
 """... and with them walls as far beside them as this share of what they take."""
-_PLAN_SURFACE: dict[str, Any] = {"color": style.BLACK, "linewidth": 0.7, "linestyle": "solid"}
-WALL: dict[str, Any] = {"color": style.BLACK, "linewidth": 2.0, "solid_capstyle": "butt"}
+_PLAN_SURFACE = line(style.BLACK, 0.7)
+WALL = line(style.BLACK, 2.0) | {"solid_capstyle": "butt"}
 
 
 @dataclass(frozen=True)
@@ -345,8 +341,11 @@ def plan(run: Recorded, width: str = "single") -> Figure | None:
             axes.set_title(one.title, pad=1.5, **SAY)
         _draw_bar(sheet, float(high[0] - low[0]), scale)
         if len(radii) > 1:
-            named = body_entries(run)
-            entries = [(name, look | _DOT if "color" in look else look) for name, look in named]
+            named = body_entries(run, MOST_COLOURS)
+            entries = [
+                (name, mark("o", 4.0, look["color"]) if "color" in look else look)
+                for name, look in named
+            ]
             draw_legend(sheet.figure, rows_of(entries, width_of(width)))
     return sheet.figure
 
@@ -447,9 +446,6 @@ def _plan_sheet(
         axes.set_ylim(middle - 0.5 * along / scale, middle + 0.5 * along / scale)
         panels.append(axes)
     return sheet, panels, float(scale)
-
-
-_DOT: dict[str, Any] = {"marker": "o", "markersize": 4.0, "linestyle": "none"}
 
 
 def _draw_body(axes: Axes, one: Configuration, index: int, radius: float, least: float) -> None:

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon
 
 from vibro_cli.figures import style
-from vibro_cli.figures.chart import Cell, body_look, in_rows, panel_size
+from vibro_cli.figures.chart import Cell, body_look, in_rows
 from vibro_cli.figures.labels import (
     LINE,
     SAY,
@@ -27,7 +27,7 @@ from vibro_cli.figures.labels import (
 )
 from vibro_cli.figures.runs.scene import trace_points
 from vibro_cli.figures.source import Array, Recorded, first_of
-from vibro_cli.figures.style import width_of
+from vibro_cli.figures.style import Look, line, panel_size, width_of
 from vibro_cli.figures.ticks import round_below
 from vibro_cli.mechanics.system import Body
 from vibro_cli.mechanics.trace import Piece
@@ -71,18 +71,14 @@ _RING = ring(90)
 _SLIM = 0.36
 """Half its width, as a share of its length."""
 _BUTT: dict[str, Any] = {"solid_capstyle": "butt", "dash_capstyle": "butt"}
-CENTRE: dict[str, Any] = {"linewidth": 1.1, "linestyle": "solid"}
-TOUCHING: dict[str, Any] = {"linewidth": 0.7, "linestyle": (0, (2.5, 1.2))}
-ROLLING: dict[str, Any] = {"linewidth": 0.7, "linestyle": (0, (0.9, 0.9))}
-TURNING: dict[str, Any] = {"linewidth": 0.9, "linestyle": "solid"}
-NORMAL: dict[str, Any] = {"linewidth": 1.8, "linestyle": "solid"}
-TANGENT: dict[str, Any] = {"linewidth": 0.6, "linestyle": "solid"}
-_SURFACE: dict[str, Any] = {"color": style.BLACK, "linewidth": 0.7}
-_AXIS: dict[str, Any] = {
-    "color": style.FRAME_GREY,
-    "linewidth": 0.4,
-    "linestyle": (0, (6, 1.5, 1, 1.5)),
-}
+CENTRE = line(None, 1.1)
+TOUCHING = line(None, 0.7, (2.5, 1.2))
+ROLLING = line(None, 0.7, (0.9, 0.9))
+TURNING = line(None, 0.9)
+NORMAL = line(None, 1.8)
+TANGENT = line(None, 0.6)
+_SURFACE = line(style.BLACK, 0.7)
+_AXIS = line(style.FRAME_GREY, 0.4, style.AXIS_DASHES)
 _LEGEND: list[Entry] = [
     (words, look | {"color": style.BLACK})
     for words, look in (
@@ -293,7 +289,7 @@ def _name_points(axes: Axes, pair: Sequence[Striking], touch: Array, drawn: Arra
         for letter, point in (("C", one.centre), ("P", one.resting))
     ]
     names.append(Named("$T$", touch))
-    write_names(axes, names, np.concatenate([drawn, *rings]), panel_size(axes))
+    write_names(axes, names, np.concatenate([drawn, *rings]))
 
 
 def draw_scale(axes: Axes, scale: float, line: int = 2) -> None:
@@ -350,7 +346,7 @@ def draw_circle(axes: Axes, centre: Array, radius: float, colour: str, opacity: 
     axes.add_patch(Circle(tuple(centre), radius, zorder=2.1, **edge))
 
 
-def arrow(axes: Axes, tail: Array, reach: Array, colour: str, look: dict[str, Any]) -> None:
+def arrow(axes: Axes, tail: Array, reach: Array, colour: str, look: Look) -> None:
     """Draw an arrow, its head whole whatever the dashes of its shaft."""
     low, high = axes.get_xlim()
     length = float(np.hypot(*reach))
@@ -379,10 +375,10 @@ def _say(axes: Axes, run: Recorded, row: int, pair: Sequence[Striking], when: in
         sides = "after (inadmissible)"
     title = f"impact {number}, {short_number(time)} s: {sides}" if when == 0 else sides
     write_over(axes, 0.0, 2, title)
-    for line, symbol, unit in ((1, "v", "m/s"), (0, r"\omega", "rad/s")):
+    for level, symbol, unit in ((1, "v", "m/s"), (0, r"\omega", "rad/s")):
         symbols = [f"${symbol}_{{{one.number}}}$" for one in pair]
         values = [one.speed if symbol == "v" else one.omega for one in pair]
-        write_values(axes, _COLUMNS, line, symbols, values, when, unit)
+        write_values(axes, _COLUMNS, level, symbols, values, when, unit)
     impulse = float(run.collisions["impulse"][row])
     if when == 1 and all(one.slides for one in pair) and not math.isnan(impulse):
         write_over(axes, 0.0, 0, "$K$")

@@ -18,7 +18,6 @@ from vibro_cli.figures import style
 from vibro_cli.figures.chart import (
     LEFT,
     MANY,
-    MOST_LOOKS,
     MOST_VECTOR_POINTS,
     Cell,
     band_entry,
@@ -53,9 +52,10 @@ from vibro_cli.figures.runs.over_time import (
     energy_lines,
     losses_of,
 )
+from vibro_cli.figures.runs.scene import ARROW
 from vibro_cli.figures.runs.velocities import draw_disc, draw_scale
 from vibro_cli.figures.source import Array, kept
-from vibro_cli.figures.style import width_of
+from vibro_cli.figures.style import Look, line, width_of
 from vibro_cli.mechanics.system import PARTICLE
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.springs.phase_plane import SpringsLandscape
@@ -197,33 +197,31 @@ def springs_places(run: Run, width: str = "single") -> Figure:
 
     Of a long run, the first part only.
     """
-    high = 1.5 * HIGH[width][0]
     every = [motions(run, body) for body in range(len(run.system.bodies))]
     starts = np.sort(np.concatenate([each.start for each in every]))
-    drawn = float(starts[MOST_FLIGHTS]) if len(starts) > MOST_FLIGHTS else run.end_time
-    until = min(drawn, run.end_time, _periods(run))
+    many = float(starts[MOST_FLIGHTS]) if len(starts) > MOST_FLIGHTS else run.end_time
+    until = min(many, run.end_time, _periods(run))
     spans = [span for span in _contacts(every) if span[0] < until]
     marks = [("impact", IMPACT)] if np.any(run.collisions["t"] <= until) else []
     feet = [(FOOT, _foot(1) | {"color": style.FRAME_GREY})]
-    entries = [*body_entries(run, MOST_LOOKS), *marks, *feet, *band_entry(spans)]
+    entries = [*body_entries(run), *marks, *feet, *band_entry(spans)]
     with style.journal():
-        figure, (axes,), across = stacked(width, [high], entries=entries)
+        figure, (axes,) = stacked(width, [1.5 * HIGH[width][0]], entries=entries)
         draw_contacts(axes, spans)
-        low, top = math.inf, -math.inf
+        reached = [np.array([spring.foot for spring in run.system.springs])]
         for ball, spring in enumerate(run.system.springs, 1):
             time, place = springs_place(run, ball, every[ball - 1], until)
-            (line,) = axes.plot(time, place, zorder=2.0, **body_look(ball))
-            line.set_rasterized(len(time) > MOST_VECTOR_POINTS)
+            (drawn,) = axes.plot(time, place, zorder=2.0, **body_look(ball))
+            drawn.set_rasterized(len(time) > MOST_VECTOR_POINTS)
             axes.axhline(spring.foot, zorder=0.9, **_foot(ball))
-            low = min(low, float(np.min(place)), spring.foot)
-            top = max(top, float(np.max(place)), spring.foot)
+            reached.append(place)
         draw_impacts(axes, run, "x", until)
-        time_axis(axes, until, across[0], labelled=True, whole=run.end_time)
-        value_axis(axes, low, top, high, "$x$", "m")
+        time_axis(axes, until, whole=run.end_time)
+        value_axis(axes, np.concatenate(reached), "$x$", "m")
     return figure
 
 
-def _foot(ball: int) -> dict[str, Any]:
+def _foot(ball: int) -> Look:
     return body_look(ball) | {"linewidth": 0.5, "alpha": 0.6}
 
 
@@ -243,14 +241,9 @@ _APART = 3.6
 """Distance of the heights of springs whose feet are at one place (mm)."""
 _LEAST = 0.5
 """Least radius of a body that is drawn (mm)."""
-_LINE: dict[str, Any] = {"color": style.BLACK, "linewidth": 0.8}
-_FOOT: dict[str, Any] = {"color": style.BLACK, "linewidth": 1.2}
-_HEIGHT: dict[str, Any] = {
-    "color": style.FRAME_GREY, "linewidth": 0.4, "linestyle": (0, (6, 1.5, 1, 1.5)),
-}  # fmt: skip
-_ARROW: dict[str, Any] = {
-    "arrowstyle": "-|>", "color": style.BLACK, "linewidth": 0.7, "shrinkA": 0.0, "shrinkB": 0.0,
-}  # fmt: skip
+_LINE = line(style.BLACK, 0.8)
+_FOOT = line(style.BLACK, 1.2)
+_HEIGHT = line(style.FRAME_GREY, 0.4, style.AXIS_DASHES)
 _LONGEST = 4.0
 """How far the longest arrow reaches out of a body (mm)."""
 _HEAD, _HEADED = 7.0, 4.0
@@ -280,6 +273,8 @@ def springs_scene(run: Run, width: str = "single") -> Figure:
     inner = wide - LEFT - _RIGHT
     scale = min(inner / float(high[0] - low[0]), _HIGHEST / float(high[1] - low[1]))
     tall = scale * float(high[1] - low[1])
+    middle, half = 0.5 * float(low[0] + high[0]), 0.5 * inner / scale
+    low[0], high[0] = middle - half, middle + half
     fastest = max(float(np.max(np.abs(one.speeds))) for one in shown)
     each = (_LONGEST / scale + max(body.radius for body in run.system.bodies)) / (fastest or 1.0)
     with style.journal():
@@ -287,9 +282,9 @@ def springs_scene(run: Run, width: str = "single") -> Figure:
         sheet, corners = in_rows(cell, len(shown), 1, wide, LEFT, 0.0, _BOTTOM)
         for corner, one in zip(corners, shown, strict=True):
             axes = sheet.panel(*corner, inner, tall)
-            _set_axes(axes, low, high, (inner, tall), scale, one is shown[-1])
+            plane_axes(axes, low, high, labelled=one is shown[-1])
             axes.set_title(one.title, pad=2.0, color=style.FRAME_GREY)
-            _draw(axes, run, one, (inner, tall), scale, each)
+            _draw(axes, run, one, scale, each)
             if fastest and one is shown[0]:
                 draw_scale(axes, each, 0)
     return sheet.figure
@@ -327,19 +322,7 @@ def _extent(run: Run, shown: list[Instant]) -> tuple[Array, Array]:
     return low, np.array([np.max(along) + radius + room, max(top, radius) + 0.8 * room])
 
 
-def _set_axes(
-    axes: Axes, low: Array, high: Array, size: tuple[float, float], scale: float, labelled: bool
-) -> None:
-    """Set both axes to one scale (mm per m) around the middle."""
-    half = 0.5 * size[0] / scale
-    middle = 0.5 * float(low[0] + high[0])
-    low = np.array([middle - half, low[1]])
-    plane_axes(axes, low, np.array([middle + half, high[1]]), np.array(size), labelled)
-
-
-def _draw(
-    axes: Axes, run: Run, one: Instant, size: tuple[float, float], scale: float, each: float
-) -> None:
+def _draw(axes: Axes, run: Run, one: Instant, scale: float, each: float) -> None:
     """Draw the trace, the bodies, their springs with feet and heights, and name them.
 
     `scale` is the length (mm) of 1 m, and `each` that of the arrow of 1 m/s (m).
@@ -365,17 +348,17 @@ def _draw(
             level = 0.5 * shown * (-1.0) ** number  # beside the arrows of its neighbours
             tip = (place + each * speed, level)
             head = {"mutation_scale": min(_HEAD, _HEADED * scale * each * abs(speed))}
-            axes.annotate("", tip, (place, level), arrowprops=_ARROW | head, zorder=2.6)
+            axes.annotate("", tip, (place, level), arrowprops=ARROW | head, zorder=2.6)
             drawn.append(np.linspace([place, level], tip, 20))
         named += [
-            Named(rf"$C_{{{number}}}$", (place, 0.0)),
-            Named(rf"$A_{{{number}}}$", (float(foot[0]), float(foot[1]))),
-            Named(rf"$b_{{{number}}}$", _middle(upright), style.FRAME_GREY),
+            Named(rf"$C_{{{number}}}$", centre),
+            Named(rf"$A_{{{number}}}$", foot),
+            Named(rf"$b_{{{number}}}$", upright.mean(axis=0), style.FRAME_GREY),
         ]
         ends = np.array([[-reach, 0.0], [reach, 0.0]])
         beam = np.linspace(foot + ends[0], foot + ends[1], 20)
         drawn += [coil, beam, centre + shown * _RING, np.linspace(upright[0], upright[1], 30)]
-    write_names(axes, named, np.concatenate(drawn), size)
+    write_names(axes, named, np.concatenate(drawn))
 
 
 def _aside(run: Run, index: int) -> float:
@@ -383,10 +366,6 @@ def _aside(run: Run, index: int) -> float:
     feet = [spring.foot for spring in run.system.springs]
     alike = [number for number, foot in enumerate(feet) if foot == feet[index]]
     return _APART * (alike.index(index) - 0.5 * (len(alike) - 1))
-
-
-def _middle(ends: Array) -> tuple[float, float]:
-    return float(ends[:, 0].mean()), float(ends[:, 1].mean())
 
 
 def coil_shape(wide: float) -> Array:

@@ -78,8 +78,7 @@ class Motions:
     @cached_property
     def contact(self) -> Flags:
         """Whether the body is in lasting contact."""
-        together: Flags = self.last > self.first
-        return together
+        return self.last > self.first
 
     def some(self, rows: Any) -> Motions:
         """Return those in some rows: a slice or an array of truth values."""
@@ -232,8 +231,8 @@ def springs_structure(system: SpringsSystem, ball: int, width: str = "single") -
         for point in behind.points:
             if point.kind == SADDLE:
                 lower.axes.axhline(point.energy, zorder=1.2, **(EIGHT | {"linewidth": 0.6}))
-            marker = layers.MARKER[point.kind]
-            lower.axes.plot(point.position, point.energy, marker=marker, **layers.POINT)
+            look = layers.POINT | {"marker": layers.MARKER[point.kind]}
+            lower.axes.plot(point.position, point.energy, **look)
         limit_energies(lower, max(spring.energy(window.low), spring.energy(window.high)))
         draw_legend(figure, rows)
     return figure

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from vibro_cli.figures import style
-from vibro_cli.figures.chart import body_look, panel_size
+from vibro_cli.figures.chart import body_look
 from vibro_cli.figures.film import Frames, Ground, States, trail
 from vibro_cli.figures.kinds import EXPONENTS, INTERVALS, Kind, KindOfBody
 from vibro_cli.figures.labels import (
@@ -46,7 +46,7 @@ from vibro_cli.figures.runs.velocities import (
     write_values,
 )
 from vibro_cli.figures.source import Array, kept, made
-from vibro_cli.figures.style import width_of
+from vibro_cli.figures.style import line, panel_size, width_of
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.table.plan import draw_wall, table_plan, wall_corners
 
@@ -60,20 +60,18 @@ _LONGEST, _TURNING = 1.7, 1.0
 _APART = 0.1
 _LEAST = math.radians(1.0)
 _LEAST_ASIDE = math.radians(3.0)
-_PATH: dict[str, Any] = {"linewidth": 0.5, "linestyle": (0, (1, 1.2)), "zorder": 1.9}
-_AXIS: dict[str, Any] = {
-    "color": style.FRAME_GREY, "linewidth": 0.4, "linestyle": (0, (6, 1.5, 1, 1.5)), "zorder": 1.5,
-}  # fmt: skip
-_TANGENT: dict[str, Any] = {"color": style.BLACK, "linewidth": 0.5}
+_PATH = line(None, 0.5, (1, 1.2))
+_AXIS = line(style.FRAME_GREY, 0.4, style.AXIS_DASHES)
+_TANGENT = line(style.BLACK, 0.5)
 _LEGEND: list[Entry] = [
-    (words, {"color": style.BLACK} | look)
+    (words, look | {"color": style.BLACK})
     for words, look in (
         ("velocity", CENTRE),
         ("along the normal", NORMAL),
         (r"$\omega$", ROLLING),
-        ("path", {key: _PATH[key] for key in ("linewidth", "linestyle")}),
+        ("path", _PATH),
         ("tangent", _TANGENT),
-        ("normal", {key: _AXIS[key] for key in ("linewidth", "linestyle")}),
+        ("normal", _AXIS),
     )
 ]
 _RING = ring(90)
@@ -208,11 +206,11 @@ def _draw(axes: Axes, run: Run, one: Met, when: int) -> None:
         draw_wall(axes, run.system.wall)
     across = np.array([-one.normal[1], one.normal[0]])
     far = 2.0 * reach
-    axes.plot(*_line(one.touch, one.normal, far), **_AXIS)
+    axes.plot(*_line(one.touch, one.normal, far), zorder=1.5, **_AXIS)
     axes.plot(*_line(one.touch, across, 1.35 * largest), zorder=2.0, **_TANGENT)
     fastest = one.fastest
     drawn = [np.linspace(one.touch - far * one.normal, one.touch + far * one.normal, 80)]
-    names = [Named("$T$", (float(one.touch[0]), float(one.touch[1])))]
+    names = [Named("$T$", one.touch)]
     spinning = np.nanmax([*(omega for ball in one.balls for omega in ball.omega), 1e-300])
     for ball, side in zip(one.balls, (1.0, -1.0), strict=False):
         colour = str(body_look(ball.number)["color"])
@@ -222,15 +220,14 @@ def _draw(axes: Axes, run: Run, one: Met, when: int) -> None:
         component = float(velocity @ one.normal) * one.normal * (_LONGEST * largest / fastest)
         offset = side * _APART * largest * across
         arrow(axes, one.touch + offset, component, colour, NORMAL)
-        names.append(Named(rf"$C_{{{ball.number}}}$", _pair(ball.centre)))
+        names.append(Named(rf"$C_{{{ball.number}}}$", ball.centre))
         names += _draw_angle(axes, one, ball, when, 1.25 * ball.radius, colour)
     axes.plot(*one.touch, marker="o", markersize=1.6, color=style.BLACK, zorder=4.0)
-    write_names(axes, names, np.concatenate(drawn), (wide, high))
+    write_names(axes, names, np.concatenate(drawn))
 
 
 def _line(middle: Array, along: Array, reach: float) -> Array:
-    ends: Array = np.transpose([middle - reach * along, middle + reach * along])
-    return ends
+    return np.transpose([middle - reach * along, middle + reach * along])
 
 
 def _draw_motion(
@@ -246,7 +243,7 @@ def _draw_motion(
         return [ball.centre + ball.radius * _RING]
     along = velocity / speed
     path = np.array([ball.centre, ball.centre + (8.0 if when else -8.0) * largest * along])
-    axes.plot(*path.T, color=colour, **_PATH)
+    axes.plot(*path.T, color=colour, zorder=1.9, **_PATH)
     reach = _LONGEST * largest / fastest * velocity
     arrow(axes, ball.centre, reach, colour, CENTRE)
     drawn = [np.linspace(ball.centre, ball.centre + reach, 20), np.linspace(path[0], path[1], 40)]
@@ -272,13 +269,8 @@ def _draw_angle(
     angles = start + math.copysign(1.0, turn) * np.linspace(0.0, angle, 40)
     points = ball.centre + radius * np.column_stack([np.cos(angles), np.sin(angles)])
     axes.plot(*points.T, color=colour, linewidth=0.5, zorder=2.4)
-    middle = points[len(points) // 2]
     mark = "'" if when else ""
-    return [Named(rf"$\alpha_{{{ball.number}}}{mark}$", _pair(middle), colour)]
-
-
-def _pair(point: Array) -> tuple[float, float]:
-    return float(point[0]), float(point[1])
+    return [Named(rf"$\alpha_{{{ball.number}}}{mark}$", points[len(points) // 2], colour)]
 
 
 def _say(axes: Axes, one: Met, when: int) -> None:
@@ -289,9 +281,9 @@ def _say(axes: Axes, one: Met, when: int) -> None:
         (2, "v", "m/s", [ball.speed for ball in one.balls]),
         (1, r"\omega", "rad/s", [ball.omega for ball in one.balls]),
     )
-    for line, symbol, unit, values in rows:
+    for level, symbol, unit, values in rows:
         symbols = [rf"${symbol}_{{{ball.number}}}$" for ball in one.balls]
-        write_values(axes, _COLUMNS, line, symbols, values, when, unit)
+        write_values(axes, _COLUMNS, level, symbols, values, when, unit)
     mark = "'" * when
     for ball, left in zip(one.balls, _COLUMNS, strict=False):
         angle = math.degrees(ball.angle[when])

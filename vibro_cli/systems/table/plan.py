@@ -18,7 +18,7 @@ from vibro_cli.figures.labels import LINE, Entry, Named, draw_legend, ring, writ
 from vibro_cli.figures.portraits import layers
 from vibro_cli.figures.runs.velocities import draw_scale
 from vibro_cli.figures.source import made
-from vibro_cli.figures.style import width_of
+from vibro_cli.figures.style import line, mark, width_of
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.table.system import POLYGON, Wall
 
@@ -52,20 +52,21 @@ def table_plan(run: Run, width: str = "single") -> Figure:
     low, high = _extent(run, paths)
     low, high = _fitted(low, high)
     wide = width_of(width)
-    size = (wide - LEFT - _RIGHT) * np.array([1.0, (high[1] - low[1]) / (high[0] - low[0])])
+    inner = wide - LEFT - _RIGHT
+    tall = inner * float((high[1] - low[1]) / (high[0] - low[0]))
     arrows = _arrows(run)
     entries = _legend(arrows)
     with style.journal():
-        sheet = Sheet(wide, _BOTTOM + float(size[1]) + _TOP + (LINE if entries else 0.0))
-        axes = sheet.panel(LEFT, _BOTTOM, float(size[0]), float(size[1]))
-        plane_axes(axes, low, high, size, after=first_part(until, run.end_time))
+        sheet = Sheet(wide, _BOTTOM + tall + _TOP + (LINE if entries else 0.0))
+        axes = sheet.panel(LEFT, _BOTTOM, inner, tall)
+        plane_axes(axes, low, high, after=first_part(until, run.end_time))
         if run.system.wall is not None:
             draw_wall(axes, run.system.wall)
         for ball, path in enumerate(paths):
             _draw_path(axes, run, ball, path)
         _draw_impacts(axes, run, until)
         _draw_velocities(axes, arrows, _ARROW * float(high[0] - low[0]))
-        _draw_numbers(axes, run, paths, (float(size[0]), float(size[1])))
+        _draw_numbers(axes, run, paths)
         axes.set_title(_title(run, until), pad=2.0, color=style.FRAME_GREY)
         if entries:
             draw_legend(sheet.figure, [entries])
@@ -146,15 +147,15 @@ def _colour(ball: int) -> str:
     return str(body_look(ball + 1)["color"])
 
 
-def _draw_numbers(axes: Axes, run: Run, paths: list[Floats], size: tuple[float, float]) -> None:
-    """Write each ball's number beside its start, where it covers least (`size` in mm)."""
+def _draw_numbers(axes: Axes, run: Run, paths: list[Floats]) -> None:
+    """Write each ball's number beside its start, where it covers least."""
     passed = [_points_along(path) for path in paths]
     discs = np.concatenate([share * ring(24) for share in (0.25, 0.5, 0.75, 1.0)])
     circles = [
         path[0] + body.radius * discs for path, body in zip(paths, run.system.bodies, strict=True)
     ]
     names = [Named(str(ball + 1), path[0], _colour(ball)) for ball, path in enumerate(paths)]
-    write_names(axes, names, np.concatenate([*passed, *circles]), size)
+    write_names(axes, names, np.concatenate([*passed, *circles]))
 
 
 def _points_along(path: Floats) -> Floats:
@@ -202,8 +203,7 @@ def _legend(arrows: list[Arrow]) -> list[Entry]:
     seen = {when for _, _, when in arrows}
     if "after" in seen:
         seen.discard("at the start")
-    look = {"color": style.BLACK, "linewidth": 0.5, "marker": ">", "markersize": 3.0,
-            "markeredgewidth": 0.5}  # fmt: skip
+    look = mark(">", 3.0, style.BLACK) | line(style.BLACK, 0.5) | {"markeredgewidth": 0.5}
     return [
         (f"velocity {when}", look | {"markerfacecolor": head})
         for when, head in _HEAD.items()

@@ -25,8 +25,7 @@ from numpy.typing import NDArray
 
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import Sheet
-from vibro_cli.figures.portraits import layers
-from vibro_cli.figures.style import width_of
+from vibro_cli.figures.style import mark, width_of
 from vibro_cli.figures.ticks import angle_ticks, label_axis, vertical_ticks
 from vibro_cli.systems.contract import NoPortrait
 from vibro_cli.systems.run import simulate
@@ -201,13 +200,11 @@ def _draw_singular(axes: Axes, wall: Wall, radius: float) -> str:
     for orbit in two_bounce_orbits(wall, radius):
         if orbit.kind == "degenerate":
             continue
-        mark = {"centre": "+", "saddle": "x"}[orbit.kind]
+        shape = {"centre": "+", "saddle": "x"}[orbit.kind]
+        look = mark(shape, 4.5, style.BLACK) | {"markeredgewidth": 0.6}
         for turn in (-1.0, 0.0, 1.0):
             place = orbit.normal + turn * math.pi
-            axes.plot(
-                place, 0.0, marker=mark, zorder=5.0, clip_on=False,
-                **(layers.POINT | {"color": style.BLACK, "markersize": 4.5}),
-            )  # fmt: skip
+            axes.plot(place, 0.0, zorder=5.0, clip_on=False, **look)
     marks = {"centre": "+ centre", "saddle": "× saddle"}
     return "".join(f"; {words}" for kind, words in marks.items() if kind in kinds)
 

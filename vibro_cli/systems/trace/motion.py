@@ -87,8 +87,7 @@ class Places:
         return numbers if np.ndim(numbers) == 0 else numbers[self._of_rows]
 
     def _numbers(self, values: Sequence[Any]) -> Floats:
-        table: Floats = np.stack(np.broadcast_arrays(*map(self.of_rows, values)))
-        return table
+        return np.stack(np.broadcast_arrays(*map(self.of_rows, values)))
 
     @staticmethod
     def _at(table: Floats, *index: Any) -> Any:
