@@ -124,10 +124,9 @@ def _obstacles(run: Recorded, surface: Array, scale: float) -> Array:
         line = np.linspace(0.0, 1.0, 60)[:, None]
         start, end = np.array(piece.start), np.array(piece.end)
         found += [start + line * (end - start)] if piece.is_line else []
-    for body, state in zip(run.system.bodies, run.system.initial, strict=True):
-        centre = run.system.trace.pieces[state.piece].body_center(state.position, body.radius)
+    for body, centre in zip(run.system.bodies, _centres(run), strict=True):
         radius = max(body.radius, _LEAST / scale)
-        found += [np.array(centre) + radius * share * _RING for share in (0.4, 0.7, 1.0)]
+        found += [centre + radius * share * _RING for share in (0.4, 0.7, 1.0)]
     return np.concatenate(found)
 
 
@@ -388,10 +387,7 @@ def visited(system: TraceSystem, centres: Array, low: Array, high: Array) -> tup
 
 def configurations(run: Recorded, most: int) -> list[Configuration]:
     """Return the start, the first impacts and, if there are more than `most` in all, the last."""
-    pieces = run.system.trace.pieces
-    states = zip(run.system.bodies, run.system.initial, strict=True)
-    start = [pieces[state.piece].body_center(state.position, body.radius) for body, state in states]
-    found = [Configuration("start", np.array(start), ())]
+    found = [Configuration("start", _centres(run), ())]
     times = np.asarray(run.collisions["t"], dtype=np.float64)
     rows = list(range(min(len(times), most - 1)))
     if len(times) > most - 1:

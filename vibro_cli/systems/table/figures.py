@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -149,34 +149,32 @@ def table_velocities(run: Run, width: str = "single") -> Figure | None:
 
 def impacts_of(run: Run, most: int) -> list[Met]:
     """Return the first impacts of two balls and on the wall, in the order of time."""
-    pairs = [_of_pair(run, row) for row in range(min(most, len(run.collisions["n"])))]
-    walls = [_on_wall(run, row) for row in range(min(most, len(run.bounces["n"])))]
-    return sorted([*pairs, *walls], key=lambda one: one.time)[:most]
+    found = [
+        _met(run, table, words, ends, row)
+        for table, words, ends in (
+            (run.collisions, "impact", ("_a", "_b")),
+            (run.bounces, "wall", ("",)),
+        )
+        for row in range(min(most, len(table["n"])))
+    ]
+    return sorted(found, key=lambda one: one.time)[:most]
 
 
-def _of_pair(run: Run, row: int) -> Met:
-    table = run.collisions
-    balls = tuple(_ball(run, table, row, int(table[f"ball_{end}"][row]), f"_{end}") for end in "ab")
+def _met(run: Run, table: Any, words: str, ends: Sequence[str], row: int) -> Met:
+    """Return an impact of the balls at the ends of a pair, or of the one in the table."""
+    balls = tuple(_ball(run, table, row, end) for end in ends)
     angle = float(table["normal_angle"][row])
     normal = np.array([math.cos(angle), math.sin(angle)])
-    one, other = (ball.radius for ball in balls)
+    one, other = balls[0].radius, balls[-1].radius
     reach = 2.0 * one * math.sqrt(one * other) / (one + other) if one + other > 0.0 else 0.0
-    title = f"impact {int(table['n'][row])}"
-    touch = balls[0].centre + reach * normal
-    return Met(title, float(table["t"][row]), touch, normal, balls, bool(made(table)[row]))
+    title, touch = f"{words} {int(table['n'][row])}", balls[0].centre + reach * normal
+    happened = len(ends) == 1 or bool(made(table)[row])
+    return Met(title, float(table["t"][row]), touch, normal, balls, happened)
 
 
-def _on_wall(run: Run, row: int) -> Met:
-    table = run.bounces
-    ball = _ball(run, table, row, int(table["ball"][row]), "")
-    angle = float(table["normal_angle"][row])
-    normal = np.array([math.cos(angle), math.sin(angle)])
-    touch = ball.centre + ball.radius * normal
-    title = f"wall {int(table['n'][row])}"
-    return Met(title, float(table["t"][row]), touch, normal, (ball,))
+def _ball(run: Run, table: Any, row: int, end: str) -> Arriving:
+    number = int(table[f"ball{end}"][row])
 
-
-def _ball(run: Run, table: Any, row: int, number: int, end: str) -> Arriving:
     def value(name: str) -> float:
         return float(table[name][row])
 
@@ -297,35 +295,23 @@ def table_contact_points(run: Run, width: str = "single") -> Figure | None:
 
     α is then the angle at which each ball arrives, if it does not do so along the normal.
     """
-    if len(run.collisions["n"]):
-        return figure_of(_arriving(run), width)
-    if not len(run.bounces["n"]):
+    pairs, walls = run.collisions, run.bounces
+    if not len(pairs["n"]) and not len(walls["n"]):
         return None
-    number = int(run.bounces["ball"][0])
-    speed = math.hypot(*(float(run.bounces[f"velocity_{axis}_pre"][0]) for axis in "xy"))
-    aside = _shown(float(run.bounces["arrival_angle"][0]))
-    return figure_of(
-        [Rolling(run.system.bodies[number - 1], number, speed, 1.0, 0.0, aside)], width
+    met = (
+        _met(run, pairs, "impact", ("_a", "_b"), 0)
+        if len(pairs["n"])
+        else _met(run, walls, "wall", ("",), 0)
     )
-
-
-def _arriving(run: Run) -> list[Rolling]:
-    table = run.collisions
-    numbers = [int(table[f"ball_{end}"][0]) for end in "ab"]
-    radii = [run.system.bodies[number - 1].radius for number in numbers]
     bodies = []
-    for end, number, own, other in zip("ab", numbers, radii, radii[::-1], strict=True):
-        above = (other - own) / (own + other) if own + other > 0.0 else 0.0
-        speed = math.hypot(*(float(table[f"velocity_{axis}_{end}_pre"][0]) for axis in "xy"))
-        aside = _shown(float(table[f"arrival_angle_{end}"][0]))
+    for ball, other in zip(met.balls, met.balls[::-1], strict=True):
+        both = ball.radius + other.radius
+        above = (other.radius - ball.radius) / both if both > 0.0 else 0.0
         ahead = math.sqrt(max(1.0 - above * above, 0.0))
-        body = run.system.bodies[number - 1]
-        bodies.append(Rolling(body, number, speed, ahead, above, aside))
-    return bodies
-
-
-def _shown(angle: float) -> float:
-    return angle if angle >= _LEAST_ASIDE else ASIDE
+        aside = ball.angle[0] if ball.angle[0] >= _LEAST_ASIDE else ASIDE
+        body = run.system.bodies[ball.number - 1]
+        bodies.append(Rolling(body, ball.number, ball.speed[0], ahead, above, aside))
+    return figure_of(bodies, width)
 
 
 _ROOM = 0.03
