@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from functools import wraps
 from typing import Any, Concatenate, ParamSpec, Protocol, TypeVar, runtime_checkable
@@ -12,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibro_cli.mechanics.system import TraceSystem
+from vibro_cli.systems.contract import Flights
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -51,7 +51,7 @@ def made(table: Table) -> NDArray[np.bool_]:
     return np.logical_or(*flags)
 
 
-class Recorded(Protocol):
+class Recorded(Flights, Protocol):
     """A finished run: the system, its impacts and its flights between events."""
 
     @property
@@ -61,17 +61,6 @@ class Recorded(Protocol):
     @property
     def collisions(self) -> Table:
         """The impacts, with the columns of `collisions.parquet`."""
-
-    def flights(self) -> Table:
-        """The flights of every ball between events, with their first and last states."""
-
-    def look_at(self, rows: Any) -> None:
-        """Take note of the flights, rows of their table, whose curves will be asked for."""
-
-    def flight_curve(
-        self, index: int, count: int, lasts: float = math.inf
-    ) -> tuple[Array, Array, Array]:
-        """Times, positions and rates along one flight, of its first seconds."""
 
 
 def kept(

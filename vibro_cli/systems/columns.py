@@ -256,9 +256,14 @@ GROWTH = (
 """What impacts have besides where the growth of small changes is followed."""
 
 
+def with_columns(table: Table, *more: Column) -> Table:
+    """A table with some more columns."""
+    return replace(table, columns=(*table.columns, *more))
+
+
 def with_growth(table: Table) -> Table:
     """A table of impacts with what they have where the growth of small changes is followed."""
-    return replace(table, columns=(*table.columns, *GROWTH))
+    return with_columns(table, *GROWTH)
 
 
 def exponents(numbers: int | str) -> tuple[Column, ...]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol
@@ -91,8 +91,8 @@ class Trajectory(Protocol):
         """Return the columns of the motion table: for each time (s) a row for each body."""
 
 
-class Motion(Protocol):
-    """The motion in a run that is over."""
+class Flights(Protocol):
+    """The motion in a run on a trace that is over, flight by flight."""
 
     @property
     def system(self) -> Any:
@@ -105,7 +105,11 @@ class Motion(Protocol):
         """Take note of the flights, rows of their table, that will be asked for."""
 
     def flight_curve(self, index: int, count: int, lasts: float = math.inf) -> tuple[Any, Any, Any]:
-        """Return times (s), places and rates at ``count`` points along a flight."""
+        """Return times (s), places and rates at ``count`` points of a flight, or its beginning."""
+
+
+class Motion(Flights, Protocol):
+    """The motion in a run that is over."""
 
     def sample(self, times: Any, side: str = "after", extrapolate: bool = False) -> Rows:
         """Return the columns of the motion table: for each time (s) a row for each body."""
@@ -242,17 +246,24 @@ class System(ABC):
         from vibro_cli.systems.columns import converging, with_growth
 
         impacts = [with_growth(log.table) for log in self.impact_logs.values()]
-        part = self.part("tables")
-        return (*impacts, *part.OTHER_TABLES, part.summary("i", "i"), converging("i"))
+        others = self.part("tables").OTHER_TABLES
+        return (*impacts, *others, self.summary_of("i", "i"), converging("i"))
 
     def summary(self, bodies: int, grown: bool = False) -> Table:
-        """Return the summary of runs with so many bodies, `grown` with exponents.
+        """Return the summary of runs with so many bodies, `grown` with exponents."""
+        return self.summary_of(range(1, bodies + 1), self.exponents * bodies if grown else 0)
 
-        It is from ``summary`` of ``tables.py``.
+    def summary_of(self, bodies: Iterable[int | str], grown: int | str) -> Table:
+        """Return the summary of runs with these bodies: numbers from 1, or a letter for any.
+
+        It has so many exponents. Of the run it is ``SUMMARY`` of ``tables.py``, of each body what
+        ``final_state`` there gives.
         """
-        exponents = self.exponents * bodies if grown else 0
-        table: Table = self.part("tables").summary(range(1, bodies + 1), exponents)
-        return table
+        from vibro_cli.systems.columns import exponents, with_columns
+
+        part = self.part("tables")
+        states = [column for body in bodies for column in part.final_state(body)]
+        return with_columns(part.SUMMARY, *states, *exponents(grown))
 
     def table(self, name: str, column_names: Sequence[str]) -> Table | None:
         """Return the table with a name for data with these columns, None where there is none."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from functools import cached_property, partial
 from operator import methodcaller
 from typing import Any
@@ -21,7 +21,6 @@ from vibro_cli.systems.columns import (
     Table,
     before_and_after,
     count,
-    exponents,
     flag,
     impact_head,
     impact_tail,
@@ -213,25 +212,26 @@ OTHER_TABLES = (EVENTS, MOTION)
 IMPACT_LOGS = {"collisions": ImpactLog("impacts", COLLISIONS, Collisions, SpringBodies)}
 
 
-def summary(bodies: Iterable[int | str], grown: int | str = 0) -> Table:
-    """The table of summaries of runs with these bodies: numbers from 1, or a letter for any.
-
-    `grown` with so many exponents.
-    """
-    columns = [
+SUMMARY = Table(
+    "springs.summary",
+    "one run",
+    (
         *summary_head("time, collisions, no_more_collisions or inadmissible"),
         count("collisions", "number of impacts", True, of_clock("collisions")),
         count("contacts", "number of lasting contacts begun", True, of_clock("contacts")),
         *summary_balance(),
-    ]
-    for body in bodies:
-        for name, unit, text in (
-            ("x", "m", f"final place of body {body}"),
-            ("displacement", "m", f"the same of body {body} from its spring's foot"),
-            ("speed", "m/s", f"final speed of body {body}"),
-        ):
-            columns.append(number(f"{name}_{body}", unit, text, True, of_last(name, body)))
-    return Table("springs.summary", "one run", (*columns, *exponents(grown)))
+    ),
+)
+
+
+def final_state(body: int | str) -> Iterator[Column]:
+    """The columns of the summary that are of a body, counted from 1."""
+    for name, unit, text in (
+        ("x", "m", f"final place of body {body}"),
+        ("displacement", "m", f"the same of body {body} from its spring's foot"),
+        ("speed", "m/s", f"final speed of body {body}"),
+    ):
+        yield number(f"{name}_{body}", unit, text, True, of_last(name, body))
 
 
 Floats = NDArray[np.float64]

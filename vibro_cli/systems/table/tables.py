@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from itertools import pairwise
 from operator import attrgetter, methodcaller
 from typing import Any
@@ -17,7 +17,6 @@ from vibro_cli.systems.columns import (
     Table,
     Value,
     count,
-    exponents,
     flag,
     grazing,
     impact_head,
@@ -244,25 +243,26 @@ _CAUSES = (
 )
 
 
-def summary(balls: Iterable[int | str], grown: int | str = 0) -> Table:
-    """The table of summaries of runs with these balls: numbers from 1, or a letter for any.
-
-    `grown` with so many exponents.
-    """
-    columns = [
+SUMMARY = Table(
+    "table.summary",
+    "one run",
+    (
         *summary_head(_CAUSES),
         count("collisions", "number of impacts of two balls", True, of_clock("collisions")),
         count("bounces", "number of impacts on the wall", True, of_clock("bounces")),
         *summary_balance(),
-    ]
-    for ball in balls:
-        for axis in _AXES:
-            text = f"final place of ball {ball}"
-            columns.append(number(f"{axis}_{ball}", "m", text, True, of_last(axis, ball)))
-        for axis in _AXES:
-            name, text = f"velocity_{axis}", f"final component of the velocity of ball {ball}"
-            columns.append(number(f"{name}_{ball}", "m/s", text, True, of_last(name, ball)))
-    return Table("table.summary", "one run", (*columns, *exponents(grown)))
+    ),
+)
+
+
+def final_state(ball: int | str) -> Iterator[Column]:
+    """The columns of the summary that are of a ball, counted from 1."""
+    for axis in _AXES:
+        text = f"final place of ball {ball}"
+        yield number(f"{axis}_{ball}", "m", text, True, of_last(axis, ball))
+    for axis in _AXES:
+        name, text = f"velocity_{axis}", f"final component of the velocity of ball {ball}"
+        yield number(f"{name}_{ball}", "m/s", text, True, of_last(name, ball))
 
 
 Floats = NDArray[np.float64]

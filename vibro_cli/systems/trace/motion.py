@@ -3,9 +3,6 @@
 Of a run that is too long to be kept, only where and when every flight begins and ends is at hand.
 The rows of the log, which the states on a flight are made from, are gathered in one more pass, of
 the flights that are asked for.
-
-Of every flight only where and when it begins and ends is at hand. The rows of the log, which the
-states on a flight are made from, are gathered in one more pass, of the flights that are asked for.
 """
 
 from __future__ import annotations

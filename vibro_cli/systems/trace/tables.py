@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import Any
 
 import numpy as np
@@ -33,7 +33,6 @@ from vibro_cli.systems.columns import (
     before_and_after,
     converging,
     count,
-    exponents,
     flag,
     impact_head,
     impact_tail,
@@ -162,7 +161,7 @@ def motion() -> Table:
     return Table("motion", "one body at one sampled time", columns)
 
 
-_SUMMARY_HEAD = (
+_OF_THE_RUN = (
     *summary_head(
         "time, collisions, no_more_collisions, inadmissible, end_of_trace, lift_off or rest"
     ),
@@ -196,19 +195,13 @@ def final_state(ball: int | str) -> tuple[Column, ...]:
     )
 
 
-def summary(balls: Iterable[int | str], grown: int | str = 0) -> Table:
-    """The table of summaries of runs with these bodies: numbers from 1, or a letter for any.
-
-    `grown` with so many exponents.
-    """
-    states = [column for ball in balls for column in final_state(ball)]
-    return Table("summary", "one run", (*_SUMMARY_HEAD, *states, *exponents(grown)))
+SUMMARY = Table("summary", "one run", _OF_THE_RUN)
 
 
 def tables() -> tuple[Table, ...]:
     """Every table with all columns it may have; the final state stands for any body `i`."""
     impacts = collisions(sided=True, grown=True)
-    return (impacts, events(), motion(), summary("i", "i"), converging("i"))
+    return (impacts, events(), motion(), SYSTEM.summary_of("i", "i"), converging("i"))
 
 
 def collisions_with(column_names: Collection[str]) -> Table:
