@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, cast
 import typer
 
 from vibro_cli.commands.shared.error_handling import DONE, CommandError
-from vibro_cli.commands.shared.options import output_option, scenario_keys, set_option
+from vibro_cli.commands.shared.options import json_option, output_option, scenario_keys, set_option
 from vibro_cli.commands.shared.terminal import print_found, say
 
 if TYPE_CHECKING:
@@ -59,10 +59,9 @@ class OrbitCommand:
     figures: Annotated[
         bool, typer.Option("--figures/--no-figures", help="Draw a family of orbits.")
     ] = True
-    as_json: Annotated[bool, typer.Option("--json", help="Print what was found as JSON.")] = False
+    as_json: Annotated[bool, json_option(help="Print what was found as JSON.")] = False
 
     def __post_init__(self) -> None:
-        """Tell a wrong usage before anything is read."""
         if self.vary is not None:
             parsed_span(self.vary)
 
@@ -282,10 +281,9 @@ class FitCommand:
     figures: Annotated[bool, typer.Option("--figures/--no-figures", help="Draw the residuals.")] = (
         True
     )
-    as_json: Annotated[bool, typer.Option("--json", help="Print what was found as JSON.")] = False
+    as_json: Annotated[bool, json_option(help="Print what was found as JSON.")] = False
 
     def __post_init__(self) -> None:
-        """Tell a wrong usage before anything is read."""
         if self.noise is not None and not 0.0 < self.noise < float("inf"):
             text = f"--noise: found {self.noise!r}, expected seconds, greater than 0"
             raise typer.BadParameter(text)
@@ -421,4 +419,4 @@ def _residuals_drawn(columns: dict[str, Any]) -> dict[str, bytes]:
     from vibro_cli.figures.analyses import fit_figure
     from vibro_cli.interface import pictures
 
-    return pictures({"residuals": fit_figure(columns, "single")})
+    return pictures({"residuals": fit_figure(columns)})

@@ -25,7 +25,7 @@ from vibro_cli.figures.maps import Categories, Lattice, Swept, category_map, end
 from vibro_cli.figures.style import Look, line, mark, panel_size
 from vibro_cli.figures.ticks import label_axis, number_ticks
 
-_FIT_HEIGHTS = {"single": 24.0, "double": 32.0}
+_FIT_HEIGHT = 24.0
 _POINT = mark("o", 2.2, style.BLUE)
 _BEFORE = mark("s", 2.2, style.VERMILLION) | {"fillstyle": "none"}
 _SPREAD = 2.0
@@ -33,7 +33,7 @@ _LABEL = 8.5
 """Distance of a vertical axis' label from the axis (mm)."""
 
 
-def fit_figure(found: dict[str, Any], width: str) -> Figure:
+def fit_figure(found: dict[str, Any]) -> Figure:
     """Return the residuals (ms) over the number of the impact: before the fit, and after it.
 
     Bars are one standard deviation of the noise, the band two.
@@ -42,8 +42,6 @@ def fit_figure(found: dict[str, Any], width: str) -> Figure:
     ----------
     found
         Columns of ``residuals.parquet``.
-    width
-        "single" or "double".
     """
     number = np.asarray(found["n"])
     noise = 1e3 * np.asarray(found["noise"])
@@ -53,7 +51,7 @@ def fit_figure(found: dict[str, Any], width: str) -> Figure:
         (r"$\pm 2\sigma$", BAND_KEY),
     ]
     with style.journal():
-        figure, panels = stacked(width, [_FIT_HEIGHTS[width]] * 2, entries=entries)
+        figure, panels = stacked("single", [_FIT_HEIGHT] * 2, entries=entries)
         for axes, name, look in zip(panels, ("first", "residual"), (_BEFORE, _POINT), strict=True):
             late = 1e3 * np.asarray(found[name], dtype=np.float64)
             spread = _SPREAD * noise
