@@ -16,7 +16,11 @@ COMMANDS = (
     "run", "grid", "section", "basins", "orbit", "fit", "portrait", "report", "check", "show",
     "verify", "schema", "new", "stress", "bench", "help",
 )  # fmt: skip
-"""Each is a class, as `RunCommand`, in the module that `HOMES` names."""
+"""Each is a class, as `RunCommand`, in the module that `HOMES` names.
+
+Its fields are its arguments and options, and a wrong usage is told when they are given, before
+anything is read or written; called, it does what was asked and returns the exit code.
+"""
 HOMES = {
     "fit": "orbit", "schema": "new", "section": "basins", "stress": "bench", "verify": "check",
 }  # fmt: skip

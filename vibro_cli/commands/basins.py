@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from vibro_cli.commands.shared.error_handling import DONE, CommandError
-from vibro_cli.commands.shared.options import output_option, repeatable
+from vibro_cli.commands.shared.options import json_option, output_option, repeatable
 from vibro_cli.commands.shared.terminal import json_text, print_found, say
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ class BasinsCommand:
     figures: Annotated[
         bool, typer.Option("--figures/--no-figures", help="Draw the map and the scaling.")
     ] = True
-    as_json: Annotated[bool, typer.Option("--json", help="Print what was found as JSON.")] = False
+    as_json: Annotated[bool, json_option(help="Print what was found as JSON.")] = False
 
     def __call__(self) -> int:
         """Read, measure, draw, write and print."""
@@ -188,10 +188,9 @@ class SectionCommand:
         Literal["single", "double"],
         typer.Option(help="One column of a journal (85 mm) or two (170 mm)."),
     ] = "double"
-    as_json: Annotated[bool, typer.Option("--json", help="Print the file written as JSON.")] = False
+    as_json: Annotated[bool, json_option(help="Print the file written as JSON.")] = False
 
     def __post_init__(self) -> None:
-        """Tell a wrong usage before anything is read."""
         if self.bodies is None and self.pair is not None:
             text = f"--pair: found {self.pair!r}, expected two bodies, such as 1-2"
             raise typer.BadParameter(text)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from vibro_cli.commands.shared.error_handling import DONE, FAILED, CommandError
-from vibro_cli.commands.shared.options import Quiet, output_option, repeatable
+from vibro_cli.commands.shared.options import Quiet, json_option, output_option, repeatable
 from vibro_cli.commands.shared.terminal import json_text, say
 
 if TYPE_CHECKING:
@@ -36,13 +36,12 @@ class BenchCommand:
             "differs from those in use, and measure nothing.",
         ),
     ] = None
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print each row of the table as a JSON line.")
-    ] = False
+    as_json: Annotated[bool, json_option(help="Print each row of the table as a JSON line.")] = (
+        False
+    )
     quiet: Quiet = False
 
     def __post_init__(self) -> None:
-        """Tell a wrong usage before anything is measured."""
         if self.quick and self.full:
             raise typer.BadParameter("--quick does not go with --full")
 
@@ -162,9 +161,7 @@ class StressCommand:
             help="How many scenes the checks drawn and digits draw [default: as many as each has].",
         ),
     ] = None
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print it as JSON, a line for each finding.")
-    ] = False
+    as_json: Annotated[bool, json_option(help="Print it as JSON, a line for each finding.")] = False
     output: Annotated[
         str | None,
         output_option(

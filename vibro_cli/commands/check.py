@@ -8,7 +8,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from vibro_cli.commands.shared.error_handling import DONE, FAILED, MISUSED, CommandError
-from vibro_cli.commands.shared.options import FailFast, Overrides, Quiet, scenario_argument
+from vibro_cli.commands.shared.options import (
+    FailFast,
+    Overrides,
+    Quiet,
+    json_option,
+    scenario_argument,
+)
 from vibro_cli.commands.shared.terminal import count, json_text, print_found, say, size
 
 if TYPE_CHECKING:
@@ -23,7 +29,7 @@ class CheckCommand:
 
     scenarios: Annotated[list[str], scenario_argument()]
     overrides: Overrides
-    as_json: Annotated[bool, typer.Option("--json", help="Print it as JSON, a line each.")] = False
+    as_json: Annotated[bool, json_option(help="Print it as JSON, a line each.")] = False
     fail_fast: FailFast = False
     quiet: Quiet = False
 
@@ -149,7 +155,7 @@ class VerifyCommand:
         typer.Argument(metavar="DIR", help="Folders of results.", show_default=False),
     ]
     as_json: Annotated[
-        bool, typer.Option("--json", help="Print what was found as JSON, a line for each folder.")
+        bool, json_option(help="Print what was found as JSON, a line for each folder.")
     ] = False
 
     def __call__(self) -> int:

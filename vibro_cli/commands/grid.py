@@ -14,6 +14,7 @@ from vibro_cli.commands.shared.options import (
     Engine,
     Overrides,
     Strict,
+    json_option,
     output_option,
     scenario_files,
 )
@@ -105,12 +106,9 @@ class GridCommand:
             envvar="VIBRO_DASK",
         ),
     ] = None
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print what was done as one JSON object.")
-    ] = False
+    as_json: Annotated[bool, json_option(help="Print what was done as one JSON object.")] = False
 
     def __post_init__(self) -> None:
-        """Tell a wrong usage before anything is read."""
         if self.merge and (
             self.shard is not None or self.dask is not None or self.repair or self.force
         ):

@@ -13,6 +13,7 @@ from typing import Annotated, Any
 import typer
 
 from vibro_cli.commands.shared.error_handling import DONE, EXIT_CODES, CommandError, suggestion
+from vibro_cli.commands.shared.options import json_option
 from vibro_cli.commands.shared.terminal import (
     as_terminal_text,
     json_text,
@@ -286,7 +287,7 @@ class HelpCommand:
     markdown: Annotated[
         bool, typer.Option("--markdown", help="Print a topic as Markdown, not for the terminal.")
     ] = False
-    as_json: Annotated[bool, typer.Option("--json", help="Print topic and text as JSON.")] = False
+    as_json: Annotated[bool, json_option(help="Print topic and text as JSON.")] = False
 
     def __call__(self) -> int:
         """Print what is asked for."""

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 import typer
 
 from vibro_cli.commands.shared.error_handling import DONE, CommandError
-from vibro_cli.commands.shared.options import gallery_names, output_option
+from vibro_cli.commands.shared.options import gallery_names, json_option, output_option
 from vibro_cli.commands.shared.terminal import json_text, printable, say
 from vibro_cli.systems import NAMES
 
@@ -48,11 +48,10 @@ class NewCommand:
     ] = None
     force: Annotated[bool, typer.Option("--force", help="Replace an existing file.")] = False
     as_json: Annotated[
-        bool, typer.Option("--json", help="Print the names, or the files written, as JSON.")
+        bool, json_option(help="Print the names, or the files written, as JSON.")
     ] = False
 
     def __post_init__(self) -> None:
-        """Tell a wrong usage before anything is written."""
         wrong = (self.name is not None or self.output == "-") if self.whole else self.name is None
         if wrong and not self.listing:
             raise typer.BadParameter("expected the NAME of a scenario, or --list, or --all")
@@ -171,12 +170,9 @@ class SchemaCommand:
     markdown: Annotated[
         bool, typer.Option("--markdown", help="Print the tables for reading, not as JSON.")
     ] = False
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON, which is the default.")] = (
-        False
-    )
+    as_json: Annotated[bool, json_option(help="Print JSON, which is the default.")] = False
 
     def __post_init__(self) -> None:
-        """Tell a wrong usage before anything is printed."""
         if self.system != NAMES[0] and self.subject == "tables":
             raise typer.BadParameter("--system is of scenarios and grids; expected one of these")
         if self.markdown and self.as_json:

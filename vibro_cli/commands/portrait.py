@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from vibro_cli.commands.shared.error_handling import DONE, CommandError
-from vibro_cli.commands.shared.options import Overrides, Quiet, output_option
+from vibro_cli.commands.shared.options import Overrides, Quiet, json_option, output_option
 from vibro_cli.commands.shared.terminal import print_found, say
 
 if TYPE_CHECKING:
@@ -229,13 +229,12 @@ class PortraitCommand:
     figures: Annotated[bool, typer.Option("--figures/--no-figures", help="Draw the portraits.")] = (
         True
     )
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print the table of singular points as JSON.")
-    ] = False
+    as_json: Annotated[bool, json_option(help="Print the table of singular points as JSON.")] = (
+        False
+    )
     quiet: Quiet = False
 
     def __post_init__(self) -> None:
-        """Tell a wrong usage before anything is read."""
         if self.vary is not None:
             parsed_range(self.vary)
         if self.compare is not None:

@@ -11,7 +11,7 @@ import typer
 
 from vibro_cli import __version__
 from vibro_cli.commands.shared.error_handling import DONE, CommandError
-from vibro_cli.commands.shared.options import output_option, repeatable
+from vibro_cli.commands.shared.options import json_option, output_option, repeatable
 from vibro_cli.commands.shared.terminal import json_text, say
 
 if TYPE_CHECKING:
@@ -97,12 +97,9 @@ class ReportCommand:
             "or 100.",
         ),
     ] = 25
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print what was written as one JSON object.")
-    ] = False
+    as_json: Annotated[bool, json_option(help="Print what was written as one JSON object.")] = False
 
     def __post_init__(self) -> None:
-        """Tell a wrong usage before anything is read."""
         if self.animate is not None:
             self._check_film(self.animate)
             if len(self.folders) > 1:

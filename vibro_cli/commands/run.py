@@ -110,7 +110,6 @@ class RunCommand:
     ] = False
 
     def __post_init__(self) -> None:
-        """Tell a wrong usage before anything is read."""
         if (self.earlier is None) == (not self.scenarios):
             raise CommandError(
                 "vibro: Missing argument 'SCENARIO', or --continue DIR (see vibro run --help)"

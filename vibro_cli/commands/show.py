@@ -16,7 +16,7 @@ from vibro_cli.commands.shared.error_handling import (
     reason,
     suggestion,
 )
-from vibro_cli.commands.shared.options import TableFormat, table_files
+from vibro_cli.commands.shared.options import TableFormat, json_option, table_files
 from vibro_cli.commands.shared.terminal import json_text, printable, say
 from vibro_cli.errors import similar
 
@@ -49,11 +49,10 @@ class ShowCommand:
         TableFormat | None, typer.Option("--format", help="Write the rows in this form.")
     ] = None
     as_json: Annotated[
-        bool, typer.Option("--json", help="Print columns, units and rows as one JSON object.")
+        bool, json_option(help="Print columns, units and rows as one JSON object.")
     ] = False
 
     def __post_init__(self) -> None:
-        """Tell a wrong usage before anything is read."""
         if self.form is not None and self.as_json:
             raise typer.BadParameter("expected one of --format and --json")
         _row_range(self._rows)

@@ -110,6 +110,7 @@ scenario_argument = partial(
 
 
 output_option = partial(typer.Option, "--output", "-o")
+json_option = partial(typer.Option, "--json")
 repeatable = partial(typer.Option, default_factory=list, show_default=False)
 set_option = partial(repeatable, "--set", metavar="PATH=VALUE", autocompletion=scenario_keys)
 
