@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vibro_cli.compile.kernel import dtype, interpreted_copies, interpreted_rows
-from vibro_cli.compile.native import compiled
+from vibro_cli.compile.kernel import dtype
 from vibro_cli.kernels.springs.series import Found, Sample, sample_states
-from vibro_cli.kernels.springs.world import CONTACT_CLOSED, CONTACT_OPENED, SpringBody, StateRow
+from vibro_cli.kernels.springs.world import CONTACT_CLOSED, CONTACT_OPENED, SpringBody
 from vibro_cli.kernels.statistics.impact_columns import EIGHTS, REGIMES
 from vibro_cli.systems.columns import (
     KINETIC,
@@ -36,7 +35,7 @@ from vibro_cli.systems.columns import (
     word,
 )
 from vibro_cli.systems.contract import ImpactLog
-from vibro_cli.systems.driver import compiled_world, record_array
+from vibro_cli.systems.driver import called, with_logs, zeros
 from vibro_cli.systems.run import Stretch
 from vibro_cli.systems.springs.system import LOOP, SpringsSystem, make_world
 from vibro_cli.systems.tables import Bodies, PairRows, bodies_at, events_until
@@ -251,10 +250,11 @@ class Motion:
     def __init__(self, system: SpringsSystem, stretch: Stretch, before: Any = None) -> None:
         self._system, self._engine = system, stretch.engine
         states = stretch.logs["states"]
-        self._log = states if before is None else np.concatenate([before, states])
-        self.last = self._log[-len(system.bodies) :]
+        log = states if before is None else np.concatenate([before, states])
+        self._logs = {**stretch.logs, "states": log}
+        self.last = log[-len(system.bodies) :]
         """The states after the last event."""
-        self.states = self._log.reshape(-1, len(system.bodies))
+        self.states = log.reshape(-1, len(system.bodies))
         self.times = self.states["t"][:, 0]
 
     def sample(
@@ -267,7 +267,7 @@ class Motion:
         """
         instants = np.asarray(times, dtype=np.float64)
         events, bodies = events_until(self.times, instants, side), len(self._system.bodies)
-        samples = np.zeros(len(instants), dtype=dtype(Sample))
+        samples = zeros(len(instants), Sample)
         samples["row"] = np.maximum(events - 1, 0) * bodies
         # Before the start the motion is that from it with all speeds reversed, back in time.
         samples["way"] = np.where(instants < 0.0, -1.0, 1.0)
@@ -279,20 +279,12 @@ class Motion:
 
     def _sampled(self, samples: Any) -> Any:
         """The states at some instants, those of one instant together."""
-        world, bodies = make_world(self._system, Limits()), len(self._system.bodies)
-        if self._engine == "compiled":
-            found = np.zeros(len(samples) * bodies, dtype=dtype(Found))
-            arrays = compiled_world(LOOP, world)._replace(states=self._log)
-            scratch = np.zeros(bodies, dtype=dtype(SpringBody))
-            compiled(sample_states)(arrays, samples, len(samples), found, scratch)
-            return found
-        world = world._replace(states=interpreted_copies(self._log, StateRow))
-        rows = interpreted_rows(Found, len(samples) * bodies)
-        sample_states(
-            world, interpreted_copies(samples, Sample), len(samples), rows,
-            interpreted_rows(SpringBody, bodies),
-        )  # fmt: skip
-        return record_array(rows, Found)
+        bodies = len(self._system.bodies)
+        world = with_logs(LOOP, make_world(self._system, Limits()), self._engine, self._logs)
+        found = zeros(len(samples) * bodies, Found)
+        scratch = zeros(bodies, SpringBody)
+        called(sample_states, None, world, samples, len(samples), found, scratch)
+        return found
 
 
 def states_at(system: SpringsSystem, records: Any, time: float) -> dict[str, NDArray[Any]]:
