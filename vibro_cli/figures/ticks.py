@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
@@ -65,12 +65,7 @@ _LONGEST = 5
 _PLAIN = (0.01, 1e5)
 """Horizontal axes that reach no further, or further, get a power of ten."""
 
-_PARTS_OF_PI = (
-    Fraction(1),
-    Fraction(1, 2),
-    Fraction(1, 4),
-    Fraction(1, 8),
-)
+_PARTS_OF_PI = tuple(Fraction(1, divisor) for divisor in (1, 2, 4, 8))
 _ENOUGH = 4
 _NEAREST = 1e-9
 """Least range of an axis, as a share of its greatest number."""
@@ -98,14 +93,11 @@ def angle_ticks(low: float, high: float, width: float) -> Ticks:
     As few as are enough to read the scale, as many as there is room for; angles too small for
     parts of π get decimal numbers.
     """
-    chosen = Ticks((), ())
-    for step, ticks in _parts_of_pi(low, high):
-        if not _fits(ticks.labels, step * width / (high - low)):
-            break
-        chosen = ticks
-        if len(ticks.places) >= _ENOUGH:
-            break
-    return chosen if len(chosen.places) > 1 else number_ticks(low, high, width)
+
+    def fit(step: float, ticks: Ticks) -> bool:
+        return _fits(ticks.labels, step * width / (high - low))
+
+    return _parts_of_pi(low, high, fit) or number_ticks(low, high, width)
 
 
 def vertical_angle_ticks(low: float, high: float, height: float) -> Ticks:
@@ -114,23 +106,30 @@ def vertical_angle_ticks(low: float, high: float, height: float) -> Ticks:
     Angles too small for parts of π get decimal numbers.
     """
     edge = _EDGE / height * (high - low)
-    chosen = Ticks((), ())
-    for step, ticks in _parts_of_pi(low + edge, high):
-        if step / (high - low) * height < _LINE:
-            break
-        chosen = ticks
-        if len(chosen.places) >= _ENOUGH:
-            break
-    return chosen if len(chosen.places) > 1 else vertical_ticks(low, high, height)
+
+    def fit(step: float, ticks: Ticks) -> bool:
+        return step / (high - low) * height >= _LINE
+
+    return _parts_of_pi(low + edge, high, fit) or vertical_ticks(low, high, height)
 
 
-def _parts_of_pi(low: float, high: float) -> Iterator[tuple[float, Ticks]]:
-    """Yield steps of an axis (rad), ever smaller parts of π, with its ticks at their multiples."""
+def _parts_of_pi(low: float, high: float, fit: Callable[[float, Ticks], bool]) -> Ticks | None:
+    """Return ticks (rad) at multiples of ever smaller parts of π, until they are enough.
+
+    Or as many as `fit`, a test of their step and of them, admits; None where there are not two.
+    """
+    chosen = None
     for part in _PARTS_OF_PI:
         step = float(part) * math.pi
         numbers = range(math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9) + 1)
         labels = tuple(part_of_pi(part * number) for number in numbers)
-        yield step, Ticks(tuple(number * step for number in numbers), labels)
+        ticks = Ticks(tuple(number * step for number in numbers), labels)
+        if not fit(step, ticks):
+            break
+        chosen = ticks if len(numbers) > 1 else None
+        if len(numbers) >= _ENOUGH:
+            break
+    return chosen
 
 
 def number_ticks(low: float, high: float, width: float, whole: bool = False) -> Ticks:

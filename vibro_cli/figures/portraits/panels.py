@@ -180,7 +180,7 @@ def lay_out(
 
 def _rows(windows: Sequence[Window], width: float) -> list[Sequence[Window]]:
     """Return the pieces in as few rows as the least width of a panel allows, evenly filled."""
-    room = width - RIGHT - sum(_margin(before, window) for before, window in _pairs(windows))
+    room = width - RIGHT - sum(map(_margin, [None, *windows], windows))
     if len(windows) == 1 or room / len(windows) >= LEAST_WIDTH:
         return [windows]
     most = max(1, int((width - RIGHT) / (LEAST_WIDTH + GAP + LEFT)))
@@ -189,10 +189,6 @@ def _rows(windows: Sequence[Window], width: float) -> list[Sequence[Window]]:
     number = math.ceil(len(windows) / most)
     each = math.ceil(len(windows) / number)
     return [windows[first : first + each] for first in range(0, len(windows), each)]
-
-
-def _pairs(members: Sequence[Window]) -> list[tuple[Window | None, Window]]:
-    return [(members[n - 1] if n else None, window) for n, window in enumerate(members)]
 
 
 def _margin(before: Window | None, window: Window) -> float:
@@ -206,11 +202,11 @@ def _across(
     members: Sequence[Window], windows: Sequence[Window], width: float
 ) -> list[tuple[Window, float, float, bool]]:
     """Return window, left edge (mm), width (mm), and whether it is labelled, of a row's panels."""
-    room = width - RIGHT - sum(_margin(before, window) for before, window in _pairs(members))
+    room = width - RIGHT - sum(map(_margin, [None, *members], members))
     widths = _shared(room, [_extent(window, windows) for window in members])
     left = 0.0
     placed = []
-    for (before, window), wide in zip(_pairs(members), widths, strict=True):
+    for before, window, wide in zip([None, *members], members, widths, strict=False):
         margin = _margin(before, window)
         left += margin
         placed.append((window, left, wide, margin == LEFT))
