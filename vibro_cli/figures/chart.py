@@ -270,7 +270,7 @@ def log_axis(axes: Axes, values: Array, symbol: str, unit: str) -> None:
 def contact_times(run: Recorded) -> list[tuple[float, float]]:
     """Return from when to when (s) bodies are in lasting contact, joined where they follow on."""
     flights = run.flights()
-    rows = np.flatnonzero(np.asarray(flights["contact"], dtype=np.bool_))
+    rows = np.flatnonzero(flights["contact"])
     return joined(
         zip(flights["t_start"][rows].tolist(), flights["t_end"][rows].tolist(), strict=True)
     )

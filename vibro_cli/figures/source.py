@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from functools import wraps
 from typing import Any, Concatenate, ParamSpec, Protocol, TypeVar, runtime_checkable
@@ -43,6 +44,11 @@ def first_of(table: Table, rows: int) -> Table:
 def values_at(table: Table, name: str, rows: Integers) -> NDArray[Any]:
     """Return the values of a column in some rows."""
     return table.at(name, rows) if isinstance(table, LongTable) else np.asarray(table[name])[rows]
+
+
+def flights_of(flights: Table, ball: int, until: float = math.inf) -> Integers:
+    """Return the rows of the flights of a body (from 1) that begin by a time (s)."""
+    return np.flatnonzero((flights["ball"] == ball) & (flights["t_start"] <= until))
 
 
 def made(table: Table) -> NDArray[np.bool_]:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibro_cli.analysis.levels import Landscape, free_branches
-from vibro_cli.figures.source import Array, Integers, Recorded, Table, kept, values_at
+from vibro_cli.figures.source import Array, Integers, Recorded, Table, flights_of, kept, values_at
 from vibro_cli.mechanics.trace import Piece, Trace
 
 Flags = NDArray[np.bool_]
@@ -100,7 +100,7 @@ def trajectory(run: Recorded, ball: int) -> Trajectory:
     on a turning trace, are sampled from the run.
     """
     flights = run.flights()
-    mine = np.flatnonzero(np.asarray(flights["ball"]) == ball)
+    mine = flights_of(flights, ball)
     first, last = strands(flights, mine)
     every = max(1, math.ceil(len(first) / MOST_BRANCHES))
     ends = first[::every], last[::every]
@@ -125,8 +125,8 @@ def strands(flights: Table, mine: Integers) -> tuple[Integers, Integers]:
     A flight is a branch, but lasting contact across pieces, which the run has in short segments,
     is one as long as the body stays on a piece. `mine` are the rows of the body's flights.
     """
-    contact = np.asarray(flights["contact"], dtype=np.bool_)[mine]
-    arc = np.asarray(flights["arc"])[mine]
+    contact = flights["contact"][mine]
+    arc = flights["arc"][mine]
     segment = flights["cause_start"][mine] == "segment"
     goes_on = segment[1:] & contact[1:] & contact[:-1] & (arc[1:] == arc[:-1])
     begins = np.append(True, ~goes_on)
@@ -147,7 +147,7 @@ def _free(run: Recorded, ball: int, flights: Table, rows: Integers) -> Flags:
     least = _NO_ENERGY * landscape.body.mass * landscape.gravity * landscape.trace.length
     kept = np.zeros(len(rows), dtype=np.bool_)
     for piece in run.system.trace.pieces:
-        here = np.asarray(flights["arc"])[rows] == piece.index + 1
+        here = flights["arc"][rows] == piece.index + 1
         mine = rows[here]
         start = landscape.energy(piece, flights["angle_start"][mine], flights["rate_start"][mine])
         end = landscape.energy(piece, flights["angle_end"][mine], flights["rate_end"][mine])
@@ -155,7 +155,7 @@ def _free(run: Recorded, ball: int, flights: Table, rows: Integers) -> Flags:
     states = {name: flights[name][rows] for name in ("rate_start", "rate_end")}
     held = (states["rate_start"] == 0.0) & (states["rate_end"] == 0.0)
     held &= flights["angle_start"][rows] == flights["angle_end"][rows]  # at rest, as at a wall
-    free: Flags = kept & ~held & ~np.asarray(flights["contact"], dtype=np.bool_)[rows]
+    free: Flags = kept & ~held & ~flights["contact"][rows]
     return free
 
 
@@ -170,7 +170,7 @@ def _branches(
 ) -> Branches:
     """Return the branches on one piece, of those that begin and end with the given flights."""
     first, last = ends
-    here = np.asarray(flights["arc"])[first] == piece.index + 1
+    here = flights["arc"][first] == piece.index + 1
     rows = first[here & free]
     position = np.empty((0, count))
     rate = np.empty((0, count))
@@ -196,7 +196,7 @@ def _branches(
         np.concatenate([position, *(curve[None, :, 0] for curve in sampled)]),
         np.concatenate([rate, *(curve[None, :, 1] for curve in sampled)]),
         flights["t_start"][np.concatenate([rows, first[bound]])].astype(np.float64),
-        np.asarray(flights["contact"], dtype=np.bool_)[np.concatenate([rows, first[bound]])],
+        flights["contact"][np.concatenate([rows, first[bound]])],
     )
 
 

@@ -26,7 +26,7 @@ from vibro_cli.figures.chart import (
     time_axis,
     value_axis,
 )
-from vibro_cli.figures.source import Array, Integers, Recorded, Table, kept, made
+from vibro_cli.figures.source import Array, Integers, Recorded, Table, flights_of, kept, made
 from vibro_cli.figures.style import mark
 from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.mechanics.trace import Piece
@@ -53,7 +53,7 @@ class Timeline:
 def shown_until(run: Recorded) -> float:
     """Return the time (s) up to which the motion is drawn: the end, unless it would be a stain."""
     flights = run.flights()
-    starts = np.sort(np.asarray(flights["t_start"]))
+    starts = np.sort(flights["t_start"])
     end = _end(run)
     # Each flight on lines is an arc of its own; on circle arcs the periods have their limit.
     most = 4 * MOST_PERIODS if math.isinf(_periods(run)) else MOST_FLIGHTS
@@ -70,9 +70,7 @@ def _end(run: Recorded) -> float:
 def timeline(run: Recorded, ball: int, until: float) -> Timeline:
     """Return where a body (from 1) is, up to a time (s)."""
     flights = run.flights()
-    mine = np.flatnonzero(
-        (np.asarray(flights["ball"]) == ball) & (np.asarray(flights["t_start"]) <= until)
-    )
+    mine = flights_of(flights, ball, until)
     lengths = flights["t_end"][mine] - flights["t_start"][mine]
     total = max(float(np.sum(lengths)), float(np.finfo(np.float64).tiny))
     run.look_at(mine)
@@ -108,12 +106,12 @@ def calm_until(run: Recorded) -> float:
     flights = run.flights()
     end = _end(run)
     struck = np.asarray(run.collisions["t"], dtype=np.float64)
-    contact = np.asarray(flights["contact"], dtype=np.bool_)
-    begun = np.asarray(flights["t_start"])[contact & (np.asarray(flights["t_end"]) == end)]
+    contact = flights["contact"]
+    begun = flights["t_start"][contact & (flights["t_end"] == end)]
     if not len(begun):
         return end
     joined = np.asarray(flights["cause_start"], dtype=object) == "contact_closed"
-    closed = np.asarray(flights["t_start"])[joined]
+    closed = flights["t_start"][joined]
     return min(end, float(np.max(np.concatenate([struck, closed, [0.0]]))) + _periods(run))
 
 
@@ -133,16 +131,14 @@ def energy_course(run: Recorded, ball: int, until: float = math.inf) -> tuple[Ar
     """
     flights = run.flights()
     hills = Landscape.of(run.system, ball)
-    mine = np.flatnonzero(
-        (np.asarray(flights["ball"]) == ball) & (np.asarray(flights["t_start"]) <= until)
-    )
+    mine = flights_of(flights, ball, until)
     mine, last = _kept_levels(flights, mine)
-    contact = np.asarray(flights["contact"], dtype=np.bool_)[mine]
+    contact = flights["contact"][mine]
     starts, ends = flights["t_start"][mine], np.minimum(flights["t_end"][last], until)
     level = np.empty(len(mine))
     rows, times, energies = [], [], []
     for piece in run.system.trace.pieces:
-        here = np.asarray(flights["arc"])[mine] == piece.index + 1
+        here = flights["arc"][mine] == piece.index + 1
         begun = flights["angle_start"][mine[here]], flights["rate_start"][mine[here]]
         level[here] = hills.energy(piece, *begun)
         bound = mine[here & contact]
@@ -170,7 +166,7 @@ def _kept_levels(flights: Table, mine: Integers) -> tuple[Integers, Integers]:
 
     Those are free flights that follow on one another across pieces.
     """
-    free = ~np.asarray(flights["contact"], dtype=np.bool_)[mine]
+    free = ~flights["contact"][mine]
     crossed = flights["cause_start"][mine] == "crossing"
     goes_on = crossed[1:] & free[1:] & free[:-1]
     return mine[np.append(True, ~goes_on)], mine[np.append(~goes_on, True)]
@@ -205,11 +201,11 @@ def energy_residuals(run: Recorded) -> Iterator[tuple[Array, Array]]:
     )
     # the last flight of an accumulation stands for all the impacts that are left
     free = np.asarray(flights["cause_end"], dtype=object) != "contact_closed"
-    free &= ~np.asarray(flights["contact"], dtype=np.bool_)
+    free &= ~flights["contact"]
     for body in range(len(hills)):
-        mine = free & (np.asarray(flights["ball"]) == body + 1)
+        mine = free & (flights["ball"] == body + 1)
         for piece in pieces:
-            rows = np.flatnonzero(mine & (np.asarray(flights["arc"]) == piece.index + 1))
+            rows = np.flatnonzero(mine & (flights["arc"] == piece.index + 1))
             change = energy(body, piece, rows, "end") - energy(body, piece, rows, "start")
             yield flights["t_end"][rows], change / (whole or 1.0)
 

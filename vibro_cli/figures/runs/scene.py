@@ -31,7 +31,7 @@ from vibro_cli.figures.labels import (
     short_number,
     write_names,
 )
-from vibro_cli.figures.source import Array, Recorded
+from vibro_cli.figures.source import Array, Recorded, flights_of
 from vibro_cli.figures.style import line, mark, width_of
 from vibro_cli.figures.ticks import round_below
 from vibro_cli.mechanics.potential import Turning
@@ -406,10 +406,7 @@ def _centres_at(run: Recorded, time: float, row: int, pair: tuple[int, ...]) -> 
     for ball, body in enumerate(run.system.bodies, 1):
         if ball - 1 in pair:
             continue
-        mine = np.flatnonzero(
-            (np.asarray(flights["ball"]) == ball) & (np.asarray(flights["t_start"]) <= time)
-        )
-        last = int(mine[-1])
+        last = int(flights_of(flights, ball, time)[-1])
         piece = run.system.trace.pieces[int(flights["arc"][last]) - 1]
         times, position, _ = run.flight_curve(last, 257)
         place = float(np.interp(time, times, position))

@@ -116,10 +116,10 @@ def _at_walls(run: Recorded, body: int) -> Iterator[States]:
     scales = np.array(
         [1.0 if p.is_line else p.path_radius(run.system.bodies[body].radius) for p in pieces]
     )
-    mine = np.asarray(flights["ball"]) == body + 1
+    mine = flights["ball"] == body + 1
     for order, end in enumerate(("end", "start")):
         rows = np.flatnonzero(mine & (np.asarray(flights[f"cause_{end}"], dtype=object) == "wall"))
-        arc = np.asarray(flights["arc"])[rows] - 1
+        arc = flights["arc"][rows] - 1
         places = flights[f"angle_{end}"][rows]
         along = [pieces[n].arc_length(place) for n, place in zip(arc, places, strict=True)]
         speed = scales[arc] * flights[f"rate_{end}"][rows]
