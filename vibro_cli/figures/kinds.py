@@ -83,6 +83,10 @@ INTERVALS: Kind[Any] = Kind(
     "Intervals between impacts",
     f"Time since the impact before; a falling straight line is an accumulation of impacts.{MANY}",
 )
+ENERGY_CAPTION = (
+    "Energy of each body and of all against time; below, what each impact loses or gains. Of "
+    "lasting contact at the end some periods only."
+)
 EXPONENTS: Kind[Any] = Kind(
     exponents,
     "Lyapunov exponents",

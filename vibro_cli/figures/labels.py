@@ -90,6 +90,11 @@ def _filled(entries: Sequence[Entry], first: float, width: float) -> list[list[E
     return rows
 
 
+def in_black(*entries: Entry) -> list[Entry]:
+    """Return entries whose looks have a colour of each body, in black."""
+    return [(words, look | {"color": style.BLACK}) for words, look in entries]
+
+
 def handles_of(entries: Iterable[Entry]) -> list[Line2D]:
     """Return the marks of a legend with their names."""
     return [Line2D([], [], label=text, **look) for text, look in entries]

@@ -21,9 +21,9 @@ from vibro_cli.figures import style
 from vibro_cli.figures.chart import Cell, body_look, in_rows
 from vibro_cli.figures.labels import (
     LINE,
-    Entry,
     Named,
     draw_legend,
+    in_black,
     ring,
     rows_of,
     short_number,
@@ -65,15 +65,12 @@ _THIN = line(style.FRAME_GREY, 0.4)
 _AXIS = line(style.FRAME_GREY, 0.4, style.AXIS_DASHES)
 _HIDDEN = line(style.FRAME_GREY, 0.4, (2, 1.5))
 _PLANE = line(style.BLACK, 0.8)
-_LEGEND: list[Entry] = [
-    (words, look | {"color": style.BLACK})
-    for words, look in (
-        ("part of the centre", CENTRE),
-        ("part of rolling", ROLLING),
-        ("contact point", TOUCHING),
-        ("tangent plane", _PLANE),
-    )
-]
+_LEGEND = in_black(
+    ("part of the centre", CENTRE),
+    ("part of rolling", ROLLING),
+    ("contact point", TOUCHING),
+    ("tangent plane", _PLANE),
+)
 _RING = ring(120)
 
 

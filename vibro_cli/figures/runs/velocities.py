@@ -17,9 +17,9 @@ from vibro_cli.figures.chart import Cell, body_look, in_rows
 from vibro_cli.figures.labels import (
     LINE,
     SAY,
-    Entry,
     Named,
     draw_legend,
+    in_black,
     ring,
     rows_of,
     short_number,
@@ -79,17 +79,14 @@ NORMAL = line(None, 1.8)
 TANGENT = line(None, 0.6)
 _SURFACE = line(style.BLACK, 0.7)
 _AXIS = line(style.FRAME_GREY, 0.4, style.AXIS_DASHES)
-_LEGEND: list[Entry] = [
-    (words, look | {"color": style.BLACK})
-    for words, look in (
-        ("centre $C$", CENTRE),
-        ("part of rolling at $T$", ROLLING),
-        ("touching point $T$", TOUCHING),
-        ("along the line of centres", NORMAL),
-        (r"$\omega$", TURNING),
-        ("tangent", TANGENT),
-    )
-]
+_LEGEND = in_black(
+    ("centre $C$", CENTRE),
+    ("part of rolling at $T$", ROLLING),
+    ("touching point $T$", TOUCHING),
+    ("along the line of centres", NORMAL),
+    (r"$\omega$", TURNING),
+    ("tangent", TANGENT),
+)
 _SLIDING = [_LEGEND[0], _LEGEND[-1]]
 """The legend where both bodies are in translation along the line of centres."""
 

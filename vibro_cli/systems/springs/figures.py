@@ -38,7 +38,14 @@ from vibro_cli.figures.film import (
     Panel,
     trails_of,
 )
-from vibro_cli.figures.kinds import EXPONENTS, INTERVALS, PORTRAIT, Kind, KindOfBody
+from vibro_cli.figures.kinds import (
+    ENERGY_CAPTION,
+    EXPONENTS,
+    INTERVALS,
+    PORTRAIT,
+    Kind,
+    KindOfBody,
+)
 from vibro_cli.figures.labels import Named, ring, short_number, write_names
 from vibro_cli.figures.runs.over_impacts import speed_map
 from vibro_cli.figures.runs.over_time import (
@@ -401,12 +408,7 @@ FIGURES: dict[str, Kind[Any] | KindOfBody] = {
         "Places of the centres against time, with the impacts; thin horizontal lines are the feet "
         "of the springs. Of a long run the first part only.",
     ),
-    "energy": Kind[Run](
-        springs_energies,
-        "Energies",
-        "Energy of each body and of all against time; below, what each impact loses or gains. Of "
-        "lasting contact at the end some periods only.",
-    ),
+    "energy": Kind[Run](springs_energies, "Energies", ENERGY_CAPTION),
     "impact_map": Kind[Run](
         springs_impact_map,
         "Impact map",

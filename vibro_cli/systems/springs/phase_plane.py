@@ -288,8 +288,7 @@ class _Loops:
     @property
     def round(self) -> Array:
         """The phase of a whole turn."""
-        turn: Array = 2.0 * self.marks[:, -1]
-        return turn
+        return 2.0 * self.marks[:, -1]
 
     def phase(self, q: Array, speed: Array) -> Array:
         """Return the phases of states."""
@@ -306,13 +305,11 @@ class _Loops:
         # Half the angle from both sides: near an end the share has lost its digits.
         bend = 2.0 * np.arctan2(np.sqrt(share), np.sqrt(np.clip((right - q) / wide, 0.0, 1.0)))
         upper = self._at(self.marks, part) + bend / math.pi
-        phases: Array = np.where(speed >= 0.0, upper, self.round - upper)
-        return phases
+        return np.where(speed >= 0.0, upper, self.round - upper)
 
     @staticmethod
     def _at(values: Array, part: NDArray[np.int64]) -> Array:
-        found: Array = np.take_along_axis(values, part[:, None], axis=1)[:, 0]
-        return found
+        return np.take_along_axis(values, part[:, None], axis=1)[:, 0]
 
     def _places(self, phase: Array) -> tuple[Array, Array]:
         """Return the places at phases of shape (loops, points), and |dq/dphase| there."""
@@ -370,8 +367,7 @@ class _Loops:
     def period(self) -> Array:
         """The time of a whole turn (s); infinite at rest."""
         time = self._time(np.zeros(len(self.energy)), self.round)
-        period: Array = np.where(time > 0.0, time, math.inf)
-        return period
+        return np.where(time > 0.0, time, math.inf)
 
     def _time(self, first: Array, sweep: Array) -> Array:
         """Return the time (s) of sweeps of the phase, as exactly as turns are to be counted."""
@@ -384,8 +380,7 @@ class _Loops:
         q, rate = self._places(phase)
         square = 2.0 * (self.energy[:, None] - self.landscape.potential(q))
         speed = np.sqrt(np.maximum(square, 0.0))
-        each: Array = np.divide(rate, speed, out=np.zeros_like(rate), where=speed > 0.0)
-        return each
+        return np.divide(rate, speed, out=np.zeros_like(rate), where=speed > 0.0)
 
 
 _SUM_POINTS = 4096

@@ -14,12 +14,12 @@ from matplotlib.figure import Figure
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import body_look
 from vibro_cli.figures.film import Frames, Ground, States, trail
-from vibro_cli.figures.kinds import EXPONENTS, INTERVALS, Kind, KindOfBody
+from vibro_cli.figures.kinds import ENERGY_CAPTION, EXPONENTS, INTERVALS, Kind, KindOfBody
 from vibro_cli.figures.labels import (
     LINE,
-    Entry,
     Named,
     draw_legend,
+    in_black,
     ring,
     rows_of,
     short_number,
@@ -63,17 +63,14 @@ _LEAST_ASIDE = math.radians(3.0)
 _PATH = line(None, 0.5, (1, 1.2))
 _AXIS = line(style.FRAME_GREY, 0.4, style.AXIS_DASHES)
 _TANGENT = line(style.BLACK, 0.5)
-_LEGEND: list[Entry] = [
-    (words, look | {"color": style.BLACK})
-    for words, look in (
-        ("velocity", CENTRE),
-        ("along the normal", NORMAL),
-        (r"$\omega$", ROLLING),
-        ("path", _PATH),
-        ("tangent", _TANGENT),
-        ("normal", _AXIS),
-    )
-]
+_LEGEND = in_black(
+    ("velocity", CENTRE),
+    ("along the normal", NORMAL),
+    (r"$\omega$", ROLLING),
+    ("path", _PATH),
+    ("tangent", _TANGENT),
+    ("normal", _AXIS),
+)
 _RING = ring(90)
 
 
@@ -408,12 +405,7 @@ FIGURES: dict[str, Kind[Any] | KindOfBody] = {
     "contact_points": Kind[Run](
         table_contact_points, POINTS_TITLE, POINTS_CAPTION + " As C figs 2a and 3."
     ),
-    "energy": Kind[Run](
-        table_energies,
-        "Energies",
-        "Energy of each body and of all against time; below, what each impact loses or gains. Of "
-        "lasting contact at the end some periods only.",
-    ),
+    "energy": Kind[Run](table_energies, "Energies", ENERGY_CAPTION),
     "intervals": INTERVALS,
     "exponents": EXPONENTS,
 }
