@@ -149,10 +149,6 @@ class Coordinate:
         parts = (vertical_angle_ticks if vertical else angle_ticks)(low, high, length)
         return parts if len(parts.places) >= LEAST else numbers
 
-    def label_width(self, ticks: Ticks) -> float:
-        """Return how wide the numbers or words of an axis are (mm)."""
-        return max((text_width(text) for text in ticks.labels), default=0.0)
-
 
 @dataclass(frozen=True)
 class Lattice:
@@ -415,7 +411,7 @@ def quantity_map(
         ticks = _bar_ticks(norm, _HIGH[width], whole)
         quantity, _, unit = label.partition(" [")
         words = axis_words(quantity, unit.removesuffix("]"), ticks)
-        room = _BAR + max(text_width(text) for text in ticks.labels)
+        room = _BAR + max(map(text_width, ticks.labels))
         figure, axes = _panel(shown, width, 0.0, room)
         colours = style.time_colours()
         _fill(axes, shown, own, colours, norm)
@@ -441,7 +437,7 @@ def _panel(shown: Lattice, width: str, legend: float, right: float) -> tuple[Fig
     across, along = shown.coordinates
     edges = along.edges()
     ticks = along.ticks(float(edges[0]), float(edges[-1]), high, vertical=True)
-    left = _LABEL + along.label_width(ticks)
+    left = _LABEL + max(map(text_width, ticks.labels), default=0.0)
     total = _TOP + legend + high + _BOTTOM
     sheet = Sheet(wide, total)
     axes = sheet.panel(left, _BOTTOM, wide - left - right, high)

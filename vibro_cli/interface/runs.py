@@ -378,13 +378,12 @@ class Run:
         from vibro_cli.storage.files import write_file
 
         target = Path(file)
-        stored = self.stored or self._as_if_stored()
+        stored = self.stored
+        if stored is None:
+            tables = {name: dict(table) for name, table in self.tables.items()}
+            stored = as_if_stored(self.solved, self.scenario, tables)
         write_file(target, report_html([stored], target.parent, __version__))
         return target
-
-    def _as_if_stored(self) -> StoredRun:
-        tables = {name: dict(table) for name, table in self.tables.items()}
-        return as_if_stored(self.solved, self.scenario, tables)
 
     def __repr__(self) -> str:
         return f"<Run {_in_words(self)}>"

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from vibro_cli.assemble import AnySystem
     from vibro_cli.grids.document import Grid
     from vibro_cli.scenario.base import AnyScenario
-    from vibro_cli.scenario.problems import ScenarioError
     from vibro_cli.storage.folders import EarlierRun
 
 
@@ -51,18 +50,14 @@ def refusals_told(source: str) -> Iterator[None]:
     try:
         yield
     except ScenarioError as error:
-        raise _invalid(error) from error
+        problems = [asdict(problem) for problem in error.problems]
+        raise CommandError(str(error), problems=problems) from error
     except OSError as error:
         text = f"cannot be read: {reason(OSError(error.errno, error.strerror))}"
         if isinstance(error, FileNotFoundError):
             text += _file_meant(source)
         problem = {"path": "", "message": text, "file": source}
         raise CommandError(f"{source}: {text}", problems=[problem]) from error
-
-
-def _invalid(error: "ScenarioError") -> CommandError:
-    """Everything that is wrong with a scenario or a grid, as a command tells it."""
-    return CommandError(str(error), problems=[asdict(problem) for problem in error.problems])
 
 
 def _file_meant(source: str) -> str:

@@ -16,7 +16,6 @@ from vibro_cli.figures.chart import Sheet, number_plane
 from vibro_cli.figures.source import Array
 from vibro_cli.figures.style import panel_size, width_of
 from vibro_cli.figures.ticks import (
-    Ticks,
     angle_ticks,
     label_axis,
     number_ticks,
@@ -249,18 +248,14 @@ def label(panels: Sequence[Panel], ball: int | str) -> None:
 
 
 def _horizontal(row: Sequence[Panel], ball: int | str) -> None:
-    proposed = [_horizontal_ticks(one) for one in row]
+    proposed = [
+        (number_ticks if one.piece.is_line else angle_ticks)(*one.span, one.width) for one in row
+    ]
     places = [(one.left, one.width, ticks) for one, ticks in zip(row, proposed, strict=True)]
     spans = [one.span for one in row]
     for one, ticks in zip(row, without_overlaps(places, spans), strict=True):
         symbol, unit = (_SYMBOL[one.piece.shape], "rad") if not one.piece.is_line else ("s", "m")
         label_axis(one.axes.xaxis, ticks, rf"${symbol}_{{{ball}}}$", unit)
-
-
-def _horizontal_ticks(one: Panel) -> Ticks:
-    if one.piece.is_line:
-        return number_ticks(*one.span, one.width)
-    return angle_ticks(*one.span, one.width)
 
 
 def _vertical(row: Sequence[Panel], ball: int | str) -> None:
