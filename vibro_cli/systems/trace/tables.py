@@ -161,26 +161,30 @@ def motion() -> Table:
     return Table("motion", "one body at one sampled time", columns)
 
 
-_OF_THE_RUN = (
-    *summary_head(
-        "time, collisions, no_more_collisions, inadmissible, end_of_trace, lift_off or rest"
-    ),
-    number("quiet_from", "s", "time since when no further impact was possible", True),
-    count("collisions", "number of impacts", True),
-    count("crossings", "number of junctions crossed (a seam counts as one)", True),
-    count("contacts", "number of lasting contacts begun", True),
-    *summary_balance(
-        "impact",
-        "relative change of the energy, where it should be kept (else null)",
-        "largest distance of the surfaces left at an impact",
-    ),
-    number("min_normal_force", "N", "smallest normal force of the trace on any body", True),
-    number(
-        "max_friction_demand",
-        "",
-        "largest coefficient of friction that rolling needs (null if none suffices, or "
-        "nothing rolls)",
-        True,
+SUMMARY = Table(
+    "summary",
+    "one run",
+    (
+        *summary_head(
+            "time, collisions, no_more_collisions, inadmissible, end_of_trace, lift_off or rest"
+        ),
+        number("quiet_from", "s", "time since when no further impact was possible", True),
+        count("collisions", "number of impacts", True),
+        count("crossings", "number of junctions crossed (a seam counts as one)", True),
+        count("contacts", "number of lasting contacts begun", True),
+        *summary_balance(
+            "impact",
+            "relative change of the energy, where it should be kept (else null)",
+            "largest distance of the surfaces left at an impact",
+        ),
+        number("min_normal_force", "N", "smallest normal force of the trace on any body", True),
+        number(
+            "max_friction_demand",
+            "",
+            "largest coefficient of friction that rolling needs (null if none suffices, or "
+            "nothing rolls)",
+            True,
+        ),
     ),
 )
 
@@ -193,9 +197,6 @@ def final_state(ball: int | str) -> tuple[Column, ...]:
         number(f"s_{ball}", "m", f"final arc length of the contact point of body {ball}", True),
         number(f"speed_{ball}", "m/s", f"final signed speed of the centre of body {ball}", True),
     )
-
-
-SUMMARY = Table("summary", "one run", _OF_THE_RUN)
 
 
 def tables() -> tuple[Table, ...]:
