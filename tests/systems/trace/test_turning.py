@@ -139,6 +139,24 @@ def test_turning_points_are_where_the_speed_vanishes() -> None:
         assert state["angle"][int(number) - 1] == pytest.approx(angle, abs=1e-14)
 
 
+@pytest.mark.parametrize("speed", [0.0, 1e-200, 1e-9, -1e-8, 1e-6])
+def test_turning_points_beside_the_start_come_again_with_every_period(
+    speed: float, engine: str
+) -> None:
+    scenario = on_circle(output={"turning_points": True})
+    scenario["balls"] = [{"radius": 0.1, "mass": 1.0, "arc": 1, "angle": 0.4, "speed": speed}]
+    found = run({**scenario, "stop": {"time": 10.0}}, engine)
+    events = found.events
+    assert set(events["event"]) == {"turning"}
+    times = events["t"]
+    # Every half of a period; where it starts towards the near one, that comes first.
+    gaps = np.diff(times[times > 1e-6])
+    assert len(gaps) > 3
+    assert gaps == pytest.approx(gaps[0], rel=1e-12)
+    speeds = np.abs(found.sample(np.linspace(0.0, 10.0, 101))["speed"])
+    assert np.max(np.abs(found.sample(times)["speed"])) < 1e-13 * np.max(speeds)
+
+
 def test_lift_off_is_where_the_normal_force_vanishes() -> None:
     found = run(over_the_hump())
     turning, gravity = found.system.turning, found.system.gravity

@@ -209,9 +209,28 @@ def time_to(flight: Flight, s: float, c: float, p: float) -> float:
     if flight.turns_over == 1 and cosine < 0.0 and abs(sine) <= WHOLE_TURN:
         # The place from which it starts, a whole turn on.
         return period_of(flight) / flight.frequency
+    return _time_to_angle(flight, sine, cosine, p)
+
+
+@kernel
+def _time_to_angle(flight: Flight, sine: float, cosine: float, p: float) -> float:
+    """As :func:`time_to`, of a place by half the angle from the start."""
     after = time_to_place(flight, sine, cosine, p) / flight.frequency
     # Lost in rounding at a saddle, a body stays there.
     return after if 0.0 <= after < NEVER else NEVER
+
+
+@kernel
+def time_to_turn(flight: Flight, side: float) -> float:
+    """First time (s) at which an oscillation on an arc turns on one side; 0 if it starts there.
+
+    The way to a turning point beside the start is far below the rounding of places.
+    """
+    half = half_way(flight, side)
+    if half == 0.0:
+        return 0.0
+    sine, cosine = sine_cosine(side * half)
+    return _time_to_angle(flight, sine, cosine, 0.0)
 
 
 @kernel

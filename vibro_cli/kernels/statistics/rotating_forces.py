@@ -35,9 +35,9 @@ from vibro_cli.kernels.flow.rotating_flight import (
 from vibro_cli.kernels.flow.rotating_flow import (
     TURNING_LINE,
     half_range,
-    half_way,
     sides_turned,
     time_on_line,
+    time_to_turn,
     turn_on_line,
 )
 from vibro_cli.kernels.numerics.conservative_advancement import (
@@ -114,8 +114,8 @@ def turning_courses(flight: Flight, duration: float, courses: Sequence[Course]) 
     for number in range(2):
         side = 1.0 if number == 0 else -1.0
         if right if number == 0 else left:
-            sine, cosine = sine_cosine(side * half_way(flight, side))
-            _set_place(courses[count], flight, sine, cosine, 0.0, duration)
+            courses[count].after = time_to_turn(flight, side)
+            courses[count].period = orbit_period(flight)
             count += 1
     return count
 
