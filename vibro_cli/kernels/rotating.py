@@ -168,6 +168,7 @@ TURNING = Overrides(
         flow.angular_jerk: rotating_flow.angular_jerk,
         flow.tangential_acceleration: rotating_flow.tangential_acceleration,
         flow.nudge: rotating_flow.nudge,
+        flow.quickness: rotating_flow.quickness,
         flow.swings: never_swings,
         flow.time_to: rotating_flow.time_to,
         first_contact.displacement: rotating_flow.displacement,

@@ -29,6 +29,7 @@ from vibro_cli.kernels.flow.flow import (
     angular_acceleration_at,
     angular_jerk,
     flow_of_two,
+    quickness,
     swings,
 )
 from vibro_cli.kernels.flow.rotating_flow import pull
@@ -77,7 +78,8 @@ def refine_on_arc(
         if not abs(change) * fastest <= LONGEST_CHANGE:
             return NONE_BEFORE_LIMIT
         h += change
-        if is_last(x, change, x1, x2, fastest, settled):
+        quick = max(quickness(a.own_frequency, a_p), quickness(b.own_frequency, b_p))
+        if is_last(x, change, x1, x2, quick, settled):
             before = age_a + h - change, age_b + h - change
             keep_nudged(world, j, before, change, states)
             return h

@@ -29,6 +29,7 @@ from vibro_cli.kernels.flow.flow import (
     acceleration_at,
     flow_of_two,
     nudge,
+    quickness,
     tangential_acceleration,
 )
 from vibro_cli.kernels.numerics.conservative_advancement import (
@@ -299,7 +300,10 @@ def _refine_by_distance(
         h += change
         if abs(h - guess) > 0.5 * guess + 1.0e-9:
             return NONE_BEFORE_LIMIT
-        if abs(change) * (abs(second) - fastest * rate) < -FINAL_CORRECTION_BY_DISTANCE * rate:
+        _, _, a_p, _, _, b_p = states
+        quick = max(quickness(a.frequency, a_p), quickness(b.frequency, b_p))
+        slope = max(fastest, quick) * rate
+        if abs(change) * (abs(second) - slope) < -FINAL_CORRECTION_BY_DISTANCE * rate:
             if h < -1.0e-13 or h + 1.98 * rate / max(bound, LEAST_BOUND) >= safe:
                 return NONE_BEFORE_LIMIT
             before = age_a + h - change, age_b + h - change

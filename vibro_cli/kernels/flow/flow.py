@@ -253,7 +253,7 @@ def nudge(
 def advance_slightly(
     frequency: float, dt: float, s: float, c: float, p: float
 ) -> tuple[float, float, float]:
-    """Third-order step of the half-angle variables, for ``w dt`` below about 1e-4."""
+    """Third-order step of the half-angle variables, for ``w dt`` and ``w P dt`` below 1e-4."""
     a = frequency * dt
     s2 = s * s
     c2 = c * c
@@ -265,6 +265,19 @@ def advance_slightly(
         c - a * (p * s * (1.0 - third * (4.0 * c2 + p2 - s2)) + half * c * (p2 - s2)),
         p - a * (s * c * (1.0 - third * (4.0 * p2 + c2 - s2)) + half * p * (c2 - s2)),
     )
+
+
+# Up to this P a last small step of a pendulum is a small one of a body too.
+SWIFT = 4.0
+
+
+@kernel
+def quickness(frequency: float, p: float) -> float:
+    """Rate (1/s) at which a state on an arc changes, against which a last step must be short.
+
+    A body that is fast against its weight turns much faster than the pendulum swings.
+    """
+    return frequency * max(1.0, abs(p) * (1.0 / SWIFT))
 
 
 # Products of two such numbers would underflow.

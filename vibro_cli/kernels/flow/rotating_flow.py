@@ -196,6 +196,12 @@ def nudge(
     )
 
 
+@kernel
+def quickness(frequency: float, p: float) -> float:
+    """Rate (1/s) at which a state on an arc changes; a last step is of second order only."""
+    return frequency * max(1.0, abs(p))
+
+
 # More than ever needed: the steps to a turning point converge like Newton's.
 TURNING_STEPS = 200
 # A place is a whole turn away up to rounding if the sine of half the angle is below this.
