@@ -188,13 +188,10 @@ def count_axis(axes: Axes, numbers: Any, labelled: bool = True) -> None:
     label_axis(axes.xaxis, ticks, "impact $n$", "", labelled)
 
 
-def value_axis(
-    axes: Axes, values: ArrayLike, symbol: str, unit: str, height: float | None = None
-) -> None:
+def value_axis(axes: Axes, values: ArrayLike, symbol: str, unit: str) -> None:
     """Set a vertical axis that shows values, with round numbers; those not finite do not count.
 
-    In units of a power of ten where the numbers are long; angles (rad) have parts of π. There are
-    as many as a panel of a height (mm) has room for, by default one as high as this. Values that
+    In units of a power of ten where the numbers are long; angles (rad) have parts of π. Values that
     are one but for rounding lie in the middle.
     """
     finite = np.asarray(values, dtype=np.float64)
@@ -206,7 +203,7 @@ def value_axis(
     room = 0.06 * (high - low)
     axes.set_ylim(low - room, high + room)
     ticked = vertical_angle_ticks if unit == "rad" else vertical_ticks
-    label_axis(axes.yaxis, ticked(*axes.get_ylim(), height or panel_size(axes)[1]), symbol, unit)
+    label_axis(axes.yaxis, ticked(*axes.get_ylim(), panel_size(axes)[1]), symbol, unit)
 
 
 def plane_axes(axes: Axes, low: Array, high: Array, labelled: bool = True, after: str = "") -> None:

@@ -367,7 +367,7 @@ def bifurcation(
         for axes, panel in zip(drawn, panels, strict=True):
             values = np.asarray(impacts[panel[0]], dtype=np.float64)[chosen]
             set_axis(axes.xaxis, across, labelled=axes is drawn[-1])
-            _draw_over(axes, across.place[row][chosen], values, panel, width)
+            _draw_over(axes, across.place[row][chosen], values, panel)
     return figure
 
 
@@ -401,15 +401,15 @@ def poincare(
     with style.journal():
         figure, (axes,) = stacked(width, [_SQUARE[width]], 2.0)
         set_axis(axes.xaxis, along)
-        _draw_over(axes, x, y, quantities[1], width)
+        _draw_over(axes, x, y, quantities[1])
         low, high = axes.get_xlim()
         axes.set_xlim(low - _MARGIN * (high - low), high + _MARGIN * (high - low))
     return figure
 
 
-def _draw_over(axes: Axes, places: Array, values: Array, quantity: Quantity, width: str) -> None:
+def _draw_over(axes: Axes, places: Array, values: Array, quantity: Quantity) -> None:
     """Draw values as dots over places, along an axis that is set."""
     _, symbol, unit = quantity
-    value_axis(axes, values, symbol, unit, _HIGH[width])
+    value_axis(axes, values, symbol, unit)
     black, size = ListedColormap([style.BLACK]), float(np.clip(6000 / len(values), 0.15, 4))
     draw_dots(axes, places, values, np.ones(len(values)), black, Normalize(0, 1), size)

@@ -295,6 +295,7 @@ def energy_chart(
     ValueError for an unknown width.
     """
     until, whole = times
+    contacts = [span for span in contacts if span[0] < until]
     within, rounding = losses[0] <= until, EPSILON * lines.start
     shown = within & (np.abs(losses[1]) >= rounding)
     lossy, hidden = bool(np.any(shown)), int(np.sum(within & (losses[1] > 0.0) & ~shown))
@@ -310,7 +311,7 @@ def energy_chart(
         heights = HIGH.get(width, HIGH["single"])[: 1 + lossy]
         figure, panels = stacked(width, heights, entries=entries)
         for axes in panels:
-            draw_contacts(axes, [span for span in contacts if span[0] < until])
+            draw_contacts(axes, contacts)
         _draw_energies(panels[0], lines)
         end = room_after(until, losses[0])
         time_axis(panels[0], end, labelled=not lossy, whole=whole)
@@ -391,13 +392,13 @@ def space_time(run: Recorded, width: str = "single") -> Figure | None:
     Of a long run, the first part only.
     """
     until = shown_until(run)
-    spans = contact_times(run)
+    spans = [span for span in contact_times(run) if span[0] < until]
     struck = bool(np.any(np.asarray(run.collisions["t"]) <= until))
     marks = [("impact", IMPACT)] if struck else []
     entries = [*body_entries(run), *marks, *band_entry(spans)]
     with style.journal():
         figure, (axes,) = stacked(width, [1.5 * HIGH[width][0]], entries=entries)
-        draw_contacts(axes, [span for span in spans if span[0] < until])
+        draw_contacts(axes, spans)
         for piece in run.system.trace.pieces[1:]:
             axes.axhline(piece.start_s, color=style.LEVEL_GREY, linewidth=0.4, zorder=0.8)
         places = []
