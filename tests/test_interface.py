@@ -470,16 +470,20 @@ def test_a_grid_file_takes_no_settings_beside_it(tmp_path: Path, given: dict[str
     assert not (tmp_path / "grid").exists()
 
 
-def test_tables_and_sections_of_a_folder_need_no_solving(
-    tmp_path: Path, run: Run, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    folder = run.save(tmp_path / "run", figures=False)
+@pytest.fixture
+def ends_elsewhere(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Runs that are solved again do not end as they did."""
 
     def elsewhere(*_: object) -> NoReturn:
         raise NotRecalled("solved again it ends elsewhere")
 
     for name in ("recalled", "recalled_motion"):
         monkeypatch.setattr(stored, name, elsewhere)
+
+
+@pytest.mark.usefixtures("ends_elsewhere")
+def test_tables_and_sections_of_a_folder_need_no_solving(tmp_path: Path, run: Run) -> None:
+    folder = run.save(tmp_path / "run", figures=False)
     opened = open_run(folder)
     assert opened.collisions.to_arrow().equals(run.collisions.to_arrow())
     assert opened.summary == run.summary
@@ -499,18 +503,12 @@ def test_tables_and_sections_of_a_folder_need_no_solving(
         ("table/billiards", ("intervals", "velocities")),
     ],
 )
+@pytest.mark.usefixtures("ends_elsewhere")
 def test_figures_of_tables_alone_need_no_solving(
-    tmp_path: Path, name: str, kinds: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, name: str, kinds: tuple[str, ...]
 ) -> None:
     run = simulate(load_scenario(ROOT / f"scenarios/{name}.toml"))
-    folder = run.save(tmp_path / "run", figures=False)
-
-    def elsewhere(*_: object) -> NoReturn:
-        raise NotRecalled("solved again it ends elsewhere")
-
-    for solve in ("recalled", "recalled_motion"):
-        monkeypatch.setattr(stored, solve, elsewhere)
-    opened = open_run(folder)
+    opened = open_run(run.save(tmp_path / "run", figures=False))
     for kind in kinds:
         opened.figure(kind).save(tmp_path / "opened.png")
         run.figure(kind).save(tmp_path / "run.png")

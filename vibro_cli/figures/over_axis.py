@@ -114,8 +114,9 @@ def _dots(axes: Axes, shown: Lattice, values: Array, endings: Endings) -> None:
 
 
 def _value(axes: Axes, values: Array, symbol: str, unit: str) -> None:
-    if 0.0 < _WIDE_RANGE * np.nanmin(values) < np.nanmax(values):
-        log_axis(axes, values, symbol, unit)
+    finite = values[np.isfinite(values)]
+    if 0.0 < _WIDE_RANGE * np.min(finite) < np.max(finite):
+        log_axis(axes, finite, symbol, unit)
     else:
         value_axis(axes, values if unit else np.append(values, 0.0), symbol, unit)
 
