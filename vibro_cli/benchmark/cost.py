@@ -29,6 +29,7 @@ from vibro_cli.benchmark.measurement import (
     Row,
     by_turns,
     command,
+    done_once,
     shared_out,
     timed,
 )
@@ -113,9 +114,7 @@ def _measure_scenes(plan: Plan, part: str, scenes: dict[int, Scene]) -> list[Row
     ]
     runners = [DriverRunner(scene.system, "compiled") for scene in scenes.values()]
     jobs = [Job(runner.go, partial(runner.ready, impacts)) for runner in runners]
-    for job in jobs:  # machine code is loaded, and memory is there
-        job.ready()
-        job.go()
+    done_once(jobs)
     for row, runner, times in zip(rows, runners, by_turns(jobs, plan), strict=True):
         try:
             row.crossings = runner.course().crossings

@@ -124,14 +124,23 @@ def by_turns(jobs: Sequence[Job], plan: Plan) -> list[list[float]]:
     return times
 
 
+def done_once(jobs: Sequence[Job]) -> list[int | None]:
+    """Do all jobs, so that machine code is loaded and memory is there; return their impacts."""
+    impacts = []
+    for job in jobs:
+        job.ready()
+        impacts.append(job.go())
+    return impacts
+
+
 def timed(jobs: Sequence[tuple[Row, Job]], plan: Plan) -> list[Row]:
     """Do jobs once, then by turns; return the rows, which are given their times and impacts."""
-    for row, job in jobs:  # machine code is loaded, and memory is there
-        job.ready()
-        row.impacts = job.go() or row.impacts
-    for (row, _), taken in zip(jobs, by_turns([job for _, job in jobs], plan), strict=True):
+    rows, work = [row for row, _ in jobs], [job for _, job in jobs]
+    for row, impacts in zip(rows, done_once(work), strict=True):
+        row.impacts = impacts or row.impacts
+    for row, taken in zip(rows, by_turns(work, plan), strict=True):
         row.take_times(taken)
-    return [row for row, _ in jobs]
+    return rows
 
 
 def parquet(rows: Sequence[Row], details: dict[str, Any]) -> bytes:

@@ -58,8 +58,7 @@ def kind_of(path: KeyPath, root: Model = Scenario) -> kinds.Kind:
 def _unknown(path: KeyPath, root: Model) -> Faulty:
     if isinstance(path[-1], int) or fields.model_at(path[:-1], root) is None:
         return Faulty(path, path_text(path), "a value of a scenario, such as balls[1].angle")
-    fault = unknown_key(path, root)
-    return Faulty(path, fault.found, fault.expected)
+    return Faulty.of(unknown_key(path, root))
 
 
 def type_of(kind: kinds.Kind) -> Any:

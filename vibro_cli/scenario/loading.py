@@ -150,8 +150,7 @@ def _check_step(place: Any, path: KeyPath, root: type[AnyScenario]) -> None:
             found = f"{path_text(path)} of {len(place)}"
             raise Faulty(path, found, f"a number from 1 to {len(place)}")
     elif not isinstance(place, dict) or part not in fields.known_keys(path[:-1], root):
-        fault = fields.unknown_key(path, root)
-        raise Faulty(path, fault.found, fault.expected)
+        raise Faulty.of(fields.unknown_key(path, root))
 
 
 def _check_list(value: Any, path: KeyPath) -> None:

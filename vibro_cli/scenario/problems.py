@@ -88,6 +88,11 @@ class Faulty(Exception):
         super().__init__(f"found {found}, expected {expected}")
         self.fault = Fault(loc, found, expected, on_key)
 
+    @classmethod
+    def of(cls, fault: Fault) -> Faulty:
+        """Return the exception for a fault."""
+        return cls(fault.loc, fault.found, fault.expected, fault.on_key)
+
 
 def path_text(loc: KeyPath) -> str:
     """Return a path as it is written in errors and overrides: `balls[2].radius`."""
