@@ -17,7 +17,7 @@ def main() -> None:
         sys.exit(reason)
     # Loading libraries makes hundreds of thousands of objects and no garbage: at Python's own
     # threshold, looking for it takes a tenth of a short run.
-    gc.set_threshold(50_000, 20, 50)
+    gc.set_threshold(100_000, 20, 50)
     # Looking for plug-ins of pydantic, of which none is wanted, takes another twentieth.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     try:
