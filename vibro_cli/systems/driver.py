@@ -32,6 +32,8 @@ FIRST_ROWS = 256
 DROPPED_ROWS = 64
 # So many rows of a log without an impact are more than it is worth: the run is refused.
 QUIET_ROWS = 2_000_000
+# Nor are so many steps of the search for one.
+QUIET_STEPS = 50_000_000
 
 
 class TooQuiet(VibroError, RuntimeError):
@@ -72,6 +74,8 @@ class EventLoop:
     other_stops: Mapping[str, float] | None = None
     """Settings of stops that need no impact, with their values where there is no such stop; where
     there is one that log may grow."""
+    steps_at_once: int = 0
+    """The loop also comes back from so many steps of a search, without a row."""
     quiet_cause: tuple[int, str] | None = None
     """The cause with which the loop gives up for want of impacts, and among what in words."""
     quiet_details: Callable[[Any], str] | None = None
@@ -140,13 +144,14 @@ class Driver:
         Raises
         ------
         TooQuiet
-            After ``QUIET_ROWS`` rows of the loop's log in a row without an impact, or when the
-            loop itself gives up.
+            After ``QUIET_ROWS`` rows of the loop's log in a row without an impact, after
+            ``QUIET_STEPS`` of a search, or when the loop itself gives up.
         """
         loop = self._loop
         quiet_log = loop.quiet_log if self._needs_impacts() else None
-        collisions, quiet = -1.0, 0
+        collisions, quiet, steps = -1.0, 0, 0
         while True:
+            before = dict(self.rows)
             cause = self._advance()
             self._collect()
             tell(self.clock_value("t"), self.clock_value("collisions"))
@@ -161,6 +166,9 @@ class Driver:
                     collisions, quiet = self.clock_value("collisions"), self.rows[log]
                 if self.rows[log] > quiet + QUIET_ROWS:
                     raise self._too_quiet(f"{QUIET_ROWS:,} {words}")
+                steps = steps + loop.steps_at_once if self.rows == before else 0
+                if steps >= QUIET_STEPS:
+                    raise self._too_quiet(f"{QUIET_STEPS:,} steps of the search for one")
             yield cause
             self._enlarge()
 

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from vibro_cli.api import load_scenario, simulate
+from vibro_cli.kernels.contact import arc_contact, first_contact
 from vibro_cli.scenario import scenario_of
 from vibro_cli.systems import driver
 from vibro_cli.systems.run import Run
@@ -70,3 +71,48 @@ def test_crossings_without_end_and_without_impact_are_refused(
     }  # fmt: skip
     with pytest.raises(driver.TooQuiet, match="no impact among the last 4,000 flights"):
         simulate(scenario_of(document), "python")
+
+
+def wells() -> dict[str, Any]:
+    """A turning arc with two wells: one ball in the left one, two in the right one that stick."""
+    arc = {"shape": "valley", "radius": 1.0, "end_slope": "90 deg"}
+    turning = {"through_arc": 1, "rate": 6.0}
+    ball = {"radius": 0.05, "density": 7800.0, "arc": 1}
+    return {
+        "gravity": 9.81,
+        "trace": {"start_slope": "-90 deg", "arcs": [arc], "turning": turning},
+        "balls": [{**ball, "angle": angle} for angle in ("-70 deg", "60 deg", "75 deg")],
+        "collision": {"k": 0.5},
+        "stop": {"collisions": 1000},
+    }
+
+
+def test_a_search_without_end_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing proves that a group and a ball in another well never meet."""
+    monkeypatch.setattr(driver, "QUIET_STEPS", 3_000_000)
+    with pytest.raises(driver.TooQuiet, match="no impact among the last 3,000,000 steps"):
+        simulate(scenario_of(wells()))
+    assert simulate(scenario_of(wells(), ["stop.time=50"])).end_cause == "time"
+
+
+@pytest.mark.parametrize("name", ["three_arcs", "one_circle"])
+def test_a_search_in_parts_has_the_same_bits(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    scenario = load_scenario(FOLDER / f"{name}.toml", ["stop.collisions=60"])
+    whole = simulate(scenario, "python")
+    for module in (arc_contact, first_contact):
+        monkeypatch.setattr(module, "STEPS_AT_ONCE", 1)
+    parts = simulate(scenario, "python")
+    assert bits(parts.collisions) == bits(whole.collisions)
+    assert bits(parts.flights()) == bits(whole.flights())
+
+
+def test_a_group_on_a_circle_does_not_meet_itself_over_the_top() -> None:
+    """Once both balls roll in contact no impact can follow: no stop by time is needed."""
+    scenario = load_scenario(FOLDER / "one_circle.toml", ["stop.collisions=100000"])
+    document = scenario.resolved()
+    del document["stop"]["time"]
+    run = simulate(scenario_of(document))
+    assert run.end_cause == "no_more_collisions"
+    until = simulate(scenario)
+    assert until.end_cause == "time"
+    assert bits(run.collisions) == bits(until.collisions)

@@ -18,6 +18,8 @@ from vibro_cli.kernels.contact.first_contact import (
     DEEP,
     FINAL_CORRECTION,
     NONE_BEFORE_LIMIT,
+    STEPS_AT_ONCE,
+    UNFINISHED,
     UNRESOLVED,
     Ages,
     keep_nudged,
@@ -257,7 +259,8 @@ def contact_on_arc(
     (both in s from its begin). ``orientation`` is -1 if b is one lap ahead.
 
     Returns the time of the first contact from the begin (s), the states then being left in the
-    pair; ``NONE_BEFORE_LIMIT`` if there is none before the horizon.
+    pair; ``NONE_BEFORE_LIMIT`` if there is none before the horizon, ``UNFINISHED`` after
+    ``STEPS_AT_ONCE`` steps.
     """
     pair = world.pairs[j]
     a, b = flights_of(world, pair)
@@ -287,7 +290,7 @@ def _contact_by_steps(
     a, b = flights_of(world, pair)
     bound_2 = a.angular_bound + b.angular_bound
     bound_3 = a.jerk_bound + b.jerk_bound
-    while True:
+    for _ in range(STEPS_AT_ONCE):
         states, x, cosine, derivatives = _gap_on_arc(world, j, ages, t, orientation)
         gap, rate, second = derivatives
         parting = t == 0.0 and pair.touching != 0
@@ -318,6 +321,8 @@ def _contact_by_steps(
             keep_states(pair, states)
             return t
         t += step
+    pair.searched = t
+    return UNFINISHED
 
 
 @kernel

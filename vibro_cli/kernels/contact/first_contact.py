@@ -61,6 +61,9 @@ from vibro_cli.kernels.world import (
 Ages = tuple[float, float]  # times (s) since the flights of both bodies of a pair began
 
 NONE_BEFORE_LIMIT = -1.0
+UNFINISHED = -3.0  # beside it: the search goes on when it is called again
+# So many steps of a search are made at once, so that interrupts are seen.
+STEPS_AT_ONCE = 1_000_000
 # A correction below this size, relative to the time scales, is the last one.
 FINAL_CORRECTION = 1.0e-5
 # ... and below this one where the iteration is of third order, not of fourth.
@@ -172,7 +175,7 @@ def contact_by_distance(
     age_a, age_b = ages
     bound, bound_3 = _derivative_bounds(world, j, straight, ages)
     t = pair.searched
-    while True:
+    for _ in range(STEPS_AT_ONCE):
         states, gap, rate, second = _gap_at(world, j, straight, age_a + t, age_b + t)
         depth = -gap
         gap = max(gap, 0.0)
@@ -205,6 +208,8 @@ def contact_by_distance(
             keep_states(pair, states)
             return t
         t += step
+    pair.searched = t
+    return UNFINISHED
 
 
 @kernel

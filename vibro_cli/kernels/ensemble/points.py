@@ -124,8 +124,9 @@ def follow_points(
         known = 0
         while cause == LOG_FULL:
             cause = proceed(world, False)
-            if cause == LOG_FULL and world.clock[0].segment_rows > 0:
-                break
+            clock = world.clock[0]
+            if cause == LOG_FULL and (clock.segment_rows > 0 or clock.flight_rows <= known):
+                break  # a run for the driver: its motion in segments, or a search without end
             now = RUNNING if cause == LOG_FULL else cause
             tally_point(world, known, now, points, results, point)
             end_t, end_low = end_of_point(world, now, points, point)

@@ -8,6 +8,7 @@ from vibro_cli.compile.kernel import kernel
 from vibro_cli.kernels.contact.arc_contact import contact_on_arc
 from vibro_cli.kernels.contact.contact_kinematics import centre_position, centre_tangent
 from vibro_cli.kernels.contact.first_contact import (
+    UNFINISHED,
     contact_by_distance,
     contact_on_line,
     keep_states,
@@ -37,11 +38,15 @@ from vibro_cli.kernels.world import (
 # Cosines of bounds are compared with room for their rounding.
 CAUTION = 1.0e-12
 NEVER_MEET = -2.0  # proved, beside NONE_BEFORE_LIMIT
+# Beside the number of a pair: the search is to be called again.
+TO_BE_CONTINUED = -2
 
 
 @kernel
 def first_contact(world: World, horizon_t: float, horizon_low: float) -> int:
     """Search all pairs up to an instant; return the pair that meets first, or -1.
+
+    Or ``TO_BE_CONTINUED``, if that takes very long.
 
     The steps of a search follow from its two flights alone. It goes on where it was cut short, at
     the end of a step, so that it finds the same whatever cut it short: another event, or the stop
@@ -61,8 +66,8 @@ def first_contact(world: World, horizon_t: float, horizon_low: float) -> int:
             continue
         ahead = time_between(horizon_t, horizon_low, pair.begin_t, pair.begin_t_low)
         if (ahead > 0.0 and ahead >= pair.searched) or pair.touching == CLOSING:
-            if pair.contact_t == NEVER:
-                _search_pair(world, j, pair, ahead)
+            if pair.contact_t == NEVER and not _search_pair(world, j, pair, ahead):
+                return TO_BE_CONTINUED
             later = time_between(pair.contact_t, pair.contact_t_low, horizon_t, horizon_low)
             # What closes at an instant closes before its bodies, or others, come back from a wall.
             if later < 0.0 or (later == 0.0 and first < 0 and pair.touching == CLOSING):
@@ -73,8 +78,11 @@ def first_contact(world: World, horizon_t: float, horizon_low: float) -> int:
 
 
 @kernel
-def _search_pair(world: World, j: int, pair: PairData, ahead: float) -> None:
-    """Go on with the search of one pair; a contact found is kept in the pair."""
+def _search_pair(world: World, j: int, pair: PairData, ahead: float) -> bool:
+    """Go on with the search of one pair; a contact found is kept in the pair.
+
+    False if it is to be called again before anything else happens.
+    """
     clock = world.clock[0]
     clock.searches += 1
     if pair.touching == CLOSING:
@@ -82,7 +90,7 @@ def _search_pair(world: World, j: int, pair: PairData, ahead: float) -> None:
         pair.contact_t_low = pair.begin_t_low
         pair.a_s, pair.a_c, pair.a_p = state_at(world, pair.a, pair.begin_t, pair.begin_t_low)
         pair.b_s, pair.b_c, pair.b_p = state_at(world, pair.b, pair.begin_t, pair.begin_t_low)
-        return
+        return True
     a, b = flights_of(world, pair)
     laps = b.lap - a.lap + pair.seam
     if _is_out_of_reach(world, j, laps):
@@ -92,7 +100,7 @@ def _search_pair(world: World, j: int, pair: PairData, ahead: float) -> None:
         to_b = time_between(b.exit_t, b.exit_t_low, pair.begin_t, pair.begin_t_low)
         limit = min(to_a, to_b)
         if pair.searched >= limit:
-            return  # to the end of a flight
+            return True  # to the end of a flight
         # The end of a short bounce is known only once it is sharpened: no horizon comes before.
         ahead = max(ahead, min(limit, short_bounce(a, b)))
         h = _time_of_contact(world, j, laps, ahead, limit)
@@ -103,6 +111,7 @@ def _search_pair(world: World, j: int, pair: PairData, ahead: float) -> None:
         pair.contact_t, pair.contact_t_low = add_to_time(pair.begin_t, pair.begin_t_low, h)
         if _are_both_pairs(world, pair):
             _hand_over(world, pair, world.pairs[1 - j])
+    return h != UNFINISHED
 
 
 @kernel
@@ -122,7 +131,8 @@ def _is_out_of_reach(world: World, j: int, laps: int) -> bool:
 def _time_of_contact(world: World, j: int, laps: int, ahead: float, limit: float) -> float:
     """Time (s) of the first contact of a pair from where both its flights have begun.
 
-    ``NONE_BEFORE_LIMIT`` if it is not known yet, ``NEVER_MEET`` if there is none on these flights.
+    ``NONE_BEFORE_LIMIT`` or ``UNFINISHED`` if it is not known yet, ``NEVER_MEET`` if there is none
+    on these flights.
     """
     pair = world.pairs[j]
     a, b = flights_of(world, pair)
@@ -130,7 +140,7 @@ def _time_of_contact(world: World, j: int, laps: int, ahead: float, limit: float
     age_b = time_between(pair.begin_t, pair.begin_t_low, b.t, b.t_low)
     ages = age_a, age_b
     if a.piece == b.piece and world.pieces[a.piece].sign != 0.0:
-        if kept_apart(a, b, contact_of(world, j), laps):
+        if _moves_as_one(a, b) or kept_apart(a, b, contact_of(world, j), laps):
             return NEVER_MEET
         orientation = 1.0 if laps == 0 else -1.0
         h = contact_on_arc(world, j, ages, ahead, limit, orientation)
@@ -198,6 +208,12 @@ def _hand_over(world: World, pair: PairData, other: PairData) -> None:
     pair.contact_t = NEVER
     pair.contact_t_low = 0.0
     pair.apart = 1
+
+
+@kernel
+def _moves_as_one(a: Flight, b: Flight) -> bool:
+    """Tell whether two bodies on one arc are the ends of one group, whose angles keep apart."""
+    return a.grouped + b.grouped == 2 and a.group_first == b.group_first
 
 
 @kernel

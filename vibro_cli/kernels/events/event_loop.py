@@ -22,7 +22,7 @@ from vibro_cli.kernels.contact.contact_kinematics import (
     set_speed,
 )
 from vibro_cli.kernels.contact.first_contact import close_gap
-from vibro_cli.kernels.events.event_detection import first_contact
+from vibro_cli.kernels.events.event_detection import TO_BE_CONTINUED, first_contact
 from vibro_cli.kernels.events.simultaneous_impacts import (
     collide_jointly,
     complete_inadmissible,
@@ -442,7 +442,10 @@ def proceed(world: World, starting: bool) -> int:
 
 @kernel
 def advance(world: World) -> int:
-    """Run until an end cause, or until a log has no room for another event; return which."""
+    """Run until an end cause, or until a log has no room for another event; return which.
+
+    As if a log were full also from a search that takes very long; it goes on when called again.
+    """
     settings = world.settings[0]
     clock = world.clock[0]
     while True:
@@ -454,6 +457,8 @@ def advance(world: World) -> int:
             drop_rows(clock)
         horizon_t, horizon_low, ball, pair = _horizon(world)
         meeting = first_contact(world, horizon_t, horizon_low)
+        if meeting == TO_BE_CONTINUED:
+            return LOG_FULL
         if meeting >= 0:
             horizon_t = world.pairs[meeting].contact_t
             horizon_low = world.pairs[meeting].contact_t_low
