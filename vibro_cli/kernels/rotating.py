@@ -16,7 +16,7 @@ from vibro_cli.kernels.events import event_detection, event_loop, liftoff_slip
 from vibro_cli.kernels.events.event_detection import CAUTION
 from vibro_cli.kernels.flow import flight, flow, rotating_flight, rotating_flow
 from vibro_cli.kernels.flow.flight import launch_and_log, start_from_state, take_energy
-from vibro_cli.kernels.flow.flow import angle_from_start
+from vibro_cli.kernels.flow.flow import POLYNOMIAL, angle_from_start
 from vibro_cli.kernels.flow.rotating_flight import set_track, speed_of_head
 from vibro_cli.kernels.flow.rotating_flow import half_way, pull
 from vibro_cli.kernels.numerics.constants import NEVER
@@ -114,15 +114,14 @@ def parts_of_weight(world: World, x: float, sine: float, cosine: float) -> tuple
 
 @kernel
 def kept_apart(a: Flight, b: Flight, contact: PairTrack, laps: int) -> bool:
-    """Tell whether two oscillations on one arc, each in a well of its own, never meet."""
-    if laps != 0 or a.grouped + b.grouped != 0:
+    """Tell whether two oscillations on one arc never come to the crest that is between them."""
+    if a.crests == 0 or a.form == POLYNOMIAL or b.form == POLYNOMIAL:
         return False
     if a.exit_after < NEVER or b.exit_after < NEVER or a.turns_over + b.turns_over != 0:
         return False
-    if a.crests == 0:
-        return False
-    sine, cosine = angle_from_start(a, b.flow_s, b.flow_c)
-    between = math.atan2(sine, cosine) - half_way(a, 1.0) - half_way(b, -1.0)
+    # Half the angle from a to b; the ends of the flights, of groups too, are as far from their own.
+    half = math.atan2(a.c * b.s - a.s * b.c, a.c * b.c + a.s * b.s) + laps * math.pi
+    between = half - half_way(a, 1.0) - half_way(b, -1.0)
     return between > 0.5 * (math.pi - contact.far_gap) + CAUTION
 
 

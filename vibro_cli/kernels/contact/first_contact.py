@@ -62,8 +62,8 @@ Ages = tuple[float, float]  # times (s) since the flights of both bodies of a pa
 
 NONE_BEFORE_LIMIT = -1.0
 UNFINISHED = -3.0  # beside it: the search goes on when it is called again
-# So many steps of a search are made at once, so that interrupts are seen.
-STEPS_AT_ONCE = 1_000_000
+# So many steps of a search are made at once: another pair may meet before it is done.
+STEPS_AT_ONCE = 100
 # A correction below this size, relative to the time scales, is the last one.
 FINAL_CORRECTION = 1.0e-5
 # ... and below this one where the iteration is of third order, not of fourth.

@@ -38,8 +38,10 @@ from vibro_cli.kernels.world import (
 # Cosines of bounds are compared with room for their rounding.
 CAUTION = 1.0e-12
 NEVER_MEET = -2.0  # proved, beside NONE_BEFORE_LIMIT
-# Beside the number of a pair: the search is to be called again.
+# Beside the number of a pair: the search is to be called again, so that interrupts are seen.
 TO_BE_CONTINUED = -2
+# So often are the pairs gone through before that.
+ROUNDS = 10_000
 
 
 @kernel
@@ -60,28 +62,33 @@ def first_contact(world: World, horizon_t: float, horizon_low: float) -> int:
             first = j
             horizon_t = pair.contact_t
             horizon_low = pair.contact_t_low
-    for j in range(settings.pairs):
-        pair = world.pairs[j]
-        if pair.apart == 1 or pair.held == 1:
-            continue
-        ahead = time_between(horizon_t, horizon_low, pair.begin_t, pair.begin_t_low)
-        if (ahead > 0.0 and ahead >= pair.searched) or pair.touching == CLOSING:
-            if pair.contact_t == NEVER and not _search_pair(world, j, pair, ahead):
-                return TO_BE_CONTINUED
-            later = time_between(pair.contact_t, pair.contact_t_low, horizon_t, horizon_low)
-            # What closes at an instant closes before its bodies, or others, come back from a wall.
-            if later < 0.0 or (later == 0.0 and first < 0 and pair.touching == CLOSING):
-                first = j
-                horizon_t = pair.contact_t
-                horizon_low = pair.contact_t_low
-    return first
+    for _ in range(ROUNDS):
+        finished = True
+        for j in range(settings.pairs):
+            pair = world.pairs[j]
+            if pair.apart == 1 or pair.held == 1:
+                continue
+            ahead = time_between(horizon_t, horizon_low, pair.begin_t, pair.begin_t_low)
+            if (ahead > 0.0 and ahead >= pair.searched) or pair.touching == CLOSING:
+                if pair.contact_t == NEVER and not _search_pair(world, j, pair, ahead):
+                    finished = False
+                later = time_between(pair.contact_t, pair.contact_t_low, horizon_t, horizon_low)
+                # What closes at an instant closes before its bodies, or others, come back from a
+                # wall.
+                if later < 0.0 or (later == 0.0 and first < 0 and pair.touching == CLOSING):
+                    first = j
+                    horizon_t = pair.contact_t
+                    horizon_low = pair.contact_t_low
+        if finished:
+            return first
+    return TO_BE_CONTINUED
 
 
 @kernel
 def _search_pair(world: World, j: int, pair: PairData, ahead: float) -> bool:
     """Go on with the search of one pair; a contact found is kept in the pair.
 
-    False if it is to be called again before anything else happens.
+    False if it has not come as far as it is to.
     """
     clock = world.clock[0]
     clock.searches += 1

@@ -17,6 +17,7 @@ from vibro_cli.compile.native import compiled
 from vibro_cli.kernels.contact.first_contact import STEPS_AT_ONCE
 from vibro_cli.kernels.contact.libration_contact_lanes import TwoBodies, TwoSwings, TwoTracks
 from vibro_cli.kernels.ensemble.libration_fast_path import proceed_swinging
+from vibro_cli.kernels.events.event_detection import ROUNDS
 from vibro_cli.kernels.events.event_loop import advance, proceed, start
 from vibro_cli.kernels.world import (
     LOGS,
@@ -55,7 +56,7 @@ LOOP = driver.EventLoop(
     counted={"log": "flights_before"},
     work_done=("searches", "evaluations", "skipped_apart"),
     quiet_log=("log", "flights between crossings"),
-    steps_at_once=STEPS_AT_ONCE,
+    steps_at_once=STEPS_AT_ONCE * ROUNDS,
 )
 
 
