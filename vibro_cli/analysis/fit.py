@@ -197,7 +197,9 @@ class Free:
 
         Raises ``ValueError`` if the text is no path or there is nothing between the bounds.
         """
-        if not low < high:
+        if not isinstance(path, str):
+            raise ValueError(f"found {path!r}, expected a path such as collision.k")
+        if not (_is_number(low) and _is_number(high) and low < high):
             raise ValueError(f"{path}: found {low!r} to {high!r}, expected bounds that grow")
         return Free(parsed_path(path), low, high)
 

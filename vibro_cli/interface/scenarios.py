@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
@@ -14,7 +14,6 @@ from vibro_cli.scenario.loading import any_scenario_of, load_any, parse_document
 from vibro_cli.scenario.quantities import Count, Quantity, Text
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
     from pathlib import Path
     from typing import Any
 
@@ -184,18 +183,31 @@ def fit(
     NotMeasured
         If the table does not tell of instants.
     ScenarioError, ValueError
-        If the scenario is mechanically impossible or of another system; for a text that is no path.
+        If the scenario is mechanically impossible or of another system; for a text that is no path,
+        and for bounds that are not two numbers.
     """
     from vibro_cli.analysis.fit import Free, fit_impacts, measured_of, read_measured
 
     _system_of_trace(scenario)
-    bounds: Any = free.items() if isinstance(free, Mapping) else [(path, ()) for path in free]
-    numbers = [Free.of(path, *ends) for path, ends in bounds]
+    numbers = [Free.of(path, *ends) for path, ends in _bounds_by_path(free)]
     if isinstance(measured, (str, Path)):
         told = read_measured(measured)
     else:
         told = measured_of(_columns_of(measured))
     return fit_impacts(cast("Scenario", scenario), told, numbers, noise)
+
+
+def _bounds_by_path(free: Any) -> list[tuple[Any, Sequence[Any]]]:
+    """The paths of free numbers, each with its two bounds or none."""
+    if isinstance(free, str) or not isinstance(free, Iterable):
+        expected = 'paths such as "collision.k" in a list, or their bounds by their paths'
+        raise ValueError(f"free: found {free!r}, expected {expected}")
+    if not isinstance(free, Mapping):
+        return [(path, ()) for path in free]
+    for path, ends in free.items():
+        if not isinstance(ends, Sequence) or len(ends) != 2:
+            raise ValueError(f"{path}: found {ends!r}, expected two numbers, its bounds")
+    return list(free.items())
 
 
 def _columns_of(measured: Any) -> Mapping[str, Any]:
