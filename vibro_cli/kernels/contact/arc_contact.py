@@ -313,16 +313,15 @@ def _contact_by_steps(
         if gap <= 0.0 and rate >= 0.0 and not inside and not parting:
             # At least so long the bodies are in contact or apart by less than rounding.
             step = max(step, unresolved_step(second, bound_3, UNRESOLVED))
-        if t + step > horizon:
-            pair.searched = t + step
-            return NONE_BEFORE_LIMIT
         if t + step == t and not parting:
             # The gap closes below the resolution of time: contact, tangential within rounding.
             keep_states(pair, states)
             return t
         t += step
+        if t > horizon:
+            break
     pair.searched = t
-    return UNFINISHED
+    return NONE_BEFORE_LIMIT if t > horizon else UNFINISHED
 
 
 @kernel

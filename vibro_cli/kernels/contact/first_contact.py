@@ -177,8 +177,7 @@ def contact_by_distance(
     t = pair.searched
     for _ in range(STEPS_AT_ONCE):
         states, gap, rate, second = _gap_at(world, j, straight, age_a + t, age_b + t)
-        depth = -gap
-        gap = max(gap, 0.0)
+        depth, gap = -gap, max(gap, 0.0)
         begins = touching if t == 0.0 else 0
         if begins != 0:
             gap = 0.0
@@ -201,15 +200,14 @@ def contact_by_distance(
                     return 0.0
                 pair.searched = limit
                 return t + h if t + h <= limit else NONE_BEFORE_LIMIT
-        if t + step > horizon:
-            pair.searched = t + step
-            return NONE_BEFORE_LIMIT
         if t + step == t:
             keep_states(pair, states)
             return t
         t += step
+        if t > horizon:
+            break
     pair.searched = t
-    return UNFINISHED
+    return NONE_BEFORE_LIMIT if t > horizon else UNFINISHED
 
 
 @kernel
