@@ -25,6 +25,7 @@ IMPACTS = 30  # of the first run; each further one has one more
 class Made:
     """A grid of two axes made by hand: run i has IMPACTS + i impacts; impact n is at 0.01 n + i."""
 
+    logarithmic: tuple[str, ...] = ()
     axes: tuple[str, ...] = ("balls[1].angle", "collision.k")
     units: Mapping[str, str] = field(
         default_factory=lambda: {"balls[1].angle": "rad", "collision.k": "", "end_time": "s"}

@@ -170,6 +170,37 @@ def test_cells_end_halfway_between_values(made: Any) -> None:
     np.testing.assert_allclose(along.edges(), [0.3, 0.7, 0.95, 1.05])
 
 
+def as_logspace(grid: StoredGrid) -> StoredGrid:
+    """The grid, its axes as those of a file that gives them by `logspace`."""
+    axes = [{"paths": [path], "logspace": [1.0, 1.0, 1]} for path in grid.axes]
+    return replace(grid, definition={**grid.definition, "axes": axes})
+
+
+@pytest.mark.parametrize("width", ["single", "double"])
+def test_axes_at_even_ratios_are_logarithmic(made: Any, width: str) -> None:
+    """Cells are as wide as one another there, below 0 too; dots are at even distances."""
+    angles: list[float] = (-np.geomspace(1e-3, 1.0, 7)).tolist()
+    gravities: list[float] = np.geomspace(0.5, 8.0, 5).tolist()
+    grid = as_logspace(made(product({"balls[1].angle": angles, "gravity": gravities})))
+    across, along = lattice(grid, 2).coordinates  # type: ignore[union-attr]
+    np.testing.assert_allclose(across.edges(), -np.geomspace(10**0.25, 10**-3.25, 8))
+    np.testing.assert_allclose(along.edges(), np.geomspace(0.5 / 2**0.5, 8.0 * 2**0.5, 6))
+    drawn = {one.name: one.figure for one in draw_grid(grid, width)}
+    corners = np.asarray(mesh(drawn["energy"]).get_coordinates())
+    axes = drawn["energy"].axes[0]
+    places = axes.transAxes.inverted().transform(axes.transData.transform(corners.reshape(-1, 2)))
+    rows, columns = np.divmod(np.arange(48), 8)
+    np.testing.assert_allclose(places, np.column_stack([columns / 7, rows / 5]), atol=1e-9)
+    labels = [text.get_text() for text in axes.get_xticklabels()]
+    assert labels == ["−$10^{-3}$", "−$10^{-2}$", "−$10^{-1}$", "−$10^{0}$"]
+    assert [text.get_text() for text in axes.get_yticklabels()] == ["0.5", "1", "2", "5", "10"]
+    axes = drawn["curves"].axes[0]
+    points = axes.transData.transform(np.asarray(dots(drawn["curves"]).get_offsets()))
+    np.testing.assert_allclose(np.diff(points[:, 0]), np.mean(np.diff(points[:, 0])))
+    for figure in drawn.values():
+        assert_texts_are_apart(figure)
+
+
 def test_the_map_of_a_quantity_has_its_values_and_leaves_out_what_is_not_there(made: Any) -> None:
     grid = made(TWO)
     values = np.where(np.arange(15) == 7, np.nan, 10.0 ** np.arange(15))

@@ -16,6 +16,7 @@ from vibro_cli.figures.ticks import (
     axis_words,
     decimals,
     limits_apart,
+    log_ticks,
     number_ticks,
     vertical_ticks,
     without_overlaps,
@@ -55,6 +56,37 @@ def test_an_axis_of_a_grid_has_three_labels(length: float, unit: str, vertical: 
 def test_small_angles_are_decimal() -> None:
     ticks = angle_ticks(0.1, 0.11, 60.0)
     assert ticks.labels == ("0.100", "0.102", "0.104", "0.106", "0.108", "0.110")
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "labels", "power"),
+    [
+        (1e-3, 1.0, ("$10^{-3}$", "$10^{-2}$", "$10^{-1}$", "$10^{0}$"), 0),
+        (-5.0, -0.05, ("−0.05", "−0.1", "−0.2", "−0.5", "−1", "−2", "−5"), 0),
+        (2e-7, 5e-6, ("0.2", "0.5", "1", "2", "5"), -6),
+        (0.7, 1.0, ("0.7", "0.8", "0.9", "1.0"), 0),
+        (1e-30, 1e30, tuple(f"$10^{{{power}}}$" for power in range(-30, 31, 7)), 0),
+    ],
+)
+def test_ticks_of_a_logarithmic_axis(
+    low: float, high: float, labels: tuple[str, ...], power: int
+) -> None:
+    ticks = log_ticks(low, high, 70.0, False)
+    assert (ticks.labels, ticks.power) == (labels, power)
+
+
+@pytest.mark.parametrize(
+    ("length", "vertical", "least"),
+    [(52.0, False, 2), (140.0, False, 3), (52.0, True, 3), (72.0, True, 3)],
+)
+def test_a_logarithmic_axis_can_be_read(length: float, vertical: bool, least: int) -> None:
+    for ratio in np.geomspace(1.01, 1e40, 83):
+        for low in np.geomspace(1e-8, 1e8, 31):
+            for limits in ((low, low * ratio), (-low * ratio, -low)):
+                places = np.array(log_ticks(*limits, length, vertical).places)
+                assert len(places) >= least, limits
+                room = 1e-8 * np.abs(limits)
+                assert np.all((places >= limits[0] - room[0]) & (places <= limits[1] + room[1]))
 
 
 def test_labels_of_numbers_keep_apart() -> None:

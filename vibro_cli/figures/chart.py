@@ -327,7 +327,7 @@ def draw_dots(
 ) -> None:  # fmt: skip
     """Draw a dot for each point in the colour of its value, later ones over earlier ones.
 
-    The limits of the axes, which are linear, have to be set.
+    The limits of the axes, and their scales, have to be set.
     """
     if len(values) <= MOST_MARKS:
         dots = axes.scatter(

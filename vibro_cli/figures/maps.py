@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Container, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -17,6 +17,7 @@ from matplotlib.axis import Axis, YAxis
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import BoundaryNorm, ListedColormap, LogNorm, Normalize
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullLocator
 from numpy.typing import NDArray
 
 from vibro_cli.analysis.basins import Codes, codes_of, combined
@@ -32,6 +33,7 @@ from vibro_cli.figures.ticks import (
     axis_words,
     decimals,
     label_axis,
+    log_ticks,
     number_ticks,
     vertical_angle_ticks,
     vertical_ticks,
@@ -94,6 +96,10 @@ class Swept(Protocol):
         """A row for each point."""
 
     @property
+    def logarithmic(self) -> Container[str]:
+        """Key paths of the axes whose values are at even ratios."""
+
+    @property
     def shapes(self) -> tuple[str, ...]:
         """Shapes of the pieces of the trace, none for another system."""
 
@@ -116,6 +122,8 @@ class Coordinate:
     """The words at places 0, 1, …; none for numbers."""
     symbol: str = ""
     """What stands at the axis, where that is not the path in words."""
+    logarithmic: bool = False
+    """Whether the figure's axis is logarithmic; its numbers are of one sign then."""
 
     @property
     def different(self) -> Array:
@@ -130,11 +138,17 @@ class Coordinate:
         return not self.words and bool(even)
 
     def edges(self) -> Array:
-        """Return the edges of cells around the different places: halfway to the neighbours."""
+        """Return the edges of cells around the different places: halfway to the neighbours.
+
+        Of a logarithmic axis halfway as it is drawn.
+        """
         places = self.different
         if len(places) == 1:
             around: Array = places[0] + np.array([-0.5, 0.5]) * (abs(float(places[0])) or 1.0)
             return around
+        if self.logarithmic:
+            exponents = replace(self, place=np.log(np.abs(places)), logarithmic=False).edges()
+            return np.sort(np.sign(places[0]) * np.exp(exponents))
         middles = 0.5 * (places[1:] + places[:-1])
         first, last = 2.0 * places[0] - middles[0], 2.0 * places[-1] - middles[-1]
         return np.concatenate([[first], middles, [last]])
@@ -143,6 +157,8 @@ class Coordinate:
         """Return ticks for a figure's axis of a length (mm)."""
         if self.words:
             return Ticks(tuple(map(float, range(len(self.words)))), self.words)
+        if self.logarithmic:
+            return log_ticks(low, high, length, vertical)
         numbers = (vertical_ticks if vertical else number_ticks)(low, high, length)
         if self.unit != "rad":
             return numbers
@@ -239,7 +255,8 @@ def _shown(value: Any) -> str:
 def _coordinate(grid: Swept, path: str, rows: NDArray[np.int64]) -> Coordinate:
     values, unit = grid.summary[path][rows], grid.units[path]
     if values.dtype != object:
-        return Coordinate(path, unit, values.astype(np.float64), ())
+        logarithmic = path in grid.logarithmic
+        return Coordinate(path, unit, values.astype(np.float64), (), logarithmic=logarithmic)
     words, first, code = np.unique(values.astype(str), return_index=True, return_inverse=True)
     order = np.argsort(first)  # as they come in the grid
     place = np.argsort(order)[code].astype(np.float64)
@@ -252,6 +269,13 @@ def set_axis(axis: Axis, one: Coordinate, labelled: bool = True) -> None:
     low, high = float(edges[0]), float(edges[-1])
     vertical = isinstance(axis, YAxis)
     (axis.axes.set_ylim if vertical else axis.axes.set_xlim)(low, high)
+    if one.logarithmic:
+        scale = axis.axes.set_yscale if vertical else axis.axes.set_xscale
+        if low > 0.0:
+            scale("log")
+        else:
+            scale("symlog", linthresh=-high)  # linear only beyond the axis
+        axis.set_minor_locator(NullLocator())
     ticks = one.ticks(low, high, panel_size(axis.axes)[vertical], vertical)
     label_axis(axis, ticks, one.symbol or words_of(one.path), one.unit, labelled)
 

@@ -57,6 +57,8 @@ _INTERVAL = 17.0
 """Distance of two tick labels side by side (mm) where an axis has room for many."""
 _LINE = 7.0
 """Least distance of two tick labels one above the other (mm)."""
+_OF_POWERS = 8.0
+"""Least distance of two powers of ten side by side (mm)."""
 
 _EDGE = 1.2
 """Room without numbers at the lower end of a vertical axis (mm): another axis has its own there."""
@@ -169,6 +171,54 @@ def vertical_ticks(low: float, high: float, height: float, whole: bool = False) 
         return ticks
     power = _power(max(map(abs, ticks.places)))
     return Ticks(ticks.places, decimals([place / 10.0**power for place in ticks.places]), power)
+
+
+def log_ticks(low: float, high: float, length: float, vertical: bool) -> Ticks:
+    """Return ticks of a logarithmic axis between limits of one sign, `length` mm long.
+
+    At powers of ten; where there are less than three at 1, 2 and 5 or 1 and 3 times them, and where
+    that is not enough either at round numbers.
+    """
+    if vertical:
+        low *= (high / low) ** (_EDGE / length)
+    small, large = sorted((abs(low), abs(high)))
+    per_decade = length / math.log10(large / small)
+    first, last = math.ceil(math.log10(small) - 1e-9), math.floor(math.log10(large) + 1e-9)
+    sign = "−" if high < 0.0 else ""
+    if last - first + 1 >= LEAST:
+        step = math.ceil((_LINE if vertical else _OF_POWERS) / per_decade)
+        powers = range(first, last + 1, step)
+        labels = tuple(rf"{sign}$10^{{{power}}}$" for power in powers)
+        return Ticks(tuple(math.copysign(10.0**power, high) for power in powers), labels)
+    for factors, ratio in (((1, 2, 5), 2.0), ((1, 3), 3.0)):
+        ticks = _times_powers(factors, small, large, high)
+        gap = per_decade * math.log10(ratio)
+        if len(ticks.places) >= LEAST and (gap >= _LINE if vertical else _fits(ticks.labels, gap)):
+            return ticks
+    if vertical:
+        # Nearer by half at most, where labels one above the other are still apart.
+        return vertical_ticks(low, high, length)
+    # Where the numbers lie closest they are so much nearer than on a linear axis.
+    nearer = (large - small) / (large * math.log(large / small))
+    return number_ticks(low, high, length * nearer)
+
+
+def _times_powers(factors: Sequence[int], small: float, large: float, signed: float) -> Ticks:
+    """Return ticks at so many times all powers of ten between two sizes, with the sign of `signed`.
+
+    Their labels have no more digits than each needs.
+    """
+    power = 0 if _PLAIN[0] <= small and large < _PLAIN[1] else _power(large)
+    minus = "−" if signed < 0.0 else ""
+    numbers = range(math.floor(math.log10(small)), math.floor(math.log10(large)) + 1)
+    places, labels = [], []
+    for number in numbers:
+        for factor in factors:
+            size = float(f"{factor}e{number}")
+            if small * (1.0 - 1e-9) <= size <= large * (1.0 + 1e-9):
+                places.append(math.copysign(size, signed))
+                labels.append(f"{minus}{float(f'{factor}e{number - power}'):g}")
+    return Ticks(tuple(places), tuple(labels), power)
 
 
 def _offset(low: float, high: float) -> float:

@@ -284,6 +284,12 @@ class StoredGrid:
         return tuple(str(piece["shape"]) for piece in trace.get("arcs", ()))
 
     @property
+    def logarithmic(self) -> frozenset[str]:
+        """Key paths of the axes whose values are at even ratios, of one sign."""
+        axes = (axis for axis in self.definition["axes"] if "logspace" in axis)
+        return frozenset(path for axis in axes for path in axis["paths"])
+
+    @property
     def points(self) -> int:
         """Number of points that are there."""
         return len(self.summary["scenario"])
