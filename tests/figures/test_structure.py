@@ -136,6 +136,33 @@ def test_a_separatrix_goes_through_a_saddle() -> None:
         np.testing.assert_allclose(energy, crest, rtol=1e-9)
 
 
+DESCENT = [line(1.0), valley(1.0, -10), hump(1.0, -30), line(2.0)]
+WITHOUT_SADDLE = {
+    "turning": Landscape.of(system(-90.0, *WAVES[:3], turning=Turning(-2.0, 5.0)), 1),
+    "descent": landscape(-30, *DESCENT),
+    "valley": landscape(-60, valley(1.0, 60)),
+}
+
+
+@pytest.mark.parametrize("name", WITHOUT_SADDLE)
+def test_without_a_saddle_level_curves_pass_the_whole_trace(name: str) -> None:
+    """On every piece one that goes from end to end, and along the whole trace."""
+    hills = WITHOUT_SADDLE[name]
+    portrait = portrait_of(hills)
+    assert not any(point.kind == "saddle" for point in portrait.points)
+    figure = structure(portrait)
+    spans = [
+        (piece.start_s, piece.start_s + piece.length)
+        if piece.is_line
+        else (piece.angle_start, piece.angle_end)
+        for piece in hills.trace.pieces
+    ]
+    for panel, (low, high) in enumerate([*spans, (0.0, hills.trace.length)]):
+        curves = collections(figure, panel, 1.0)
+        passing = [c for c in curves if np.allclose([c[0, 0], c[-1, 0]], [low, high], atol=1e-9)]
+        assert passing, panel
+
+
 @pytest.mark.parametrize("width", ["single", "double"])
 def test_a_long_type_fits_over_its_panel(width: str) -> None:
     path = Path(__file__).parents[2] / "scenarios" / "turning_valley.toml"

@@ -97,8 +97,11 @@ class Background:
     """On a trace without a saddle, those of the full circles of which the arcs are parts."""
 
 
-def background(landscape: Landscape, highest: float) -> Background:
-    """Return the curves behind a portrait whose branches have energies up to `highest` (J)."""
+def background(landscape: Landscape, highest: float, passed: float = 0.0) -> Background:
+    """Return the curves behind a portrait whose branches have energies up to `highest` (J).
+
+    `passed` as in `level_energies`.
+    """
     points = singular_points(landscape)
     saddles = saddle_energies(points)
     pieces = landscape.trace.pieces
@@ -110,7 +113,7 @@ def background(landscape: Landscape, highest: float) -> Background:
             for curve in separatrix_curves(landscape, energy, saddles_of(points, energy))
         ),
         arc_separatrices=tuple(curve for curve in own if curve is not None),
-        levels=curves_at(landscape, level_energies(points, highest)),
+        levels=curves_at(landscape, level_energies(points, highest, passed)),
         points=points,
     )
 
@@ -146,11 +149,16 @@ def saddles_of(points: Sequence[SingularPoint], energy: float) -> list[float]:
     return [point.s for point in saddles if abs(point.energy - energy) <= _SAME * highest]
 
 
-def level_energies(points: Sequence[SingularPoint], highest: float) -> list[float]:
-    """Return energies of level curves: between the singular ones, and above up to the highest."""
+def level_energies(
+    points: Sequence[SingularPoint], highest: float, passed: float = 0.0
+) -> list[float]:
+    """Return energies of level curves: between the singular ones, and above up to the highest.
+
+    Where there is no saddle also below and above one that is to be `passed` (J), if it is not 0.
+    """
     saddles = saddle_energies(points)
     centres = [point.energy for point in points if point.kind == CENTRE]
-    bounds = _distinct([0.0, *centres, *saddles, highest], _APART)
+    bounds = _distinct([0.0, *centres, *(saddles or [passed]), highest], _APART)
     return [
         low + fraction**2 * (high - low)
         for low, high in pairwise(bounds)
