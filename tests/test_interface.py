@@ -40,6 +40,7 @@ from vibro_cli import (
     open_grid,
     open_run,
     orbit,
+    orbit_family,
     portrait,
     simulate,
     simulate_many,
@@ -307,6 +308,15 @@ def test_figures(tmp_path: Path, run: Run) -> None:
         lone.figure("intervals")
 
 
+def _fitted(run: Run, free: Any) -> object:
+    return fit(run.scenario, run.collisions["t"], free)
+
+
+def _family(vary: str, low: float, high: float) -> object:
+    scenario = example("falling_balls")
+    return orbit_family(scenario, orbit(scenario, impacts=1), vary, low, high)
+
+
 WRONG: dict[str, tuple[Callable[[Run], object], str]] = {
     "fps of none": (lambda run: run.film("f.html", fps=0), "found 0, expected a whole number from"),
     "fps below": (lambda run: run.film("f.html", fps=-5), "fps: found -5, expected"),
@@ -342,6 +352,58 @@ WRONG: dict[str, tuple[Callable[[Run], object], str]] = {
     ),
     "name": (lambda run: example(cast("str", 3)), "name: found 3, expected the name"),
     "data": (lambda run: Scenario.from_dict(cast("Any", None)), "data: found null, expected"),
+    "override": (
+        lambda run: load_scenario(SOURCE, cast("Any", [5])),
+        "overrides: found 5, expected a text path=value",
+    ),
+    "bounds of none": (
+        lambda run: _fitted(run, {"collision.k": None}),
+        "k: found null, expected two",
+    ),
+    "one bound": (
+        lambda run: _fitted(run, {"collision.k": (0,)}),
+        "a list of 1, expected two bounds",
+    ),
+    "bounds of texts": (
+        lambda run: _fitted(run, {"collision.k": ("0.1", "0.9")}),
+        "collision.k: found '0.1' to '0.9', expected bounds that grow",
+    ),
+    "free text": (
+        lambda run: _fitted(run, "collision.k"),
+        "free: found .* expected a list of paths",
+    ),
+    "free number": (lambda run: _fitted(run, [1]), "found 1, expected a path such as"),
+    "instants": (
+        lambda run: fit(run.scenario, cast("Any", 5), ["collision.k"]),
+        "t: found 5, expected a column of numbers",
+    ),
+    "number of an impact": (
+        lambda run: fit(run.scenario, {"t": [1.0], "n": [1e300]}, ["collision.k"]),
+        r"row 1: n: found 1e\+300, expected a whole number",
+    ),
+    "range of a family": (
+        lambda run: _family("balls[2].mass", 2.1, 0.9),
+        r"balls\[2\].mass: found 2.1 to 0.9, expected a range that grows",
+    ),
+    "end of a family": (
+        lambda run: _family("balls[2].mass", cast("float", "a"), 2.1),
+        'low: found "a", expected a number',
+    ),
+    "number of a family": (
+        lambda run: _family(cast("str", 5), 0.9, 2.1),
+        "found 5, expected a path such as",
+    ),
+    "continued": (lambda run: run.continued(cast("Any", None)), "changes: found null, expected a"),
+    "continued path": (lambda run: run.continued(cast("Any", {5: 1})), "found a value for 5, exp"),
+    "width of a section": (
+        lambda run: run.section(width="x"),
+        "unknown width 'x', expected one of",
+    ),
+    "complex": (lambda run: run.sample(cast("Any", [1j])), "times: found complex128, expected num"),
+    "times in words": (
+        lambda run: run.sample(cast("Any", ["a"])),
+        "times: found <U1, expected num",
+    ),
     "overrides": (lambda run: load_scenario(SOURCE, "stop.time=1"), "overrides: found .*a list of"),
 }
 
@@ -355,6 +417,18 @@ def test_a_wrong_argument_is_told(
     with pytest.raises(ValueError, match=message):
         use(run)
     assert not list(tmp_path.iterdir())
+
+
+def test_a_family_of_what_is_no_orbit_is_told() -> None:
+    with pytest.raises(TypeError, match="found null, expected an orbit"):
+        orbit_family(example("falling_balls"), cast("Any", None), "balls[2].mass", 0.9, 2.1)
+
+
+def test_a_wrong_width_of_a_section_of_a_grid_is_told(tmp_path: Path, run: Run) -> None:
+    axes = {"collision.k": [0.7, 0.8]}
+    grid = sweep(run.scenario, axes, tmp_path / "grid", collisions=True)
+    with pytest.raises(ValueError, match="unknown width 'x', expected one of"):
+        grid.section(width="x")
 
 
 def test_a_wrong_argument_of_a_sweep_begins_no_folder(tmp_path: Path, run: Run) -> None:

@@ -144,7 +144,10 @@ def _is_number(value: Any) -> bool:
 
 def _numbers(columns: Mapping[str, Any], name: str) -> Floats:
     found = []
-    for row, value in enumerate(columns[name], 1):
+    column = columns[name]
+    if isinstance(column, (str, bytes)) or not hasattr(column, "__iter__"):
+        raise NotMeasured(f"{name}: found {column!r}, expected a column of numbers")
+    for row, value in enumerate(column, 1):
         if not _is_number(value) or not math.isfinite(value):
             raise NotMeasured(f"row {row}: {name}: found {value!r}, expected a number")
         found.append(float(value))
@@ -153,7 +156,7 @@ def _numbers(columns: Mapping[str, Any], name: str) -> Floats:
 
 def _counts(columns: Mapping[str, Any], name: str) -> NDArray[np.int64]:
     values = _numbers(columns, name)
-    whole = (values >= 1.0) & (values == np.round(values))
+    whole = (values >= 1.0) & (values == np.round(values)) & (values < 2.0**63)
     _check(whole, values, name, "a whole number from 1")
     return values.astype(np.int64)
 
@@ -197,8 +200,6 @@ class Free:
 
         Raises ``ValueError`` if the text is no path or there is nothing between the bounds.
         """
-        if not isinstance(path, str):
-            raise ValueError(f"found {path!r}, expected a path such as collision.k")
         if not (_is_number(low) and _is_number(high) and low < high):
             raise ValueError(f"{path}: found {low!r} to {high!r}, expected bounds that grow")
         return Free(parsed_path(path), low, high)
@@ -297,9 +298,7 @@ def fit_impacts(
     ValueError
         For a noise that is no time greater than 0.
     """
-    given: Any = noise
-    if noise is not None and not (_is_number(given) and 0.0 < given < math.inf):
-        raise ValueError(f"noise: found {noise!r}, expected seconds, greater than 0")
+    check_noise("noise", noise)
     problem = _Problem(scenario, measured, tuple(free), noise)
     problem.check()
     start = problem.values_at_start()
@@ -308,6 +307,12 @@ def fit_impacts(
     for rows in problem.stages():
         values = problem.solved(values, rows)
     return problem.told(start, first, values)
+
+
+def check_noise(name: str, noise: Any) -> None:
+    """Raise ``ValueError``, with the name it is given by, for a noise that is none: s, or None."""
+    if noise is not None and not (_is_number(noise) and 0.0 < noise < math.inf):
+        raise ValueError(f"{name}: found {noise!r}, expected seconds, greater than 0")
 
 
 class _Problem:

@@ -284,9 +284,12 @@ class FitCommand:
     as_json: Annotated[bool, json_option(help="Print what was found as JSON.")] = False
 
     def __post_init__(self) -> None:
-        if self.noise is not None and not 0.0 < self.noise < float("inf"):
-            text = f"--noise: found {self.noise!r}, expected seconds, greater than 0"
-            raise typer.BadParameter(text)
+        from vibro_cli.analysis.fit import check_noise
+
+        try:
+            check_noise("--noise", self.noise)
+        except ValueError as error:
+            raise typer.BadParameter(str(error)) from error
 
     def __call__(self) -> int:
         """Read, fit, draw, write and print."""

@@ -143,7 +143,9 @@ class Grid:
         Raises ``ValueError`` for another column or width, and where no such impact was kept.
         """
         from vibro_cli.figures.over_axis import Section, bifurcation, quantities_of
+        from vibro_cli.figures.style import width_of
 
+        width_of(width)
         quantities = quantities_of(columns, self.stored.impact_units())
         drawn = bifurcation(self.stored, width, quantities, Section(pair, transient))
         return Drawing("section", drawn)

@@ -15,15 +15,14 @@ from vibro_cli.assemble import warnings_of
 from vibro_cli.grids.dataset import verify as verify_folder
 from vibro_cli.interface import Drawing, figures_of, nothing_shown
 from vibro_cli.scenario.base import Listed, checked
-from vibro_cli.scenario.quantities import Count, Quantity
+from vibro_cli.scenario.quantities import Count, Dictionary, Quantity
 from vibro_cli.storage import folders
 from vibro_cli.storage.files import available_cores
 from vibro_cli.storage.frame import Table
-from vibro_cli.storage.stored import as_if_stored
+from vibro_cli.storage.stored import StoredColumns, as_if_stored
 from vibro_cli.storage.stored import open_run as open_stored_run
 from vibro_cli.storage.tables import (
     read_parquet,
-    schema_of,
     table_named,
     to_arrow,
     units_of_numbers,
@@ -188,8 +187,8 @@ class Run:
         CannotContinue
             If the run had ended for good, is past the new stop, or would be another run.
         """
-        for path in changes:
-            if path.partition(".")[0] not in CHANGEABLE:
+        for path in checked("changes", changes, Dictionary("values by their paths")):
+            if str(path).partition(".")[0] not in CHANGEABLE:
                 raise CannotContinue(
                     f"found a value for {path}, expected one of {' or '.join(CHANGEABLE)} (the "
                     "rest of the scenario of a run that goes on stays as it was)"
@@ -269,7 +268,9 @@ class Run:
             poincare,
             quantities_of,
         )
+        from vibro_cli.figures.style import width_of
 
+        width_of(width)
         section = Section(pair, transient)
         impacts, units = self._columns("collisions")
         walls = self._columns("bounces") if pair is None else ({}, {})
@@ -294,7 +295,8 @@ class Run:
             if f"{name}.parquet" not in self.stored.manifest["files"]:
                 return {}, {}
             columns = self.stored.table(name)
-            return columns, units_of_numbers(schema_of(self.folder / f"{name}.parquet"))
+            assert isinstance(columns, StoredColumns)
+            return columns, units_of_numbers(columns.schema)
         table = self._table(name)
         if table is None:
             return {}, {}

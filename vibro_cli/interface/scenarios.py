@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
 from vibro_cli.assemble import build_any, warnings_of
 from vibro_cli.interface import Drawing
 from vibro_cli.scenario import gallery
-from vibro_cli.scenario.base import Listed, checked
+from vibro_cli.scenario.base import Listed, checked, plain
 from vibro_cli.scenario.loading import any_scenario_of, load_any, parse_document
+from vibro_cli.scenario.problems import shown
 from vibro_cli.scenario.quantities import Count, Quantity, Text
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
     from typing import Any
 
@@ -52,7 +54,10 @@ def load_scenario(source: str | Path, overrides: Sequence[str] = ()) -> AnyScena
     OSError
         If the file cannot be read.
     """
-    return load_any(source, checked("overrides", overrides, Listed("texts path=value")))
+    texts = checked("overrides", overrides, Listed("texts path=value"))
+    for text in texts:
+        checked("overrides", text, Text("a text path=value"))
+    return load_any(source, texts)
 
 
 def check(scenario: AnyScenario) -> tuple[str, ...]:
@@ -139,8 +144,16 @@ def orbit_family(scenario: AnyScenario, found: Orbit, vary: str, low: float, hig
     Raises as :func:`orbit`.
     """
     from vibro_cli.analysis.orbit_branch import family_of
+    from vibro_cli.analysis.orbits import Orbit
 
+    if not isinstance(found, Orbit):
+        raise TypeError(
+            f"found: found {shown(found)}, expected an orbit: orbit(scenario) finds one"
+        )
     _system_of_trace(scenario)
+    low, high = checked("low", low, Quantity()), checked("high", high, Quantity())
+    if not low < high:
+        raise ValueError(f"{vary}: found {low!r} to {high!r}, expected a range that grows")
     return family_of(cast("Scenario", scenario), found, vary, low, high)
 
 
@@ -183,13 +196,15 @@ def fit(
     NotMeasured
         If the table does not tell of instants.
     ScenarioError, ValueError
-        If the scenario is mechanically impossible or of another system; for a text that is no path,
-        and for bounds that are not two numbers.
+        If the scenario is mechanically impossible or of another system; for a text that is no path.
     """
     from vibro_cli.analysis.fit import Free, fit_impacts, measured_of, read_measured
 
     _system_of_trace(scenario)
-    numbers = [Free.of(path, *ends) for path, ends in _bounds_by_path(free)]
+    if isinstance(free, Mapping):
+        numbers = [Free.of(path, *_ends(path, free[path])) for path in free]
+    else:
+        numbers = [Free.of(path) for path in checked("free", free, Listed("paths"))]
     if isinstance(measured, (str, Path)):
         told = read_measured(measured)
     else:
@@ -197,17 +212,12 @@ def fit(
     return fit_impacts(cast("Scenario", scenario), told, numbers, noise)
 
 
-def _bounds_by_path(free: Any) -> list[tuple[Any, Sequence[Any]]]:
-    """The paths of free numbers, each with its two bounds or none."""
-    if isinstance(free, str) or not isinstance(free, Iterable):
-        expected = 'paths such as "collision.k" in a list, or their bounds by their paths'
-        raise ValueError(f"free: found {free!r}, expected {expected}")
-    if not isinstance(free, Mapping):
-        return [(path, ()) for path in free]
-    for path, ends in free.items():
-        if not isinstance(ends, Sequence) or len(ends) != 2:
-            raise ValueError(f"{path}: found {ends!r}, expected two numbers, its bounds")
-    return list(free.items())
+def _ends(path: str, bounds: Any) -> tuple[Any, Any]:
+    """The two bounds of a number, which may be infinite; raises ``ValueError``."""
+    found = plain(bounds)
+    if not isinstance(found, list) or len(found) != 2:
+        raise ValueError(f"{path}: found {shown(found)}, expected two bounds, low and high")
+    return found[0], found[1]
 
 
 def _columns_of(measured: Any) -> Mapping[str, Any]:

@@ -190,16 +190,16 @@ A_PATH = "a path such as collision.k or balls[1].angle, counted from 1"
 def parsed_path(text: str) -> KeyPath:
     """Return the parts of a path such as `balls[2].radius`, counted from 0.
 
-    Raises `ValueError` if the text is no path.
+    Raises `ValueError` if it is no text, or one that is no path.
     """
     path: list[str | int] = []
-    for part in text.split("."):
+    for part in text.split(".") if isinstance(text, str) else [""]:
         match = re.fullmatch(r"\s*([A-Za-z_][\w-]*)((?:\[[0-9]{1,9}\])*)\s*", part, re.ASCII)
         if match is None:
-            raise ValueError(f"no path: {text}")
+            raise ValueError(f"found {shown(text)}, expected {A_PATH}")
         path.append(match[1])
         for number in re.findall(r"[0-9]+", match[2]):
             if int(number) < 1:
-                raise ValueError("counted from 1")
+                raise ValueError(f"found {shown(text)}, expected {A_PATH}")
             path.append(int(number) - 1)
     return tuple(path)

@@ -37,9 +37,12 @@ def within_run(times: Any, end: float, extrapolate: bool) -> Instants:
     ------
     ValueError
         If one is before the start or after the end, or not finite if they are to be extrapolated;
-        for an array of several dimensions.
+        for an array of several dimensions, or of what are no real numbers.
     """
-    instants = np.atleast_1d(np.asarray(times, dtype=np.float64))
+    given = np.asarray(times)
+    if given.dtype.kind in "bcSUmM":
+        raise ValueError(f"times: found {given.dtype}, expected numbers (s)")
+    instants = np.atleast_1d(given.astype(np.float64))
     if instants.ndim > 1:
         raise ValueError(f"times: found an array of shape {instants.shape}, expected shape (n,)")
     outside = instants[~(np.isfinite(instants) if extrapolate else _reached(instants, end))]

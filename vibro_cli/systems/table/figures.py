@@ -146,18 +146,22 @@ def table_velocities(run: Run, width: str = "single") -> Figure | None:
 
 def impacts_of(run: Run, most: int) -> list[Met]:
     """Return the first impacts of two balls and on the wall, in the order of time."""
+    pairs, walls = run.collisions, run.bounces
     found = [
-        _met(run, table, words, ends, row)
-        for table, words, ends in (
-            (run.collisions, "impact", ("_a", "_b")),
-            (run.bounces, "wall", ("",)),
-        )
-        for row in range(min(most, len(table["n"])))
+        *(_met_pair(run, row, there) for row, there in enumerate(made(pairs)[:most].tolist())),
+        *(_met(run, walls, "wall", ("",), row) for row in range(min(most, len(walls["n"])))),
     ]
     return sorted(found, key=lambda one: one.time)[:most]
 
 
-def _met(run: Run, table: Any, words: str, ends: Sequence[str], row: int) -> Met:
+def _met_pair(run: Run, row: int, happened: bool) -> Met:
+    """Return an impact of two balls, which happened unless it is inadmissible and ended the run."""
+    return _met(run, run.collisions, "impact", ("_a", "_b"), row, happened)
+
+
+def _met(
+    run: Run, table: Any, words: str, ends: Sequence[str], row: int, happened: bool = True
+) -> Met:
     """Return an impact of the balls at the ends of a pair, or of the one in the table."""
     balls = tuple(_ball(run, table, row, end) for end in ends)
     angle = float(table["normal_angle"][row])
@@ -165,7 +169,6 @@ def _met(run: Run, table: Any, words: str, ends: Sequence[str], row: int) -> Met
     one, other = balls[0].radius, balls[-1].radius
     reach = 2.0 * one * math.sqrt(one * other) / (one + other) if one + other > 0.0 else 0.0
     title, touch = f"{words} {int(table['n'][row])}", balls[0].centre + reach * normal
-    happened = len(ends) == 1 or bool(made(table)[row])
     return Met(title, float(table["t"][row]), touch, normal, balls, happened)
 
 
@@ -296,7 +299,7 @@ def table_contact_points(run: Run, width: str = "single") -> Figure | None:
     if not len(pairs["n"]) and not len(walls["n"]):
         return None
     met = (
-        _met(run, pairs, "impact", ("_a", "_b"), 0)
+        _met_pair(run, 0, bool(made(pairs)[0]))
         if len(pairs["n"])
         else _met(run, walls, "wall", ("",), 0)
     )
