@@ -336,6 +336,10 @@ WRONG: dict[str, tuple[Callable[[Run], object], str]] = {
     "period": (lambda run: orbit(run.scenario, period=0.0), "period: found 0.0, expected"),
     "workers": (lambda run: simulate_many([run.scenario], -1), "workers: found -1, expected"),
     "transient": (lambda run: run.section(transient=-1), "transient: found -1, expected"),
+    "count too large": (
+        lambda run: run.section(transient=2**63),
+        r"transient: found 9223372036854775808, expected a whole number below 2\^63",
+    ),
     "part": (lambda run: run.section(transient=cast("int", 2.5)), "transient: found 2.5, expected"),
     "pair": (
         lambda run: run.section(pair=cast("Any", "1-2")),

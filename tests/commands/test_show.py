@@ -142,6 +142,13 @@ def test_an_unknown_column_is_named_with_those_there_are(vibro: Vibro, table: Pa
     )
 
 
+@pytest.mark.parametrize("form", [[], ["--json"], ["--format", "csv"]])
+def test_a_column_named_twice_is_told(vibro: Vibro, table: Path, form: list[str]) -> None:
+    outcome = vibro("show", table, "--columns", "t,speed,t", *form)
+    assert outcome.code == 2
+    assert "found the column 't' 2 times, expected each column once" in outcome.err
+
+
 def test_format_and_json_exclude_each_other(vibro: Vibro, table: Path) -> None:
     assert vibro("show", table, "--json", "--format", "csv").code == 2
 

@@ -144,12 +144,18 @@ def _read(
 
 
 def _check_columns(file: Path, wanted: Sequence[str], known: Sequence[str]) -> None:
-    """Raise `CommandError` unless all columns are there."""
+    """Raise `CommandError` unless all columns are there, each wanted once."""
     unknown = [name for name in wanted if name not in known]
     if unknown:
         hint = suggestion(unknown[0], known)
         raise CommandError(
             f"{file}: found no column {unknown[0]!r}{hint}, expected some of {', '.join(known)}"
+        )
+    twice = [name for name in wanted if wanted.count(name) > 1]
+    if twice:
+        raise CommandError(
+            f"{file}: found the column {twice[0]!r} {wanted.count(twice[0])} times, expected each "
+            "column once"
         )
 
 

@@ -204,6 +204,8 @@ class Count(Kind):
         bounds = f"of at least {self.least}"
         if self.most is not None:
             bounds = f"from {self.least} to {self.most}"
+        elif isinstance(value, int) and value >= 2**63:
+            bounds = "below 2^63"
         raise fault(shown(value), f"a whole number {bounds}")
 
     def allows(self, number: Any) -> Any:
