@@ -14,7 +14,6 @@ that is built from the scenario: nothing is differenced.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -32,7 +31,7 @@ from vibro_cli.kernels.tangent.frame import SERIES_ROWS, TERMS
 from vibro_cli.kernels.world import CAUSE_NAMES, COLLISION, CROSSING, END_NAMES, START, WALL, Flight
 from vibro_cli.mechanics.initial_conditions import wall_position
 from vibro_cli.mechanics.system import InitialState, TraceSystem
-from vibro_cli.mechanics.trace import Piece, sine_cosine
+from vibro_cli.mechanics.trace import sine_cosine
 from vibro_cli.numerics import elementwise
 from vibro_cli.numerics.elementwise import Dual, Floats, change_of, value_of
 from vibro_cli.scenario.models import Scenario
@@ -40,6 +39,7 @@ from vibro_cli.scenario.problems import KeyPath, ScenarioError, path_text
 from vibro_cli.systems.driver import body_record, with_logs
 from vibro_cli.systems.run import begun
 from vibro_cli.systems.trace import SYSTEM
+from vibro_cli.systems.trace.motion import Places
 from vibro_cli.systems.trace.system_template import changed
 from vibro_cli.systems.trace.world import make_world
 from vibro_cli.systems.wanted import Limits
@@ -178,6 +178,7 @@ class _Walk:
 
     def __init__(self, varied: TraceSystem, system: TraceSystem, size: int) -> None:
         self._system = varied
+        self._places = Places(system)
         self._size = size
         self._records = [body_record(body) for body in varied.bodies]
         self.instants: list[Dual] = []
@@ -221,7 +222,8 @@ class _Walk:
         age, pull = float(arrival["age"]), float(arrival["acceleration"])
         begun, x0 = change_of(start.begun, size), change_of(start.place, size)
         j = [float(arrival[name]) for name in ("way_way", "way_speed", "speed_way", "speed_speed")]
-        place = place_on(piece, float(row["before_s"]), float(row["before_c"]))
+        s, c = (np.array([row[name]]) for name in ("before_s", "before_c"))
+        place = float(self._places.position([start.piece], s, c)[0])
         if piece.is_line:
             slope = sine_cosine(piece.start_slope)[0]
             force = change_of(-self._system.gravity / old.kappa * slope, size)
@@ -340,12 +342,3 @@ class _Walk:
         k = system.restitution_of(int(struck["pair"]))
         impulse = (1.0 + k) * (qa * speeds[0] - qb * speeds[1]) / (qa * ha + qb * hb)
         return [speeds[0] - impulse * ha, speeds[1] + impulse * hb]
-
-
-def place_on(piece: Piece, s: float, c: float) -> float:
-    """Return the place on a piece, whose numbers may carry derivatives, of half-angle variables."""
-    if piece.is_line:
-        return s
-    half = math.atan2(s, c) if piece.sign > 0.0 else math.atan2(-c, s)
-    middle = 0.5 * (value_of(piece.angle_start) + value_of(piece.angle_end))
-    return 2.0 * half + math.tau * round((middle - 2.0 * half) / math.tau)
