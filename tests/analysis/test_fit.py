@@ -133,12 +133,15 @@ def test_what_cannot_be_fitted_is_told(
 @pytest.mark.parametrize(
     ("free", "words"),
     [
-        ("collision.k", "free: found 'collision.k', expected paths"),
-        (None, "free: found None, expected paths"),
+        ("collision.k", 'free: found "collision.k", expected a list of paths'),
+        (None, "free: found null, expected a list of paths"),
         ([5], "found 5, expected a path"),
         ({5: (0.0, 1.0)}, "found 5, expected a path"),
-        ({"collision.k": None}, "collision.k: found None, expected two numbers"),
-        ({"collision.k": (0.5,)}, "collision.k: found \\(0.5,\\), expected two numbers"),
+        ({"collision.k": None}, "collision.k: found null, expected two bounds, low and high"),
+        (
+            {"collision.k": (0.5,)},
+            "collision.k: found a list of 1, expected two bounds, low and high",
+        ),
         ({"collision.k": ("a", 1.0)}, "collision.k: found 'a' to 1.0, expected bounds that grow"),
         ({"collision.k": (0.9, 0.2)}, "collision.k: found 0.9 to 0.2, expected bounds that grow"),
     ],
