@@ -127,6 +127,7 @@ class Flight(QuarticConstants):
     impacts: int  # of the body, or a body in its chain, at the instant when its flight began
     fastest: float  # size (m/s) of the greatest speeds in its chain at that instant
     brief: float  # time (s) in which a body at rest falls no farther than rounding
+    size: float  # length of the trace (m): places on lines are rounded by a share of it
     line_acceleration: float
     head: float  # energy/(m g), m above the body's lowest place
     anchor: int  # piece whose crest the energy is measured from, or -1

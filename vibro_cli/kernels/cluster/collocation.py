@@ -322,7 +322,7 @@ def _time_to_end(flight: Flight, way: float, side: float, h: float, jerk: float)
     """First time (s) on the segment at which a member has gone ``way`` to one side, or ``h``."""
     bound = flight.acceleration_bound
     t = 0.0
-    if way <= AT_END * (1.0 + abs(way)):
+    if way <= AT_END * flight.size:
         # At this end already: it leaves only if it moves, or is driven, outwards.
         outwards = side * flight.flow_p
         if outwards > 0.0 or (outwards == 0.0 and side * flight.series[0] > 0.0):

@@ -70,6 +70,10 @@ FINAL_CORRECTION = 1.0e-5
 FINAL_CORRECTION_BY_DISTANCE = 1.0e-6
 # Share of the size of the places by which a gap cannot be told from contact.
 UNRESOLVED = 4.0 * EPSILON
+# Shares of the time in which a body at rest falls no farther than rounding: instants within the
+# first are tried as one, and a contact that is over by less than the second is one of now.
+ONE_INSTANT = 0.1
+OF_NOW = 1.0e-5
 # Times that, bodies are in one another by more than rounding and must not go further.
 DEEP = 4.0
 
@@ -292,7 +296,8 @@ def _refine_by_distance(
     a, b = flights_of(world, world.pairs[j])
     age_a, age_b = ages
     fastest = max(pace(a), pace(b))
-    if not (0.0 <= guess < 3.0 * safe + 1.0e-9 and guess * fastest < 1.0):
+    brief = min(a.brief, b.brief)
+    if not (0.0 <= guess < 3.0 * safe + ONE_INSTANT * brief and guess * fastest < 1.0):
         return NONE_BEFORE_LIMIT
     h = guess
     for _ in range(12):
@@ -301,13 +306,13 @@ def _refine_by_distance(
             return NONE_BEFORE_LIMIT
         change = -gap * rate / (rate * rate - 0.5 * gap * second)
         h += change
-        if abs(h - guess) > 0.5 * guess + 1.0e-9:
+        if abs(h - guess) > 0.5 * guess + ONE_INSTANT * brief:
             return NONE_BEFORE_LIMIT
         _, _, a_p, _, _, b_p = states
         quick = max(quickness(a.frequency, a_p), quickness(b.frequency, b_p))
         slope = max(fastest, quick) * rate
         if abs(change) * (abs(second) - slope) < -FINAL_CORRECTION_BY_DISTANCE * rate:
-            if h < -1.0e-13 or h + 1.98 * rate / max(bound, LEAST_BOUND) >= safe:
+            if h < -OF_NOW * brief or h + 1.98 * rate / max(bound, LEAST_BOUND) >= safe:
                 return NONE_BEFORE_LIMIT
             before = age_a + h - change, age_b + h - change
             keep_nudged(world, j, before, change, states)

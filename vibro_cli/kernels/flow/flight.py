@@ -30,7 +30,8 @@ END_ROUNDING = 1.0e-9
 BEYOND_END = 1.0e-12
 # ... or, short of it, this share of what its sine is the difference of.
 SHORT_OF_END = 4.0 * EPSILON
-# A state within this of an end of its piece, in S C - C S, is at that end.
+# A state within this of an end of its piece, in S C - C S or as a share of the trace's length, is
+# at that end.
 AT_END = 1.0e-14
 
 
@@ -592,7 +593,7 @@ def is_same_instant(flight: Flight, t: float, t_low: float, s: float, c: float) 
         return False
     if flight.own_frequency > 0.0:
         return abs(s * flight.c - c * flight.s) <= NOWHERE
-    return abs(s - flight.s) <= NOWHERE * (1.0 + abs(s))
+    return abs(s - flight.s) <= NOWHERE * flight.size
 
 
 @kernel

@@ -268,7 +268,7 @@ def _refined(
     pair = world.pairs[j]
     a, b = flights_of(world, pair)
     free = a.piece == b.piece and a.grouped == 0 and b.grouped == 0 and a.own_frequency > 0.0
-    rate = (a.jerk_bound + b.jerk_bound) * pair.distance
+    rate = _jerk(a, pair.distance) + _jerk(b, pair.distance)
     if not free:
         rate += (a.acceleration_bound + b.acceleration_bound) * _fastest(world, j)
         missing = first_term * first_term * rate / c
@@ -282,6 +282,15 @@ def _refined(
     if u * u * left > 2.0 * c * LOW_BOUNCE * pair.distance:
         return NOT_YET
     return first_term * (1.0 + _changes(world, j, c, share, first_term))
+
+
+@kernel
+def _jerk(flight: Flight, distance: float) -> float:
+    """Bound (m/s^3) on how fast the acceleration of a body grows, at a distance (m) from another.
+
+    The derivatives of a flight are those of an angle on an arc, of a way on a line.
+    """
+    return flight.jerk_bound * (distance if flight.own_frequency > 0.0 else 1.0)
 
 
 @kernel

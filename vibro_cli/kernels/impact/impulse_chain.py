@@ -50,9 +50,9 @@ def touched_wall(world: World, ball: int) -> int:
     first = ball == 0 and flight.piece == 0 and settings.left_wall >= 0.0
     last = ball == settings.bodies - 1 and flight.piece == settings.pieces - 1
     last = last and settings.right_wall >= 0.0
-    if first and _is_at_end(flight.s, flight.c, track.left_s, track.left_c, track.path_radius):
+    if first and _is_at_end(flight, track.left_s, track.left_c):
         return -1
-    if last and _is_at_end(flight.s, flight.c, track.right_s, track.right_c, track.path_radius):
+    if last and _is_at_end(flight, track.right_s, track.right_c):
         return 1
     return 0
 
@@ -76,11 +76,11 @@ def touches_dissipative_wall(world: World, ball: int) -> bool:
 
 
 @kernel
-def _is_at_end(s: float, c: float, end_s: float, end_c: float, path_radius: float) -> bool:
-    """Tell whether a place is an end of its piece, up to rounding."""
-    if path_radius == 0.0:
-        return abs(s - end_s) <= AT_END * (1.0 + abs(end_s))
-    return is_at(s, c, end_s, end_c)
+def _is_at_end(flight: Flight, end_s: float, end_c: float) -> bool:
+    """Tell whether a body is at an end of its piece, up to rounding."""
+    if flight.own_frequency == 0.0:
+        return abs(flight.s - end_s) <= AT_END * flight.size
+    return is_at(flight.s, flight.c, end_s, end_c)
 
 
 @kernel

@@ -389,6 +389,7 @@ def initial_flight(system: TraceSystem, number: int) -> Flight:
     flight.piece = state.piece
     flight.anchor = -1
     flight.brief = elementwise.square_root(2.0 * NOWHERE * body.radius / system.gravity)
+    flight.size = system.trace.length
     flight.s, flight.c = half_angle(piece, state.position)
     if piece.is_line:
         flight.p = state.speed

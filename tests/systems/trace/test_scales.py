@@ -1,0 +1,64 @@
+"""Scenes in other units: lengths and times by powers of two, which rounding does not see."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from vibro_cli import Scenario, simulate
+
+HARD = Path(__file__).parents[2] / "hard_cases"
+# Powers of length and time in the numbers of a scenario; masses stay.
+POWERS = {
+    "gravity": (1, -2),
+    "length": (1, 0),
+    "position": (1, 0),
+    "radius": (1, 0),
+    "x": (1, 0),
+    "rate": (0, -1),
+    "omega": (0, -1),
+    "speed": (1, -1),
+    "time": (0, 1),
+}
+# On lines, at walls, in contact across pieces, one after another at one instant, in accumulations.
+SCENES = (
+    "body_rolls_off_the_wall_at_the_end_of_a_row",
+    "contracting_to_rest_across",
+    "end_below_the_resolution_of_time",
+    "row_of_three_rests_and_one_comes",
+    "row_of_three_rests_at_a_wall",
+    "row_struck_again_and_again_at_a_wall",
+    "unequal_body_returns_to_a_row_at_a_wall",
+)
+
+
+def scaled(data: Any, length: int, time: int, key: str = "") -> Any:
+    """Return a scenario with lengths times 2^length and times times 2^time."""
+    if isinstance(data, dict):
+        return {name: scaled(value, length, time, name) for name, value in data.items()}
+    if isinstance(data, list):
+        return [scaled(value, length, time, key) for value in data]
+    if key not in POWERS:
+        return data
+    of_length, of_time = POWERS[key]
+    return math.ldexp(data, length * of_length + time * of_time)
+
+
+# Micrometres and thousands of kilometres, with all times as they were and with gravity.
+@pytest.mark.parametrize(("length", "time"), [(-20, 0), (20, 0), (-20, -10), (20, 10)])
+@pytest.mark.parametrize("name", SCENES)
+def test_any_size_moves_alike_to_the_bit(name: str, length: int, time: int) -> None:
+    data = tomllib.loads((HARD / f"{name}.toml").read_text())
+    run = simulate(Scenario.from_dict(data))
+    other = simulate(Scenario.from_dict(scaled(data, length, time)))
+    assert other.summary["end_cause"] == run.summary["end_cause"]
+    powers = {"t": time, "dt": time, "s_a": length, "s_b": length, "speed_b_post": length - time}
+    for column, power in powers.items():
+        expected = np.ldexp(run.collisions[column], power)
+        np.testing.assert_array_equal(other.collisions[column], expected)
+    assert list(other.tables["events"]["event"]) == list(run.tables["events"]["event"])
