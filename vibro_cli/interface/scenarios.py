@@ -196,7 +196,8 @@ def fit(
     NotMeasured
         If the table does not tell of instants.
     ScenarioError, ValueError
-        If the scenario is mechanically impossible or of another system; for a text that is no path.
+        If the scenario is mechanically impossible or of another system; for a text that is no path,
+        and for bounds that are not two numbers.
     """
     from vibro_cli.analysis.fit import Free, fit_impacts, measured_of, read_measured
 
