@@ -1,6 +1,7 @@
 """The motion of a run of which no log is kept is that of the run with its logs, to the bit."""
 
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 
 from vibro_cli.api import recalled, recalled_motion, simulate_streamed
 from vibro_cli.assemble import build_any
+from vibro_cli.figures.runs.scene import configurations
 from vibro_cli.scenario import load_any
 from vibro_cli.systems import system_named
 from vibro_cli.systems.run import Run, simulate
@@ -79,3 +81,28 @@ def test_a_run_that_was_interrupted(monkeypatch: pytest.MonkeyPatch) -> None:
     assert_same(run.flights(), long.flights())
     times = np.linspace(0.0, run.end_time, 100)
     assert_same(run.sample(times), long.sample(times))
+
+
+def test_a_plan_solves_a_long_run_again_once(
+    both: tuple[Run, LongMotion], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run, long = both
+    shown: Any = SimpleNamespace(
+        system=run.system, collisions=run.collisions, flights=long.flights,
+        flight_curve=long.flight_curve, look_at=long.look_at,
+    )  # fmt: skip
+    solved: list[int] = []
+    rows_of = long._rows_of
+
+    def counted(wanted: Any) -> Any:
+        solved.append(len(wanted))
+        return rows_of(wanted)
+
+    monkeypatch.setattr(long, "_rows_of", counted)
+    long.look_at([0])
+    solved.clear()
+    found = configurations(shown, 8)
+    assert len(solved) <= 1
+    for one, other in zip(found, configurations(run, 8), strict=True):
+        assert one.title == other.title
+        np.testing.assert_array_equal(one.centres, other.centres)

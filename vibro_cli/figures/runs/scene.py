@@ -392,25 +392,34 @@ def configurations(run: Recorded, most: int) -> list[Configuration]:
     rows = list(range(min(len(times), most - 1)))
     if len(times) > most - 1:
         rows = [*rows[:-1], len(times) - 1]
-    for row in rows:
+    pairs = {
+        row: tuple(int(run.collisions[f"ball_{side}"][row]) - 1 for side in "ab") for row in rows
+    }
+    # All at once: each look at the flights of a long run solves it again.
+    others = (_flights_at(run, float(times[row]), pair).values() for row, pair in pairs.items())
+    run.look_at(np.concatenate([list(each) for each in others]).astype(np.int64))
+    for row, pair in pairs.items():
         title = f"impact {int(run.collisions['n'][row])}, {short_number(float(times[row]))} s"
-        pair = tuple(int(run.collisions[f"ball_{side}"][row]) - 1 for side in "ab")
         found.append(Configuration(title, _centres_at(run, float(times[row]), row, pair), pair))
     return found
+
+
+def _flights_at(run: Recorded, time: float, pair: tuple[int, ...]) -> dict[int, int]:
+    """Return the flights (rows of their table) at a time of the bodies that are not of a pair."""
+    flights = run.flights()
+    others = [n for n in range(len(run.system.bodies)) if n not in pair]
+    return {n: int(flights_of(flights, n + 1, time)[-1]) for n in others}
 
 
 def _centres_at(run: Recorded, time: float, row: int, pair: tuple[int, ...]) -> Array:
     """Return the places of all bodies at an impact (m): of the pair from the table."""
     centres = np.full((len(run.system.bodies), 2), math.nan)
     flights = run.flights()
-    for ball, body in enumerate(run.system.bodies, 1):
-        if ball - 1 in pair:
-            continue
-        last = int(flights_of(flights, ball, time)[-1])
+    for index, last in _flights_at(run, time, pair).items():
         piece = run.system.trace.pieces[int(flights["arc"][last]) - 1]
         times, position, _ = run.flight_curve(last, 257)
         place = float(np.interp(time, times, position))
-        centres[ball - 1] = piece.body_center(place, body.radius)
+        centres[index] = piece.body_center(place, run.system.bodies[index].radius)
     for index, side in zip(pair, "ab", strict=True):
         centres[index] = run.collisions[f"x_{side}"][row], run.collisions[f"y_{side}"][row]
     return centres
