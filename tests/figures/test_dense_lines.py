@@ -1,6 +1,7 @@
 """Very many points of a run: what is drawn is of the motion, and covers all of it."""
 
 import re
+import tracemalloc
 
 import numpy as np
 from matplotlib.collections import LineCollection
@@ -10,7 +11,7 @@ from tests.effort import calls
 from tests.figures.layout import assert_texts_are_apart
 from vibro_cli import example, simulate
 from vibro_cli.figures.chart import draw_marks
-from vibro_cli.figures.runs.over_time import seen
+from vibro_cli.figures.runs.over_time import energy_lines, seen
 from vibro_cli.systems.springs.figures import springs_energy
 from vibro_cli.systems.table.plan import MOST_LINES, table_plan
 
@@ -78,3 +79,18 @@ def test_paths_of_a_long_run_on_a_table_end_together_before_they_are_a_stain() -
         slack = 0.001 * float(until) * (ends["speed"][ball] + 0.1)  # the label has three digits
         assert np.hypot(*(end - [ends["x"][ball], ends["y"][ball]])) < slack
     assert_texts_are_apart(figure)
+
+
+def test_a_sum_of_energies_needs_no_more_memory_for_more_bodies() -> None:
+    """Of eight bodies less than the sum at every instant of each of them would take."""
+    times = [np.repeat(np.arange(n, 400_000.0, 8.0), 2) for n in range(8)]
+    courses = [(time, np.arange(len(time), dtype=np.float64)) for time in times]
+    tracemalloc.start()
+    lines = energy_lines(courses)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert lines.total is not None
+    at, total = lines.total
+    wanted = np.sum([np.interp(at, *course) for course in courses], axis=0)
+    np.testing.assert_array_equal(total, wanted)
+    assert peak < 8 * (2 * 400_000 * 8)

@@ -347,7 +347,10 @@ def _sums(courses: Sequence[tuple[Array, Array]], count: int) -> Iterator[tuple[
         times = np.sort(np.concatenate(parts), kind="stable")  # merges what is in order
         times = times[np.diff(times, prepend=-np.inf) > 0.0]
         sides = np.stack([np.nextafter(times, side) for side in (-np.inf, np.inf)], axis=1).ravel()
-        yield sides, np.sum([np.interp(sides, time, energy) for time, energy in courses], axis=0)
+        total = np.zeros(len(sides))
+        for time, energy in courses:
+            total += np.interp(sides, time, energy)
+        yield sides, total
 
 
 def seen(parts: Iterable[tuple[Array, Array]], strips: int = _STRIPS) -> tuple[Array, Array]:
