@@ -191,8 +191,17 @@ def count_axis(axes: Axes, numbers: Any, labelled: bool = True) -> None:
 def value_axis(axes: Axes, values: ArrayLike, symbol: str, unit: str) -> None:
     """Set a vertical axis that shows values, with round numbers; those not finite do not count.
 
-    In units of a power of ten where the numbers are long; angles (rad) have parts of π. Values that
-    are one but for rounding lie in the middle.
+    In units of a power of ten where the numbers are long; angles (rad) have parts of π.
+    """
+    axes.set_ylim(limits_around(values))
+    ticked = vertical_angle_ticks if unit == "rad" else vertical_ticks
+    label_axis(axes.yaxis, ticked(*axes.get_ylim(), panel_size(axes)[1]), symbol, unit)
+
+
+def limits_around(values: ArrayLike) -> tuple[float, float]:
+    """Return the limits of an axis that shows values, with room; those not finite do not count.
+
+    Values that are one but for rounding lie in the middle.
     """
     finite = np.asarray(values, dtype=np.float64)
     finite = finite[np.isfinite(finite)]
@@ -201,9 +210,7 @@ def value_axis(axes: Axes, values: ArrayLike, symbol: str, unit: str) -> None:
         low, high = low - 0.5 * (abs(low) or 1.0), high + 0.5 * (abs(high) or 1.0)
     low, high = limits_apart(low, high)
     room = 0.06 * (high - low)
-    axes.set_ylim(low - room, high + room)
-    ticked = vertical_angle_ticks if unit == "rad" else vertical_ticks
-    label_axis(axes.yaxis, ticked(*axes.get_ylim(), panel_size(axes)[1]), symbol, unit)
+    return low - room, high + room
 
 
 def plane_axes(axes: Axes, low: Array, high: Array, labelled: bool = True, after: str = "") -> None:

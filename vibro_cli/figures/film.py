@@ -27,9 +27,8 @@ from numpy.typing import NDArray
 
 from vibro_cli.errors import VibroError
 from vibro_cli.figures import style
-from vibro_cli.figures.chart import body_look, number_plane
+from vibro_cli.figures.chart import body_look, limits_around, number_plane
 from vibro_cli.figures.source import Array, made
-from vibro_cli.figures.ticks import limits_apart
 
 
 @dataclass(frozen=True)
@@ -238,7 +237,6 @@ TRAIL = 50
 """Frames of which the points in the phase plane leave a trail."""
 _WIDE = 1.7
 """A plan with a greater ratio of width to height has the plane below it, not beside it."""
-_MARGIN = 0.06
 _LEAST = 0.008
 """Least radius of a body that is drawn, as a share of the width of the plan."""
 _LARGER = 1.6
@@ -289,11 +287,8 @@ class Stage:
         axes, frames = self.plane, self.frames
         across = [frames.across.ravel(), *(way.across for way in frames.trails)]
         up = [frames.up.ravel(), *(way.up for way in frames.trails)]
-        for values, limits in ((across, axes.set_xlim), (up, axes.set_ylim)):
-            reached = np.concatenate(values)
-            low, high = float(np.nanmin(reached)), float(np.nanmax(reached))
-            room = _MARGIN * (high - low) or 0.1 * abs(high) or 1.0
-            limits(*limits_apart(low - room, high + room))
+        axes.set_xlim(limits_around(np.concatenate(across)))
+        axes.set_ylim(limits_around(np.concatenate(up)))
         number_plane(axes, (f"${panel.symbol}$", "m"), ("$v$", "m/s"), larger=_LARGER)
         for place in panel.lines:
             axes.axvline(place, color=style.LEVEL_GREY, linewidth=0.5, zorder=0.8)
