@@ -13,6 +13,8 @@ import pytest
 from vibro_cli.api import load_scenario, simulate
 from vibro_cli.kernels.contact import arc_contact, first_contact
 from vibro_cli.kernels.events import event_detection
+from vibro_cli.kernels.flow.flow import POLYNOMIAL
+from vibro_cli.kernels.world import Flight
 from vibro_cli.scenario import scenario_of
 from vibro_cli.systems import driver
 from vibro_cli.systems.run import Run
@@ -153,3 +155,12 @@ def test_a_group_on_a_circle_does_not_meet_itself_over_the_top() -> None:
     until = simulate(load_scenario(FOLDER / "one_circle.toml", ["stop.collisions=100000"]))
     assert until.end_cause == "time"
     assert bits(run.collisions) == bits(until.collisions)
+
+
+def test_the_ends_of_a_group_over_several_pieces_are_searched() -> None:
+    """Its angles do not keep apart, as those of a group on one arc do."""
+    one, other = Flight(), Flight()
+    one.grouped = other.grouped = 1
+    assert event_detection._moves_as_one(one, other)
+    one.form = other.form = POLYNOMIAL
+    assert not event_detection._moves_as_one(one, other)

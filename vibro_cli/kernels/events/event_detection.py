@@ -18,7 +18,7 @@ from vibro_cli.kernels.contact.first_contact import (
     short_bounce,
 )
 from vibro_cli.kernels.flow.flight import state_at
-from vibro_cli.kernels.flow.flow import LINE
+from vibro_cli.kernels.flow.flow import LINE, POLYNOMIAL
 from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.numerics.double_double import add_to_time, time_between
 from vibro_cli.kernels.world import (
@@ -219,8 +219,13 @@ def _hand_over(world: World, pair: PairData, other: PairData) -> None:
 
 @kernel
 def _moves_as_one(a: Flight, b: Flight) -> bool:
-    """Tell whether two bodies on one arc are the ends of one group, whose angles keep apart."""
-    return a.grouped + b.grouped == 2 and a.group_first == b.group_first
+    """Tell whether two bodies are the ends of one group on one arc, whose angles keep apart.
+
+    A group over several pieces moves in segments; its ends may come nearer to one another.
+    """
+    if a.grouped + b.grouped != 2 or a.form == POLYNOMIAL:
+        return False
+    return a.group_first == b.group_first
 
 
 @kernel
