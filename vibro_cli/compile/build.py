@@ -37,6 +37,8 @@ _FLAGS = (
     *("-O3", "-std=c++17", "-fPIC", "-fvisibility=hidden", "-w"),
     *("-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math"),
     *("-fno-tree-vectorize", "-fno-tree-slp-vectorize"),
+    # g++ alone would leave calls between kernels of middle size, whose tuples go through memory.
+    *("--param=max-inline-insns-auto=200", "--param=inline-unit-growth=200"),
 )
 
 

@@ -11,6 +11,8 @@
 #endif
 
 #define EXPORTED __attribute__((visibility("default")))
+// What takes or returns numbers in lanes: a call would put all registers that hold some in memory.
+#define IN_PLACE static inline __attribute__((always_inline))
 
 // Bounds are checked in the build for tests only (see tests/sanitize.py).
 #ifndef CHECK_BOUNDS

@@ -285,7 +285,8 @@ class Function:
         kinds = [(f"{kind.cpp} {self._local(name)}", name) for name, kind in self._kinds.items()]
         parameters = ", ".join(text for text, _ in kinds[: len(self.parameters)])
         locals_ = [f"  {text}{{}};" for text, _ in kinds[len(self.parameters) :]]
-        head = f"static {self.returns.cpp} {self.name}({parameters}) {{"
+        typed = f"{self.returns.cpp} {self.name}({parameters})"
+        head = f"{'IN_PLACE' if 'Lanes<' in typed or 'Mask<' in typed else 'static'} {typed} {{"
         return "\n".join([self._line_of(self._node), head, *locals_, *self._lines, "}\n"])
 
     def _line_of(self, node: Any) -> str:
