@@ -13,6 +13,7 @@ import pytest
 from vibro_cli.api import simulate
 from vibro_cli.assemble import build_system
 from vibro_cli.kernels.contact.contact_kinematics import set_normals
+from vibro_cli.kernels.events import event_loop
 from vibro_cli.kernels.events.simultaneous_impacts import MOST_ROUNDS
 from vibro_cli.kernels.impact.chattering import press_speeds
 from vibro_cli.kernels.impact.impulse_chain import apply_impulses
@@ -120,6 +121,32 @@ def test_light_balls_between_a_wall_and_a_heavy_one_bounce_as_often_as_they_have
     walls = int(np.count_nonzero(run.events["event"] == "wall"))
     assert len(run.collisions["t"]) + walls == 314
     assert run.summary_record()["energy_drift"] < 1e-10
+
+
+@pytest.mark.usefixtures("no_hang")
+@pytest.mark.parametrize("masses", [[1.0, 1.0], [1.0, 3.0, 2.0]])
+def test_row_that_fills_the_room_between_two_walls_has_impacts_without_end(
+    monkeypatch: pytest.MonkeyPatch, masses: list[float]
+) -> None:
+    monkeypatch.setattr(event_loop, "ENDLESS_ROUNDS", 4 * MOST_ROUNDS)
+    document: dict[str, Any] = {
+        "gravity": 9.81,
+        "trace": {"start_slope": 0.0, "arcs": [{"shape": "line", "length": 0.2 * len(masses)}]},
+        "balls": [
+            {"radius": RADIUS, "mass": mass, "arc": 1, "position": RADIUS + 0.2 * number}
+            for number, mass in enumerate(masses)
+        ],
+        "ends": {"left": {"wall": 1.0}, "right": {"wall": 1.0}},
+        "collision": {"k": 1.0},
+        "stop": {"time": 1.0},
+    }
+    document["balls"][0]["speed"] = 1.0
+    run = simulate(scenario_of(document), "python")
+    assert (run.end_cause, run.end_time) == ("accumulation", 0.0)
+    assert len(run.collisions["t"]) > MOST_ROUNDS
+    assert run.summary_record()["energy_drift"] < 1e-12
+    damped = {**document, "collision": {"k": 0.9}}
+    assert simulate(scenario_of(damped), "python").end_cause == "time"
 
 
 @pytest.mark.usefixtures("no_hang")

@@ -24,6 +24,7 @@ from vibro_cli.kernels.contact.contact_kinematics import (
 from vibro_cli.kernels.contact.first_contact import close_gap
 from vibro_cli.kernels.events.event_detection import TO_BE_CONTINUED, first_contact
 from vibro_cli.kernels.events.simultaneous_impacts import (
+    ENDLESS_ROUNDS,
     collide_jointly,
     complete_inadmissible,
     energy_of_chain,
@@ -54,6 +55,7 @@ from vibro_cli.kernels.numerics.double_double import time_between
 from vibro_cli.kernels.world import (
     COLLISION,
     CROSSING,
+    END_ACCUMULATION,
     END_COLLISIONS,
     END_INADMISSIBLE,
     END_LIFT_OFF,
@@ -105,6 +107,8 @@ def collide(world: World, j: int) -> int:
         if at_once and (pair.touching == PARTING or pair.touching == RELEASED):
             # Launched in contact, and in one another at once: without an impact they press.
             pair.pressing = FORCED
+        if world.flights[pair.a].impacts > ENDLESS_ROUNDS:
+            return END_ACCUMULATION
         cause = collide_jointly(world, first, count)
     else:
         cause = _collide_alone(world, j)

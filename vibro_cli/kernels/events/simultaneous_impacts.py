@@ -61,6 +61,8 @@ from vibro_cli.kernels.world import (
 
 # So many rounds of impacts of a chain at one instant are taken to contract without end.
 MOST_ROUNDS = 1000
+# And so many without dissipation to have no end: mass ratios of 1e11 lead to as many.
+ENDLESS_ROUNDS = 1_000_000
 
 
 @kernel
@@ -293,7 +295,8 @@ def _impulses(world: World, first: int, count: int) -> tuple[float, bool]:
 def _is_endless(world: World, first: int, count: int) -> bool:
     """Tell whether a sequence of impacts at one instant is taken to its limit.
 
-    One with dissipation that goes on so long contracts; without it every sequence ends.
+    One with dissipation that goes on so long contracts; without it one ends, or the bodies fill
+    the room between two walls or a closed trace, and it has no limit.
     """
     dissipates = touches_dissipative_wall(world, first)
     dissipates = dissipates or touches_dissipative_wall(world, number_along(world, first, count))

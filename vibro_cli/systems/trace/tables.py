@@ -166,7 +166,8 @@ SUMMARY = Table(
     "one run",
     (
         *summary_head(
-            "time, collisions, no_more_collisions, inadmissible, end_of_trace, lift_off or rest"
+            "time, collisions, no_more_collisions, inadmissible, end_of_trace, lift_off, rest or "
+            "accumulation (impacts without end at one instant, which are not solved)"
         ),
         number("quiet_from", "s", "time since when no further impact was possible", True),
         count("collisions", "number of impacts", True),
