@@ -20,7 +20,7 @@ from vibro_cli.kernels.impact.impulse_chain import apply_impulses
 from vibro_cli.kernels.impact.laws import NORMAL_IMPULSE
 from vibro_cli.kernels.world import World
 from vibro_cli.mechanics.system import TraceSystem
-from vibro_cli.scenario import load_scenario, scenario_of
+from vibro_cli.scenario import ScenarioError, load_scenario, scenario_of
 from vibro_cli.stress.oracles.oracle import Oracle
 from vibro_cli.stress.oracles.scene import mp, scene_of_system
 from vibro_cli.stress.physics import distance_from_image
@@ -147,6 +147,42 @@ def test_row_that_fills_the_room_between_two_walls_has_impacts_without_end(
     assert run.summary_record()["energy_drift"] < 1e-12
     damped = {**document, "collision": {"k": 0.9}}
     assert simulate(scenario_of(damped), "python").end_cause == "time"
+
+
+def circle_with_room(share: float, k: float) -> dict[str, Any]:
+    """Six bodies of a third of a circle's radius, which fill it, but for this share of theirs."""
+    radius = 0.1 * (1.0 - share)
+    ball = {"radius": radius, "mass": 1.0, "arc": 1}
+    arc = {"shape": "valley", "radius": 0.3, "end_slope": "180 deg"}
+    document: dict[str, Any] = {
+        "gravity": 9.81,
+        "trace": {"start_slope": "-180 deg", "closed": True, "arcs": [arc]},
+        "balls": [{**ball, "angle": f"{angle} deg"} for angle in range(-150, 180, 60)],
+        "collision": {"k": k},
+        "stop": {"time": 0.05, "collisions": 300},
+    }
+    document["balls"][0]["rate"] = 3.0
+    return document
+
+
+@pytest.mark.usefixtures("no_hang")
+@pytest.mark.parametrize("share", [1e-13, 1e-10])
+@pytest.mark.parametrize("k", [0.5, 1.0])
+def test_bodies_that_nearly_fill_a_circle_do_not_overlap(share: float, k: float) -> None:
+    run = simulate(scenario_of(circle_with_room(share, k)))
+    assert run.summary_record()["collisions"] > 20
+    radius = run.system.bodies[0].radius
+    times = np.linspace(0.0, run.end_time, 100)
+    angle = run.sample(times)["angle"].reshape(len(times), 6)
+    angle = np.column_stack([angle, angle[:, 0] + 2.0 * np.pi])
+    apart = 2.0 * (0.3 - radius) * np.sin(0.5 * np.diff(angle, axis=1))
+    assert apart.min() >= 2.0 * radius * (1.0 - 1e-14)
+
+
+@pytest.mark.parametrize("share", [0.0, 3e-16, 1e-15, 3e-15])
+def test_bodies_that_fill_a_circle_up_to_rounding_are_refused(share: float) -> None:
+    with pytest.raises(ScenarioError, match="touch one another all around the closed trace"):
+        build_system(scenario_of(circle_with_room(share, 1.0)))
 
 
 @pytest.mark.usefixtures("no_hang")
