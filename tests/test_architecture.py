@@ -148,7 +148,11 @@ def test_imports_go_down_only(path: Path) -> None:
         assert all(name.startswith("vibro_cli.systems.contract") for name in own)
         return
     below = set(LAYERS[LAYERS.index(here) :]) - STRANGERS.get(here, set())
-    assert own_layers(path) <= below
+    strange = own_layers(path) - below
+    assert not strange, (
+        f"{path.relative_to(PACKAGE)} imports from {sorted(strange)}, expected what is below "
+        f"{here} (and a name from its own module, not from {PACKAGE.name})"
+    )
 
 
 KERNELS = sorted((PACKAGE / "kernels").rglob("*.py"))
