@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ import pytest
 from vibro_cli.api import simulate
 from vibro_cli.assemble import build_system
 from vibro_cli.grids.document import Grid, document_at, load_grid
+from vibro_cli.grids.solving import solver_of
 from vibro_cli.scenario import ScenarioError
 from vibro_cli.scenario.loading import scenario_of
 from vibro_cli.scenario.models import Scenario
@@ -277,3 +279,25 @@ def test_words_of_bodies_may_be_an_axis(tmp_path: Path) -> None:
     )
     for name, column in alone.items():
         np.testing.assert_array_equal(together[name], column, err_msg=name)
+
+
+LONG_POINTS = {
+    "one_circle.toml": ("collisions", "balls[1].angle", [-0.72, -0.7], "collision.k=1"),
+    "table/elliptic_wall.toml": ("bounces", "balls[1].x", [0.1, 0.2], "wall.k=1"),
+}
+
+
+@pytest.mark.parametrize("name", LONG_POINTS)
+def test_memory_of_a_point_does_not_grow_with_its_impacts(name: str, tmp_path: Path) -> None:
+    """Of runs that are too long for the logs of many points, too, which are solved alone."""
+    counted, path, interval, lossless = LONG_POINTS[name]
+    peaks = []
+    for impacts in (100_000, 400_000):
+        more = [f"stop={{{counted} = {impacts}}}", lossless]
+        solver = solver_of(grid_of(tmp_path, name, {path: interval}, more, "false"))
+        tracemalloc.start()
+        solved = solver.solve(np.arange(1))
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+        assert solved.impacts == impacts
+    assert peaks[1] < 1.2 * peaks[0]

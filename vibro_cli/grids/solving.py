@@ -13,7 +13,7 @@ from typing import Any, Protocol
 import numpy as np
 import pyarrow as pa
 
-from vibro_cli.api import simulate
+from vibro_cli.assemble import build_any
 from vibro_cli.grids.axes import DTYPES, Array, kind_of, type_of
 from vibro_cli.grids.document import Grid, document_at, reason_of
 from vibro_cli.scenario import fields
@@ -22,7 +22,7 @@ from vibro_cli.scenario.problems import KeyPath, ScenarioError, path_text
 from vibro_cli.storage.tables import record_batch, summary, table_named
 from vibro_cli.systems import system_named
 from vibro_cli.systems.columns import Column, Table
-from vibro_cli.systems.run import Run
+from vibro_cli.systems.run import record_of, summed_up
 from vibro_cli.systems.tables import impacts_of_runs
 
 SUMMARY = "grid-summary"
@@ -107,35 +107,57 @@ class RunSolver:
         self._engine = engine
         self._table = summary(ball_count(grid), grid.system, is_followed(grid))
         self._kept = {name: impact_table_of(grid, name) for name in grid.kept_tables}
+        every = system_named(grid.system).impact_logs
+        self._logs = {name: every[name] for name in self._kept}
 
     def solve(self, indices: Array) -> Solved:
         """Solve some points, given by their numbers from 0."""
         found = [self._run(values) for values in self._values(indices)]
-        records = [one.summary_record() if isinstance(one, Run) else one for one in found]
-        table = columns_of_records(records, self._table)
-        done = np.array([isinstance(one, Run) for one in found])
-        runs = [one for one in found if isinstance(one, Run)]
+        table = columns_of_records([record for record, *_ in found], self._table)
+        done = np.array([system is not None for _, system, _ in found])
+        runs = [(system, logs) for _, system, logs in found if system is not None]
         kept = {
-            name: record_batch(of_impacts, columns_of_runs(of_impacts, indices[done], runs))
+            name: record_batch(of_impacts, self._impacts(name, indices[done], runs))
             for name, of_impacts in self._kept.items()
         }
         return Solved(table, impacts_of(table, self._grid), kept)
+
+    def _impacts(
+        self, name: str, points: Array, runs: Sequence[tuple[Any, Mapping[str, Any]]]
+    ) -> Columns:
+        """The columns of a table of impacts of runs, each a system and its logs.
+
+        `points` has the number, from 0 in the grid, of that of each run, in order.
+        """
+        columns, log = self._kept[name].columns, self._logs[name]
+        if not runs:
+            return {column.name: np.zeros(0, DTYPES[column.type]) for column in columns}
+        systems, logs = zip(*runs, strict=True)
+        found, run = impacts_of_runs(log, systems, [one[log.log] for one in logs])
+        wanted = [column.name for column in columns]
+        return {name: points[run] + 1 if name == "scenario" else found[name] for name in wanted}
 
     def _values(self, indices: Array) -> list[dict[Any, Any]]:
         """The values of the axes at some points, a mapping for each."""
         columns = {path: c.tolist() for path, c in self._grid.design.columns(indices).items()}
         return [{path: c[row] for path, c in columns.items()} for row in range(len(indices))]
 
-    def _run(self, values: dict[Any, Any]) -> Run | dict[str, Any]:
-        """The run of a point, or a summary that says why there is none."""
+    def _run(
+        self, values: dict[Any, Any]
+    ) -> tuple[Mapping[str, Any], Any | None, Mapping[str, Any]]:
+        """The summary of a point, its system and the logs of its run; no system without a run."""
+        logs = [kept.log for kept in self._logs.values()]
         try:
             scenario = any_scenario_of(document_at(self._grid.base, values))
-            run = simulate(scenario, self._engine)
+            kind, system = system_named(scenario.system), build_any(scenario)
+            limits, wanted = kind.limits(scenario), kind.wanted(scenario)
+            found, kept = summed_up(kind, system, limits, self._engine, wanted, logs)
         except ScenarioError as error:
-            return {"status": "invalid", "reason": reason_of(error)}
+            return {"status": "invalid", "reason": reason_of(error)}, None, {}
         except (ArithmeticError, ValueError, IndexError, RuntimeError) as error:
-            return {"status": "failed", "reason": f"{type(error).__name__}: {error}"}
-        return run
+            reason = f"{type(error).__name__}: {error}"
+            return {"status": "failed", "reason": reason}, None, {}
+        return record_of(found), system, kept
 
 
 def impacts_of(table: dict[str, Any], grid: Grid) -> int:
@@ -165,18 +187,3 @@ def end_to_end(parts: Sequence[Any]) -> Any:
     masked = any(np.ma.isMaskedArray(part) for part in parts)
     join: Any = np.ma.concatenate if masked else np.concatenate
     return join(parts)
-
-
-def columns_of_runs(table: Table, points: Array, runs: Sequence[Run]) -> dict[str, Any]:
-    """Return the columns of a table of the impacts of runs.
-
-    `points` has the number, from 0 in the grid, of that of each run, in order.
-    """
-    if not runs:
-        return {column.name: np.zeros(0, DTYPES[column.type]) for column in table.columns}
-    # The name of the table of a run.
-    kept = runs[0].kind.impact_logs[table.name.removeprefix("grid-")]
-    logs = [run.history()[kept.log] for run in runs]
-    found, run = impacts_of_runs(kept, [run.system for run in runs], logs)
-    wanted = [column.name for column in table.columns]
-    return {name: points[run] + 1 if name == "scenario" else found[name] for name in wanted}

@@ -24,6 +24,7 @@ from vibro_cli.systems.driver import (
     EventLoop,
     checkpoint_of,
     earlier_part,
+    joined,
     record_array,
     rows_of,
 )
@@ -201,6 +202,27 @@ def stream(
         summary=tables.summary(),
         _checkpoint=checkpoint_of(cause, end, last.clock, stretches.driver.rows, stretches.state),
     )
+
+
+def summed_up(
+    kind: System,
+    system: Any,
+    limits: Limits,
+    engine: str = "compiled",
+    wanted: Wanted = NOTHING_MORE,
+    logs: Collection[str] = (),
+) -> tuple[Rows, dict[str, Any]]:
+    """Run a system for its summary and these of its logs; nothing else of it is kept.
+
+    Raises as :func:`simulate`.
+    """
+    tables = kind.teller(system, wanted, (), lambda name, rows: None)
+    kept: dict[str, list[Any]] = {name: [] for name in logs}
+    for stretch in begun(kind, system, limits, engine):
+        tables.take(stretch)
+        for name, parts in kept.items():
+            parts.append(stretch.logs[name])
+    return tables.summary(), {name: joined(parts) for name, parts in kept.items()}
 
 
 def ahead(stretches: Iterator[Stretch]) -> Iterator[Stretch]:

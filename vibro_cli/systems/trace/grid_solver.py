@@ -31,8 +31,9 @@ from vibro_cli.scenario.problems import KeyPath
 from vibro_cli.storage.tables import Words, record_batch
 from vibro_cli.systems.columns import Table
 from vibro_cli.systems.driver import zeros
+from vibro_cli.systems.run import summed_up
 from vibro_cli.systems.tangents import exponent_columns
-from vibro_cli.systems.trace import SYSTEM, simulate_system
+from vibro_cli.systems.trace import SYSTEM
 from vibro_cli.systems.trace.ensemble import (
     Batch,
     empty_results,
@@ -51,8 +52,8 @@ from vibro_cli.systems.trace.system_template import (
 )
 from vibro_cli.systems.trace.tables import ImpactTable, runs_of, sidedness, summary_columns
 from vibro_cli.systems.trace.tangents import time_scale
-from vibro_cli.systems.trace.world import compiled_world
-from vibro_cli.systems.wanted import UNLIMITED, Wanted
+from vibro_cli.systems.trace.world import compiled_world, make_world
+from vibro_cli.systems.wanted import UNLIMITED, Limits, Wanted
 
 _ROWS_AT_LEAST = 1 << 14
 
@@ -383,21 +384,21 @@ class TraceSolver:
             record = {"status": "invalid", "reason": point}
             parts.summaries.append((row, columns_of_records([record], table)))
             return
-        stop = point.scenario.stop
+        stop, system = point.scenario.stop, point.system
+        limits = Limits(stop.time, stop.collisions)
+        logs = ("impacts",) if self._grid.keep.collisions else ()
         try:
-            run = simulate_system(
-                point.system, stop.time, stop.collisions, self._engine, self._wanted
-            )
-            parts.summaries.append((row, run.summary))
+            summary, kept = summed_up(SYSTEM, system, limits, self._engine, self._wanted, logs)
         except (ArithmeticError, ValueError, IndexError, RuntimeError) as error:
             record = {"status": "failed", "reason": f"{type(error).__name__}: {error}"}
             parts.summaries.append((row, columns_of_records([record], table)))
             return
-        if self._grid.keep.collisions:
-            log = run.history()["impacts"]
+        parts.summaries.append((row, summary))
+        for log in kept.values():
             counts, points = np.array([len(log)]), self._indices[row]
-            world = run.world if run.engine == "python" else compiled_world(run.world)
-            parts.logged.append(Logged(run.system, world, points, counts, log))
+            world = make_world(system, None, None)
+            world = world if self._engine == "python" else compiled_world(world)
+            parts.logged.append(Logged(system, world, points, counts, log))
 
 
 def _taken(values: dict[KeyPath, Array], at: Any) -> dict[KeyPath, Array]:
