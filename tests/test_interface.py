@@ -409,7 +409,91 @@ WRONG: dict[str, tuple[Callable[[Run], object], str]] = {
         "times: found <U1, expected num",
     ),
     "overrides": (lambda run: load_scenario(SOURCE, "stop.time=1"), "overrides: found .*a list of"),
+    "kind in a list": (
+        lambda run: run.figure(cast("str", [])),
+        r"found the kind of figure \[\], expected one of scene, portrait",
+    ),
+    "width of a figure": (
+        lambda run: run.figure("energy", width=cast("str", [])),
+        r"unknown width \[\], expected one of single, double",
+    ),
+    "columns of numbers": (
+        lambda run: run.section(cast("Any", [1, 2])),
+        "columns: found 1, expected a list of columns, each a text",
+    ),
+    "figures of numbers": (
+        lambda run: run.save("f", figures=cast("Any", [1])),
+        "figures: found 1, expected a list of kinds of figures, each a text",
+    ),
+    "times of dictionaries": (
+        lambda run: run.sample(cast("Any", [{}])),
+        "times: found .*, expected numbers",
+    ),
+    "file": (lambda run: run.report(cast("str", 5)), "file: found 5, expected the path of a file"),
+    "film": (lambda run: run.film(cast("str", None)), "file: found null, expected the path of a"),
+    "picture": (
+        lambda run: run.figure("energy").save(cast("str", 5)),
+        "file: found 5, expected the path of a file",
+    ),
+    "folder": (lambda run: run.save(cast("str", 5)), "folder: found 5, expected the path of a fol"),
+    "folder of a run": (lambda run: open_run(cast("str", 5)), "folder: found 5, expected the path"),
+    "folder of a grid": (
+        lambda run: open_grid(cast("str", None)),
+        "folder: found null, expected the path of a folder, a text or a pathlib.Path",
+    ),
+    "folder to verify": (lambda run: verify(cast("str", 5)), "folder: found 5, expected the path"),
+    "source": (lambda run: load_scenario(cast("str", 5)), "source: found 5, expected the path of"),
+    "folder of a sweep": (
+        lambda run: sweep(run.scenario, {"collision.k": [0.5]}, cast("str", 5)),
+        "folder: found 5, expected the path",
+    ),
+    "one body of two": (
+        lambda run: fit(run.scenario, {"t": [1.0], "ball_a": [1]}, ["collision.k"]),
+        "found ball_a alone, expected both ball_a and ball_b",
+    ),
+    "bodies of too many rows": (
+        lambda run: fit(
+            run.scenario, {"t": [1.0], "ball_a": [1], "ball_b": [2, 2]}, ["collision.k"]
+        ),
+        "found columns of unequal lengths",
+    ),
 }
+
+
+@pytest.mark.parametrize("found", [None, 5, "mine.toml", example("three_arcs")])
+def test_what_is_no_list_of_scenarios_is_told(found: Any) -> None:
+    with pytest.raises(TypeError, match=r"scenarios: found .*, expected a list of scenarios"):
+        simulate_many(found)
+
+
+@pytest.mark.parametrize(
+    ("use", "message"),
+    [
+        (lambda grid: grid.figure("impacts", "x"), "unknown width 'x'"),
+        (lambda grid: grid.figure("curves", "x"), "unknown width 'x'"),
+        (lambda grid: grid.figure("end_time", "x"), "unknown width 'x'"),
+        (lambda grid: grid.figure([]), r"found the kind of figure \[\], expected one of endings"),
+        (lambda grid: grid.section([1]), "columns: found 1, expected a list of columns, each"),
+        (lambda grid: grid.basins([1]), "outcome: found 1, expected a list of columns of the sum"),
+        (lambda grid: grid.basins().map("x"), "unknown width 'x'"),
+        (lambda grid: grid.basins().scaling("x"), "unknown width 'x'"),
+        (lambda grid: grid.report("f.html", [1]), "maps: found 1, expected a list of columns"),
+        (lambda grid: grid.report("f.html", ["x"]), "maps: found 'x', expected some of end_time"),
+        (lambda grid: grid.save(5), "folder: found 5, expected the path of a folder"),
+    ],
+)
+def test_a_wrong_argument_of_a_grid_over_one_axis_is_told(
+    use: Callable[[Any], object],
+    message: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    scenario = example("three_arcs").replace({"stop.time": 3.0})
+    grid = sweep(scenario, {"collision.k": np.linspace(0.7, 1.0, 33)}, collisions=True)
+    with pytest.raises(ValueError, match=message):
+        use(grid)
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("wrong", WRONG)

@@ -163,11 +163,20 @@ def test_what_is_no_free_number_is_told(free: Any, words: str) -> None:
         ({"t": [1.0, 2.0], "n": [2, 1]}, "row 2: n"),
         ({"t": [1.0], "error": [0.0]}, "row 1: error"),
         ({"t": [1.0], "error": [0.1, 0.2]}, "unequal lengths"),
+        ({"t": [1.0], "ball_a": [1], "ball_b": [2, 2]}, "unequal lengths"),
+        ({"t": [1.0], "ball_a": [1]}, "found ball_a alone, expected both ball_a and ball_b"),
+        ({"t": [1.0], "ball_b": [2]}, "found ball_b alone, expected both ball_a and ball_b"),
     ],
 )
 def test_tables_that_are_none_are_told_of_with_the_row(columns: Any, words: str) -> None:
     with pytest.raises(NotMeasured, match=words):
         fit(_circle(), columns, PATHS)
+
+
+def test_other_columns_are_ignored() -> None:
+    instants = _instants(_circle())
+    found = fit(_circle(), {"t": instants, "note": "a text", "of": [1.0]}, PATHS)
+    assert found.values.tolist() == fit(_circle(), instants, PATHS).values.tolist()
 
 
 def test_the_command_writes_numbers_residuals_scenario_and_figure(

@@ -96,6 +96,10 @@ def test_an_override_replaces_the_files_alternative_but_not_another_override() -
         ("trace.closed=True", "trace.closed", "true or false"),
         ("stop=3", "stop", "a table"),
         ("name=1\ngravity=2", "name", "printable"),
+        ("collision.k=", "collision.k", "a value (keys are changed here, not removed)"),
+        ("balls[1].density = null", "balls[1].density", "a value (keys are changed here"),
+        ("name=null", "name", "a value (keys are changed here, not removed)"),
+        ("collision.kk=", "collision.kk", 'did you mean "k"?'),
     ],
 )
 def test_an_override_that_cannot_be(override: str, path: str, expected: str) -> None:

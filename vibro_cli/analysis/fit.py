@@ -29,7 +29,8 @@ from vibro_cli.numerics.elementwise import Floats
 from vibro_cli.scenario.models import Scenario
 from vibro_cli.scenario.problems import KeyPath, ScenarioError, parsed_path, path_text
 
-COLUMNS = ("t", "n", "error", "ball_a", "ball_b")
+_BODIES = ("ball_a", "ball_b")
+COLUMNS = ("t", "n", "error", *_BODIES)
 
 
 class NotMeasured(VibroError, ValueError):
@@ -130,11 +131,15 @@ def measured_of(columns: Mapping[str, Any]) -> Measured:
     if "error" in columns:
         error = _numbers(columns, "error")
         _check(error > 0.0, error, "error", "a standard deviation (s), greater than 0")
-    pairs = None
-    if "ball_a" in columns and "ball_b" in columns:
-        pairs = np.stack([_counts(columns, name) for name in ("ball_a", "ball_b")], axis=1)
-    if any(len(column) != len(t) for column in columns.values()):
+    bodies = {name: _counts(columns, name) for name in _BODIES if name in columns}
+    if len(bodies) == 1:
+        raise NotMeasured(
+            f"found {next(iter(bodies))} alone, expected both {' and '.join(_BODIES)}"
+        )
+    others = [column for column in (number, error, *bodies.values()) if column is not None]
+    if any(len(column) != len(t) for column in others):
         raise NotMeasured("found columns of unequal lengths, expected a row for each impact")
+    pairs = np.stack(list(bodies.values()), axis=1) if bodies else None
     return Measured(number, t, error, pairs)
 
 

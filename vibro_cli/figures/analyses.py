@@ -155,13 +155,15 @@ class Mapped:
     basins: Basins
 
     def map(self, width: str) -> Figure | None:
-        """Return the map of the outcomes, None over one axis."""
+        """Return the map of the outcomes, None over one axis; ``ValueError`` for another width."""
+        style.width_of(width)
         if len(self.shown.coordinates) < 2:
             return None
         return category_map(self.shown, width, coloured(self.outcomes))
 
     def scaling(self, width: str) -> Figure | None:
-        """Return the share of uncertain starts over the distance, None without any."""
+        """Return the share of uncertain starts over the distance, None without any; else as map."""
+        style.width_of(width)
         found = self.basins
         if found.exponent is None:
             return None

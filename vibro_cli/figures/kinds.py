@@ -22,6 +22,7 @@ from vibro_cli.figures.over_axis import (
     first_times,
 )
 from vibro_cli.figures.runs.over_impacts import exponents, intervals
+from vibro_cli.figures.style import width_of
 from vibro_cli.figures.ticks import symbol_of
 from vibro_cli.scenario.base import checked
 from vibro_cli.scenario.quantities import Count
@@ -103,6 +104,7 @@ def draw_all(
     Raises ValueError for an unknown kind.
     """
     kinds = run.kind.figures
+    width_of(width)
     for name in kinds if names is None else names:
         if name not in kinds:
             known = ", ".join(kinds)
@@ -130,7 +132,8 @@ def draw_one(run: Any, name: str, body: int = 1, width: str = "double") -> Figur
         For another kind, body or width.
     """
     kinds = run.kind.figures
-    if name not in kinds:
+    width_of(width)
+    if not isinstance(name, str) or name not in kinds:
         known = ", ".join(kinds)
         raise ValueError(f"found the kind of figure {name!r}, expected one of {known}")
     kind, bodies = kinds[name], len(run.system.bodies)
@@ -270,21 +273,24 @@ def draw_grid_kind(grid: Swept, name: str, width: str = "double") -> Figure | No
     `name` is one of `GRID_KINDS`, or a column of numbers of the summary, for its map over two axes.
     Raises ValueError for another one.
     """
+    width_of(width)
+    known = [*GRID_KINDS, *mapped_columns(grid)]
+    if not isinstance(name, str) or name not in known:
+        raise ValueError(f"found the kind of figure {name!r}, expected one of {', '.join(known)}")
     if name in GRID_KINDS:
         return GRID_KINDS[name].draw(grid, width)
-    if name in mapped_columns(grid):
-        return column_map(grid, width, name)
-    known = ", ".join([*GRID_KINDS, *mapped_columns(grid)])
-    raise ValueError(f"found the kind of figure {name!r}, expected one of {known}")
+    return column_map(grid, width, name)
 
 
 def draw_grid(grid: Swept, width: str = "double", columns: Sequence[str] = ()) -> Iterator[Drawn]:
     """Draw every kind of figure of a grid that has something to show.
 
-    `columns` are those of the summary whose maps are drawn too.
+    `columns` are those of the summary whose maps are drawn too; raises ValueError for another one.
     """
     kinds = dict(GRID_KINDS)
     for column in columns:
+        if column not in (known := mapped_columns(grid)):
+            raise ValueError(f"maps: found {column!r}, expected some of {', '.join(known)}")
         caption = f"{_OVER_TWO}: the column {column} of the summary; white where it has no value."
         kinds[f"map_{column}"] = Kind(
             partial(column_map, name=column), column.replace("_", " ").capitalize(), caption

@@ -38,7 +38,7 @@ from vibro_cli.figures.source import Array
 from vibro_cli.figures.style import mark
 from vibro_cli.figures.ticks import symbol_of
 from vibro_cli.mechanics.trace import HUMP, VALLEY
-from vibro_cli.scenario.base import Listed, checked
+from vibro_cli.scenario.base import Listed, Texts, checked
 from vibro_cli.scenario.problems import suggestion
 from vibro_cli.scenario.quantities import Count
 from vibro_cli.systems.wanted import FINAL
@@ -222,7 +222,7 @@ def quantities_of(names: Sequence[str], units: Mapping[str, str]) -> list[Quanti
 
     Raises ValueError for a name that is no column, and for more than two.
     """
-    checked("columns", names, Listed("columns", most=2))
+    checked("columns", names, Texts("columns", most=2))
     for name in names:
         if name not in units:
             hint = suggestion(name, list(units))

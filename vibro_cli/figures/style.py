@@ -20,7 +20,7 @@ WIDTHS = {"single": 85.0, "double": 170.0}
 
 def width_of(width: str) -> float:
     """Return the width (mm) of a figure, `single` or `double`; raises ValueError for another."""
-    if width not in WIDTHS:
+    if not isinstance(width, str) or width not in WIDTHS:
         raise ValueError(f"unknown width {width!r}, expected one of {', '.join(WIDTHS)}")
     return WIDTHS[width]
 

@@ -9,7 +9,15 @@ from typing import Annotated, Any, ClassVar
 from pydantic import Field
 
 from vibro_cli.scenario import quantities as kinds
-from vibro_cli.scenario.base import Listed, Rule, Table, at_least_one, at_most_one, exactly_one
+from vibro_cli.scenario.base import (
+    Listed,
+    Rule,
+    Table,
+    Texts,
+    at_least_one,
+    at_most_one,
+    exactly_one,
+)
 from vibro_cli.scenario.models import Data, one_of, rows, section
 from vibro_cli.scenario.problems import A_PATH, Fault, listing, parsed_path, shown
 
@@ -93,7 +101,7 @@ class Keep(Table):
 
     collisions: Annotated[bool, kinds.FLAG] = False
     """Whether every impact is kept, beside the summaries."""
-    columns: Annotated[tuple[str, ...] | None, Listed("columns", 1)] = None
+    columns: Annotated[tuple[str, ...] | None, Texts("columns", 1)] = None
     """Columns of the tables of impacts; all of them if not given."""
 
 

@@ -33,9 +33,10 @@ class Drawing:
         Raises ``ValueError`` for another suffix and ``OSError`` where it cannot be written.
         """
         from vibro_cli.figures.style import render
+        from vibro_cli.scenario.base import checked_path
         from vibro_cli.storage.files import write_file
 
-        target = Path(file)
+        target = checked_path("file", file)
         write_file(target, render(self.figure, target.suffix[1:].lower()))
         return target
 

@@ -18,7 +18,7 @@ from vibro_cli import __version__
 from vibro_cli.grids.document import grid_of, load_grid
 from vibro_cli.grids.workers import solve_into
 from vibro_cli.interface import Drawing
-from vibro_cli.scenario.base import Listed, check_scenario, checked, plain
+from vibro_cli.scenario.base import Texts, check_scenario, checked, checked_path, plain
 from vibro_cli.scenario.loading import Document
 from vibro_cli.scenario.quantities import Count, Dictionary
 from vibro_cli.storage.frame import Table
@@ -90,8 +90,9 @@ class Grid:
 
         Raises ``FileExistsError`` where something is there.
         """
-        shutil.copytree(self.stored.folder, folder)
-        return Path(folder)
+        target = checked_path("folder", folder, "folder")
+        shutil.copytree(self.stored.folder, target)
+        return target
 
     @cached_property
     def kinds(self) -> tuple[str, ...]:
@@ -180,7 +181,7 @@ class Grid:
         """
         from vibro_cli.figures.analyses import mapped_basins
 
-        columns = checked("outcome", outcome, Listed("columns of the summary"))
+        columns = checked("outcome", outcome, Texts("columns of the summary"))
         return mapped_basins(self.stored, columns)
 
     def report(self, file: str | Path, maps: Sequence[str] = ()) -> Path:
@@ -191,8 +192,8 @@ class Grid:
         from vibro_cli.report.grid_content import grid_html
         from vibro_cli.storage.files import write_file
 
-        target = Path(file)
-        columns = checked("maps", maps, Listed("columns of the summary"))
+        target = checked_path("file", file)
+        columns = checked("maps", maps, Texts("columns of the summary"))
         write_file(target, grid_html(self.stored, target.parent, __version__, columns))
         return target
 
@@ -256,7 +257,7 @@ def sweep(
     if folder is None:
         temporary = _Temporary()
         folder = temporary.path
-    target = Path(folder)
+    target = checked_path("folder", folder, "folder")
     try:
         solve_into(target, grid, workers, force)
         found = Grid(open_stored_grid(target, temporary))
@@ -298,4 +299,4 @@ def open_grid(folder: str | Path) -> Grid:
 
     Raises ``NotAGrid`` when it is none of vibro's, or a file of it is missing or has changed.
     """
-    return Grid(open_stored_grid(Path(folder)))
+    return Grid(open_stored_grid(checked_path("folder", folder, "folder")))

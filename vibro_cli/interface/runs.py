@@ -14,7 +14,7 @@ from vibro_cli import __version__, api
 from vibro_cli.assemble import warnings_of
 from vibro_cli.grids.dataset import verify as verify_folder
 from vibro_cli.interface import Drawing, figures_of, nothing_shown
-from vibro_cli.scenario.base import Listed, checked
+from vibro_cli.scenario.base import Texts, check_scenarios, checked, checked_path
 from vibro_cli.scenario.quantities import Count, Dictionary, Quantity
 from vibro_cli.storage import folders
 from vibro_cli.storage.files import available_cores
@@ -222,11 +222,12 @@ class Run:
             If it cannot be written.
         """
 
-        target = Path("outputs") / self.name if folder is None else Path(folder)
+        folder = Path("outputs") / self.name if folder is None else folder
+        target = checked_path("folder", folder, "folder")
         are_named = not isinstance(figures, bool)
         if isinstance(figures, bool):
             figures = self._kind.default_figures if figures else ()
-        kinds = checked("figures", figures, Listed("kinds of figures"))
+        kinds = checked("figures", figures, Texts("kinds of figures"))
         files = figures_of(self._shown, kinds)
         for text in nothing_shown(kinds, files) if are_named else ():
             _LOG.warning("%s: %s", self.name, text)
@@ -271,7 +272,7 @@ class Run:
         from vibro_cli.figures.style import width_of
 
         width_of(width)
-        section = Section(pair, transient)
+        columns, section = checked("columns", columns, Texts("columns")), Section(pair, transient)
         impacts, units = self._columns("collisions")
         walls = self._columns("bounces") if pair is None else ({}, {})
         if walls[0]:
@@ -356,7 +357,7 @@ class Run:
         """
         from vibro_cli.figures.film import FORMS
 
-        target, last = Path(file), self.summary["end_time"]
+        target, last = checked_path("file", file), self.summary["end_time"]
         fps, pace = checked("fps", fps, _FPS), checked("pace", pace, _PACE)
         start = checked("start", start, Quantity())
         form = target.suffix.lower().removeprefix(".")
@@ -379,7 +380,7 @@ class Run:
         from vibro_cli.report.content import report_html
         from vibro_cli.storage.files import write_file
 
-        target = Path(file)
+        target = checked_path("file", file)
         stored = self.stored
         if stored is None:
             tables = {name: dict(table) for name, table in self.tables.items()}
@@ -484,6 +485,7 @@ def simulate_many(
 
     Raises as :func:`simulate`, for the first scenario that cannot be run.
     """
+    check_scenarios(scenarios)
     with ThreadPoolExecutor(checked("workers", workers, Count(0)) or available_cores()) as pool:
         return list(pool.map(lambda one: _solved(one, engine), scenarios))
 
@@ -498,7 +500,7 @@ def open_run(folder: str | Path) -> Run:
     OSError
         If a file is missing or cannot be read.
     """
-    stored = open_stored_run(Path(folder))
+    stored = open_stored_run(checked_path("folder", folder, "folder"))
     return Run(stored.scenario, None, stored)
 
 
@@ -508,4 +510,4 @@ def verify(folder: str | Path) -> Verdict:
     Raises ``NoManifest`` for a folder that is none of vibro's. What is missing or damaged is in the
     ``findings`` of the verdict, and ``sound`` says whether there is nothing.
     """
-    return verify_folder(Path(folder))
+    return verify_folder(checked_path("folder", folder, "folder"))

@@ -6,9 +6,11 @@ key `system` tells, and the object of that system has it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import os
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import (
@@ -82,6 +84,19 @@ class Listed:
     ) -> dict[str, Any]:
         lengths = {"minItems": self.least or None, "maxItems": self.most}
         return {**handler(schema), **{key: n for key, n in lengths.items() if n is not None}}
+
+
+@dataclass(frozen=True)
+class Texts(Listed):
+    """Annotation of a list of texts."""
+
+    def read(self, value: object) -> tuple[str, ...]:
+        """Return the texts as a tuple, or raise a `PydanticCustomError`."""
+        found = super().read(value)
+        for entry in found:
+            if not isinstance(entry, str):
+                raise kinds.fault(shown(entry), f"a list of {self.entries}, each a text")
+        return found
 
 
 class Table(BaseModel):
@@ -281,6 +296,12 @@ def check_scenario(found: object) -> None:
         raise TypeError(f"found {shown}, expected a scenario: load_scenario(file) reads one")
 
 
+def check_scenarios(found: object) -> None:
+    """Raise ``TypeError`` for what cannot be several scenarios; each is checked when it is used."""
+    if isinstance(found, (AnyScenario, str, bytes)) or not isinstance(found, Iterable):
+        raise TypeError(f"scenarios: found {shown(found)}, expected a list of scenarios")
+
+
 def checked(name: str, value: Any, kind: kinds.Kind | Listed) -> Any:
     """Return an argument of a function as its kind reads it.
 
@@ -290,6 +311,17 @@ def checked(name: str, value: Any, kind: kinds.Kind | Listed) -> Any:
         return kind.read(plain(value))
     except PydanticCustomError as error:
         raise ValueError(f"{name}: {error.message()}") from None
+
+
+def checked_path(name: str, value: Any, meaning: str = "file") -> Path:
+    """Return an argument of a function that is the path of a file, or of a folder.
+
+    Raises ``ValueError`` as :func:`checked`.
+    """
+    if isinstance(value, (str, os.PathLike)):
+        return Path(value)
+    expected = f"the path of a {meaning}, a text or a pathlib.Path"
+    raise ValueError(f"{name}: found {shown(value)}, expected {expected}")
 
 
 def system_of(data: Any) -> str:

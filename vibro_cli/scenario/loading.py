@@ -49,13 +49,14 @@ def parse(text: str) -> Override:
     """Return the override of a text `path=value`.
 
     The value is one of TOML (`0.8`, `"0.4 m"`, `[1, 0.9]`, `{wall = 0.8}`); what is not, is a
-    word or text without quotes (`hedrih`, `-60 deg`). Raises `Faulty` if there is no `=`,
-    or no path before it.
+    word or text without quotes (`hedrih`, `-60 deg`); of nothing and of `null` it is None.
+    Raises `Faulty` if there is no `=`, or no path before it.
     """
     path, equals, value = text.partition("=")
     if not equals:
         raise Faulty((), shown(text), "path=value, such as balls[1].angle=-1.2")
-    return path_of(path), parse_value(value.strip())
+    value = value.strip()
+    return path_of(path), None if value in ("", "null") else parse_value(value)
 
 
 def given(path: str, value: Any) -> Override:
@@ -275,10 +276,13 @@ def _changed(
     for called, made in overrides:
         try:
             path, value = made()
-            changed = apply(changed, path, value, [before for before, _ in done])
+            after = apply(changed, path, value, [before for before, _ in done])
+            if value is None:
+                raise Faulty(path, "no value", "a value (keys are changed here, not removed)")
         except Faulty as error:
             problems.append(_problem(error.fault, Place(called)))
         else:
+            changed = after
             done.append((path, called))
     return changed, done, problems
 

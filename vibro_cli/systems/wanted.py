@@ -42,7 +42,10 @@ def within_run(times: Any, end: float, extrapolate: bool) -> Instants:
     given = np.asarray(times)
     if given.dtype.kind in "bcSUmM":
         raise ValueError(f"times: found {given.dtype}, expected numbers (s)")
-    instants = np.atleast_1d(given.astype(np.float64))
+    try:
+        instants = np.atleast_1d(given.astype(np.float64))
+    except (TypeError, ValueError):
+        raise ValueError(f"times: found {times!r:.60}, expected numbers (s)") from None
     if instants.ndim > 1:
         raise ValueError(f"times: found an array of shape {instants.shape}, expected shape (n,)")
     outside = instants[~(np.isfinite(instants) if extrapolate else _reached(instants, end))]
