@@ -365,6 +365,27 @@ def test_a_fault_of_the_program_is_named_and_its_traceback_kept(
 
 
 @pytest.mark.parametrize(
+    ("end", "code"), [(KeyboardInterrupt(), 130), (Terminated(15), 143), (Terminated(1), 129)]
+)
+def test_a_signal_that_struck_within_a_class_is_no_fault_of_the_program(
+    vibro: Vibro, scenario: Path, by_hand: ByHand, end: BaseException, code: int
+) -> None:
+    """Python 3.11 makes a RuntimeError of what `__set_name__` raises, as while modules load."""
+
+    def act() -> None:
+        try:
+            raise RuntimeError("Error calling __set_name__") from end
+        except RuntimeError as error:
+            raise ImportError("no module") from error
+
+    by_hand.act = act
+    outcome = vibro("run", scenario)
+    assert outcome.code == code
+    assert "fault of the program" not in outcome.err
+    assert outcome.err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
     ("error", "code", "message"),
     [
         (OSError(errno.ENOSPC, "No space left on device", "a.parquet"), 1, "a.parquet: No space"),

@@ -87,8 +87,19 @@ def attempt(task: Task) -> int:
         say(f"vibro: {error}", "error")
         return FAILED if isinstance(error, Failure) else MISUSED
     except Exception as fault:
+        end = _signalled(fault)
+        if end is not None:
+            raise end from None
         say(*_report_fault(fault))
     return FAILED
+
+
+def _signalled(fault: BaseException) -> BaseException | None:
+    """The signal that a fault comes from, if it does: Python 3.11 wraps one in `__set_name__`."""
+    cause = fault.__cause__
+    if cause is None or isinstance(cause, (KeyboardInterrupt, Terminated)):
+        return cause
+    return _signalled(cause)
 
 
 def perform(task: Task, log_format: str = "text") -> int:
