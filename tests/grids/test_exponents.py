@@ -17,6 +17,8 @@ NAMES = (
     "radii and gravity",
     "several balls",
     "walls",
+    "arcs",
+    "slopes",
     "lines",
     "turning",
 )

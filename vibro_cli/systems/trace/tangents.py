@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from vibro_cli.kernels.tangent.follow import follow_tangents
 from vibro_cli.kernels.world import END_NAMES, Flight, World
 from vibro_cli.mechanics.system import TraceSystem
+from vibro_cli.numerics.elementwise import greatest_of
 from vibro_cli.systems import tangents
 from vibro_cli.systems.contract import Rows
 from vibro_cli.systems.driver import with_logs, zeros
@@ -36,7 +37,7 @@ def time_scale(system: TraceSystem) -> Any:
     arcs = [piece for piece in system.trace.pieces if not piece.is_line]
     length: Any = 10.0 * body.radius
     if arcs:
-        length = np.max([piece.path_radius(body.radius) for piece in arcs], axis=0)
+        length = greatest_of([piece.path_radius(body.radius) for piece in arcs])
     return np.sqrt(body.kappa * length / system.gravity)
 
 
