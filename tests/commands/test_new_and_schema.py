@@ -104,6 +104,23 @@ def test_a_dash_prints_it(vibro: Vibro) -> None:
     assert list(Path.cwd().iterdir()) == []
 
 
+@pytest.mark.parametrize("more", [(), ("--force",)])
+def test_no_folder_is_replaced_by_a_file(vibro: Vibro, more: tuple[str, ...]) -> None:
+    Path("here").mkdir()
+    outcome = vibro("new", "three_arcs", "-o", "here", *more)
+    assert (outcome.code, outcome.err) == (
+        2,
+        "vibro: here is a folder; expected a file or nothing\n",
+    )
+
+
+def test_the_gallery_is_not_written_into_a_file(vibro: Vibro) -> None:
+    Path("here").write_text("kept")
+    outcome = vibro("new", "--all", "-o", "here")
+    assert (outcome.code, outcome.err) == (1, "vibro: here: Not a directory\n")
+    assert Path("here").read_text() == "kept"
+
+
 def test_an_existing_file_is_kept_unless_forced(vibro: Vibro) -> None:
     Path("mine.toml").write_text(SCENARIO)
     outcome = vibro("new", "three_arcs", "-o", "mine.toml")

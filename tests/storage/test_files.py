@@ -85,6 +85,17 @@ def test_what_is_no_regular_file_is_not_replaced(tmp_path: Path) -> None:
     assert entries(tmp_path) == ["a", "b"]
 
 
+@pytest.mark.parametrize("inner", ["folder", "one/folder"])
+def test_a_folder_within_a_file_is_told_of(tmp_path: Path, inner: str) -> None:
+    (tmp_path / "file").write_text("kept")
+    target = tmp_path / "file" / inner
+    with pytest.raises(OSError, match="Not a directory") as caught:  # noqa: SIM117
+        with new_folder(target, lambda path: None):
+            pass
+    assert caught.value.filename == str(target)
+    assert (tmp_path / "file").read_text() == "kept"
+
+
 def test_files_and_folders_follow_the_umask(tmp_path: Path) -> None:
     before = os.umask(0o027)
     try:

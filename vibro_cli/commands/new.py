@@ -84,6 +84,7 @@ def _write(name: str, output: str | None, force: bool, as_json: bool) -> int:
     """Write a scenario or grid of the gallery to a file or to standard output."""
     from vibro_cli.scenario.gallery import text
     from vibro_cli.scenario.problems import ScenarioError
+    from vibro_cli.storage.files import make_folder
 
     try:
         content = text(name)
@@ -93,9 +94,11 @@ def _write(name: str, output: str | None, force: bool, as_json: bool) -> int:
         sys.stdout.write(content)
         return DONE
     path = Path(f"{name}.toml" if output is None else output)
+    if path.is_dir():
+        raise CommandError(f"vibro: {path} is a folder; expected a file or nothing")
     if path.exists() and not force:
         raise CommandError(f"vibro: {path} exists; --force replaces it")
-    path.parent.mkdir(parents=True, exist_ok=True)
+    make_folder(path.parent)
     command, files = _write_files(name, content, path)
     if as_json:
         print(json_text({"file": str(path), "files": [str(one) for one in files]}))
@@ -108,6 +111,7 @@ def _write_all(folder: Path, force: bool, as_json: bool) -> int:
     """Write the whole gallery into a folder, each system's scenarios and the grids in their own."""
     from vibro_cli.scenario.gallery import base_of, grid_names, system_of
     from vibro_cli.scenario.gallery import whole as whole_gallery
+    from vibro_cli.storage.files import make_folder
 
     texts = whole_gallery()
     files = {folder / path: content for path, content in texts.items()}
@@ -115,7 +119,7 @@ def _write_all(folder: Path, force: bool, as_json: bool) -> int:
     if there and not force:
         raise CommandError(f"vibro: {printable(str(there[0]))} exists; --force replaces it")
     for path, content in files.items():
-        path.parent.mkdir(parents=True, exist_ok=True)
+        make_folder(path.parent)
         grid = path.stem in grid_names()
         kind = f"grid-{system_of(base_of(path.stem))}" if grid else system_of(path.stem)
         _write_with_schema(path, content, kind)

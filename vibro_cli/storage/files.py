@@ -132,6 +132,14 @@ def flush_folder(path: Path) -> None:
         os.close(handle)
 
 
+def make_folder(path: Path) -> None:
+    """Make a folder, and those above it, where there is none; raises `OSError` if it cannot be."""
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except FileExistsError as error:  # said of a file, as if what is to be written were there
+        raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(path)) from error
+
+
 class NewFolder:
     """A folder in the making; its files come into view together, when it is put in place."""
 
@@ -171,7 +179,7 @@ def new_folder(
     shown, target = target, Path(os.path.realpath(target))
     check(target)
     with _errors_name(shown):
-        target.parent.mkdir(parents=True, exist_ok=True)
+        make_folder(target.parent)
         partial, handle = _open_partial(target)
     try:
         made = NewFolder(partial, shown)
