@@ -28,6 +28,11 @@ from vibro_cli.scenario.problems import (
 
 # What a grid's tables do not depend on.
 _WITHOUT_EFFECT = ("name", "output")
+# What all points have in common, since the columns of the tables hang on it.
+_IN_COMMON: dict[KeyPath, str] = {
+    ("system",): "those of a grid are of one system",
+    ("analysis", "lyapunov"): "exponents are told of every point or of none",
+}
 
 
 def kind_of(path: KeyPath, root: Model = Scenario) -> kinds.Kind:
@@ -41,9 +46,8 @@ def kind_of(path: KeyPath, root: Model = Scenario) -> kinds.Kind:
     if path[0] in _WITHOUT_EFFECT:
         expected = "a value that the tables of a grid depend on"
         raise Faulty(path, path_text(path), expected)
-    if path == ("system",):
-        expected = "a value of the scenario: those of a grid are of one system"
-        raise Faulty(path, path_text(path), expected)
+    if path in _IN_COMMON:
+        raise Faulty(path, path_text(path), f"a value of the scenario: {_IN_COMMON[path]}")
     if path[:2] == ("collision", "k") and len(path) in (2, 3):
         return kinds.RESTITUTION
     kind = fields.kind_at(path, root)
