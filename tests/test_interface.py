@@ -472,6 +472,8 @@ def test_what_is_no_list_of_scenarios_is_told(found: Any) -> None:
         (lambda grid: grid.figure("impacts", "x"), "unknown width 'x'"),
         (lambda grid: grid.figure("curves", "x"), "unknown width 'x'"),
         (lambda grid: grid.figure("end_time", "x"), "unknown width 'x'"),
+        (lambda grid: grid.figure("energy"), "nothing to show as energy: expected that two axes"),
+        (lambda grid: grid.figure("end_time"), "nothing to show as end_time: expected that two ax"),
         (lambda grid: grid.figure([]), r"found the kind of figure \[\], expected one of endings"),
         (lambda grid: grid.section([1]), "columns: found 1, expected a list of columns, each"),
         (lambda grid: grid.basins([1]), "outcome: found 1, expected a list of columns of the sum"),

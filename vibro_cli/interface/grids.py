@@ -113,11 +113,12 @@ class Grid:
 
         Raises ``ValueError`` for another kind or width, and where the grid has nothing to show.
         """
-        from vibro_cli.figures.kinds import draw_grid_kind
+        from vibro_cli.figures.kinds import GRID_KINDS, draw_grid_kind
 
         drawn = draw_grid_kind(self.stored, kind, width)
         if drawn is None:
-            raise ValueError(f"{self.name} has nothing to show as {kind}")
+            needs = GRID_KINDS[kind].needs if kind in GRID_KINDS else "two axes change"
+            raise ValueError(f"{self.name} has nothing to show as {kind}: expected that {needs}")
         return Drawing(kind, drawn)
 
     def section(
