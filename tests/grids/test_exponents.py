@@ -9,6 +9,7 @@ import pytest
 
 from tests.grids.test_same_as_run import GRIDS, MORE, grid_of, plain, scenario_at
 from vibro_cli.api import simulate
+from vibro_cli.kernels.ensemble.points import MOST_LOGS
 from vibro_cli.systems import driver
 from vibro_cli.systems.trace.grid_solver import TraceSolver
 
@@ -44,13 +45,17 @@ def test_exponents_of_points_are_those_of_runs(name: str, keep: str, tmp_path: P
     assert known >= 1
 
 
-def test_long_runs_are_followed_in_parts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    more = ["analysis={lyapunov = true}", "stop={collisions = 300}", "collision.k=1"]
+@pytest.mark.parametrize("impacts", [300, 50 * MOST_LOGS])
+def test_long_runs_are_followed_in_parts(
+    impacts: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Those that are too long for that by themselves."""
+    more = ["analysis={lyapunov = true}", f"stop={{collisions = {impacts}}}", "collision.k=1"]
     grid = grid_of(tmp_path, "one_circle.toml", {"balls[1].angle": [-1.2, -0.3]}, more, "false")
     whole = TraceSolver(grid, "compiled").solve(np.arange(4)).summary
     monkeypatch.setattr(driver, "COMPILED_ROWS", 16)
     parts = TraceSolver(grid, "compiled").solve(np.arange(4)).summary
     assert whole.keys() == parts.keys()
-    assert whole["collisions"].tolist() == [300] * 4
+    assert whole["collisions"].tolist() == [impacts] * 4
     for name, column in whole.items():
         np.testing.assert_array_equal(column, parts[name])

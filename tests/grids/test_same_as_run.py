@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import tracemalloc
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,8 +13,10 @@ import pytest
 
 from vibro_cli.api import simulate
 from vibro_cli.assemble import build_system
+from vibro_cli.grids.chunks import Chunks, Expected
 from vibro_cli.grids.document import Grid, document_at, load_grid
 from vibro_cli.grids.solving import solver_of
+from vibro_cli.grids.workers import solve_in_threads
 from vibro_cli.scenario import ScenarioError
 from vibro_cli.scenario.loading import scenario_of
 from vibro_cli.scenario.models import Scenario
@@ -301,3 +304,29 @@ def test_memory_of_a_point_does_not_grow_with_its_impacts(name: str, tmp_path: P
         tracemalloc.stop()
         assert solved.impacts == impacts
     assert peaks[1] < 1.2 * peaks[0]
+
+
+@pytest.mark.usefixtures("no_hang")
+@pytest.mark.parametrize("name", LONG_POINTS)
+def test_a_grid_that_is_interrupted_does_not_wait_for_long_points(
+    name: str, tmp_path: Path
+) -> None:
+    counted, path, interval, lossless = LONG_POINTS[name]
+    more = [f"stop={{{counted} = 1000000000}}", lossless]
+    grid = grid_of(tmp_path, name, {path: interval}, more, "false")
+    folder = tmp_path / "made"
+    (folder / "summary").mkdir(parents=True)
+    chunks = Chunks.of(grid, Expected(1e9, 1e9), None)
+    receipts = solve_in_threads(
+        grid, chunks, range(chunks.count), folder, 2, "compiled", lambda points, impacts: None
+    )
+
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGALRM, interrupt)
+    signal.setitimer(signal.ITIMER_REAL, 0.5)
+    with pytest.raises(KeyboardInterrupt):
+        list(receipts)
+    signal.signal(signal.SIGALRM, before)
+    assert not list(folder.rglob("*.parquet"))

@@ -90,6 +90,9 @@ class Solved:
 class Solver(Protocol):
     """Solves stretches of a grid's points, in one thread."""
 
+    interrupted: Callable[[], bool]
+    """Asked again and again in long runs: they end then, and what is solved is not to be used."""
+
     def solve(self, indices: Array) -> Solved:
         """Solve some points, given by their numbers from 0."""
 
@@ -103,6 +106,7 @@ class RunSolver:
     """Solves stretches of a grid's points, in one thread, each as a run of its own."""
 
     def __init__(self, grid: Grid, engine: str = "compiled") -> None:
+        self.interrupted: Callable[[], bool] = lambda: False
         self._grid = grid
         self._engine = engine
         self._table = summary(ball_count(grid), grid.system, is_followed(grid))
@@ -151,7 +155,9 @@ class RunSolver:
             scenario = any_scenario_of(document_at(self._grid.base, values))
             kind, system = system_named(scenario.system), build_any(scenario)
             limits, wanted = kind.limits(scenario), kind.wanted(scenario)
-            found, kept = summed_up(kind, system, limits, self._engine, wanted, logs)
+            found, kept = summed_up(
+                kind, system, limits, self._engine, wanted, logs, self.interrupted
+            )
         except ScenarioError as error:
             return {"status": "invalid", "reason": reason_of(error)}, None, {}
         except (ArithmeticError, ValueError, IndexError, RuntimeError) as error:

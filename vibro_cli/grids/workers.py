@@ -64,7 +64,7 @@ def solve_in_threads(
     """Solve chunks, and give the receipt of each as soon as it is on the disk.
 
     What goes wrong in a thread (a full disk) stops all of them and is raised here. When the caller
-    stops, every thread drops its chunk after the stretch at hand.
+    stops, every thread drops its chunk, after the impacts or the many points at hand.
     """
     left, lock = _stretches(grid, chunks, wanted), threading.Lock()
     receipts: queue.SimpleQueue[Receipt | BaseException | None] = queue.SimpleQueue()
@@ -76,8 +76,10 @@ def solve_in_threads(
     def serve() -> None:
         try:
             # The disk is waited for by a thread of its own; this one has something else to do.
+            solver = solver_of(grid, engine)
+            solver.interrupted = stop.is_set
             with aside(1) as call:  # no more than one chunk waits
-                for parts in _encoded(solver_of(grid, engine), _shared(left, lock, stop), tell):
+                for parts in _encoded(solver, _shared(left, lock, stop), tell):
                     call(write, parts)
         except BaseException as error:
             receipts.put(error)
@@ -111,6 +113,8 @@ def _encoded(solver: Solver, stretches: Iterator[_Stretch], tell: Told) -> Itera
     """Solve stretches; yield the parts of each chunk whose last stretch was among them."""
     for one in stretches:
         solved = solver.solve(np.arange(one.first, one.last))
+        if solver.interrupted():
+            return
         tell(one.last - one.first, solved.impacts)
         made = one.parts.add(one.number, solved)
         if made is not None:

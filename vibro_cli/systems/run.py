@@ -211,14 +211,15 @@ def summed_up(
     engine: str = "compiled",
     wanted: Wanted = NOTHING_MORE,
     logs: Collection[str] = (),
+    interrupted: Callable[[], bool] = lambda: False,
 ) -> tuple[Rows, dict[str, Any]]:
     """Run a system for its summary and these of its logs; nothing else of it is kept.
 
-    Raises as :func:`simulate`.
+    `interrupted` as of :func:`stream`. Raises as :func:`simulate`.
     """
     tables = kind.teller(system, wanted, (), lambda name, rows: None)
     kept: dict[str, list[Any]] = {name: [] for name in logs}
-    for stretch in begun(kind, system, limits, engine):
+    for stretch in begun(kind, system, limits, engine).until(interrupted):
         tables.take(stretch)
         for name, parts in kept.items():
             parts.append(stretch.logs[name])

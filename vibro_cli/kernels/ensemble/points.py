@@ -27,6 +27,9 @@ from vibro_cli.kernels.tangent.follow import follow_tangents
 from vibro_cli.kernels.tangent.frame import Tangents
 from vibro_cli.kernels.world import LOG_FULL, RUNNING, World
 
+# So many full logs of a run are followed; a longer run is for the driver, which signals can end.
+MOST_LOGS = 1000
+
 
 @kernel
 def run_points(
@@ -122,7 +125,9 @@ def follow_points(
         proceed(world, True)
         cause = LOG_FULL
         known = 0
-        while cause == LOG_FULL:
+        logs = 0
+        while cause == LOG_FULL and logs < MOST_LOGS:
+            logs += 1
             cause = proceed(world, False)
             clock = world.clock[0]
             if cause == LOG_FULL and (clock.segment_rows > 0 or clock.flight_rows <= known):

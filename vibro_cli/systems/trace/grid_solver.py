@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -195,6 +195,7 @@ class TraceSolver:
     """
 
     def __init__(self, grid: Grid, engine: str = "compiled") -> None:
+        self.interrupted: Callable[[], bool] = lambda: False
         self._grid = grid
         self._engine = engine
         self._settings: OrderedDict[tuple[Any, ...], Setting] = OrderedDict()
@@ -388,7 +389,9 @@ class TraceSolver:
         limits = Limits(stop.time, stop.collisions)
         logs = ("impacts",) if self._grid.keep.collisions else ()
         try:
-            summary, kept = summed_up(SYSTEM, system, limits, self._engine, self._wanted, logs)
+            summary, kept = summed_up(
+                SYSTEM, system, limits, self._engine, self._wanted, logs, self.interrupted
+            )
         except (ArithmeticError, ValueError, IndexError, RuntimeError) as error:
             record = {"status": "failed", "reason": f"{type(error).__name__}: {error}"}
             parts.summaries.append((row, columns_of_records([record], table)))
