@@ -171,6 +171,28 @@ def test_a_family_doubles_its_period_where_the_masses_are_equal() -> None:
     assert _departure(stable, 20) < 60.0
 
 
+@pytest.mark.parametrize(
+    ("path", "low", "high", "changes"),
+    [
+        ("balls[2].mass", 1e-3, 2.5, {}),
+        ("balls[2].inertia_ratio", 0.0, 0.4, {"balls[2].inertia_ratio": 0.2}),
+        ("balls[2].inertia_ratio", 0.0, 0.4, {"balls[2].inertia_ratio": 0.0}),
+    ],
+)
+def test_a_family_goes_to_the_end_of_what_a_scenario_may_have(
+    path: str, low: float, high: float, changes: dict[str, float]
+) -> None:
+    """No value beyond the range is asked for, where there may be no such scenario."""
+    scenario = example("falling_balls").replace({"collision.law": "hedrih", **changes})
+    family = orbit_family(scenario, orbit(scenario, impacts=1), path, low, high)
+    kinds = [one.kind for one in family.special]
+    assert (kinds[0], kinds[-1]) == ("bound", "bound")
+    assert (family.points[0].value, family.points[-1].value) == (low, high)
+    for point in family.points:
+        assert point.orbit.residual < 1e-12
+        assert point.orbit.energy == pytest.approx(family.points[0].orbit.energy, rel=1e-12)
+
+
 def test_a_family_ends_where_an_impact_grazes() -> None:
     """Of the orbit with two impacts and three bounces another impact grazes at three times mass."""
     system = _falling(1.5)
@@ -398,6 +420,10 @@ def test_python_finds_what_the_command_finds(
         (["--vary", "balls[2].mas=3:4"], 'did you mean "mass"?'),
         (["--vary", "balls[5].mass=3:4"], "found balls[5] of 2, expected a number from 1 to 2"),
         (["--impacts", "1", "--set", "collision.k=0.9"], "no orbit: impacts take energy"),
+        (["--vary", "collision.k=0.5:1"], "collision.k: found a coefficient of restitution, exp"),
+        (["--vary", "ends.left.wall=0.5:1"], "ends.left.wall: found a coefficient of restitution"),
+        (["--period", "nan"], "--period: found nan, expected a finite number greater than 0"),
+        (["--period", "-1"], "--period: found -1.0, expected a number greater than 0"),
     ],
 )
 def test_what_cannot_be_followed_is_told(

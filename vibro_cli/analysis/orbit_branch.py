@@ -36,7 +36,7 @@ from vibro_cli.analysis.orbits import (
 from vibro_cli.assemble import build_system
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.scenario.models import Scenario
-from vibro_cli.scenario.problems import parsed_path
+from vibro_cli.scenario.problems import ScenarioError, parsed_path
 from vibro_cli.systems.trace.tangents import time_scale
 
 Floats = NDArray[np.float64]
@@ -52,6 +52,8 @@ MOST_POINTS = 2000
 GRAZING = 0.02
 # Change of the value, as a share of the range, for its derivative.
 _CHANGE = 1.0e-6
+# Of the range: what is nearer to an end of it is there.
+_ROUNDING = 1.0e-12
 _BISECTIONS = 36
 
 SystemAt = Callable[[float], TraceSystem]
@@ -112,10 +114,17 @@ def family_of(scenario: Scenario, found: Orbit, path: str, low: float, high: flo
         raise NoOrbit(str(error)) from error
     if not low <= here <= high:
         raise NoOrbit(f"{path}: found {here:.6g}, expected a number in the range {low:g}:{high:g}")
-    if path != ENERGY:
-        for end in (low, high):
-            at(end)  # what is wrong with it is told before anything is followed
+    # What is wrong with the ends of the range is told before anything is followed.
+    if path != ENERGY and _restitutions(at(low)) != _restitutions(at(high)):
+        expected = "another number: periodic orbits have 1"
+        raise NoOrbit(f"{path}: found a coefficient of restitution, expected {expected}")
     return Family(None if path == ENERGY else at, found, here, low, high).follow()
+
+
+def _restitutions(system: TraceSystem) -> tuple[float | None, ...]:
+    """Those of all pairs, and of the walls where there are any."""
+    walls = (system.left_end, system.right_end)
+    return (*system.restitution, *(None if wall is None else wall.restitution for wall in walls))
 
 
 class Family:
@@ -136,7 +145,7 @@ class Family:
     ) -> None:
         self._system_at = system_at
         self._system = first.system
-        self._low, self._range = low, high - low
+        self._low, self._high, self._range = low, high, high - low
         self._word = first.shot.word
         self._energy = first.energy
         scale = scale_of(first.system)
@@ -151,7 +160,13 @@ class Family:
         return packed
 
     def _system_of(self, value: float) -> TraceSystem:
-        return self._system if self._system_at is None else self._system_at(value)
+        if self._system_at is None:
+            return self._system
+        try:
+            return self._system_at(value)
+        except ScenarioError as error:
+            one = error.problems[0]
+            raise NoOrbit(f"{one.path}: found {one.found}, expected {one.expected}") from error
 
     def _energy_of(self, value: float) -> float:
         return value if self._system_at is None else self._energy
@@ -178,15 +193,18 @@ class Family:
         points: list[Point] = []
         here, step, cause = self._first, FIRST_STEP, "points"
         while len(points) < MOST_POINTS:
+            guess, across = self._ahead(here, step * size * tangent, tangent)
             try:
-                new = self._corrected(here.along + step * size * tangent, tangent)
+                new = self._corrected(guess, across)
             except NoOrbit as error:
                 step, cause = 0.5 * step, str(error)
                 if step < LEAST_STEP:
                     return points, [Special(self._ending(here, tangent, size, cause), here)]
                 continue
-            if not self._low <= new.value <= self._low + self._range:
-                bound = self._low if new.value < self._low else self._low + self._range
+            if across is not tangent:
+                return [*points, new], [Special("bound", new)]
+            if not self._low <= new.value <= self._high:
+                bound = self._low if new.value < self._low else self._high
                 last = self._at_value(here, new, bound)
                 return [*points, last], [Special("bound", last)]
             change = new.along - here.along
@@ -195,13 +213,31 @@ class Family:
             here, step = new, min(1.5 * step, LONGEST_STEP)
         return points, [Special(cause, here)]
 
+    def _ahead(self, here: Point, change: Floats, tangent: Floats) -> tuple[Floats, Floats]:
+        """A guess beyond a point, and what is across the plane in which the orbit is looked for.
+
+        Beyond an end of the range a scenario may have no such value: there, that of the end.
+        """
+        value = here.value + float(change[-1] / self._units[-1])
+        bound = min(max(value, self._low), self._high)
+        if bound == value:
+            return here.along + change, tangent
+        return here.along + (bound - here.value) / (value - here.value) * change, self._across()
+
+    def _across(self) -> Floats:
+        """Across the plane of equal values."""
+        across = np.zeros(len(self._units))
+        across[-1] = 1.0
+        return across
+
     def _corrected(self, guess: Floats, tangent: Floats) -> Point:
         """The orbit next to a guess in the plane across a tangent (Newton's method)."""
         along, residual = guess, np.inf
         for _ in range(MOST_STEPS):
             state, (period, value) = (along / self._units)[:-2], (along / self._units)[-2:]
-            system = admitted(self._system_of(float(value)), state)
-            energy = self._energy_of(float(value))
+            value = self._without_rounding(float(value))
+            system = admitted(self._system_of(value), state)
+            energy = self._energy_of(value)
             shot = shoot(system, float(period))
             if shot.word != self._word:
                 raise NoOrbit("the events change")
@@ -213,36 +249,39 @@ class Family:
                 found = begun_between(found)
                 if found.shot.word != self._word:
                     raise NoOrbit("the events change")
-                here = self._packed(found.state, found.period, float(value))
-                return Point(float(value), found, here)
+                return Point(value, found, self._packed(found.state, found.period, value))
             if residual > 4.0 * before or residual > 1.0:
                 break
             rows, right = equations(system, shot, state, energy)
-            by_value = self._by_value(state, float(period), float(value))
+            by_value = self._by_value(state, float(period), value)
             matrix = np.column_stack([rows, by_value]) / self._units
             matrix = np.vstack([matrix, tangent])
             right = np.append(right, -float(tangent @ (along - guess)))
             along = along + np.linalg.lstsq(matrix, right, rcond=1e-12)[0]
         raise NoOrbit("Newton's method does not converge")
 
+    def _without_rounding(self, value: float) -> float:
+        """A value, or the end of the range that it is but for rounding."""
+        ends = (self._low, self._high)
+        return next((end for end in ends if abs(value - end) < _ROUNDING * self._range), value)
+
     def _by_value(self, state: Floats, period: float, value: float) -> Floats:
-        """Derivative of the equations' left sides to the value, by central differences."""
+        """Derivative of the equations' left sides to the value, by differences in the range."""
         change, sides = _CHANGE * self._range, []
-        for at in (value + change, value - change):
+        values = min(value + change, self._high), max(value - change, self._low)
+        for at in values:
             system = started(self._system_of(at), state)
             shot = shoot(system, period)
             if shot.word != self._word:
                 raise NoOrbit("the events change")
             sides.append(equations(system, shot, state, self._energy_of(at))[1])
-        found: Floats = (sides[1] - sides[0]) / (2.0 * change)
+        found: Floats = (sides[1] - sides[0]) / (values[0] - values[1])
         return found
 
     def _at_value(self, one: Point, other: Point, value: float) -> Point:
         """The orbit at a value between those of two points."""
         share = (value - one.value) / (other.value - one.value)
-        across = np.zeros(len(self._units))
-        across[-1] = 1.0
-        return self._corrected(one.along + share * (other.along - one.along), across)
+        return self._corrected(one.along + share * (other.along - one.along), self._across())
 
     def _between(self, one: Point, other: Point) -> list[Special]:
         """Where multipliers pass -1 or 1 between two points."""

@@ -62,8 +62,16 @@ class OrbitCommand:
     as_json: Annotated[bool, json_option(help="Print what was found as JSON.")] = False
 
     def __post_init__(self) -> None:
+        from vibro_cli.scenario.base import checked
+        from vibro_cli.scenario.quantities import Quantity
+
         if self.vary is not None:
             parsed_span(self.vary)
+        if self.period is not None:
+            try:
+                checked("--period", self.period, Quantity(above=0.0))
+            except ValueError as error:
+                raise typer.BadParameter(str(error)) from error
 
     def __call__(self) -> int:
         """Find, follow, draw, write and print."""
