@@ -257,10 +257,12 @@ def _warn(scenario: "AnyScenario", system: "AnySystem") -> None:
 
 def _kinds_drawn(earlier: Path | None) -> str:
     """The kinds of figures that an earlier run has, as `--figures` takes them."""
+    if earlier is None:
+        return "default"
     from vibro_cli.interface import kinds_in
     from vibro_cli.storage.files import read_manifest
 
-    manifest = None if earlier is None else read_manifest(earlier)
+    manifest = read_manifest(earlier)
     if manifest is None:
         return "default"
     return ",".join(kinds_in(manifest["files"])) or "0"
@@ -435,12 +437,12 @@ def _figures(
     wishes: RunCommand, scenario: "AnyScenario", result: "Streamed", folder: "StreamedFolder"
 ) -> dict[str, bytes]:
     """The figures of the run, which is solved again for them; tells of those that show nothing."""
-    from vibro_cli.interface import figures_of, nothing_shown
-    from vibro_cli.storage.stored import stored_run
-
     names = wishes.kinds_of(scenario.system)
     if not names:
         return {}
+    from vibro_cli.interface import figures_of, nothing_shown
+    from vibro_cli.storage.stored import stored_run
+
     written, summary = folder.end_tables(), result.summary_record()
     run = stored_run(written, scenario, result.checkpoint(), {}, summary)
     files = figures_of(run, names)

@@ -9,7 +9,6 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
@@ -212,6 +211,8 @@ class AnyScenario(Table):
 
     def _repr_html_(self) -> str:
         """Show the resolved scenario in a notebook: each value by its path."""
+        from html import escape
+
         rows = "".join(
             f"<tr><th>{escape(path)}</th><td>{escape(str(value))}</td></tr>"
             for path, value in _flat(self.resolved())
