@@ -11,7 +11,7 @@
 #endif
 
 #define EXPORTED __attribute__((visibility("default")))
-// What takes or returns numbers in lanes: a call would put all registers that hold some in memory.
+// What takes or returns numbers in many lanes: a call would put all registers of them in memory.
 #define IN_PLACE static inline __attribute__((always_inline))
 
 // Bounds are checked in the build for tests only (see tests/sanitize.py).

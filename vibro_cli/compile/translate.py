@@ -19,6 +19,7 @@ from typing import Any, NamedTuple, NoReturn
 
 from vibro_cli.compile import kinds as t
 from vibro_cli.compile.kernel import (
+    LANES,
     Kernel,
     Overrides,
     any_lane,
@@ -286,7 +287,7 @@ class Function:
         parameters = ", ".join(text for text, _ in kinds[: len(self.parameters)])
         locals_ = [f"  {text}{{}};" for text, _ in kinds[len(self.parameters) :]]
         typed = f"{self.returns.cpp} {self.name}({parameters})"
-        head = f"{'IN_PLACE' if 'Lanes<' in typed or 'Mask<' in typed else 'static'} {typed} {{"
+        head = f"{'IN_PLACE' if f'<{LANES}>' in typed else 'static'} {typed} {{"
         return "\n".join([self._line_of(self._node), head, *locals_, *self._lines, "}\n"])
 
     def _line_of(self, node: Any) -> str:
