@@ -731,3 +731,23 @@ def test_what_a_notebook_shows(run: Run) -> None:
         assert "<table><caption" in shown[:50]
         assert shown.count("<tr>") == shown.count("</tr>") > 3
     assert "collision.k[1]" in run.scenario._repr_html_() or "0.9" in run.scenario._repr_html_()
+
+
+def test_a_figure_of_a_grid_reads_the_columns_that_it_shows(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scenario = example("three_arcs").replace({"stop.time": 3.0})
+    axes = {"collision.k": [0.7, 0.8, 0.9], "balls[1].angle": [-1.3, -1.2, -1.1]}
+    sweep(scenario, axes, tmp_path / "grid")
+    grid = open_grid(tmp_path / "grid")
+    seen: list[str] = []
+    original = stored._read
+
+    def noted(parts: Any, columns: Any) -> Any:
+        seen.extend(columns)
+        return original(parts, columns)
+
+    monkeypatch.setattr(stored, "_read", noted)
+    grid.figure("impacts")
+    assert "collisions" in seen
+    assert not {"energy_end", "max_gap", "end_time"} & set(seen)

@@ -193,9 +193,13 @@ def column_map(grid: Swept, width: str, name: str) -> Figure | None:
 
 def mapped_columns(grid: Swept) -> list[str]:
     """Return the columns of numbers of the summary."""
+    return [name for name in grid.summary if _is_mapped(grid, name)]
+
+
+def _is_mapped(grid: Swept, name: str) -> bool:
+    """Whether a name is that of a column of numbers of the summary, of which no other is read."""
     names = list(grid.summary)
-    results = names[names.index("status") :]
-    return [name for name in results if grid.summary[name].dtype != object]
+    return name in names[names.index("status") :] and grid.summary[name].dtype != object
 
 
 _OVER_TWO = "Over the two axes with the most values, the first of them across"
@@ -274,12 +278,12 @@ def draw_grid_kind(grid: Swept, name: str, width: str = "double") -> Figure | No
     Raises ValueError for another one.
     """
     width_of(width)
-    known = [*GRID_KINDS, *mapped_columns(grid)]
-    if not isinstance(name, str) or name not in known:
-        raise ValueError(f"found the kind of figure {name!r}, expected one of {', '.join(known)}")
-    if name in GRID_KINDS:
+    if isinstance(name, str) and name in GRID_KINDS:
         return GRID_KINDS[name].draw(grid, width)
-    return column_map(grid, width, name)
+    if _is_mapped(grid, name):
+        return column_map(grid, width, name)
+    known = ", ".join([*GRID_KINDS, *mapped_columns(grid)])
+    raise ValueError(f"found the kind of figure {name!r}, expected one of {known}")
 
 
 def draw_grid(grid: Swept, width: str = "double", columns: Sequence[str] = ()) -> Iterator[Drawn]:
@@ -289,8 +293,9 @@ def draw_grid(grid: Swept, width: str = "double", columns: Sequence[str] = ()) -
     """
     kinds = dict(GRID_KINDS)
     for column in columns:
-        if column not in (known := mapped_columns(grid)):
-            raise ValueError(f"maps: found {column!r}, expected some of {', '.join(known)}")
+        if not _is_mapped(grid, column):
+            known = ", ".join(mapped_columns(grid))
+            raise ValueError(f"maps: found {column!r}, expected some of {known}")
         caption = f"{_OVER_TWO}: the column {column} of the summary; white where it has no value."
         kinds[f"map_{column}"] = Kind(
             partial(column_map, name=column), column.replace("_", " ").capitalize(), caption
