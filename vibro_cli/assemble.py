@@ -331,27 +331,26 @@ def _check_order(
     findings: Findings,
 ) -> None:
     """Check that the bodies start in order along the trace, no two overlap, and there is room."""
-    room, doubt = (0.0, 0.0) if trace.closed and len(bodies) > 2 else (math.inf, 0.0)
+    gaps = []
     for a, b in neighbours(len(bodies), trace.closed):
         left, right = states[a], states[b]
         if left is None or right is None:
-            room = math.inf
             continue
         path = _path_of_place(scenario, max(a, b))
         if b > a and findings.refuse(initial_conditions.out_of_order(left, right)):
             path = f"balls[{b + 1}].arc" if left.piece != right.piece else path
             found = f"body {b + 1} not to the right of body {a + 1}"
             findings.add(path, found, "bodies in order from left to right")
-            room = math.inf
             continue
         gap, rounding = initial_conditions.gap(trace, bodies[a], left, bodies[b], right)
-        room, doubt = room + gap, doubt + rounding
         if findings.refuse(gap < -rounding):
             first, second = min(a, b) + 1, max(a, b) + 1
             found = f"bodies {first} and {second} that overlap by {-gap:.6g} m"
             findings.add(path, found, "bodies that do not overlap")
-            room = math.inf
-    if findings.refuse(room <= 2.0 * doubt):
+            continue
+        gaps.append(gap - 2.0 * rounding)
+    goes_round = trace.closed and len(bodies) > 2
+    if goes_round and len(gaps) == len(bodies) and findings.refuse(sum(gaps) <= 0.0):
         found = "bodies that touch one another all around the closed trace"
         findings.add("balls", found, "room between two of them")
 
