@@ -17,6 +17,7 @@ MOVED = {(item.file, item.row, item.quantity) for item in input_rounding.committ
 EPSILON = 2.0**-52
 
 
+@pytest.mark.long
 def test_the_table_of_moved_rows_is_computed() -> None:
     assert input_rounding.committed() == list(input_rounding.computed())
 
