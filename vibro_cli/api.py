@@ -80,7 +80,7 @@ def recalled(scenario: AnyScenario, checkpoint: Mapping[str, Any]) -> Run:
     cut = checkpoint["end_cause"] == "interrupted"
     if cut:  # its last event may have been later than the nearest double before it
         limits = replace(limits, time=math.nextafter(checkpoint["end_time"], math.inf))
-    again = run.simulate(kind, build_any(scenario), limits, wanted=kind.wanted(scenario))
+    again = run.simulate(kind, build_any(scenario), limits, wanted=kind.wanted(scenario), cut=cut)
     if cut:
         return again.cut_back(checkpoint)
     _check_recalled(again.checkpoint()["state"], checkpoint)

@@ -20,6 +20,7 @@ from vibro_cli.commands.shared.error_handling import Terminated
 from vibro_cli.errors import NoLibrary
 from vibro_cli.storage.files import FolderRefused
 from vibro_cli.storage.tables import read_parquet
+from vibro_cli.systems import driver
 
 GALLERY = Path(__file__).parents[2] / "scenarios"
 INTERRUPTED = """
@@ -497,3 +498,71 @@ def test_a_figure_that_is_named_and_shows_nothing_is_told(vibro: Vibro, tmp_path
     assert {file.stem for file in tmp_path.glob("run/*.png")} == {"energy"}
     for figures in ("all", "default", "energy,accuracy"):
         assert "nothing to show" not in vibro("run", path, *few, "--figures", figures).err
+
+
+GOING_ROUND = """
+gravity = 9.81
+[trace]
+start_slope = "-180 deg"
+closed = true
+arcs = [{shape = "valley", radius = 1.0, end_slope = "180 deg"}]
+[[balls]]
+radius = 0.1
+mass = 1.0
+arc = 1
+angle = 0.0
+rate = 14.0
+[[balls]]
+radius = 0.1
+mass = 0.1
+arc = 1
+angle = 1.0
+rate = 0.0
+[collision]
+k = 0.0
+[stop]
+collisions = 5
+"""
+"""Two bodies that go round and seldom meet: five times in 900 crossings of the seam."""
+
+
+def _expect_impacts_often(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Have a run refused after 100 flights without an impact, looked for every 64 rows."""
+    for name in ("FIRST_ROWS", "COMPILED_ROWS", "INTERPRETED_ROWS"):
+        monkeypatch.setattr(driver, name, 64)
+    monkeypatch.setattr(driver, "QUIET_ROWS", 100)
+
+
+@pytest.mark.parametrize("engine", ["compiled", "python"])
+def test_a_run_that_waits_too_long_for_an_impact_keeps_those_before(
+    vibro: Vibro, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, engine: str
+) -> None:
+    (tmp_path / "round.toml").write_text(GOING_ROUND)
+    assert vibro("run", "round.toml", "-q", "--no-figures", "-o", "whole").code == 0
+    whole = read_parquet(Path("whole/collisions.parquet"))
+    _expect_impacts_often(monkeypatch)
+    outcome = vibro("run", "round.toml", "-q", "-o", "part", "--engine", engine)
+    assert outcome.code == 2
+    assert "no impact among the last 100 flights" in outcome.err
+    assert "the run until then, without figures, is kept in part" in outcome.err
+    kept = read_parquet(Path("part/collisions.parquet"))
+    assert 0 < kept.num_rows < 5
+    assert kept.equals(whole.slice(0, kept.num_rows))
+    assert json.loads(Path("part/summary.json").read_text())["end_cause"] == "interrupted"
+    assert vibro("report", "part", "-q").code == 0
+    monkeypatch.undo()
+    assert vibro("run", "--continue", tmp_path / "part", "-q", "-o", tmp_path / "on").code == 0
+    assert read_parquet(tmp_path / "on/collisions.parquet").equals(whole)
+
+
+def test_a_run_that_never_has_an_impact_leaves_no_folder(
+    vibro: Vibro, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    _expect_impacts_often(monkeypatch)
+    text = GOING_ROUND.replace("angle = 1.0\nrate = 0.0", "angle = 3.0\nrate = 14.0")
+    (tmp_path / "round.toml").write_text(
+        text.replace("angle = 0.0\nrate = 14.0", "angle = -3.0\nrate = 14.0")
+    )
+    outcome = vibro("run", "round.toml", "-q", "-o", "part")
+    assert (outcome.code, Path("part").exists()) == (2, False)
+    assert "no impact among the last 100 flights" in outcome.err

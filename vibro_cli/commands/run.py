@@ -304,15 +304,13 @@ def solve(wishes: RunCommand, scenario: "AnyScenario", earlier: "EarlierRun | No
 @contextlib.contextmanager
 def followed(wishes: RunCommand, scenario: "AnyScenario") -> Iterator[None]:
     """Tell how far a run in the block is, and say why it cannot go on."""
-    from vibro_cli.systems.driver import CannotContinue, TooQuiet
+    from vibro_cli.systems.driver import CannotContinue
     from vibro_cli.systems.wanted import watched_by
 
     progress = RunProgress(scenario.name, scenario.stop.time, scenario.stop.collisions)
     try:
         with watched_by(progress.tell):
             yield
-    except TooQuiet as error:
-        raise CommandError(f"vibro: {scenario.name}: {error}") from error
     except CannotContinue as error:
         raise CommandError(f"vibro: {wishes.earlier} cannot be continued: {error}") from error
     finally:
@@ -363,9 +361,11 @@ def stream_run(
 ) -> "Streamed":
     """Run a scenario; its tables are in the folder, and streamed, when this returns.
 
-    A run that is interrupted is written as far as it came; then the signal is passed on.
+    A run that is interrupted is written as far as it came; then the signal is passed on. So is one
+    that has had impacts and none for too long; then a `CommandError` is raised.
     """
     from vibro_cli.storage.folders import streamed_folder
+    from vibro_cli.systems.driver import TooQuiet
 
     interruption = Interruption()
     with contextlib.ExitStack() as open_ones:
@@ -378,10 +378,19 @@ def stream_run(
             sinks.append(folder.add)
         if wishes.stream is not None:
             sinks.append(open_ones.enter_context(_standard_output(wishes.stream, scenario)))
-        result = _streamed(wishes, scenario, earlier, sinks, interruption)
+        refusal = ""
+        try:
+            result = _streamed(wishes, scenario, earlier, sinks, interruption)
+        except TooQuiet as error:
+            result, refusal = error.streamed, f"vibro: {scenario.name}: {error}"
+            if folder is None or not result.summary_record()["collisions"]:
+                raise CommandError(refusal) from error
+            refusal += f"; the run until then, without figures, is kept in {target}"
         if folder is not None:
-            folder.finish(result, _figures(wishes, scenario, result, folder))
+            folder.finish(result, {} if refusal else _figures(wishes, scenario, result, folder))
     interruption.passed_on()
+    if refusal:
+        raise CommandError(refusal)
     return result
 
 

@@ -39,6 +39,9 @@ QUIET_STEPS = 50_000_000
 class TooQuiet(VibroError, RuntimeError):
     """Nothing meets for very long; the message says for how long, and until when."""
 
+    streamed: Any = None
+    """The run until then, of one whose tables are streamed (see ``systems.run.Streamed``)."""
+
 
 class Earlier(NamedTuple):
     """The part of a run that is continued: its state at the end, and its logs."""

@@ -22,6 +22,7 @@ from vibro_cli.systems.contract import Rows, Sink, System, Trajectory
 from vibro_cli.systems.driver import (
     Driver,
     EventLoop,
+    TooQuiet,
     checkpoint_of,
     earlier_part,
     joined,
@@ -74,22 +75,43 @@ class Stretches:
         return self.until(lambda: False)
 
     def until(self, interrupted: Callable[[], bool]) -> Iterator[Stretch]:
-        """Yield stretch after stretch, at last one that only ends; sooner when interrupted."""
-        driver = self.driver
-        for cause in driver.rounds():
-            full = cause == LOG_FULL
-            stopped = full and interrupted()
-            if full and max(map(len, driver.logs.values())) < LEAST_ROWS and not stopped:
-                continue
-            yield self._framed({name: log.drain() for name, log in driver.logs.items()})
-            if stopped or not full:
-                yield self._last(END_INTERRUPTED if stopped else cause)
-                return
+        """Yield stretch after stretch, at last one that only ends; sooner when interrupted.
 
-    def whole(self) -> tuple[Stretch, dict[str, Any]]:
-        """Return the run to its end as one stretch, and the state then."""
+        Raises ``TooQuiet`` as ``Driver.rounds``, after what there is was told of.
+        """
         driver = self.driver
-        cause = driver.run()
+        try:
+            for cause in driver.rounds():
+                full = cause == LOG_FULL
+                stopped = full and interrupted()
+                if full and max(map(len, driver.logs.values())) < LEAST_ROWS and not stopped:
+                    continue
+                yield self._drained()
+                if stopped or not full:
+                    yield self._last(END_INTERRUPTED if stopped else cause)
+                    return
+        except TooQuiet:
+            yield self._drained()
+            yield self._last(END_INTERRUPTED)
+            if not interrupted():
+                raise
+
+    def _drained(self) -> Stretch:
+        """The rows since the stretch before as a stretch."""
+        return self._framed({name: log.drain() for name, log in self.driver.logs.items()})
+
+    def whole(self, cut: bool = False) -> tuple[Stretch, dict[str, Any]]:
+        """Return the run to its end as one stretch, and the state then.
+
+        Raises ``TooQuiet`` as ``Driver.rounds``, unless it is `cut`: then it ends there.
+        """
+        driver = self.driver
+        try:
+            cause = driver.run()
+        except TooQuiet:
+            if not cut:
+                raise
+            cause = END_INTERRUPTED
         logs = {name: log.drain() for name, log in driver.logs.items()}
         return self._last(cause)._replace(logs=logs, known=0), self.state
 
@@ -184,17 +206,21 @@ def stream(
     The sink takes rows of the tables with these names, all by default, one call after another, in
     a thread of its own if it is `in_background`, while the solver and the tables go on.
     `interrupted` is asked again and again whether the run is to end after its last event. Raises
-    ``TooQuiet`` as :func:`simulate`.
+    ``TooQuiet`` as :func:`simulate`, with the run as far as it came.
     """
     if names is None:
         names = [table.file for table in kind.tables()]
     calls = aside if in_background else _at_once
+    refusal = None
     with calls(_ROWS_AHEAD) as write, calls(_AHEAD) as tell:
         tables = kind.teller(system, wanted, names, partial(write, sink))
-        for last in stretches.until(interrupted):
-            tell(tables.take, last)
+        try:
+            for last in stretches.until(interrupted):
+                tell(tables.take, last)
+        except TooQuiet as error:
+            refusal = error
     end, cause = last.end[0], END_NAMES[stretches.cause]
-    return Streamed(
+    streamed = Streamed(
         system=system,
         engine=stretches.driver.engine,
         end_cause=cause,
@@ -202,6 +228,10 @@ def stream(
         summary=tables.summary(),
         _checkpoint=checkpoint_of(cause, end, last.clock, stretches.driver.rows, stretches.state),
     )
+    if refusal is not None:
+        refusal.streamed = streamed
+        raise refusal
+    return streamed
 
 
 def summed_up(
@@ -449,11 +479,12 @@ def simulate(
     wanted: Wanted = NOTHING_MORE,
     checkpoint: dict[str, Any] | None = None,
     history: dict[str, Any] | None = None,
+    cut: bool = False,
 ) -> Run:
     """Run a system until its stop, with either engine (see ``driver.ENGINES``) to the same bits.
 
     From a checkpoint and the history of an earlier run of the same system it goes on as if it had
-    never stopped.
+    never stopped. One that is `cut` ends where there is no impact for very long.
 
     Raises
     ------
@@ -462,10 +493,10 @@ def simulate(
     CannotContinue
         If the earlier run had ended for good (see ``systems.wanted.FINAL``), or is past the stop.
     TooQuiet
-        If there is no impact for very long.
+        If there is no impact for very long, unless it is `cut`.
     """
     earlier = None
     if checkpoint is not None:
         earlier = earlier_part(checkpoint, history, kind.loop.logs, limits)
     stretches = begun(kind, system, limits, engine, earlier)
-    return Run(kind, system, engine, wanted, *stretches.whole())
+    return Run(kind, system, engine, wanted, *stretches.whole(cut))
