@@ -94,7 +94,11 @@ DRAWING = "matplotlib.figure, matplotlib.backends.backend_agg, matplotlib.backen
 
 
 @pytest.mark.parametrize(
-    ("options", "libraries"), [(("--no-figures",), LIBRARIES), ((), f"{LIBRARIES}, {DRAWING}")]
+    ("options", "libraries"),
+    [
+        (("--no-figures",), LIBRARIES),
+        pytest.param((), f"{LIBRARIES}, {DRAWING}", marks=pytest.mark.long),
+    ],
 )
 def test_the_main_job_is_quick(tmp_path: Path, options: tuple[str, ...], libraries: str) -> None:
     """Little more than loading the libraries takes: a measure that holds on a busy machine too."""
