@@ -23,6 +23,7 @@ from tests.figures.runs import (
     on_many_arcs,
     on_three_arcs,
 )
+from vibro_cli import example, simulate
 from vibro_cli.analysis.levels import Landscape
 from vibro_cli.analysis.singular import singular_points
 from vibro_cli.figures import style
@@ -325,3 +326,56 @@ def test_a_line_that_the_body_does_not_reach_shows_its_level_curves() -> None:
     assert len(speeds) >= 4
     assert max(speeds) > 2.0
     assert figure.axes[1].get_ylim()[1] == pytest.approx(1.08 * max(speeds))
+
+
+def turning_about(x: float, name: str = "turning_three_arcs", **more: Any) -> Any:
+    """The run of an example that turns about an axis far from it."""
+    turning = {"x": x, "rate": 0.8}
+    return simulate(example(name).replace({"trace.turning": turning, **more})).solved
+
+
+def test_pieces_that_the_energies_of_a_motion_do_not_reach_have_level_curves() -> None:
+    figure = phase_portrait(turning_about(50.0), 1)
+    assert len(figure.axes) > 2
+    for panel, axes in enumerate(figure.axes[:3]):
+        (low, high), top = axes.get_xlim(), axes.get_ylim()[1]
+        within = [
+            curve[(np.abs(curve[:, 1]) < top) & (curve[:, 0] > low) & (curve[:, 0] < high), 0]
+            for curve in lines(figure, panel, 1.0)
+        ]
+        reach = np.concatenate(within)
+        assert np.ptp(reach) > 0.4 * (high - low)
+
+
+def test_bounces_too_small_to_be_seen_do_not_thin_out_the_other_branches() -> None:
+    run = turning_about(500.0)
+    path = trajectory(run, 1)
+    starts = np.concatenate([branches.time for branches in path.branches])
+    assert path.every == 1
+    assert len(starts) < 300 < MOST_BRANCHES < len(run.flights()["ball"])
+    struck = np.asarray(run.collisions["t"])
+    assert np.all(np.isin(struck[:12], starts))  # what follows the first impacts is drawn
+
+
+def test_a_free_motion_far_from_the_axis_is_drawn_as_smooth_as_near_it() -> None:
+    """Its points lie on its level curve, though it oscillates many times as fast as by gravity."""
+    arc = {"shape": "valley", "radius": 1.0, "end_slope": "179 deg"}
+    far = {"trace.arcs": [arc], "balls[1].angle": 1.2, "stop.time": 3.0}
+    run = turning_about(-5000.0, "lone_particle", **far)
+    hills = Landscape.of(run.system, 1)
+    (piece,) = run.system.trace.pieces
+    (branches, *_) = trajectory(run, 1).branches
+    for position, rate in zip(branches.position, branches.rate, strict=True):
+        energy = hills.energy(piece, position, rate)
+        assert np.ptp(energy) < 5e-3 * np.max(energy)
+
+
+def test_numbers_of_impacts_are_clear_of_centres_and_saddles() -> None:
+    drawing = simulate(example("two_disks")).figure("portrait", body=1, width="single")
+    axes = drawing.figure.axes[0]
+    crosses = [np.asarray(one.get_xydata()) for one in axes.lines if one.get_marker() in ("+", "x")]
+    marks = axes.transData.transform(np.concatenate(crosses))
+    drawing.figure.draw_without_rendering()
+    for text in axes.texts:
+        box = text.get_window_extent().padded(1.0)
+        assert not any(box.contains(*mark) for mark in marks)

@@ -143,9 +143,20 @@ class TraceSystem:
         return self.restitution[min(pair, len(self.restitution) - 1)]
 
     def fastest_rate(self, body: Body, piece: Piece) -> float:
-        """Return √(Ω² + g/κρ) (rad/s), no less than a body's rate of oscillation on an arc."""
+        """Return √(Ω² + a/κρ) (rad/s), no less than a body's rate of oscillation on an arc.
+
+        a is what pulls at the centre of the arc (`drive`): far from its axis a trace that turns
+        drives a body many times as hard as gravity.
+        """
         turning = 0.0 if self.turning is None else self.turning.square
-        return math.sqrt(turning + self.gravity / (body.kappa * piece.path_radius(body.radius)))
+        drive = self.drive(piece) / (body.kappa * piece.path_radius(body.radius))
+        return math.sqrt(turning + drive)
+
+    def drive(self, piece: Piece) -> float:
+        """Return what pulls at the centre of an arc (m/s²): g, with Ω² (O_x − x₀) across it."""
+        if self.turning is None:
+            return self.gravity
+        return math.hypot(self.gravity, self.turning.square * (piece.center[0] - self.turning.x))
 
 
 def neighbours(count: int, closed: bool) -> list[tuple[int, int]]:

@@ -27,6 +27,7 @@ from vibro_cli.figures.portraits.panels import Panel, Window
 from vibro_cli.figures.portraits.trajectory import MOST_NUMBERS, Branches, Jumps, Trajectory
 from vibro_cli.figures.source import Array
 from vibro_cli.figures.style import Look, line, mark
+from vibro_cli.mechanics.trace import Piece
 
 
 def legend_of(path: Trajectory, behind: Background, others: Sequence[Entry] = ()) -> list[Entry]:
@@ -105,6 +106,10 @@ def background(landscape: Landscape, highest: float, passed: float = 0.0) -> Bac
     points = singular_points(landscape)
     saddles = saddle_energies(points)
     pieces = landscape.trace.pieces
+    levels = level_energies(points, highest, passed)
+    reached, own_points = max([0.0, *levels, *saddles]), {point.piece for point in points}
+    for piece in (one for one in pieces if one.index not in own_points):
+        levels += _beyond(landscape, piece, reached)
     own = [] if saddles else [arc_separatrix(landscape, piece) for piece in pieces]
     return Background(
         separatrices=tuple(
@@ -113,9 +118,23 @@ def background(landscape: Landscape, highest: float, passed: float = 0.0) -> Bac
             for curve in separatrix_curves(landscape, energy, saddles_of(points, energy))
         ),
         arc_separatrices=tuple(curve for curve in own if curve is not None),
-        levels=curves_at(landscape, level_energies(points, highest, passed)),
+        levels=curves_at(landscape, levels),
         points=points,
     )
+
+
+def _beyond(landscape: Landscape, piece: Piece, reached: float) -> list[float]:
+    """Return energies (J) of level curves that turn back on a piece which the others do not cross.
+
+    Without them its panel would be empty: on a trace that turns about a distant axis, or climbs,
+    curves with energies up to the one `reached` (J) may be on one of its pieces only.
+    """
+    ends = np.array([piece.angle_start, piece.angle_end])
+    if float(landscape.potential(piece, np.mean(ends))) <= reached:
+        return []
+    low, high = np.sort(landscape.potential(piece, ends)).tolist()
+    rise = (high - low) or low  # over a level piece they pass
+    return [low + fraction**2 * rise for fraction in _FRACTIONS]
 
 
 def curves_at(landscape: Landscape, energies: Sequence[float]) -> tuple[LevelCurve, ...]:
@@ -358,8 +377,11 @@ def draw_window(one: Panel, close: Window) -> None:
     one.axes.add_patch(frame)
 
 
-def draw_numbers(one: Panel, branches: Branches, jumps: Jumps, start: Array) -> None:
-    """Write the number of each impact beside its representative points."""
+def draw_numbers(one: Panel, branches: Branches, jumps: Jumps, marks: Array) -> None:
+    """Write the number of each impact beside its representative points.
+
+    Clear of other `marks` too (mm), shape (n, 2).
+    """
     here = np.flatnonzero(jumps.piece == one.piece.index)
     if not len(here):
         return
@@ -370,7 +392,7 @@ def draw_numbers(one: Panel, branches: Branches, jumps: Jumps, start: Array) -> 
     segments = (before[:, None, :] * (1.0 - shares) + after[:, None, :] * shares).reshape(-1, 2)
     some = slice(None, None, -(-len(branches.time) // _HINDERING) or 1)
     curves = one.millimetres(branches.position[some].ravel(), branches.rate[some].ravel())
-    obstacles = np.concatenate([curves, segments, *_around([before, after, start])])
+    obstacles = np.concatenate([curves, segments, *_around([before, after, marks])])
     texts = [str(number) for number in jumps.number[here]]
     anchors = [np.stack(pair) for pair in zip(after, before, strict=True)]
     places = place_numbers(texts, anchors, obstacles, one.size)

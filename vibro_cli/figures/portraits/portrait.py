@@ -192,11 +192,12 @@ def draw_motion(panels: Sequence[Panel], path: Trajectory, behind: Background) -
             layers.draw_jumps(one, path.jumps, marked=False)
         if close:
             layers.draw_jumps(one, path.first, marked=True)
-        start = np.empty((0, 2))
+        marks = [(point.position, 0.0) for point in behind.points if point.piece == one.piece.index]
         if one.piece.index == start_piece:
             layers.draw_start(one, position, rate)
-            start = one.millimetres(np.array([position]), np.array([rate]))
+            marks.append((position, rate))
         if one.window.overview:
             layers.draw_window(one, panels[0].window)
         else:
-            layers.draw_numbers(one, path.branches[one.piece.index], path.first, start)
+            places = one.millimetres(*np.reshape(marks, (-1, 2)).T)
+            layers.draw_numbers(one, path.branches[one.piece.index], path.first, places)

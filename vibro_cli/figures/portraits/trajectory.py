@@ -27,6 +27,8 @@ _LEAST = 32
 """Points of any flight on an arc that is sampled."""
 _FIRST_PERIODS = 3.0
 """Of a long flight at first, then twice as many, until it has come round."""
+_TINY = 1e-3
+"""Branches within this share of the extent of the others, in place and in rate, are left out."""
 _TURNS = 2
 """Turning points after which, at the next, an oscillation has come round."""
 
@@ -102,6 +104,8 @@ def trajectory(run: Recorded, ball: int) -> Trajectory:
     flights = run.flights()
     mine = flights_of(flights, ball)
     first, last = strands(flights, mine)
+    seen = _large_enough(run, ball, flights, first, last)
+    first, last = first[seen], last[seen]
     every = max(1, math.ceil(len(first) / MOST_BRANCHES))
     ends = first[::every], last[::every]
     count = points_each(len(ends[0]))
@@ -132,6 +136,31 @@ def strands(flights: Table, mine: Integers) -> tuple[Integers, Integers]:
     begins = np.append(True, ~goes_on)
     ends = np.append(~goes_on, True)
     return mine[begins], mine[ends]
+
+
+def _large_enough(
+    run: Recorded, ball: int, flights: Table, first: Integers, last: Integers
+) -> Flags:
+    """Return which branches can be seen beside the largest on their piece.
+
+    Hundreds of bounces on a wall come to their end within a hair's breadth; were they counted, the
+    others would be drawn one in so many, and as faint as a thousand lines are.
+    """
+    large: Flags = first != last
+    for piece in run.system.trace.pieces:
+        here = np.flatnonzero((flights["arc"][first] == piece.index + 1) & ~large)
+        if not len(here):
+            continue
+        rows = first[here]
+        start, end = flights["angle_start"][rows], flights["angle_end"][rows]
+        rate = np.maximum(np.abs(flights["rate_start"][rows]), np.abs(flights["rate_end"][rows]))
+        lasts = flights["t_end"][rows] - flights["t_start"][rows]
+        # A short flight has its greatest rate at one of its ends; a long one may go far and return.
+        way = np.where(lasts * _fastest(run, ball, piece) < 1.0, rate * lasts, math.inf)
+        extent = max(np.max(start), np.max(end)) - min(np.min(start), np.min(end))
+        tiny = (way < _TINY * extent) & (rate < _TINY * np.max(rate))
+        large[here] = ~tiny | (rate == 0.0)  # rest is not a bounce
+    return large
 
 
 def points_each(branches: int) -> int:
@@ -204,8 +233,14 @@ def _pace(run: Recorded, ball: int, piece: Piece) -> float:
     """Return how many points a body's motion on a piece wants per second."""
     if piece.is_line:
         return 0.0
-    rate = run.system.fastest_rate(run.system.bodies[ball - 1], piece)
-    return _PER_PERIOD * rate / (2.0 * math.pi)
+    return _PER_PERIOD * _fastest(run, ball, piece) / (2.0 * math.pi)
+
+
+def _fastest(run: Recorded, ball: int, piece: Piece) -> float:
+    """Return the fastest rate (rad/s) of a body's motion on a piece: on a line that of turning."""
+    if piece.is_line:
+        return 0.0 if run.system.turning is None else abs(run.system.turning.rate)
+    return run.system.fastest_rate(run.system.bodies[ball - 1], piece)
 
 
 def _sampled(run: Recorded, flights: Table, rows: range, pace: float, count: int) -> Array:

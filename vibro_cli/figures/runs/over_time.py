@@ -117,10 +117,11 @@ def calm_until(run: Recorded) -> float:
 
 def _periods(run: Recorded) -> float:
     """Return the time (s) of as many slow oscillations as can be told apart; infinite on lines."""
-    radii = [piece.radius for piece in run.system.trace.pieces if not piece.is_line]
-    if not radii or run.system.gravity <= 0.0:
+    arcs = [piece for piece in run.system.trace.pieces if not piece.is_line]
+    if not arcs or run.system.gravity <= 0.0:
         return math.inf
-    return MOST_PERIODS * 2.0 * math.pi * math.sqrt(max(radii) / run.system.gravity)
+    slowest = max(math.sqrt(arc.radius / run.system.drive(arc)) for arc in arcs)
+    return MOST_PERIODS * 2.0 * math.pi * slowest
 
 
 def energy_course(run: Recorded, ball: int, until: float = math.inf) -> tuple[Array, Array]:
@@ -175,9 +176,12 @@ def _kept_levels(flights: Table, mine: Integers) -> tuple[Integers, Integers]:
 def _pace(run: Recorded, ball: int, piece: Piece) -> float:
     """Return the points a second that the energy of a body wants, in contact on a piece."""
     body, turning = run.system.bodies[ball - 1], run.system.turning
-    radius = run.system.trace.length if piece.is_line else piece.path_radius(body.radius)
-    turned = 0.0 if turning is None else turning.rate
-    rate = math.hypot(body.natural_rate(run.system.gravity, radius), turned)
+    if piece.is_line:
+        turned = 0.0 if turning is None else turning.rate
+        slow = body.natural_rate(run.system.gravity, run.system.trace.length)
+        rate = math.hypot(slow, turned)
+    else:
+        rate = run.system.fastest_rate(body, piece)
     return _PER_PERIOD * rate / (2.0 * math.pi)
 
 
