@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.figures.layout import texts
-from vibro_cli import example, simulate
+from vibro_cli import example, simulate, sweep
 from vibro_cli.figures.kinds import draw_one
 from vibro_cli.figures.runs.over_time import GAIN, LOSS
 from vibro_cli.figures.runs.scene import plan
@@ -100,3 +100,18 @@ def test_a_plan_names_six_bodies_and_writes_powers_of_ten() -> None:
     assert titles
     for title in titles:
         assert re.fullmatch(r"impact \d, \$\d\.\d+\\times 10\^\{4\}\$ s", title)
+
+
+def test_the_bar_of_a_plan_has_a_power_of_ten() -> None:
+    small = {f"balls[{n}].radius": 1e-6 for n in (1, 2)} | {"trace.arcs[1].radius": 1e-5}
+    run = simulate(example("one_circle").replace(small | {"stop.collisions": 3}))
+    said = [text.get_text() for text in texts(run.figure("plan").figure)]
+    assert r"$5\times 10^{-6}$ m" in said
+
+
+def test_maps_and_curves_of_a_table_say_which_impacts_they_count() -> None:
+    axes = {"wall.k": np.linspace(0.5, 1.0, 6), "balls[1].y": np.linspace(0.0, 0.05, 3)}
+    grid = sweep(example("billiards"), axes)
+    for kind, words in (("bounces", "impacts on the wall"), ("curves", "impacts on the wall")):
+        drawn = grid.figure(kind).figure
+        assert any(words in (one.get_ylabel(), one.get_title()) for one in drawn.axes), kind

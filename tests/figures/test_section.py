@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vibro_cli import example, simulate, sweep
+from vibro_cli import example, open_run, simulate, sweep
 from vibro_cli.commands.app import run_command_line
 from vibro_cli.figures.over_axis import LAST, Section
 
@@ -115,3 +115,16 @@ def test_a_ball_alone_on_a_table_shows_its_impacts_on_the_wall() -> None:
     points = np.vstack([np.asarray(c.get_offsets()) for c in figure.axes[0].collections])
     assert points[:, 0].tolist() == np.asarray(walls["normal_angle"]).tolist()
     assert figure.axes[0].get_ylabel() == r"$v_{\mathrm{t}}$ [m/s]"
+
+
+def test_a_run_on_a_line_is_shown_by_its_places(tmp_path: Path) -> None:
+    """A line has no angles; its impacts were said not to be there."""
+    run = simulate(example("falling_balls").replace({"stop.collisions": 30}))
+    run.save(tmp_path / "run", figures=False)
+    for one in (run, open_run(tmp_path / "run")):
+        (axes,) = one.section().figure.axes
+        points = np.vstack([np.asarray(c.get_offsets()) for c in axes.collections])
+        assert axes.get_xlabel() == "$s_{a}$ [m]"
+        np.testing.assert_array_equal(np.sort(points[:, 0]), np.sort(run.collisions["s_a"]))
+    with pytest.raises(ValueError, match="found t, expected two columns of impacts"):
+        run.section(["t"])

@@ -236,3 +236,14 @@ def test_names_of_a_family_belong_to_their_points(rate: float) -> None:
 def test_an_empty_family_is_refused() -> None:
     with pytest.raises(ValueError, match="at least one"):
         family([])
+
+
+def test_a_level_piece_of_the_trace_is_named_where_it_is_drawn() -> None:
+    """The words give its value by that name."""
+    figure = structure(portrait_of(HILLS["line"]))
+    assert "line of equilibria" in {text.get_text() for text in texts(figure)}
+    (name,) = (text for text in texts(figure) if text.get_text() == "D1")
+    assert name.axes is not None
+    at_rest = name.axes.transData.transform((0.0, 0.0))[1]
+    low, high = name.get_window_extent().intervaly
+    assert not low <= at_rest <= high  # beside the line, not over it

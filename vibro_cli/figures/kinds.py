@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from vibro_cli.figures.chart import MANY
 from vibro_cli.figures.maps import Swept, ending_map, lattice, quantity_map
 from vibro_cli.figures.over_axis import (
+    COUNTED,
     FIRST,
     LAST,
     NothingToShow,
@@ -151,7 +152,8 @@ def _impacts(grid: Swept, width: str, counted: str = "collisions") -> Figure | N
     values = np.asarray(grid.summary.get(counted, 0.0), dtype=np.float64)
     if not np.any(values > 0.0):
         return None
-    return quantity_map(grid, width, np.where(values > 0.0, values, np.nan), "impacts", whole=True)
+    there = np.where(values > 0.0, values, np.nan)
+    return quantity_map(grid, width, there, COUNTED[counted], whole=True)
 
 
 def _energy(grid: Swept, width: str) -> Figure | None:

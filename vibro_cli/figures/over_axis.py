@@ -46,6 +46,8 @@ from vibro_cli.systems.wanted import FINAL
 _ROW = {"single": 26.0, "double": 34.0}
 _DIAGRAM = {"single": 58.0, "double": 80.0}
 _WIDE_RANGE = 50.0
+COUNTED = {"collisions": "impacts", "bounces": "impacts on the wall"}
+"""What is counted in columns of the summary."""
 FIRST = 20
 """Impacts of each run whose times are shown."""
 ENDED = mark("x", 3.0, style.VERMILLION) | {"markeredgewidth": 0.7, "zorder": 2.5}
@@ -73,7 +75,7 @@ def curves(grid: Swept, width: str = "single") -> Figure | None:
     kept = table["energy_end"] / np.where(table["energy_start"] > 0.0, table["energy_start"], 1.0)
     counts = [
         (np.asarray(grid.summary[name][shown.rows], dtype=np.float64), symbol, "")
-        for name, symbol in (("collisions", "impacts"), ("bounces", "on the wall"))
+        for name, symbol in COUNTED.items()
         if name in grid.summary
     ]
     panels = [
@@ -230,15 +232,17 @@ def quantities_of(names: Sequence[str], units: Mapping[str, str]) -> list[Quanti
     return [(name, symbol_of(name), units[name]) for name in names]
 
 
-def own_columns(names: Container[str], one_arc: bool) -> list[str]:
+def own_columns(impacts: Impacts) -> list[str]:
     """Return the columns that are shown of impacts where none is named: place and speed.
 
-    The angle on one arc; those of several arcs are not of one axis.
+    The angle on one arc; those of several arcs are not of one axis, and a line has none.
     """
-    places = (["angle_a"] if one_arc else []) + [name for name, _, _ in PLACES]
+    one = "arc_a" in impacts and len(set(impacts["arc_a"].tolist())) == 1
+    on_arc = one and bool(np.any(np.isfinite(impacts["angle_a"])))
+    places = (["angle_a"] if on_arc else []) + [name for name, _, _ in PLACES]
     places.append("normal_angle")
     speeds = [_SPEED[0], "approach_speed", "tangential_speed"]
-    found = [next((one for one in some if one in names), None) for some in (places, speeds)]
+    found = [next((one for one in some if one in impacts), None) for some in (places, speeds)]
     return [one for one in found if one is not None]
 
 

@@ -278,11 +278,11 @@ class Run:
         if walls[0]:
             named = bool(columns) and set(columns) <= set(walls[0])
             impacts, units = walls if named or not len(impacts["n"]) else (impacts, units)
-        one_arc = "arc_a" in impacts and len(set(impacts["arc_a"].tolist())) == 1
-        names = columns or own_columns(impacts, one_arc)
+        names = columns or own_columns(impacts)
         quantities = quantities_of(names, units)
         if len(quantities) != 2:
-            raise ValueError(f"found {len(quantities)} columns of impacts, expected two")
+            found = " and ".join(names) or "none"
+            raise ValueError(f"found {found}, expected two columns of impacts")
         wanted = {name: impacts[name] for name in (*names, *section.columns)}
         drawn = poincare(wanted, (quantities[0], quantities[1]), section, width)
         return Drawing("section", drawn)

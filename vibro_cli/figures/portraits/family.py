@@ -93,9 +93,9 @@ def draw_family(
 def name_points(panel: Panel, names: Sequence[str], behind: Background) -> None:
     """Write the name of each singular point beside it."""
     named = [
-        Named(name, (point.position, 0.0))
+        Named(name, (point.position + 0.5 * point.extent, 0.0))
         for name, point in zip(names, behind.points, strict=True)
-        if point.kind in MARKER
+        if point.kind in MARKER or point.extent
     ]
     if not named:
         return
@@ -103,6 +103,8 @@ def name_points(panel: Panel, names: Sequence[str], behind: Background) -> None:
     scale = np.array(panel.size) / [np.ptp(axes.get_xlim()), np.ptp(axes.get_ylim())]
     dark = (*behind.eights, *behind.separatrices) * _DARK
     lines = [line * scale for one in (*dark, *behind.levels) for line in both_halves(one)]
+    rest = [(one.position, one.position + one.extent) for one in behind.points if one.extent]
+    lines += [np.column_stack([ends, np.zeros(2)]) * scale for ends in rest] * _NEVER
     marks = np.array([one.point for one in named]) * scale
     on_marks = [marks + _MARK * np.array(step) for step in product((-1.0, 0.0, 1.0), repeat=2)]
     obstacles = np.concatenate([*map(_evenly, lines), *on_marks * _NEVER])

@@ -272,7 +272,7 @@ def _draw_trace(panel: Panel, portrait: Portrait) -> None:
 
 def _rest_entry(portraits: Sequence[Portrait]) -> list[Entry]:
     extended = any(point.extent for portrait in portraits for point in portrait.points)
-    return [("level line", REST)] if extended else []
+    return [("line of equilibria", REST)] if extended else []
 
 
 MOST = 6

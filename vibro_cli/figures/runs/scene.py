@@ -471,4 +471,4 @@ def _draw_bar(sheet: Sheet, extent: float, scale: float) -> None:
     axes.set_ylim(-1.0, 1.0)
     axes.plot([0, 0, 0, 1, 1, 1], [-1, 1, 0, 0, 1, -1], clip_on=False, **_PLAN_SURFACE)
     after = left + length * scale + 1.5
-    sheet.write(after, bottom + 0.5, f"{length:g} m", va="center", **SAY)
+    sheet.write(after, bottom + 0.5, f"{short_number(length)} m", va="center", **SAY)
