@@ -227,3 +227,16 @@ def test_the_command_tells_what_is_wrong(
         measured = str(tmp_path / arguments[0])
         assert run_command_line(["fit", str(file), measured, *arguments[1:]]) == 2
         assert words in capsys.readouterr().err
+
+
+def test_instants_without_noise_give_a_number_as_short_as_its_double(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scenario = example("three_arcs").replace({"stop.collisions": 20})
+    simulate(scenario).save(tmp_path / "run", figures=False)
+    file = tmp_path / "scenario.json"
+    file.write_text(json.dumps(scenario.resolved()))
+    measured = str(tmp_path / "run" / "collisions.parquet")
+    arguments = ["--free", "collision.k", "--set", "collision.k=0.88"]
+    assert run_command_line(["fit", str(file), measured, *arguments]) == 0
+    assert "collision.k          0.9 ± " in capsys.readouterr().out

@@ -420,9 +420,9 @@ def _lines_of_fit(found: Fit) -> Iterator[str]:
 
 
 def _rounded(value: float, error: float) -> str:
-    """A number to two digits of its error."""
+    """A number to two digits of its error, or as short as its double allows if that has fewer."""
     digits = 2 + math.floor(math.log10(abs(value) / error)) if abs(value) > error else 2
-    return f"{value:#.{min(digits, 17)}g}"
+    return f"{value:#.{digits}g}" if digits < 17 else repr(float(value))
 
 
 def _residuals_drawn(columns: dict[str, Any]) -> dict[str, bytes]:

@@ -83,7 +83,7 @@ PORTRAIT = "portrait"
 INTERVALS: Kind[Any] = Kind(
     intervals,
     "Intervals between impacts",
-    f"Time since the impact before; a falling straight line is an accumulation of impacts.{MANY}",
+    f"Time since the previous impact; a falling straight line is an accumulation of impacts.{MANY}",
 )
 ENERGY_CAPTION = (
     "Energy of each body and of all against time; below, what each impact loses or gains. Of "

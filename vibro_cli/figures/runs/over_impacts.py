@@ -136,7 +136,7 @@ def intervals(run: Recorded, width: str = "single") -> Figure | None:
     between = np.array(table["dt"], dtype=np.float64)
     together = int(np.sum(between == 0.0))
     without = f" ({together} that are 0 not shown)" if together else ""
-    entries: list[Entry] = [(f"time since the impact before{without}", DOT)]
+    entries: list[Entry] = [(f"time since the previous impact{without}", DOT)]
     with style.journal():
         figure, (axes,) = stacked(width, [_HIGH[width]], entries=entries)
         positive_axis(axes, between, r"$\Delta t$", "s")
