@@ -203,3 +203,47 @@ def test_a_pair_in_contact_on_a_line_slips_beyond_its_friction(slope: float) -> 
     for share, slips in ((1.0 + 1e-9, []), (1.0 - 1e-9, [2])):
         run = pair_on_a_line(slope, "one-sided", share * demand)
         assert run.events["ball"][run.events["event"] == "slip"].tolist() == slips
+
+
+# A hoop that the trace carries, and a particle that it holds back.
+HELD: dict[str, list[dict[str, Any]]] = {
+    "on an arc": [{"radius": 0.1, "arc": 1, "angle": 0.3}, {"radius": 0.1, "arc": 1, "angle": 2.0}],
+    "on a line": [
+        {"radius": 0.1, "arc": 1, "angle": 0.3},
+        {"radius": 0.1, "arc": 2, "position": 2.0},
+    ],
+    "touching": [
+        {"radius": 0.3, "arc": 1, "angle": 1.05},
+        {"radius": 0.3, "arc": 1, "touching": "previous"},
+    ],
+}
+
+
+@pytest.mark.parametrize("turning", [None, 1e-9])
+@pytest.mark.parametrize("where", HELD)
+def test_a_particle_that_the_trace_holds_back_needs_no_friction(
+    where: str, turning: float | None
+) -> None:
+    trace: dict[str, Any] = {
+        "start_slope": -2.2,
+        "arcs": [
+            {"shape": "valley", "radius": 1.0, "end_slope": 2.2},
+            {"shape": "line", "length": 3.0},
+        ],
+    }
+    if turning is not None:
+        trace["turning"] = {"x": 0.0, "rate": turning}
+    bodies = [{"body": "hoop", "mass": 1.0}, {"body": "particle", "mass": 0.1}]
+    document = {
+        "gravity": 9.81,
+        "trace": trace,
+        "balls": [a | b for a, b in zip(bodies, HELD[where], strict=True)],
+        "stop": {"time": 0.1},
+        "collision": {"k": 0.0},
+    }
+    run = simulate(scenario_of(document))
+    instants = np.linspace(2.0 * STEP, 0.1 - 2.0 * STEP, 101)
+    normal, friction = np.transpose([forces(run, t) for t in instants], (2, 0, 1))
+    assert min(normal[:, 0]) > 0.0 > max(normal[:, 1])
+    found = run.summary_record()["max_friction_demand"]
+    assert found == pytest.approx(max(friction[:, 0] / normal[:, 0]), rel=1e-3)

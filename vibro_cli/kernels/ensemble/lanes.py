@@ -132,6 +132,7 @@ def _demand(body: BodyLanes, piece: PieceData, m: Lanes, s2: Lanes, most: Lanes)
     pull = 2.0 * body.weight * share
     held = most * normal
     less = both(normal > 0.0, pull * pull * square <= BELOW * (held * held))
+    less = either(share == 0.0, less)
     if not any_lane(opposite(less)):
         return 0.0 * normal
     force = body.weight * (2.0 * math.sqrt(square)) * share

@@ -328,9 +328,10 @@ def _tally_on_line(body: BodyData, track: TrackData, s: float, outcome: Outcome)
     """Count in the forces at a place (m) of a line: both are linear between its ends."""
     normal = body.weight * (track.line_press + track.line_press_growth * s)
     pull = track.line_acceleration + track.line_growth * track.line_growth * s
-    demand = friction_demand((body.kappa - 1.0) * body.mass * abs(pull), normal)
     outcome.least_force = min(outcome.least_force, normal)
-    outcome.most_demand = max(outcome.most_demand, demand)
+    if body.kappa > 1.0:
+        demand = friction_demand((body.kappa - 1.0) * body.mass * abs(pull), normal)
+        outcome.most_demand = max(outcome.most_demand, demand)
 
 
 @kernel

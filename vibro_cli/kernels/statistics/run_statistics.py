@@ -3,7 +3,8 @@
 On an arc ``N/(m g) = sign(cos f + (4/kappa) P^2)`` is linear in ``S^2`` (f = phi in a valley, psi
 + pi on a hump, whose sign is -1), so its extremes over a flight lie at the extremes of ``S^2``;
 the friction that rolling needs, ``|F|/N`` with ``F = m g sin(alpha)(1 - 1/kappa)``, is stationary
-also where ``cos f = -B/A``, ``N/m = A + B cos f``.
+also where ``cos f = -B/A``, ``N/m = A + B cos f``. What slides (kappa = 1) needs none, whatever its
+normal force.
 
 On one arc the normal force is ``a + b cos f + c sin f`` in the angle of the group's pendulum
 (``kernels.cluster.trace_forces``), so its extremes are exact; on a short segment across pieces the
@@ -38,6 +39,7 @@ from vibro_cli.kernels.world import (
     ImpactRow,
     PieceData,
     World,
+    number_along,
     track_on,
 )
 
@@ -317,11 +319,12 @@ def tally_alone(
     track = track_on(world, row.body, row.piece)
     if track.path_radius == 0.0:
         outcome.least_force = min(outcome.least_force, body.weight * piece.tangent_x)
-        demand = friction_demand(
-            body.weight * abs(piece.tangent_y) * (1.0 - 1.0 / body.kappa),
-            body.weight * piece.tangent_x,
-        )
-        outcome.most_demand = max(outcome.most_demand, demand)
+        if body.kappa > 1.0:
+            demand = friction_demand(
+                body.weight * abs(piece.tangent_y) * (1.0 - 1.0 / body.kappa),
+                body.weight * piece.tangent_x,
+            )
+            outcome.most_demand = max(outcome.most_demand, demand)
         return
     low, high = _range(row, track.frequency, duration, end)
     m = row.parameter
@@ -380,9 +383,11 @@ def _arc_demand(body: BodyData, piece: PieceData, m: float, s2: float, most: flo
 
     Squares tell that without a root and a quotient.
     """
+    share = 1.0 - 1.0 / body.kappa
+    if share == 0.0:
+        return 0.0
     normal = arc_force(body, piece, m, s2)
     square = max(s2 * (1.0 - s2), 0.0)
-    share = 1.0 - 1.0 / body.kappa
     if normal > 0.0:
         pull = 2.0 * body.weight * share
         held = most * normal
@@ -426,7 +431,7 @@ def group_extremes(
             t = 0.0 if place == 0 else (duration if place == 1 else turn)
             if place == 0 or t > 0.0:
                 set_forces(world, number, AT_TIME, t, scratch)
-                least, demand = _counted_in(world, row.group_count, least, demand)
+                least, demand = _counted_in(world, row, least, demand)
         return least, demand
     low, high = pendulum_range(world, number, duration, end, scratch)
     fit_forces(world, number, scratch)
@@ -438,12 +443,13 @@ def group_extremes(
 
 
 @kernel
-def _counted_in(world: World, count: int, least: float, demand: float) -> tuple[float, float]:
+def _counted_in(world: World, row: FlightRow, least: float, demand: float) -> tuple[float, float]:
     """Count in the forces on the bodies of a group at one instant."""
-    for place in range(count):
+    for place in range(row.group_count):
         one = world.forces[place]
         least = min(least, one.normal)
-        demand = max(demand, friction_demand(one.friction, one.normal))
+        if world.bodies[number_along(world, row.group_first, place)].kappa > 1.0:
+            demand = max(demand, friction_demand(one.friction, one.normal))
     return least, demand
 
 
@@ -483,7 +489,7 @@ def _at_angle(
 ) -> tuple[float, float]:
     """Count in the forces at one angle of the pendulum."""
     normal = a + b * math.cos(f) + c * math.sin(f)
-    needed = friction_demand(abs(q * math.sin(f)), normal)
+    needed = friction_demand(abs(q * math.sin(f)), normal) if q != 0.0 else 0.0
     return min(least, normal), max(demand, needed)
 
 
