@@ -117,30 +117,35 @@ class Sampling:
     """The instants of the motion table, ascending or by their step, as a run comes to them."""
 
     def __init__(self, wanted: Wanted) -> None:
-        self._wanted = wanted
+        self._times = None if wanted.times is None else np.array(wanted.times, dtype=np.float64)
+        self._step = wanted.step
         self._told = 0
 
-    def until(self, end: float, ended: bool) -> list[Instants]:
-        """Return the next instants before the end (s) of a stretch, not many in each array.
+    def until(self, end: float, ended: bool) -> Iterator[Instants]:
+        """Yield the next instants before the end (s) of a stretch, not many in each array.
 
-        When the run has ended, all that are left. There is one array at least.
+        When the run has ended, all that are left. There is one array at least. A stretch may have
+        any number of them: they are made as they are asked for.
         """
-        instants = self._left(end)
-        if not ended:
-            instants = instants[instants < end]
-        self._told += len(instants)
-        firsts = range(0, max(len(instants), 1), _AT_ONCE)
-        return [instants[first : first + _AT_ONCE] for first in firsts]
+        first, self._told = self._told, self._count(end, ended)
+        for number in range(first, max(self._told, first + 1), _AT_ONCE):
+            yield self._numbered(number, min(number + _AT_ONCE, self._told))
 
-    def _left(self, end: float) -> Instants:
-        """The instants up to a time (s) that are not told of yet."""
-        if self._wanted.times is not None:
-            listed: Instants = np.array(self._wanted.times, dtype=np.float64)
-            return np.asarray(listed[_reached(listed, end)][self._told :])
-        step = self._wanted.step
-        assert step is not None
-        count = int(np.floor(end / step * (1.0 + ROUNDING))) + 1
-        return np.arange(self._told, count, dtype=np.float64) * step
+    def _numbered(self, first: int, beyond: int) -> Instants:
+        if self._times is not None:
+            return self._times[first:beyond]
+        assert self._step is not None
+        return np.arange(first, beyond, dtype=np.float64) * self._step
+
+    def _count(self, end: float, ended: bool) -> int:
+        """How many instants there are up to the end of the run (s), or before that of a stretch."""
+        if self._times is not None:
+            return int(np.sum(_reached(self._times, end) if ended else self._times < end))
+        assert self._step is not None
+        count = int(np.floor(end / self._step * (1.0 + ROUNDING))) + 1
+        while not ended and count > 0 and (count - 1) * self._step >= end:
+            count -= 1
+        return count
 
 
 Watcher = Callable[[float, int], None]

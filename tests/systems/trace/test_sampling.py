@@ -15,6 +15,7 @@ from vibro_cli.api import load_scenario, simulate
 from vibro_cli.stress.oracles.reference_solver import Twin, happenings_of
 from vibro_cli.stress.oracles.scene import mp, scene_of_system
 from vibro_cli.systems.run import Run
+from vibro_cli.systems.wanted import Sampling, Wanted
 
 FOLDER = Path(__file__).parents[3] / "scenarios"
 EPSILON = 2.0**-52
@@ -144,6 +145,34 @@ def test_motion_table_by_times() -> None:
     run = motion_of("output.times=[0.0, 0.3, 2.999]")
     assert run.motion is not None
     assert run.motion["t"].tolist() == [0.0, 0.0, 0.3, 0.3, 2.999, 2.999]
+
+
+@pytest.mark.parametrize(
+    ("wanted", "ends"),
+    [
+        (Wanted(step=0.1), [0.0, 0.3, 0.3, 0.70001, 0.7 + 1e-15, 2.0]),
+        (Wanted(times=(0.0, 0.1, 0.5, 0.7, 2.0, 3.0)), [0.05, 0.1, 0.5, 0.6, 2.0]),
+    ],
+)
+def test_each_instant_is_in_the_stretch_it_lies_in(wanted: Wanted, ends: list[float]) -> None:
+    every = [k * 0.1 for k in range(21)] if wanted.times is None else [0.0, 0.1, 0.5, 0.7, 2.0]
+    sampling = Sampling(wanted)
+    told: list[float] = []
+    for end in ends:
+        for instants in sampling.until(end, ended=False):
+            told += instants.tolist()
+        assert told == [t for t in every if t < end]
+    for instants in sampling.until(2.0, ended=True):
+        told += instants.tolist()
+    assert told == every
+
+
+def test_instants_without_number_take_no_memory() -> None:
+    """As many as no machine could hold: 480 TB."""
+    parts = Sampling(Wanted(step=1e-12)).until(60.0, ended=True)
+    first, second = next(parts), next(parts)
+    expected = np.arange(len(first) + len(second)) * 1e-12
+    assert np.array_equal(np.concatenate([first, second]), expected)
 
 
 def test_no_motion_unless_asked_for() -> None:
