@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
+from threading import Event
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -210,7 +211,7 @@ def stream(
     """
     if names is None:
         names = [table.file for table in kind.tables()]
-    calls = aside if in_background else _at_once
+    calls = partial(aside, given_up=Event()) if in_background else _at_once
     refusal = None
     with calls(_ROWS_AHEAD) as write, calls(_AHEAD) as tell:
         tables = kind.teller(system, wanted, names, partial(write, sink))
@@ -266,19 +267,30 @@ def ahead(stretches: Iterator[Stretch]) -> Iterator[Stretch]:
 
 
 @contextmanager
-def aside(waiting: int) -> Iterator[Callable[..., None]]:
-    """Make calls in a thread of its own, one after another; so many may wait before the caller."""
+def aside(waiting: int, given_up: Event | None = None) -> Iterator[Callable[..., None]]:
+    """Make calls in a thread of its own, one after another; so many may wait before the caller.
+
+    Where one thread makes calls in another, they share what says that the whole is `given_up`: a
+    call under way may take hours (a stretch with very many samples), and ends with its next one.
+    """
+    given_up = given_up or Event()
     with ThreadPoolExecutor(1) as thread:
         under_way: list[Future[None]] = []
 
         def call(function: Callable[..., None], *arguments: Any) -> None:
+            if given_up.is_set():
+                raise CancelledError
             under_way.append(thread.submit(function, *arguments))
             while len(under_way) > waiting:
                 under_way.pop(0).result()
 
-        yield call
-        for future in under_way:
-            future.result()
+        try:
+            yield call
+            for future in under_way:
+                future.result()
+        except BaseException:
+            given_up.set()
+            raise
 
 
 @contextmanager

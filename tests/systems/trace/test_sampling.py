@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import signal
+import time
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -11,7 +13,7 @@ import numpy as np
 import pytest
 
 from tests import references
-from vibro_cli.api import load_scenario, simulate
+from vibro_cli.api import load_scenario, simulate, simulate_streamed
 from vibro_cli.stress.oracles.reference_solver import Twin, happenings_of
 from vibro_cli.stress.oracles.scene import mp, scene_of_system
 from vibro_cli.systems.run import Run
@@ -173,6 +175,31 @@ def test_instants_without_number_take_no_memory() -> None:
     first, second = next(parts), next(parts)
     expected = np.arange(len(first) + len(second)) * 1e-12
     assert np.array_equal(np.concatenate([first, second]), expected)
+
+
+def test_a_signal_ends_a_run_in_the_midst_of_very_many_samples() -> None:
+    """The table is made in a thread of its own; waiting for its 120 million rows takes a minute."""
+    scenario = load_scenario(FOLDER / "three_arcs.toml", ["output.step=1e-6"])
+    rows = 0
+
+    def count(name: str, columns: Any) -> None:
+        nonlocal rows
+        rows += len(columns["t"]) if name == "motion" else 0
+
+    def end(number: int, frame: Any) -> None:
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGALRM, end)
+    began = time.monotonic()
+    try:
+        signal.setitimer(signal.ITIMER_REAL, 1.0)
+        with pytest.raises(KeyboardInterrupt):
+            simulate_streamed(scenario, count)
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+    assert 0 < rows < 120_000_000
+    assert time.monotonic() - began < 10.0
 
 
 def test_no_motion_unless_asked_for() -> None:
