@@ -5,6 +5,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
@@ -125,6 +126,17 @@ def test_a_file_that_is_no_table_is_one_line(
     assert outcome.err.startswith(f"{table}: ")
     assert message in outcome.err
     assert outcome.err.count("\n") == 1
+
+
+@pytest.mark.parametrize("form", [[], ["--json"], ["--format", "csv"], ["--columns", "t"]])
+def test_a_table_with_two_columns_of_one_name_is_one_line(
+    vibro: Vibro, table: Path, form: list[str]
+) -> None:
+    twice = pa.table([pa.array([1.0]), pa.array([2.0])], names=["t", "t"])
+    pq.write_table(twice, table)
+    outcome = vibro("show", table, *form)
+    assert outcome.code == 2
+    assert outcome.err == f"{table}: no parquet table: 2 columns are named 't'\n"
 
 
 def test_a_table_of_a_like_name_is_suggested(vibro: Vibro, table: Path) -> None:

@@ -5,7 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
+from pyarrow import csv
 
 from tests.two_balls import SCENARIO
 from vibro_cli.grids.document import load_grid
@@ -64,10 +67,6 @@ def test_designs_fill_every_stratum_and_do_not_depend_on_the_stretch(
 
 @pytest.mark.parametrize("suffix", ["csv", "parquet"])
 def test_a_table_of_scenarios(write: Path, tmp_path: Path, suffix: str) -> None:
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-    from pyarrow import csv
-
     table = pa.table({"collision.k": [0.5, 1.0], "collision.law": ["hedrih", "translational"]})
     if suffix == "csv":
         csv.write_csv(table, tmp_path / "points.csv")
@@ -138,6 +137,16 @@ WRONG = {
     "unknown key": ('base = "base.toml"\naxis = 1\n', ['axis: found the unknown key "axis"']),
     "no table": (AXIS + 'table = "nowhere.csv"\n', ["axes[1].table: ", "nowhere.csv"]),
 }
+
+
+@pytest.mark.parametrize("suffix", ["csv", "parquet"])
+def test_a_table_with_two_columns_of_one_name_is_refused(write: Path, suffix: str) -> None:
+    twice = pa.table([pa.array([0.5]), pa.array([0.6])], names=["collision.k", "collision.k"])
+    file = write.with_name(f"points.{suffix}")
+    csv.write_csv(twice, file) if suffix == "csv" else pq.write_table(twice, file)
+    write.write_text(AXIS + f'table = "{file.name}"\n')
+    with pytest.raises(ScenarioError, match=r"table: .*2 columns are named 'collision.k'"):
+        load_grid(write)
 
 
 @pytest.mark.parametrize("name", WRONG)

@@ -65,7 +65,7 @@ def read_measured(file: str | Path) -> Measured:
     """
     import pyarrow as pa
 
-    from vibro_cli.storage.tables import read_parquet
+    from vibro_cli.storage.tables import once_each, read_parquet
 
     path = Path(file)
     try:
@@ -73,7 +73,7 @@ def read_measured(file: str | Path) -> Measured:
             from pyarrow import csv
 
             with path.open("rb") as stream:
-                table = csv.read_csv(stream)
+                table = once_each(csv.read_csv(stream))
         elif path.suffix == ".parquet":
             table = read_parquet(path)
         else:

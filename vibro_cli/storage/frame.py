@@ -28,15 +28,15 @@ def read_columns(path: Path) -> dict[str, np.ndarray[Any, np.dtype[Any]]]:
 
     Raises `UnreadableTable`, also for missing values.
     """
+    from vibro_cli.storage.tables import once_each, read_parquet
+
     try:
         if path.suffix.lower() == ".parquet":
-            from vibro_cli.storage.tables import read_parquet
-
             table = read_parquet(path)
         elif path.suffix.lower() == ".csv":
             from pyarrow import csv
 
-            table = csv.read_csv(path)
+            table = once_each(csv.read_csv(path))
         else:
             raise UnreadableTable(f"whose name ends with {path.suffix or 'nothing'}")
     except (OSError, pa.ArrowException) as error:

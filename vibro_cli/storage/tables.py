@@ -13,6 +13,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
@@ -287,10 +288,21 @@ def read_parquet(source: Path | BinaryIO) -> pa.Table:
     """A parquet file as written, its pages held to their checksums.
 
     Raises `OSError` for a file that cannot be read or is damaged, `pyarrow.ArrowException` for one
-    that is no parquet.
+    that is no parquet, or has two columns of one name.
     """
     with pq.ParquetFile(source, page_checksum_verification=True) as file:
-        return file.read()
+        return once_each(file.read())
+
+
+def once_each(table: pa.Table) -> pa.Table:
+    """A table of somebody else, if none of its columns has the name of another.
+
+    Raises `pyarrow.ArrowException` otherwise: names are all that columns are asked for by.
+    """
+    for name, times in Counter(table.column_names).items():
+        if times > 1:
+            raise pa.ArrowInvalid(f"{times} columns are named {name!r}")
+    return table
 
 
 def unit_of(field: pa.Field) -> str:
@@ -320,7 +332,7 @@ def read_rows(
         ends = np.cumsum([0, *sizes])
         first, last, _ = rows.indices(file.metadata.num_rows)
         groups = np.flatnonzero((ends[:-1] < last) & (ends[1:] > first)).tolist()
-        found = file.read_row_groups(groups, columns)
+        found = once_each(file.read_row_groups(groups, columns))
     wanted = found if columns is None else found.select(list(columns))
     start = first - int(ends[groups[0]]) if groups else 0
     return wanted.slice(start, max(last - first, 0)), first, int(ends[-1])
