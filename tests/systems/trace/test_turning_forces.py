@@ -121,6 +121,32 @@ def test_slips_are_where_friction_is_not_enough(name: str, limit: float) -> None
     assert int(np.sum(found.events["event"] == "slip")) == count
 
 
+def round_and_round(slope: int, speed: float, rate: float, x: float) -> dict[str, Any]:
+    """A hoop that goes round a closed circle beside its axis, from seam to seam."""
+    hoop = ball(1, f"{slope + 300} deg", speed=speed) | {"body": "hoop", "mass": 1.0}
+    del hoop["density"]
+    circle = [{"shape": "valley", "radius": 1.0, "end_slope": f"{slope + 360} deg"}]
+    scene = data(circle, [hoop], {"x": x, "rate": rate}, f"{slope} deg", stop={"time": 3.0})
+    scene["trace"]["closed"] = True
+    scene["output"] = {"friction": 0.4}
+    return {name: part for name, part in scene.items() if name not in ("ends", "collision")}
+
+
+@pytest.mark.parametrize("slope", range(-170, -10, 40))
+@pytest.mark.parametrize("speed", [-5.5, -4.0, 4.0, 5.5])
+def test_forces_over_whole_turns_are_those_of_the_motion(slope: int, speed: float) -> None:
+    for rate, x in ((3.4, 2.0), (3.6, 0.4), (2.0, -1.0)):
+        found = run(round_and_round(slope, speed, rate, x), "compiled")
+        _, normal, friction = sampled(found)
+        least = float(np.min(normal))
+        record = found.summary_record()
+        assert record["crossings"] > 1
+        assert record["min_normal_force"] == pytest.approx(least, rel=1e-3, abs=1e-3)
+        for name, beyond in (("slip", friction > 0.4 * normal), ("lift_off", normal < 0.0)):
+            count = int(np.sum(beyond[1:] & ~beyond[:-1])) + int(beyond[0])
+            assert int(np.sum(found.events["event"] == name)) == count, (name, rate)
+
+
 @pytest.mark.parametrize(("angle", "rate", "limit"), [(-1.2, 1.0, 0.12), (0.3, 6.0, 0.3)])
 def test_passages_are_where_and_when_quadrature_says(
     angle: float, rate: float, limit: float

@@ -284,6 +284,9 @@ def half_range(
     end_s, end_c, end_p = end
     sine, cosine = angle_from_start(flight, end_s, end_c)
     half = math.atan2(sine, cosine)
+    if flight.turns_over == 1 and cosine < 0.0 and half * flight.flow_p < 0.0:
+        # Of a whole turn rounding alone tells on which side of its start it ends.
+        half -= math.copysign(2.0 * math.pi, half)
     low = min(half, 0.0)
     high = max(half, 0.0)
     if flight.at_rest == 1 or flight.turns_over == 1:
