@@ -327,6 +327,22 @@ def test_a_wall_near_bodies_that_are_shown_close_is_in_the_picture() -> None:
     assert scene(far).axes[0].get_xlim()[0] > 10.0
 
 
+def test_of_very_many_pieces_and_bodies_those_with_room_are_named() -> None:
+    """A trace of 120 arcs with a body in every valley: names were on one another, in a minute."""
+    shapes = [("valley", "50 deg"), ("hump", "-50 deg")] * 60
+    arcs = [{"shape": one, "radius": 1.0, "end_slope": slope} for one, slope in shapes]
+    balls = [{"radius": 0.1, "mass": 1.0, "arc": 2 * n + 1, "angle": 0.0} for n in range(60)]
+    document = {
+        "gravity": 9.81, "trace": {"start_slope": "-50 deg", "arcs": arcs}, "balls": balls,
+        "collision": {"k": 1.0}, "stop": {"time": 0.1},
+    }  # fmt: skip
+    figure = scene(simulate(any_scenario_of(document)), "double")
+    assert_texts_are_apart(figure)
+    names = [text.get_text() for text in figure.axes[0].texts]
+    assert 40 < len(names) <= 60
+    assert set(names) <= {str(number) for number in range(1, 61)}  # of bodies, not of pieces
+
+
 def test_the_potential_energy_of_a_level_line_is_clear_of_the_frame() -> None:
     lower = energy_portrait(run_of("translation"), 1).axes[1]
     assert not np.any(lower.lines[0].get_ydata())

@@ -5,13 +5,23 @@ from __future__ import annotations
 import numpy as np
 
 from vibro_cli.figures.labels import place_numbers
+from vibro_cli.figures.source import Array
 
 SIZE = (60.0, 50.0)
 NOTHING = np.empty((0, 2))
 
 
+def placed(
+    texts: list[str], anchors: list[Array], obstacles: Array = NOTHING
+) -> list[tuple[float, float]]:
+    """Where each text stands; every one has room."""
+    places = [place for place in place_numbers(texts, anchors, obstacles, SIZE) if place]
+    assert len(places) == len(texts)
+    return places
+
+
 def test_number_stands_close_to_its_point() -> None:
-    ((x, y),) = place_numbers(["1"], [np.array([[30.0, 25.0]])], NOTHING, SIZE)
+    ((x, y),) = placed(["1"], [np.array([[30.0, 25.0]])])
     assert 1.0 < np.hypot(x - 30.0, y - 25.0) < 3.5
 
 
@@ -20,16 +30,14 @@ def test_number_keeps_off_curves() -> None:
     line = np.linspace(0.0, 60.0, 600)
     above = np.column_stack([line, np.full(600, 26.5)])
     right = np.column_stack([np.full(600, 31.5), line])
-    ((x, y),) = place_numbers(
-        ["1"], [np.array([[30.0, 25.0]])], np.concatenate([above, right]), SIZE
-    )
+    ((x, y),) = placed(["1"], [np.array([[30.0, 25.0]])], np.concatenate([above, right]))
     assert x < 31.0
     assert y < 25.5
 
 
 def test_numbers_stay_in_the_panel_and_apart() -> None:
     corner = [np.array([[0.3, 0.3]]), np.array([[0.4, 0.6]]), np.array([[59.9, 49.9]])]
-    places = place_numbers(["1", "2", "12"], corner, NOTHING, SIZE)
+    places = placed(["1", "2", "12"], corner)
     for x, y in places:
         assert 0.0 < x < SIZE[0]
         assert 0.0 < y < SIZE[1]
@@ -39,6 +47,16 @@ def test_numbers_stay_in_the_panel_and_apart() -> None:
 
 def test_number_stands_nearer_to_its_own_point() -> None:
     points = [np.array([[30.0, 25.0]]), np.array([[33.0, 25.0]])]
-    for number, (x, y) in enumerate(place_numbers(["1", "2"], points, NOTHING, SIZE)):
+    for number, (x, y) in enumerate(placed(["1", "2"], points)):
         own, other = points[number][0], points[1 - number][0]
         assert np.hypot(x - own[0], y - own[1]) < np.hypot(x - other[0], y - other[1])
+
+
+def test_numbers_without_room_are_left_out() -> None:
+    """Of 200 on one point, those that are placed are apart; before, they stood on one another."""
+    middle = [np.array([[30.0, 25.0]])] * 200
+    places = [place for place in place_numbers(["88"] * 200, middle, NOTHING, SIZE) if place]
+    assert 10 < len(places) < 100
+    for number, (x, y) in enumerate(places):
+        for u, v in places[:number]:
+            assert abs(x - u) > 2.5 or abs(y - v) >= 2.5

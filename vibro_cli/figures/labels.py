@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 from matplotlib.lines import Line2D
 from matplotlib.textpath import TextPath
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from vibro_cli.figures import style
 from vibro_cli.figures.source import Array
@@ -41,6 +41,8 @@ _RIGHT = 2.5
 
 _SHARES = (0.9, 0.8, 0.7, 0.6)
 """Of the width, that rows of a legend are tried in."""
+
+Flags = NDArray[np.bool_]
 
 Entry = tuple[str, Look]
 """What is written, and the looks of its line or mark."""
@@ -175,7 +177,6 @@ _OTHER = 15.0
 """Points of curves that may be covered to stand beside the preferred point."""
 _AMBIGUOUS = 40.0
 """Points of curves that may be covered not to stand nearer to another point than to one's own."""
-_FORBIDDEN = 1e6
 
 
 def place_numbers(
@@ -184,31 +185,30 @@ def place_numbers(
     obstacles: Array,
     size: tuple[float, float],
     reserved: Sequence[tuple[float, float, float]] = (),
-) -> list[tuple[float, float]]:
+) -> list[tuple[float, float] | None]:
     """Return where to centre each text so that it covers as little as possible.
 
     All in mm from the lower left corner of a panel of the given size: `anchors` holds for each text
     the points it may stand beside, shape (k, 2), the preferred one first; `obstacles` are points of
     everything drawn, shape (n, 2); `reserved` are the middles and half widths of texts that stand
-    already. Greedy, in the order of the texts.
+    already. Greedy, in the order of the texts; None where texts and the frame leave no room.
     """
     taken = [*reserved]
-    places = []
+    places: list[tuple[float, float] | None] = []
     for number, (text, points) in enumerate(zip(texts, anchors, strict=True)):
         half = 0.5 * _CHARACTER * len(text) + 0.15
         candidates, costs = _candidates(points, half)
-        costs = costs + _covered(candidates, half, obstacles)
+        free = _inside(candidates, half, size) & ~_on_texts(candidates, half, taken)
+        if not free.any():
+            places.append(None)
+            continue
+        candidates, costs = candidates[free], costs[free]
+        costs += _covered(candidates, half, obstacles)
         others = [*anchors[:number], *anchors[number + 1 :]]
         costs += _AMBIGUOUS * _nearer_to(candidates, others, points)
-        costs += _FORBIDDEN * _outside(candidates, half, size)
-        for x, y, other in taken:
-            near = (np.abs(candidates[:, 0] - x) < half + other + _CLEAR) & (
-                np.abs(candidates[:, 1] - y) < _HIGH
-            )
-            costs += _FORBIDDEN * near
-        best = candidates[int(np.argmin(costs))]
-        places.append((float(best[0]), float(best[1])))
-        taken.append((float(best[0]), float(best[1]), half))
+        x, y = candidates[int(np.argmin(costs))].tolist()
+        places.append((x, y))
+        taken.append((x, y, half))
     return places
 
 
@@ -259,11 +259,18 @@ def _covered(candidates: Array, half: float, obstacles: Array) -> Array:
     return covered
 
 
-def _outside(candidates: Array, half: float, size: tuple[float, float]) -> Array:
+def _inside(candidates: Array, half: float, size: tuple[float, float]) -> Flags:
     margin = np.array([half + _CLEAR, 0.5 * _HIGH + _CLEAR])
-    beyond = (candidates < margin) | (candidates > np.array(size) - margin)
-    outside: Array = beyond.any(axis=1).astype(np.float64)
-    return outside
+    inside: Flags = ((candidates >= margin) & (candidates <= np.array(size) - margin)).all(axis=1)
+    return inside
+
+
+def _on_texts(candidates: Array, half: float, texts: Sequence[tuple[float, float, float]]) -> Flags:
+    """Return which places of a text are on one of the others, given by middles and half widths."""
+    x, y, halves = np.reshape(texts, (-1, 3)).T
+    across = np.abs(candidates[:, 0, None] - x) < half + halves + _CLEAR
+    on: Flags = (across & (np.abs(candidates[:, 1, None] - y) < _HIGH)).any(axis=1)
+    return on
 
 
 @dataclass(frozen=True)
@@ -285,8 +292,8 @@ def write_names(
 ) -> None:
     """Write names beside their points, where they cover least of `obstacles`, shape (n, 2).
 
-    Points in the units of the axes. Names that stand far get lines. `figures` are the middles of
-    single figures that are written already.
+    Points in the units of the axes. Names that stand far get lines, those without room are left
+    out. `figures` are the middles of single figures that are written already.
     """
     size = panel_size(axes)
     (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
@@ -300,6 +307,8 @@ def write_names(
     reserved = [(float(x), float(y), _CHARACTER) for x, y in written]
     places = place_numbers(plain, anchors, covered, size, reserved)
     for name, place, anchor in zip(names, places, anchors, strict=True):
+        if place is None:
+            continue
         line = leader(place, anchor)
         if line is not None:
             ends = line / scale + corner

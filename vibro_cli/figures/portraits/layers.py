@@ -397,6 +397,8 @@ def draw_numbers(one: Panel, branches: Branches, jumps: Jumps, marks: Array) -> 
     anchors = [np.stack(pair) for pair in zip(after, before, strict=True)]
     places = place_numbers(texts, anchors, obstacles, one.size)
     for text, place, points in zip(texts, places, anchors, strict=True):
+        if place is None:
+            continue
         one.axes.text(*one.from_millimetres(place), text, path_effects=HALO, zorder=3.0, **NUMBER)
         line = leader(place, points)
         if line is not None:

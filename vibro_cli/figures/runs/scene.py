@@ -48,6 +48,8 @@ _WORDS = 7.0
 """Room for numbers around what is drawn (mm)."""
 _AWAY = 3.2
 """Distance of the number of a piece from the trace (mm)."""
+_NARROW = 5.0
+"""Pieces shorter than this (mm) have no number, centre and radius: there is no room for three."""
 _KEEN = 3
 """How much rather names cover something else than a line."""
 _WALL = 5.0
@@ -75,7 +77,7 @@ def scene(run: Recorded, width: str = "single") -> Figure:
     """Return the trace to scale with its pieces numbered and the bodies at the start.
 
     The centres O and radii R of the arcs are drawn, of a few bodies the centres C, contact points
-    P and angles φ, ψ too.
+    P and angles φ, ψ too. Of pieces that are very short in it only the junctions are marked.
 
     Raises ValueError for a width that is neither `single` nor `double`.
     """
@@ -93,13 +95,16 @@ def scene(run: Recorded, width: str = "single") -> Figure:
         plane_axes(axes, middle - half, middle + half)
         axes.plot(surface[:, 0], surface[:, 1], zorder=2.0, **_SURFACE)
         within = low, high
-        numbers = [_number_place(run, piece, scale) for piece in run.system.trace.pieces]
+        pieces = [one for one in run.system.trace.pieces if one.length * scale >= _NARROW]
+        numbers = [_number_place(run, piece, scale) for piece in pieces]
         named = [
             name
-            for piece, place in zip(run.system.trace.pieces, numbers, strict=True)
+            for piece, place in zip(pieces, numbers, strict=True)
             for name in _draw_piece(axes, run, piece, place, within)
         ]
-        axes.plot(*surface[-1], zorder=2.2, clip_on=True, **_JUNCTION)
+        starts = [piece.contact_point(piece.angle_start) for piece in run.system.trace.pieces]
+        for junction in (*starts, surface[-1]):
+            axes.plot(*junction, zorder=2.2, clip_on=True, **_JUNCTION)
         draw_ends(axes, run.system, _WALL / scale)
         if run.system.turning is not None:
             _draw_axis(axes, run.system.turning)
@@ -176,12 +181,10 @@ def _number_place(run: Recorded, piece: Piece, scale: float) -> Array:
 def _draw_piece(
     axes: Axes, run: Recorded, piece: Piece, place: Array, within: Extent
 ) -> list[Named]:
-    """Mark where a piece begins, write its number below it; return centre and radius to be named.
+    """Write the number of a piece below it; return centre and radius to be named.
 
     The centre of an arc and its radius are left out where they are off the figure.
     """
-    begins = piece.contact_point(piece.angle_start)
-    axes.plot(*begins, zorder=2.2, **_JUNCTION)
     look = _SAY | {"color": style.FRAME_GREY, "fontstyle": "italic"}
     words = str(piece.index + 1)
     if np.all(place > within[0]) and np.all(place < within[1]):
