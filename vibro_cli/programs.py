@@ -17,7 +17,7 @@ from vibro_cli.kernels.ensemble.records import fill_stacked
 from vibro_cli.kernels.events.event_loop import proceed
 from vibro_cli.kernels.events.liftoff_slip import find_passages
 from vibro_cli.kernels.flow.flow import sample_flights
-from vibro_cli.kernels.numerics.angles import fill_angles
+from vibro_cli.kernels.numerics.elliptic import fill_angles
 from vibro_cli.kernels.rotating import TURNING
 from vibro_cli.kernels.statistics.impact_columns import fill_columns
 from vibro_cli.kernels.statistics.run_statistics import tally

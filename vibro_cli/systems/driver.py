@@ -16,7 +16,7 @@ from vibro_cli.compile import kernel as engine
 from vibro_cli.compile.kernel import Overrides, compiled_rows, dtype, interpreted_rows
 from vibro_cli.compile.native import compiled
 from vibro_cli.errors import VibroError
-from vibro_cli.kernels.numerics.angles import fill_angles
+from vibro_cli.kernels.numerics.elliptic import fill_angles
 from vibro_cli.kernels.world import LOG_FULL, BodyData
 from vibro_cli.mechanics.system import Body
 from vibro_cli.systems.wanted import FINAL, UNLIMITED, Limits, tell

@@ -1,4 +1,4 @@
-"""Sine and cosine; Jacobi's elliptic functions by theta series in the nome, and Carlson's integral.
+"""Sine, cosine, angles; Jacobi's functions by theta series in the nome, and Carlson's integral.
 
 The functions solve Euler's top ``s' = c d, c' = -s d, d' = -m s c`` from ``(0, 1, 1)`` for every
 ``m >= 0``: for ``m <= 1`` they are sn, cn, dn of parameter ``m``; for ``m > 1`` they follow from
@@ -14,6 +14,7 @@ the information and ``m`` none. Formulas: DLMF 20.2, 22.2 (theta series), 19.36 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 from vibro_cli.compile.kernel import Lanes, choose, has_bit, kernel, struct
 
@@ -141,6 +142,13 @@ def in_quadrant(x: float) -> tuple[float, float, float]:
     odd = (SIN_3 + z * SIN_5) + w * ((SIN_7 + z * SIN_9) + w * (SIN_11 + z * SIN_13))
     even = (COS_4 + z * COS_6) + w * ((COS_8 + z * COS_10) + w * (COS_12 + z * COS_14))
     return quadrant, r + (r * z) * odd, (1.0 - 0.5 * z) + w * even
+
+
+@kernel
+def fill_angles(y: Sequence[float], x: Sequence[float], angles: list[float]) -> None:
+    """Fill in the angles (rad, -pi to pi) of vectors."""
+    for number in range(len(angles)):
+        angles[number] = math.atan2(y[number], x[number])
 
 
 # Above this parameter the series run in the complementary nome (hyperbolic form).
