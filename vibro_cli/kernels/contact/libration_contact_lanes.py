@@ -191,7 +191,7 @@ def flow_in_lanes(swing: Flight, t: Lanes) -> tuple[Lanes, Lanes, Lanes]:
     """State of a libration a time t (s) after its start (see ``kernels.flow.flow.flow_of_two``)."""
     s, c = sine_cosine_in_lanes(swing.frequency * t * swing.argument_scale)
     s, c, d, common = trigonometric_form(swing, s, c)
-    return by_addition(swing, s, c, d, common)
+    return by_addition(swing.flow_s, swing.flow_c, swing.flow_p, s, c, d, common)
 
 
 @kernel

@@ -42,21 +42,18 @@ def swings(flight: Flight) -> bool:
 @kernel
 def flow(flight: Flight, t: float) -> tuple[float, float, float]:
     """Return ``(S, C, P)`` of the body a time ``t`` (s) after the start of a flight."""
-    s0 = flight.flow_s
     c0 = flight.flow_c
     p0 = flight.flow_p
     if flight.at_rest == 1:
         return flight.s, flight.c, flight.p
     if t == 0.0 and flight.grouped == 0:
-        return s0, c0, p0
+        return flight.flow_s, c0, p0
     if flight.form == LINE:
         a = flight.line_acceleration
-        return s0 + t * (p0 + 0.5 * a * t), c0, p0 + a * t
+        return flight.flow_s + t * (p0 + 0.5 * a * t), c0, p0 + a * t
     if flight.form == POLYNOMIAL:
         return polynomial_flow(flight, t)
     s, c, d, common = theta_functions(flight, flight.frequency * t)
-    if flight.form == TRIGONOMETRIC and flight.grouped == 0:
-        return by_addition(flight, s, c, d, common)
     if flight.form == HYPERBOLIC_TINY:
         # Homogeneous of degree 0 in (c, d, C, P): scaled against underflow at a crest.
         scale = 1.0 / (abs(c) + abs(s * c0))
@@ -64,14 +61,10 @@ def flow(flight: Flight, t: float) -> tuple[float, float, float]:
         d *= scale
         c0 *= scale
         p0 *= scale
-    sc0 = s * c0
-    inverse = 1.0 / (c * c + sc0 * sc0)
-    s1 = (s0 * (c * d) + p0 * c0 * (s * common)) * inverse
-    c1 = (c0 * (d * common) - s0 * p0 * (s * c)) * inverse
-    p1 = (p0 * (c * common) - s0 * c0 * (s * d)) * inverse
+    s, c, p = by_addition(flight.flow_s, c0, p0, s, c, d, common)
     if flight.grouped == 1:
-        return body_of_group(flight, s1, c1, p1)
-    return s1, c1, p1
+        return body_of_group(flight, s, c, p)
+    return s, c, p
 
 
 @kernel
@@ -92,19 +85,16 @@ def flow_of_two(
     b_s, b_c = sine_cosine(b.frequency * age_b * b.argument_scale)
     a_s, a_c, a_d, a_common = trigonometric_form(a, a_s, a_c)
     b_s, b_c, b_d, b_common = trigonometric_form(b, b_s, b_c)
-    a_s, a_c, a_p = by_addition(a, a_s, a_c, a_d, a_common)
-    b_s, b_c, b_p = by_addition(b, b_s, b_c, b_d, b_common)
+    a_s, a_c, a_p = by_addition(a.flow_s, a.flow_c, a.flow_p, a_s, a_c, a_d, a_common)
+    b_s, b_c, b_p = by_addition(b.flow_s, b.flow_c, b.flow_p, b_s, b_c, b_d, b_common)
     return a_s, a_c, a_p, b_s, b_c, b_p
 
 
 @kernel
 def by_addition(
-    flight: Flight, s: float, c: float, d: float, common: float
+    s0: float, c0: float, p0: float, s: float, c: float, d: float, common: float
 ) -> tuple[float, float, float]:
     """State from that at the start, by the addition theorems."""
-    s0 = flight.flow_s
-    c0 = flight.flow_c
-    p0 = flight.flow_p
     sc0 = s * c0
     inverse = 1.0 / (c * c + sc0 * sc0)
     return (
