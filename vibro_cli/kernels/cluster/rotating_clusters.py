@@ -45,7 +45,6 @@ from vibro_cli.kernels.flow.rotating_flight import (
     launch_on_line,
     press_harmonics,
     pull_harmonics,
-    scaled,
     square_harmonics,
 )
 from vibro_cli.kernels.flow.rotating_flow import TURNING_LINE, half_way, pull_of, time_to
@@ -56,6 +55,7 @@ from vibro_cli.kernels.numerics.conservative_advancement import (
     harmonic_size,
     harmonic_value,
     least_value,
+    scaled,
     turned,
 )
 from vibro_cli.kernels.numerics.constants import NEVER
@@ -76,7 +76,7 @@ from vibro_cli.kernels.world import (
 
 @kernel
 def set_group_flow(world: World, first: int, count: int, ball: int) -> None:
-    """Constants, exit and bounds of a member of a group on an arc (as ``groups`` has it)."""
+    """Constants, exit and bounds of a member of a group on an arc (as ``clusters`` has it)."""
     settings = world.settings[0]
     flight = world.flights[ball]
     track = track_of(world, ball)
@@ -92,8 +92,9 @@ def set_group_flow(world: World, first: int, count: int, ball: int) -> None:
         torque += x
         rho = track_of(world, member).path_radius
         strength = world.bodies[member].mass * settings.turning_square * rho * rho
-        along += strength * ((cosine - sine) * (cosine + sine))
-        across += strength * (2.0 * sine * cosine)
+        double_sine, double_cosine = twice_angle(sine, cosine)
+        along += strength * double_cosine
+        across += strength * double_sine
     flight.spread = along / torque
     flight.twist = 0.5 * across / torque
     set_group_motion(flight)
@@ -281,10 +282,8 @@ def normal_harmonics(world: World, first: int, count: int, step: int) -> Harmoni
     sine, cosine = twice_angle(flight.shift_s, flight.shift_c)
     own = turned((0.5 * track.spread, 1.0, track.tilt, -0.5 * track.spread, 0.0), sine, cosine)
     # P^2 in the group's angle: that from the start, turned back.
-    s = flight.flow_s
-    c = flight.flow_c
-    square = square_harmonics(flight, pull_harmonics(flight))
-    square = turned(square, -2.0 * s * c, (c - s) * (c + s))
+    sine, cosine = twice_angle(flight.flow_s, flight.flow_c)
+    square = turned(square_harmonics(flight, pull_harmonics(flight)), -sine, cosine)
     central = 4.0 * body.mass * track.path_radius * flight.frequency * flight.frequency
     sign = world.pieces[flight.piece].sign
     h = combined(scaled(sign * body.weight, own), sign * central, square)

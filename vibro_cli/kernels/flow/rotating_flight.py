@@ -32,6 +32,7 @@ from vibro_cli.kernels.numerics.conservative_advancement import (
     first_fall_of_harmonics,
     harmonic_value,
     mirrored,
+    scaled,
     turned,
 )
 from vibro_cli.kernels.numerics.constants import NEVER
@@ -80,13 +81,6 @@ def press_harmonics(flight: Flight, tilt: float, spread: float, kappa: float) ->
     square = square_harmonics(flight, pull_harmonics(flight))
     h = 0.5 * spread, 1.0, tilt, -0.5 * spread, 0.0
     return combined(harmonics_from_start(flight, h), 4.0 / kappa, square)
-
-
-@kernel
-def scaled(weight: float, h: Harmonics) -> Harmonics:
-    """A multiple of a function."""
-    a, b, c, d, e = h
-    return weight * a, weight * b, weight * c, weight * d, weight * e
 
 
 @kernel

@@ -259,7 +259,9 @@ def half_way(flight: Flight, side: float) -> float:
     for _ in range(TURNING_STEPS):
         s, c = sine_cosine(half)
         square = squared_rate(flight, s * side, c)
-        slope = _squared_rate_slope(flight, s * side, c) * side
+        s, c = place_from_start(flight, s * side, c)
+        # The derivative of P^2 with half the angle.
+        slope = pull_of(flight, s, c) * side
         if square <= 0.0:
             return half
         step = safe_step_second_order(square, slope, bound)
@@ -267,13 +269,6 @@ def half_way(flight: Flight, side: float) -> float:
             return half
         half += step
     return half
-
-
-@kernel
-def _squared_rate_slope(flight: Flight, s: float, c: float) -> float:
-    """Derivative of ``P^2`` with half the angle, where that from the start has ``s`` and ``c``."""
-    s, c = place_from_start(flight, s, c)
-    return pull_of(flight, s, c)
 
 
 @kernel

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 from vibro_cli.compile.kernel import kernel
 from vibro_cli.kernels.numerics.constants import EPSILON
-from vibro_cli.kernels.numerics.elliptic import sine_cosine
+from vibro_cli.kernels.numerics.elliptic import sine_cosine, twice_angle
 
 # In place of a bound that is zero, so that divisions by it have a result.
 LEAST_BOUND = 1.0e-200
@@ -237,8 +237,8 @@ POLISHED = 1.0e-3
 def harmonic_value(h: Harmonics, sine: float, cosine: float) -> float:
     """Value where ``x`` has this sine and cosine."""
     a, b, c, d, e = h
-    double = (cosine - sine) * (cosine + sine)
-    return a + b * cosine + c * sine + d * double + e * (2.0 * sine * cosine)
+    twice, double = twice_angle(sine, cosine)
+    return a + b * cosine + c * sine + d * double + e * twice
 
 
 @kernel
@@ -266,8 +266,7 @@ def mirrored(h: Harmonics) -> Harmonics:
 def turned(h: Harmonics, sine: float, cosine: float) -> Harmonics:
     """The same function of ``x + y``, where ``y`` has this sine and cosine."""
     a, b, c, d, e = h
-    double = (cosine - sine) * (cosine + sine)
-    twice = 2.0 * sine * cosine
+    twice, double = twice_angle(sine, cosine)
     return (
         a,
         b * cosine + c * sine,
@@ -278,17 +277,18 @@ def turned(h: Harmonics, sine: float, cosine: float) -> Harmonics:
 
 
 @kernel
+def scaled(weight: float, h: Harmonics) -> Harmonics:
+    """A multiple of a function."""
+    a, b, c, d, e = h
+    return weight * a, weight * b, weight * c, weight * d, weight * e
+
+
+@kernel
 def combined(g: Harmonics, weight: float, h: Harmonics) -> Harmonics:
     """A function and a multiple of another one."""
     ga, gb, gc, gd, ge = g
     a, b, c, d, e = h
-    return (
-        ga + weight * a,
-        gb + weight * b,
-        gc + weight * c,
-        gd + weight * d,
-        ge + weight * e,
-    )
+    return ga + weight * a, gb + weight * b, gc + weight * c, gd + weight * d, ge + weight * e
 
 
 @kernel
@@ -338,8 +338,7 @@ def next_zero(h: Harmonics, start: float, limit: float) -> float:
         value = harmonic_value(slope, sine, cosine)
     ahead = turned(h, sine, cosine)
     if value < 0.0:
-        a, b, c, d, e = ahead
-        ahead = -a, -b, -c, -d, -e
+        ahead = scaled(-1.0, ahead)
     step = first_fall_of_harmonics(ahead, limit - start)
     if step == NOWHERE:
         return math.inf
@@ -378,7 +377,7 @@ def greatest_quotient(top: Harmonics, below: Harmonics, limit: float, known: flo
     ``below`` must be positive there.
     """
     for turn in range(2):
-        side = combined((0.0, 0.0, 0.0, 0.0, 0.0), 1.0 if turn == 0 else -1.0, top)
+        side = scaled(1.0 if turn == 0 else -1.0, top)
         known = _greatest_positive(side, below, limit, known)
     return known
 
@@ -394,7 +393,7 @@ def _greatest_positive(top: Harmonics, below: Harmonics, limit: float, known: fl
     x = 0.0
     while x < limit:
         # Where the excess of what is known is positive, nothing is greater.
-        excess = combined(combined((0.0, 0.0, 0.0, 0.0, 0.0), -1.0, top), known, below)
+        excess = combined(scaled(-1.0, top), known, below)
         sine, cosine = sine_cosine(x)
         spare = harmonic_value(excess, sine, cosine)
         n = harmonic_value(below, sine, cosine)

@@ -30,7 +30,6 @@ from vibro_cli.kernels.flow.rotating_flight import (
     potential,
     press_harmonics,
     pull_harmonics,
-    scaled,
 )
 from vibro_cli.kernels.flow.rotating_flow import (
     TURNING_LINE,
@@ -49,6 +48,7 @@ from vibro_cli.kernels.numerics.conservative_advancement import (
     harmonic_value,
     least_value,
     next_zero,
+    scaled,
     turned,
 )
 from vibro_cli.kernels.numerics.constants import NEVER
@@ -118,15 +118,6 @@ def turning_courses(flight: Flight, duration: float, courses: Sequence[Course]) 
             courses[count].period = orbit_period(flight)
             count += 1
     return count
-
-
-@kernel
-def _set_place(
-    course: Course, flight: Flight, sine: float, cosine: float, p: float, duration: float
-) -> None:
-    """Set when a flight passes a place whose half angle from the start has this sine and cosine."""
-    s, c = place_from_start(flight, sine, cosine)
-    set_course(course, flight, s, c, p, duration)
 
 
 @kernel
@@ -237,7 +228,8 @@ def _add_on_arc(
         square = squared_rate(flight, sine, cosine)
         p = math.copysign(math.sqrt(max(square, 0.0)), falls)
         if square > 0.0 and (flight.turns_over == 0 or p * flight.flow_p > 0.0):
-            _set_place(courses[count], flight, sine, cosine, p, duration)
+            s, c = place_from_start(flight, sine, cosine)
+            set_course(courses[count], flight, s, c, p, duration)
             count += 1
     return count
 
