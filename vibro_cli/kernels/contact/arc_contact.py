@@ -43,7 +43,7 @@ from vibro_cli.kernels.numerics.conservative_advancement import (
     unresolved_step,
 )
 from vibro_cli.kernels.numerics.constants import EPSILON
-from vibro_cli.kernels.numerics.elliptic import HYPERBOLIC_TINY, twice_angle
+from vibro_cli.kernels.numerics.elliptic import HYPERBOLIC_TINY, angle_sum, twice_angle
 from vibro_cli.kernels.world import RELEASED, Flight, States, World, contact_of, flights_of
 
 # A step of the iteration times the frequency: a longer one leads anywhere.
@@ -483,7 +483,7 @@ def _frequency_of_difference(
     # To third order of the step, in half the angle.
     turn = step * (1.0 - step * step * (1.0 / 6.0))
     stay = 1.0 - 0.5 * step * step
-    s, c = s * stay + c * turn, c * stay - s * turn
+    s, c = angle_sum(s, c, turn, stay)
     sine, cosine = twice_angle(s, c)
     less = MEAN_SQUARE * angle * angle * (1.0 / 24.0)
     double = (cosine - sine) * (cosine + sine)

@@ -23,6 +23,7 @@ from vibro_cli.kernels.world import (
     States,
     TrackData,
     World,
+    contact_of,
     flights_of,
     track_of,
     tracks_of,
@@ -134,7 +135,6 @@ def surface_gap(
     On an arc from ``d^2 - (r_a + r_b)^2 = 4 rho_a rho_b sin((f - beta)/2) sin((f + beta)/2)``, on a
     line likewise, without cancellation.
     """
-    settings = world.settings[0]
     pair = world.pairs[j]
     piece = world.pieces[world.flights[pair.a].piece]
     piece_b = world.pieces[world.flights[pair.b].piece]
@@ -145,7 +145,7 @@ def surface_gap(
         bx, by = centre_position(piece_b, track_b, b_s, b_c)
         distance = math.sqrt((bx - ax) * (bx - ax) + (by - ay) * (by - ay))
         return distance - reach, abs(ax) + abs(ay) + abs(bx) + abs(by) + reach
-    contact = world.contacts[j * settings.pieces + world.flights[pair.a].piece]
+    contact = contact_of(world, j)
     if piece.sign == 0.0:
         along = b_s - a_s
         square = (along - contact.sine) * (along + contact.sine)
@@ -199,9 +199,9 @@ def parts_of_weight(world: World, x: float, sine: float, cosine: float) -> tuple
 def set_normals(world: World, j: int) -> None:
     """Set ``n t`` of both bodies of a pair in contact, from their present places."""
     pair = world.pairs[j]
-    piece = world.flights[pair.a].piece
-    contact = world.contacts[j * world.settings[0].pieces + piece]
-    if piece == world.flights[pair.b].piece and contact.normal_a > 0.0:
+    a, b = flights_of(world, pair)
+    contact = contact_of(world, j)
+    if a.piece == b.piece and contact.normal_a > 0.0:
         pair.normal_a = contact.normal_a
         pair.normal_b = contact.normal_b
         return

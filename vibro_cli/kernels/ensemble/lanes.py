@@ -47,7 +47,7 @@ from vibro_cli.kernels.flow.flight import (
 )
 from vibro_cli.kernels.flow.flow import CAUTION
 from vibro_cli.kernels.impact.chattering import SMALL_BOUNCE
-from vibro_cli.kernels.impact.laws import do_part, impact_of_pair
+from vibro_cli.kernels.impact.laws import do_part, impact_of_pair, separation_speed
 from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.numerics.double_double import add_to_time, time_between
 from vibro_cli.kernels.numerics.elliptic import PARAMETER_SPLIT, set_librations, set_theta_constants
@@ -67,6 +67,7 @@ from vibro_cli.kernels.world import (
     PieceData,
     TrackData,
     World,
+    track_on,
 )
 
 
@@ -187,8 +188,8 @@ def next_impact(world: World, group: LaneGroup) -> bool:
     run = group.runs[0]
     a = group.swings[0]
     b = group.swings[1]
-    track_a = world.tracks[run.piece]
-    track_b = world.tracks[world.settings[0].pieces + run.piece]
+    track_a = track_on(world, 0, run.piece)
+    track_b = track_on(world, 1, run.piece)
     set_librations(a, a.parameter, a.root_complement, b, b.parameter, b.root_complement)
     if a.frequency != b.frequency:
         a.angular_bound = widest_pull(a.frequency, a.parameter)
@@ -229,8 +230,8 @@ def _collide(world: World, group: LaneGroup) -> tuple[Lanes, bool]:
     body_a = group.bodies[0]
     body_b = group.bodies[1]
     contact = world.contacts[run.piece]
-    track_a = world.tracks[run.piece]
-    track_b = world.tracks[settings.pieces + run.piece]
+    track_a = track_on(world, 0, run.piece)
+    track_b = track_on(world, 1, run.piece)
     speed_a = track_a.speed_factor * a.contact_p
     speed_b = track_b.speed_factor * b.contact_p
     wa, wb, loss = impact_of_pair(
@@ -239,7 +240,7 @@ def _collide(world: World, group: LaneGroup) -> tuple[Lanes, bool]:
     )  # fmt: skip
     size = abs(speed_a) + abs(speed_b)
     parts = do_part(contact.normal_a, contact.normal_b, wa, wb, size)
-    u = contact.normal_b * wb - contact.normal_a * wa
+    u = separation_speed(contact.normal_a, contact.normal_b, wa, wb)
     small = u * u <= SMALL_BOUNCE * settings.gravity * world.pairs[0].distance
     a.next_p = wa / track_a.speed_factor
     b.next_p = wb / track_b.speed_factor
@@ -314,8 +315,8 @@ def _count(world: World, group: LaneGroup, duration: Lanes, failed: bool) -> boo
     most = demand_in_lanes(body_a, piece, a.parameter, low_a, high_a, run.most_demand)
     most = demand_in_lanes(body_b, piece, b.parameter, low_b, high_b, most)
     run.most_demand = choose(failed, run.most_demand, most)
-    rho_a = world.tracks[run.piece].path_radius
-    rho_b = world.tracks[world.settings[0].pieces + run.piece].path_radius
+    rho_a = track_on(world, 0, run.piece).path_radius
+    rho_b = track_on(world, 1, run.piece).path_radius
     sine, cosine = half_angle_on_arc(rho_a * rho_b, body_a.radius, body_b.radius)
     gap = gap_on_arc(
         rho_a * rho_b, body_a.radius + body_b.radius,

@@ -30,7 +30,7 @@ from vibro_cli.kernels.flow.flight import (
     widest_pull,
 )
 from vibro_cli.kernels.impact.chattering import SMALL_BOUNCE
-from vibro_cli.kernels.impact.laws import do_part, impact_of_pair, log_impact
+from vibro_cli.kernels.impact.laws import do_part, impact_of_pair, log_impact, separation_speed
 from vibro_cli.kernels.numerics.double_double import add_to_time, time_between
 from vibro_cli.kernels.numerics.elliptic import (
     PARAMETER_SPLIT,
@@ -111,8 +111,8 @@ def _gather(world: World, two: TwoSwings, tracks: TwoTracks) -> None:
     """Put both flights into lanes."""
     a = world.flights[0]
     b = world.flights[1]
-    track_a = world.tracks[a.piece]
-    track_b = world.tracks[world.settings[0].pieces + b.piece]
+    track_a = track_of(world, 0)
+    track_b = track_of(world, 1)
     two.frequency = two_lanes(a.frequency, b.frequency)
     two.flow_s = two_lanes(a.s, b.s)
     two.flow_c = two_lanes(a.c, b.c)
@@ -187,7 +187,7 @@ def _speeds_after(world: World, va: float, vb: float) -> tuple[float, float, flo
         settings.law, pair.restitution, world.bodies[0], world.bodies[1],
         contact.normal_a, contact.normal_b, va, vb,
     )  # fmt: skip
-    u = contact.normal_b * wb - contact.normal_a * wa
+    u = separation_speed(contact.normal_a, contact.normal_b, wa, wb)
     small = u * u <= SMALL_BOUNCE * settings.gravity * pair.distance
     part = do_part(contact.normal_a, contact.normal_b, wa, wb, abs(va) + abs(vb))
     return wa, wb, loss, part and not small

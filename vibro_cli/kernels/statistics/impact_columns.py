@@ -18,7 +18,7 @@ from vibro_cli.compile.kernel import BoolMatrix, FloatMatrix, IntMatrix, kernel
 from vibro_cli.kernels.contact.contact_kinematics import centre_position
 from vibro_cli.kernels.flow.rotating_flight import potential_head
 from vibro_cli.kernels.flow.rotating_flow import pull, stiffness
-from vibro_cli.kernels.impact.laws import LAW_NAMES, TRANSLATIONAL
+from vibro_cli.kernels.impact.laws import LAW_NAMES, TRANSLATIONAL, separation_speed
 from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.kernels.statistics.run_statistics import residual_gap
 from vibro_cli.kernels.world import ImpactRow, PieceData, TrackData, World, track_on
@@ -67,7 +67,7 @@ def _find_hills(world: World, body: int, hills: FloatMatrix) -> int:
             head = potential_head(track, settings.gravity, kappa, s, c)
             count = _note(hills, top, count, _kind_of_end(world, body, -1), piece.start_s, head)
         turns = settings.turning_square > 0.0
-        crests, first, other = _crests(piece, track) if not turns else _turned(piece, track)
+        crests, first, other = _crests(piece) if not turns else _turned(piece, track)
         for crest in range(crests):
             place = first if crest == 0 else other
             if _is_of_end(world, body, number, place):
@@ -182,7 +182,7 @@ def _half_angle(piece: PieceData, place: float) -> tuple[float, float]:
 
 
 @kernel
-def _crests(piece: PieceData, track: TrackData) -> tuple[int, float, float]:
+def _crests(piece: PieceData) -> tuple[int, float, float]:
     """Crests strictly within a piece at rest: tops of loops, or of humps; number and angles."""
     if piece.sign == 0.0:
         return 0, 0.0, 0.0
@@ -517,7 +517,8 @@ def _fill_pair(world: World, row: ImpactRow, columns: Columns, at: int) -> float
     _number(columns, 1, at, row.t_low)
     _number(columns, 3, at, row.loss)
     _number(columns, 5, at, approach)
-    _number(columns, 6, at, row.normal_b * row.speed_b_post - row.normal_a * row.speed_a_post)
+    parting = separation_speed(row.normal_a, row.normal_b, row.speed_a_post, row.speed_b_post)
+    _number(columns, 6, at, parting)
     _number(columns, 7, at, residual_gap(world, row))
     _integer(columns, 7, at, row.law)
     _flag(columns, 0, at, row.admissible == 1)

@@ -131,7 +131,7 @@ def tally(
     outcome.contacts = clock.contacts
     outcome.correction = clock.energy_correction
     for ball in range(bodies):
-        _finish(world, ball, outcome, finals[first_final + ball], flight)
+        _finish(world, outcome, finals[first_final + ball], flight)
 
 
 @kernel
@@ -266,7 +266,7 @@ def _tally_flights(
 
 
 @kernel
-def _finish(world: World, ball: int, outcome: Outcome, final: FinalState, scratch: Flight) -> None:
+def _finish(world: World, outcome: Outcome, final: FinalState, scratch: Flight) -> None:
     """Forces of the last flight of a body; its state and energy at the end."""
     row = world.log[final.latest]
     duration = (outcome.end_t - row.t) + (outcome.end_t_low - row.t_low)

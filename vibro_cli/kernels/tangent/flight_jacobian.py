@@ -30,7 +30,7 @@ from vibro_cli.kernels.numerics.elliptic import (
     sine_cosine,
     theta_functions,
 )
-from vibro_cli.kernels.world import START, Flight, World
+from vibro_cli.kernels.world import START, Flight, World, track_on
 
 # Below this parameter the nome is a sixteenth of it.
 LEAST_PARAMETER = 1.0e-200
@@ -217,7 +217,7 @@ def find_arrivals(
             arrival = arrivals[number]
             last = current[0, row.body]
             before = world.log[last]
-            track = world.tracks[row.body * world.settings[0].pieces + before.piece]
+            track = track_on(world, row.body, before.piece)
             recall_flight(world, before, last, flight)
             age = time_between(row.t, row.t_low, before.t, before.t_low)
             one, two, three, four = flight_jacobian(flight, age, series)

@@ -60,6 +60,7 @@ from vibro_cli.kernels.world import (
     ImpactRow,
     World,
     number_along,
+    track_on,
 )
 
 # Columns of the scratch rows of a joint impact.
@@ -151,11 +152,10 @@ def _prepare(world: World, tangents: Tangents, begin: int, step: int, column: in
 @kernel
 def normal_changes(world: World, row: ImpactRow, way_a: float, way_b: float) -> tuple[float, float]:
     """Change of n t of both bodies of a pair in contact that move on in contact by small ways."""
-    pieces = world.settings[0].pieces
     piece_a = world.pieces[row.piece_a]
     piece_b = world.pieces[row.piece_b]
-    track_a = world.tracks[row.a * pieces + row.piece_a]
-    track_b = world.tracks[row.b * pieces + row.piece_b]
+    track_a = track_on(world, row.a, row.piece_a)
+    track_b = track_on(world, row.b, row.piece_b)
     distance = world.pairs[row.pair].distance
     ax, ay = centre_position(piece_a, track_a, row.a_s, row.a_c)
     bx, by = centre_position(piece_b, track_b, row.b_s, row.b_c)
@@ -389,7 +389,7 @@ def leans(world: World, number: int, flight: Flight) -> bool:
     row = world.log[number]
     if row.at_rest == 0:
         return False
-    track = world.tracks[row.body * world.settings[0].pieces + row.piece]
+    track = track_on(world, row.body, row.piece)
     if track.path_radius == 0.0:
         return row.grouped == 1 or track.line_acceleration != 0.0
     return row.grouped == 1 or row.s * row.c != 0.0
@@ -398,7 +398,7 @@ def leans(world: World, number: int, flight: Flight) -> bool:
 @kernel
 def _arrive(world: World, tangents: Tangents, row: FlightRow, piece: int, flight: Flight) -> None:
     """Set the speed and the acceleration of a body at the end of a flight on a piece."""
-    track = world.tracks[row.body * world.settings[0].pieces + piece]
+    track = track_on(world, row.body, piece)
     start = world.log[tangents.current[0, row.body]]
     age = time_between(row.t, row.t_low, start.t, start.t_low)
     tangents.arriving[row.body, 0] = track.speed_factor * row.before_p
@@ -440,7 +440,7 @@ def _rebound(world: World, tangents: Tangents, ball: int) -> None:
 def _change_force(world: World, tangents: Tangents, number: int, flight: Flight) -> None:
     """Let a flight that begins at a later time begin with what its force has changed by then."""
     row = world.log[number]
-    track = world.tracks[row.body * world.settings[0].pieces + row.piece]
+    track = track_on(world, row.body, row.piece)
     recall_flight(world, row, number, flight)
     pull = acceleration_at(flight, track.path_radius, 0.0, row.s, row.c)
     change_force(tangents, row.body, pull - tangents.arriving[row.body, 1])
@@ -634,11 +634,10 @@ def _delay_of_contact(
 @kernel
 def _ratio(world: World, tangents: Tangents, a: int, b: int) -> float:
     """Speed of a body over that of its left neighbour, with which it is in lasting contact."""
-    pieces = world.settings[0].pieces
     one = world.log[tangents.current[0, a]]
     other = world.log[tangents.current[0, b]]
-    track_a = world.tracks[a * pieces + one.piece]
-    track_b = world.tracks[b * pieces + other.piece]
+    track_a = track_on(world, a, one.piece)
+    track_b = track_on(world, b, other.piece)
     if one.piece == other.piece:
         return track_b.path_radius / track_a.path_radius if track_a.path_radius > 0.0 else 1.0
     ax, ay = centre_position(world.pieces[one.piece], track_a, one.s, one.c)

@@ -23,8 +23,9 @@ from __future__ import annotations
 import math
 
 from vibro_cli.compile.kernel import FloatMatrix, kernel
-from vibro_cli.kernels.flow.flow import POLYNOMIAL, recall_flight
+from vibro_cli.kernels.flow.flow import POLYNOMIAL, place_from_start, recall_flight
 from vibro_cli.kernels.flow.rotating_flow import TURNING_LINE, pull_of
+from vibro_cli.kernels.numerics.elliptic import twice_angle
 from vibro_cli.kernels.numerics.weierstrass_motion import quartic_motion
 from vibro_cli.kernels.tangent.frame import TERMS
 from vibro_cli.kernels.world import Flight, World
@@ -115,9 +116,8 @@ def _quartic_from(
     p = 0.0
     if flight.at_rest == 0:
         sine, cosine, p = quartic_motion(flight, t)
-        s, c = s * cosine + c * sine, c * cosine - s * sine
-    sine = 2.0 * s * c
-    cosine = (c - s) * (c + s)
+        s, c = place_from_start(flight, sine, cosine)
+    sine, cosine = twice_angle(s, c)
     double_sine = sine * cosine
     double_cosine = 0.5 * (cosine - sine) * (cosine + sine)
     pull = flight.tilt * cosine - sine
