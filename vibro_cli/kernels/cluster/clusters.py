@@ -12,12 +12,7 @@ import math
 
 from vibro_cli.compile.kernel import kernel
 from vibro_cli.kernels.cluster.trace_forces import normal_force_now
-from vibro_cli.kernels.contact.contact_kinematics import (
-    line_of_centres,
-    set_normals,
-    set_speed,
-    tangent,
-)
+from vibro_cli.kernels.contact.contact_kinematics import line_of_centres, tangent
 from vibro_cli.kernels.flow.flight import (
     LIFT_OFF,
     choose_exit,
@@ -30,13 +25,18 @@ from vibro_cli.kernels.flow.flight import (
     start_from_state,
 )
 from vibro_cli.kernels.flow.flow import body_of_group, group_of_body, time_to
-from vibro_cli.kernels.impact.impulse_chain import contact_forces, keep_release
+from vibro_cli.kernels.impact.impulse_chain import (
+    contact_forces,
+    keep_release,
+    set_speeds_and_normals,
+)
 from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.numerics.elliptic import angle_sum, set_theta_constants, twice_angle
 from vibro_cli.kernels.world import (
     Flight,
     TrackData,
     World,
+    contact_of,
     flight_along,
     number_along,
     pair_along,
@@ -192,10 +192,7 @@ def _normal_force(world: World, first: int, count: int, step: int) -> tuple[floa
 @kernel
 def limit_on_line(world: World, first: int, count: int) -> None:
     """End the flights of a group on a line at once if a one-sided trace would have to pull."""
-    for step in range(count - 1):
-        set_normals(world, number_along(world, first, step))
-    for step in range(count):
-        set_speed(world, number_along(world, first, step))
+    set_speeds_and_normals(world, first, count - 1)
     contact_forces(world, first, count - 1)
     for step in range(count):
         flight = flight_along(world, first, step)
@@ -330,14 +327,13 @@ def _set_offsets(world: World, first: int, count: int) -> tuple[float, float]:
     The middle is that of the middle body or, of an even number, that between the two middle ones,
     so that mirror images are treated alike. Returns ``(S, C)`` of it.
     """
-    settings = world.settings[0]
     left = (count - 1) // 2
     right = count // 2
     ball = number_along(world, first, left)
     s = 0.0
     c = 1.0
     if left < right:
-        contact = world.contacts[ball * settings.pieces + world.flights[ball].piece]
+        contact = contact_of(world, ball)
         s, c = half_of(contact.cosine, contact.sine)
     _set_shift(world, ball, -s, c)
     _set_shift(world, number_along(world, first, right), s, c)
@@ -345,11 +341,11 @@ def _set_offsets(world: World, first: int, count: int) -> tuple[float, float]:
     right_s, right_c = s, c
     for step in range(left):
         ball = number_along(world, first, right + step)
-        contact = world.contacts[ball * settings.pieces + world.flights[ball].piece]
+        contact = contact_of(world, ball)
         right_s, right_c = angle_sum(right_s, right_c, contact.sine, contact.cosine)
-        _set_shift(world, (ball + 1) % settings.bodies, right_s, right_c)
+        _set_shift(world, number_along(world, ball, 1), right_s, right_c)
         ball = number_along(world, first, left - step - 1)
-        contact = world.contacts[ball * settings.pieces + world.flights[ball].piece]
+        contact = contact_of(world, ball)
         left_s, left_c = angle_sum(left_s, left_c, contact.sine, contact.cosine)
         _set_shift(world, ball, -left_s, left_c)
     one = flight_along(world, first, left)

@@ -28,7 +28,6 @@ from vibro_cli.kernels.world import (
     number_along,
     pair_along,
     track_of,
-    track_on,
 )
 
 Row = tuple[float, ...]
@@ -241,9 +240,7 @@ def _acceleration_size(world: World, first: int, count: int) -> float:
     """
     size = 0.0
     for step in range(count):
-        ball = number_along(world, first, step)
-        piece = world.flights[ball].piece
-        size = max(size, track_on(world, ball, piece).gravity_rate)
+        size = max(size, track_of(world, number_along(world, first, step)).gravity_rate)
     return size
 
 

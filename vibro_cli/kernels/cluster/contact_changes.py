@@ -20,7 +20,6 @@ from vibro_cli.kernels.contact.contact_kinematics import (
     parting_speed,
     present_gap,
     set_normals,
-    set_speed,
     speed_of_pair,
 )
 from vibro_cli.kernels.flow.flight import begin_flight, log_flight
@@ -43,6 +42,7 @@ from vibro_cli.kernels.impact.impulse_chain import (
     held_from,
     lost_height,
     rest,
+    set_speeds_and_normals,
     share_fastest,
     stand_at_wall,
     touched_wall,
@@ -259,7 +259,6 @@ def _surplus(world: World, first: int, count: int, step: int) -> float:
 
     The forces between its neighbours and theirs are their ``solution``.
     """
-    pairs = world.settings[0].pairs
     j = number_along(world, first, step)
     pair = world.pairs[j]
     ease = _ease(world, j)
@@ -268,10 +267,10 @@ def _surplus(world: World, first: int, count: int, step: int) -> float:
     from_left = 0.0
     from_right = 0.0
     if step > 0:
-        left = world.pairs[(j - 1) % pairs]
+        left = pair_along(world, first, step - 1)
         from_left = pair.normal_a * left.normal_b * mobility(world, pair.a) * left.solution
     if step < count - 1:
-        right = world.pairs[(j + 1) % pairs]
+        right = pair_along(world, first, step + 1)
         from_right = pair.normal_b * right.normal_a * mobility(world, pair.b) * right.solution
     approach = (from_left + from_right) - free_approach(world, j)
     weights = world.bodies[pair.a].weight + world.bodies[pair.b].weight
@@ -298,15 +297,14 @@ def _decide(world: World, first: int, count: int, step: int) -> None:
 @kernel
 def launch_chain(world: World, first: int, count: int, cause: int) -> None:
     """Launch the ``count + 1`` bodies of a chain, each run of held pairs as one group."""
-    settings = world.settings[0]
     step = 0
     while step <= count:
         ball = number_along(world, first, step)
-        length = 0
-        while step + length < count and world.pairs[(ball + length) % settings.pairs].held == 1:
-            length += 1
+        length = held_from(world, first, count, step)
         for member in range(length + 1):
-            _set_p(world, (ball + member) % settings.bodies)
+            number = number_along(world, ball, member)
+            flight = world.flights[number]
+            flight.p = flight.speed / track_of(world, number).speed_factor
         side = world.flights[ball].wall_side
         if length == 0:
             begin_flight(world, ball, cause, 1)
@@ -314,19 +312,12 @@ def launch_chain(world: World, first: int, count: int, cause: int) -> None:
             _launch_together(world, ball, length + 1, cause)
         if side != 0:
             for member in range(length + 1):
-                rest(world, (ball + member) % settings.bodies, side)
+                rest(world, number_along(world, ball, member), side)
         step += length + 1
     for step in range(count):
         pair = pair_along(world, first, step)
         pair.touching = pair.closing
         pair.closing = 0
-
-
-@kernel
-def _set_p(world: World, ball: int) -> None:
-    flight = world.flights[ball]
-    track = track_of(world, ball)
-    flight.p = flight.speed / track.speed_factor
 
 
 @kernel
@@ -351,18 +342,10 @@ def _launch_together(world: World, first: int, count: int, cause: int) -> None:
 @kernel
 def relaunch_run(world: World, first: int, count: int, cause: int) -> None:
     """Launch a run of held pairs anew after a change, as far as their forces still press."""
-    _set_speeds_and_normals(world, first, count)
+    set_speeds_and_normals(world, first, count)
     settle(world, first, count)
     count_corrections(world, first, count)
     _launch_unhit(world, first, count, cause)
-
-
-@kernel
-def _set_speeds_and_normals(world: World, first: int, count: int) -> None:
-    for step in range(count + 1):
-        set_speed(world, number_along(world, first, step))
-    for step in range(count):
-        set_normals(world, number_along(world, first, step))
 
 
 @kernel
@@ -414,7 +397,7 @@ def open_contacts(world: World, j: int, first: int, count: int) -> None:
     """
     t = world.pairs[j].release_t
     t_low = world.pairs[j].release_t_low
-    _set_speeds_and_normals(world, first, count)
+    set_speeds_and_normals(world, first, count)
     # What the flight has left of speed between them by rounding would be an impact once it is free.
     equalise(world, first, count)
     count_corrections(world, first, count)

@@ -15,6 +15,7 @@ import math
 from vibro_cli.compile.kernel import kernel
 from vibro_cli.kernels.contact.contact_kinematics import (
     centre_position,
+    centre_tangent,
     line_of_centres,
     parts_of_weight,
     tangent,
@@ -161,13 +162,8 @@ def _set_motion(
         one.acceleration = rho * bend
         squared *= rho * rho
     one.x, one.y = centre_position(piece, track, s, c)
-    one.sine = piece.tangent_y
-    one.cosine = piece.tangent_x
-    one.bend = 0.0
-    if rho > 0.0:
-        one.sine = 2.0 * s * c
-        one.cosine = piece.sign * ((c - s) * (c + s))
-        one.bend = piece.sign * squared / rho
+    one.cosine, one.sine = centre_tangent(piece, s, c)
+    one.bend = piece.sign * squared / rho if rho > 0.0 else 0.0
 
 
 @kernel
@@ -203,7 +199,10 @@ def fit_forces(world: World, number: int, scratch: Flight) -> None:
     row = world.log[number]
     first, count, base = bodies_of(world, row)
     for place in range(count):
-        _clear(world.forces[base + place])
+        one = world.forces[base + place]
+        for k in range(5):
+            one.press[k] = 0.0
+            one.drag[k] = 0.0
     recall_flight(world, row, number, scratch)
     if not is_pendulum(scratch):
         return
@@ -220,13 +219,6 @@ def fit_forces(world: World, number: int, scratch: Flight) -> None:
         rho = track_on(world, ball, row.piece).path_radius
         drag = (body.kappa - 1.0) * body.mass * rho * row.frequency * row.frequency
         world.forces[base + place].drag[2] = drag
-
-
-@kernel
-def _clear(one: BodyForces) -> None:
-    for k in range(5):
-        one.press[k] = 0.0
-        one.drag[k] = 0.0
 
 
 @kernel

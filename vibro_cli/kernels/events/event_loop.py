@@ -42,13 +42,19 @@ from vibro_cli.kernels.flow.flight import (
     project,
 )
 from vibro_cli.kernels.impact.chattering import FORCED
-from vibro_cli.kernels.impact.impulse_chain import bounce_is_lost, last_row_of, row_from, run_around
+from vibro_cli.kernels.impact.impulse_chain import (
+    bounce_is_lost,
+    last_row_of,
+    row_from,
+    run_around,
+    set_speeds_and_normals,
+)
 from vibro_cli.kernels.impact.laws import (
     NORMAL_IMPULSE,
+    do_part,
     impact_of_pair,
     log_contacts,
     log_impact,
-    parts,
 )
 from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.numerics.double_double import time_between
@@ -200,8 +206,9 @@ def _apply_law(world: World, j: int) -> tuple[float, float, float]:
     )
     substituted = 0
     # What the law leaves of the speeds is rounded as they were before it.
-    admissible = parts(pair, wa, wb, abs(a.speed) + abs(b.speed))
-    if admissible == 0 and settings.substitute == 1:
+    size = abs(a.speed) + abs(b.speed)
+    admissible = do_part(pair.normal_a, pair.normal_b, wa, wb, size)
+    if not admissible and settings.substitute == 1:
         law = NORMAL_IMPULSE
         substituted = 1
         wa, wb, loss = impact_of_pair(
@@ -210,7 +217,7 @@ def _apply_law(world: World, j: int) -> tuple[float, float, float]:
     row = world.impacts[world.clock[0].impact_rows]
     log_impact(world, j, wa, wb, law, loss)
     row.substituted = substituted
-    row.admissible = admissible
+    row.admissible = 1 if admissible else 0
     return wa, wb, loss
 
 
@@ -392,9 +399,7 @@ def _hit_wall(world: World, ball: int, right: bool) -> int:
         member = first + step
         if member != ball:
             bring_to(world, member, flight.t, flight.t_low)
-        set_speed(world, member)
-    for step in range(count):
-        set_normals(world, first + step)
+    set_speeds_and_normals(world, first, count)
     if arriving == 0.0:
         # Launched at the wall without speed, and out at once: it presses.
         flight.pressing = FORCED

@@ -201,8 +201,7 @@ def rotates(flight: Flight) -> bool:
 @kernel
 def orbit_period(flight: Flight) -> float:
     """Period (s) of the full orbit of a flight on an arc that turns back."""
-    half = 2.0 * quarter_period(flight.parameter, flight.root_complement) / flight.frequency
-    return 2.0 * half
+    return 4.0 * quarter_period(flight.parameter, flight.root_complement) / flight.frequency
 
 
 @kernel

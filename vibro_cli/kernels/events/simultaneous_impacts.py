@@ -16,7 +16,6 @@ from vibro_cli.kernels.cluster.contact_changes import (
 from vibro_cli.kernels.contact.contact_kinematics import (
     lifted_body,
     parting_speed,
-    set_normals,
     set_speed,
 )
 from vibro_cli.kernels.flow.flight import bring_to, head_from_state
@@ -24,6 +23,7 @@ from vibro_cli.kernels.impact.chattering import (
     FREE,
     PRESSING,
     closing_law,
+    energy_of_motion,
     half_approach,
     press_speeds,
     repeats,
@@ -32,6 +32,7 @@ from vibro_cli.kernels.impact.impulse_chain import (
     apply_impulses,
     joint_impulses,
     last_row_of,
+    set_speeds_and_normals,
     share_fastest,
     touched_wall,
     touches_dissipative_wall,
@@ -39,10 +40,10 @@ from vibro_cli.kernels.impact.impulse_chain import (
 from vibro_cli.kernels.impact.laws import (
     NORMAL_IMPULSE,
     SPEED_ROUNDING,
+    do_part,
     law_approach,
     log_impact,
     loss_of_impulse,
-    parts,
 )
 from vibro_cli.kernels.world import (
     COLLISION,
@@ -151,9 +152,8 @@ def _from_wall(world: World, ball: int, side: int) -> float:
     settings = world.settings[0]
     restitution = settings.right_wall if side > 0 else settings.left_wall
     flight = world.flights[ball]
-    speed = flight.speed
-    flight.speed = -restitution * speed
-    loss = 0.5 * world.bodies[ball].rolling_mass * speed * speed
+    loss = energy_of_motion(world, ball)
+    flight.speed = -restitution * flight.speed
     return loss * (1.0 - restitution) * (1.0 + restitution)
 
 
@@ -212,9 +212,7 @@ def _bring_chain(world: World, first: int, count: int) -> bool:
         if flight.impacts > 0 and flight.t == clock.t and flight.t_low == clock.t_low:
             struck = True
         bring_to(world, number_along(world, first, step), clock.t, clock.t_low)
-        set_speed(world, number_along(world, first, step))
-    for step in range(count):
-        set_normals(world, number_along(world, first, step))
+    set_speeds_and_normals(world, first, count)
     most = 0
     for step in range(count + 1):
         most = max(most, flight_along(world, first, step).impacts)
@@ -353,10 +351,11 @@ def _impulses_of_run(world: World, begin: int, length: int, law: int) -> tuple[f
         row.speed_a_post = world.flights[pair.a].speed
         row.speed_b_post = world.flights[pair.b].speed
         size = max(world.flights[pair.a].fastest, world.flights[pair.b].fastest)
-        row.admissible = parts(pair, row.speed_a_post, row.speed_b_post, size)
+        part = do_part(pair.normal_a, pair.normal_b, row.speed_a_post, row.speed_b_post, size)
+        row.admissible = 1 if part else 0
         row.loss = _loss_of_pair(world, pair, row, law)
         loss += row.loss
-        fine = fine and row.admissible == 1
+        fine = fine and part
     return loss, fine
 
 

@@ -36,6 +36,7 @@ from vibro_cli.kernels.impact.impulse_chain import (
     held_from,
     joins,
     joint_impulses,
+    pushes,
     run_around,
     share_fastest,
     touched_wall,
@@ -481,8 +482,8 @@ def _stop_run(world: World, begin: int, length: int, side: int) -> None:
     """Stop a run of held pairs that leans on a wall; each pair takes its share of the energy."""
     for step in range(length):
         pair = pair_along(world, begin, step)
-        loss_a = _energy_of_motion(world, pair.a)
-        loss_b = _energy_of_motion(world, pair.b)
+        loss_a = energy_of_motion(world, pair.a)
+        loss_b = energy_of_motion(world, pair.b)
         if step > 0:
             loss_a *= 0.5
         if step < length - 1:
@@ -495,7 +496,8 @@ def _stop_run(world: World, begin: int, length: int, side: int) -> None:
 
 
 @kernel
-def _energy_of_motion(world: World, ball: int) -> float:
+def energy_of_motion(world: World, ball: int) -> float:
+    """Energy (J) of a body's scratch speed."""
     speed = world.flights[ball].speed
     return 0.5 * world.bodies[ball].rolling_mass * speed * speed
 
@@ -531,7 +533,7 @@ def press_speeds(world: World, first: int, count: int, law: int) -> float:
             pair = pair_along(world, first, step)
             after_a = world.flights[pair.a].nodal[0]
             after_b = world.flights[pair.b].nodal[0]
-            parting = pair.normal_b * after_b - pair.normal_a * after_a
+            parting = separation_speed(pair.normal_a, pair.normal_b, after_a, after_b)
             if pair.pressing == FREE and parting < -rounding:
                 pair.pressing = PRESSING
                 found = True
@@ -540,7 +542,7 @@ def press_speeds(world: World, first: int, count: int, law: int) -> float:
             flight = world.flights[ball]
             side = touched_wall(world, ball)
             if flight.wall_side == 0 and flight.nodal[0] * side > rounding:
-                taken += _energy_of_motion(world, ball)
+                taken += energy_of_motion(world, ball)
                 lean(flight, side)
                 found = True
     return taken
@@ -576,18 +578,8 @@ def pressing_from(world: World, first: int, count: int, start: int) -> int:
 @kernel
 def _speed_after(world: World, first: int, count: int, step: int, law: int) -> float:
     """Speed (m/s) of a body of a chain after the impulses (``solution``) of its pairs."""
-    ball = number_along(world, first, step)
-    flight = world.flights[ball]
+    flight = flight_along(world, first, step)
     if flight.wall_side != 0:
         return 0.0
-    left = 0.0
-    right = 0.0
-    if step > 0:
-        pair = pair_along(world, first, step - 1)
-        _, h = weight_and_response(law, world.bodies[ball], pair.normal_b)
-        left = pair.solution * h
-    if step < count:
-        pair = pair_along(world, first, step)
-        _, h = weight_and_response(law, world.bodies[ball], pair.normal_a)
-        right = pair.solution * h
+    left, right = pushes(world, first, count, step, law)
     return flight.speed + (left - right)

@@ -15,6 +15,7 @@ from vibro_cli.kernels.contact.contact_kinematics import (
     free_acceleration,
     free_approach,
     mobility,
+    set_normals,
     set_speed,
     speed_of_pair,
     surface_gap,
@@ -148,6 +149,15 @@ def row_from(world: World, ball: int, right: bool) -> int:
 
 
 @kernel
+def set_speeds_and_normals(world: World, first: int, count: int) -> None:
+    """Set the scratch speeds of the bodies of a chain and the normals of its pairs."""
+    for step in range(count + 1):
+        set_speed(world, number_along(world, first, step))
+    for step in range(count):
+        set_normals(world, number_along(world, first, step))
+
+
+@kernel
 def run_around(world: World, j: int, touching: bool) -> tuple[int, int]:
     """First pair and number of pairs of the run around pair ``j`` of those that are held.
 
@@ -274,22 +284,27 @@ def apply_impulses(world: World, first: int, count: int, law: int) -> None:
     is rounded as they are, so that their size counts as one of its speeds at this instant.
     """
     for step in range(count + 1):
-        left = 0.0
-        right = 0.0
-        ball = 0
-        if step > 0:
-            pair = pair_along(world, first, step - 1)
-            ball = pair.b
-            _, h = _weight_and_response(world, law, ball, pair.normal_b)
-            left = pair.solution * h
-        if step < count:
-            pair = pair_along(world, first, step)
-            ball = pair.a
-            _, h = _weight_and_response(world, law, ball, pair.normal_a)
-            right = pair.solution * h
-        flight = world.flights[ball]
+        left, right = pushes(world, first, count, step, law)
+        flight = flight_along(world, first, step)
         flight.speed += left - right
         flight.fastest = max(flight.fastest, max(abs(left), abs(right)))
+
+
+@kernel
+def pushes(world: World, first: int, count: int, step: int, law: int) -> tuple[float, float]:
+    """Speeds (m/s) that the impulses to its left and right give a body, forward and back."""
+    ball = number_along(world, first, step)
+    left = 0.0
+    right = 0.0
+    if step > 0:
+        pair = pair_along(world, first, step - 1)
+        _, h = _weight_and_response(world, law, ball, pair.normal_b)
+        left = pair.solution * h
+    if step < count:
+        pair = pair_along(world, first, step)
+        _, h = _weight_and_response(world, law, ball, pair.normal_a)
+        right = pair.solution * h
+    return left, right
 
 
 @kernel

@@ -136,14 +136,8 @@ SAME_INSTANT = 64.0 * EPSILON
 
 
 @kernel
-def parts(pair: PairData, wa: float, wb: float, size: float) -> int:
-    """1 if the bodies part, or stay together up to the rounding of speeds of this size (m/s)."""
-    return 1 if do_part(pair.normal_a, pair.normal_b, wa, wb, size) else 0
-
-
-@kernel
 def do_part(normal_a: float, normal_b: float, wa: float, wb: float, size: float) -> bool:
-    """Tell whether bodies of given normals do what :func:`parts` asks for."""
+    """Tell whether bodies part, or stay together up to the rounding of speeds of a size (m/s)."""
     separation = separation_speed(normal_a, normal_b, wa, wb)
     return separation >= -SPEED_ROUNDING * (abs(wa) + abs(wb) + size)
 
@@ -213,14 +207,14 @@ def log_contacts(world: World, t: float, t_low: float) -> None:
             continue
         later = time_between(t, t_low, pair.change_t, pair.change_t_low)
         if later > pair.delay + SAME_INSTANT * abs(t):
-            _log_contact(world, j, pair)
+            _log_contact(world, pair)
             pair.logged = pair.held
         else:
             clock.unlogged = 1
 
 
 @kernel
-def _log_contact(world: World, j: int, pair: PairData) -> None:
+def _log_contact(world: World, pair: PairData) -> None:
     clock = world.clock[0]
     row = world.touches[clock.contact_rows]
     a, b = flights_of(world, pair)
