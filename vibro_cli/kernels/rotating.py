@@ -174,7 +174,7 @@ TURNING = Overrides(
         flight.launch_on_piece: rotating_flight.launch_on_piece,
         flight.head_from_state: rotating_flight.head_from_state,
         flight.anchor_at_crest: rotating_flight.anchor_at_crest,
-        first_contact.speed_and_jerk: rotating_flight.speed_and_jerk,
+        first_contact.most_speed: rotating_flight.most_speed,
         arc_contact.both_swing: arc_contact.are_alone,
         arc_contact.fastest_return: arc_contact.rotating_fastest_return,
         arc_contact.guessed_frequency: arc_contact.rotating_guessed_frequency,

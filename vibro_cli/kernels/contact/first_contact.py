@@ -257,17 +257,22 @@ def speed_and_jerk(flight: Flight, track: TrackData, until: float) -> tuple[floa
     """Bounds on the speed (m/s) and the jerk (m/s^3) of a body's centre on its flight."""
     if flight.at_rest == 1:
         return 0.0, 0.0
-    if flight.form == LINE:
-        return abs(flight.flow_p) + abs(flight.line_acceleration) * until, 0.0
-    rho = track.path_radius
+    speed = most_speed(flight, track, until)
     if flight.form == POLYNOMIAL:
         speed = abs(flight.flow_p) + flight.acceleration_bound * flight.segment
-    else:
-        speed = 2.0 * flight.frequency * rho * math.sqrt(flight.parameter)
+    rho = track.path_radius
     if rho == 0.0:
         return speed, flight.jerk_bound
     bend = speed / rho
     return speed, rho * flight.jerk_bound + bend * (3.0 * flight.acceleration_bound + bend * speed)
+
+
+@kernel
+def most_speed(flight: Flight, track: TrackData, until: float) -> float:
+    """Bound on the speed (m/s) of a body's centre up to an age (s) of a flight; of no segment."""
+    if flight.form == LINE:
+        return abs(flight.flow_p) + abs(flight.line_acceleration) * until
+    return 2.0 * flight.frequency * track.path_radius * math.sqrt(flight.parameter)
 
 
 @kernel

@@ -86,9 +86,9 @@ def launch_on_piece(
         flight.line_acceleration = track.line_acceleration
         launch_on_line(flight, track.left_s, track.right_s)
     else:
-        _launch_on_arc(flight, track, piece)
+        _launch_on_arc(flight, track)
     if one_sided == 1:
-        _limit_by_lift_off(flight, body, piece, track)
+        _limit_by_lift_off(flight, body, piece)
 
 
 @kernel
@@ -115,11 +115,10 @@ def head_on_arc(track: TrackData, s: float, c: float, p: float) -> float:
 def anchor_at_crest(flight: Flight, track: TrackData) -> None:
     """Measure the energy also relative to the crest of the piece, if the state is near it."""
     flight.anchor = -1
-    if track.path_radius > 0.0:
-        near = flight.c * flight.c + flight.p * flight.p < CREST_NEIGHBOURHOOD
-        if near:
-            flight.anchor = flight.piece
-            flight.anchor_root = root_of_state(flight.c, flight.p)
+    near = flight.c * flight.c + flight.p * flight.p < CREST_NEIGHBOURHOOD
+    if near and track.path_radius > 0.0:
+        flight.anchor = flight.piece
+        flight.anchor_root = root_of_state(flight.c, flight.p)
 
 
 @kernel
@@ -199,7 +198,7 @@ def launch_on_line(flight: Flight, left: float, right: float) -> None:
 
 
 @kernel
-def _launch_on_arc(flight: Flight, track: TrackData, piece: PieceData) -> None:
+def _launch_on_arc(flight: Flight, track: TrackData) -> None:
     flight.frequency = track.frequency
     flight.line_acceleration = 0.0
     if flight.p == 0.0 and (flight.s == 0.0 or flight.c == 0.0):
@@ -309,7 +308,7 @@ def energy_of_state(s: float, c: float, p: float) -> tuple[float, float]:
 
 
 @kernel
-def _limit_by_lift_off(flight: Flight, body: BodyData, piece: PieceData, track: TrackData) -> None:
+def _limit_by_lift_off(flight: Flight, body: BodyData, piece: PieceData) -> None:
     """End the flight where the normal force of a one-sided trace would turn negative.
 
     N = 0 at ``S^2 = (1 + 4 m/kappa)/(2 + 4/kappa)``; a valley carries below it, a hump above. On a

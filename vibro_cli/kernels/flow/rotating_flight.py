@@ -154,14 +154,10 @@ def fall_on_line(flight: Flight, force: float, growth: float) -> float:
 
     From where it is zero or less a body that moves to where it is less still falls at once.
     """
-    if growth == 0.0 or flight.at_rest == 1:
-        return NEVER
     moved = flight.flow_p if flight.flow_p != 0.0 else flight.line_acceleration
-    if force <= 0.0:
-        if moved * growth < 0.0:
-            return 0.0
-        force = 0.0
-    return fall_through_zero(flight, force, growth)
+    if force <= 0.0 and moved * growth < 0.0 and flight.at_rest == 0:
+        return 0.0
+    return fall_through_zero(flight, max(force, 0.0), growth)
 
 
 @kernel
@@ -385,18 +381,9 @@ def launch_on_line(flight: Flight, track: TrackData) -> None:
 
 
 @kernel
-def speed_and_jerk(flight: Flight, track: TrackData, until: float) -> tuple[float, float]:
-    """Bounds on the speed (m/s) and the jerk (m/s^3) of a body's centre on its flight."""
-    if flight.at_rest == 1:
-        return 0.0, 0.0
-    speed = flight.most_speed
-    if flight.form == POLYNOMIAL:
-        speed = abs(flight.flow_p) + flight.acceleration_bound * flight.segment
-    rho = track.path_radius
-    if rho == 0.0:
-        return speed, flight.jerk_bound
-    bend = speed / rho
-    return speed, rho * flight.jerk_bound + bend * (3.0 * flight.acceleration_bound + bend * speed)
+def most_speed(flight: Flight, track: TrackData, until: float) -> float:
+    """Bound on the speed (m/s) of a body's centre on a flight that is no segment."""
+    return flight.most_speed
 
 
 @kernel
