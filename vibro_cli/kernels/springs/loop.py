@@ -106,14 +106,6 @@ def _opening(world: World, pair: int, end: float, unit: float) -> float:
     return first_fall(rows, base, base + ORDER - 2, end)
 
 
-@kernel
-def forget(world: World) -> None:
-    """Time has passed: what was known of gaps at its start no longer holds."""
-    for pair in range(len(world.bodies) - 1):
-        if world.pairs[pair].held == 0:
-            world.pairs[pair].known = FREE
-
-
 # So many steps without an event are more than a run is worth: it is refused.
 MOST_STEPS = 20_000_000
 
@@ -216,7 +208,10 @@ def _go_on(world: World, step: float, unit: float) -> None:
     go_on(world, step, unit)
     clock.t, clock.t_low = add_to_time(clock.t, clock.t_low, step)
     if step > 0.0:
-        forget(world)
+        # What was known of gaps no longer holds.
+        for pair in range(len(world.bodies) - 1):
+            if world.pairs[pair].held == 0:
+                world.pairs[pair].known = FREE
         clock.at_once = 0
 
 

@@ -123,20 +123,6 @@ def _play(world: World, ball: int) -> None:
         node //= 2
 
 
-@kernel
-def search_all(world: World) -> None:
-    """Find what every ball meets next."""
-    for ball in range(len(world.balls)):
-        search_row(world, ball)
-
-
-@kernel
-def play_all(world: World) -> None:
-    """Play all matches: what the tournament shows follows from the meetings alone."""
-    for ball in range(len(world.balls)):
-        _play(world, ball)
-
-
 # So many events in a row, of each ball, at what the clock shows as one instant are an accumulation.
 MOST_AT_ONCE = 200
 
@@ -147,9 +133,12 @@ def advance(world: World) -> int:
     clock = world.clock[0]
     settings = world.settings[0]
     if clock.begun == 0:
-        search_all(world)
+        for ball in range(len(world.balls)):
+            search_row(world, ball)
         clock.begun = 1
-    play_all(world)
+    # What the tournament shows follows from the meetings alone.
+    for ball in range(len(world.balls)):
+        _play(world, ball)
     while True:
         if clock.collisions >= settings.stop_collisions:
             return END_COLLISIONS
