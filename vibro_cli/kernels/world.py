@@ -352,14 +352,11 @@ class ImpactRow:
     head_a_post: float
     head_b_post: float
     loss: float
-    gap: float
     law: int
     admissible: int
     substituted: int
     simultaneous: int
-    grazing: int
     contact: int
-    crossings: int
 
 
 @struct
@@ -368,7 +365,6 @@ class FlightRow:
 
     body: int
     piece: int
-    lap: int
     t: float
     t_low: float
     s: float
@@ -381,7 +377,6 @@ class FlightRow:
     root_complement: float
     head: float
     cause: int
-    exit_kind: int
     at_rest: int
     flow_s: float
     flow_c: float

@@ -449,7 +449,6 @@ def log_flight(world: World, ball: int, cause: int) -> None:
     row = world.log[clock.flight_rows]
     row.body = ball
     row.piece = flight.piece
-    row.lap = flight.lap
     row.t = flight.t
     row.t_low = flight.t_low
     row.s = flight.s
@@ -462,7 +461,6 @@ def log_flight(world: World, ball: int, cause: int) -> None:
     row.root_complement = flight.root_complement
     row.head = flight.head
     row.cause = cause
-    row.exit_kind = flight.exit_kind
     row.at_rest = flight.at_rest
     row.grouped = flight.grouped
     if flight.grouped != 0:
