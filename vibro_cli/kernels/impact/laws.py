@@ -18,6 +18,8 @@ restitution on the speed of approach with rolling kept for ``normal-impulse``.
 
 from __future__ import annotations
 
+import math
+
 from vibro_cli.compile.kernel import kernel
 from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.kernels.numerics.double_double import difference_of_products, time_between
@@ -37,6 +39,14 @@ def weight_and_response(law: int, body: BodyData, normal: float) -> tuple[float,
     if law == TRANSLATIONAL:
         return 1.0, 1.0 / body.mass
     return normal, normal / body.rolling_mass
+
+
+@kernel
+def inclination(one: BodyData, other: BodyData) -> float:
+    """Cosine between the line of centres of touching bodies and the plane or line they roll on."""
+    if one.radius == other.radius:
+        return 1.0
+    return 2.0 * math.sqrt(one.radius * other.radius) / (one.radius + other.radius)
 
 
 @kernel
@@ -175,7 +185,6 @@ def log_impact(world: World, j: int, wa: float, wb: float, law: int, loss: float
     row.substituted = 0
     row.simultaneous = 0
     row.contact = 0
-    row.crossings = clock.crossings
     clock.impact_rows += 1
     clock.collisions += 1
 

@@ -20,6 +20,7 @@ from vibro_cli.kernels.impact.laws import (
     NORMAL_IMPULSE,
     balances_mass,
     impact_of_pair,
+    inclination,
     law_approach,
     loss_of_impulse,
     weight_and_response,
@@ -208,7 +209,7 @@ def approach_before(world: World, row: ImpactRow, law: int) -> float:
     """Relative speed of a law before an impact."""
     one = world.bodies[row.pair]
     other = world.bodies[row.pair + 1]
-    c = inclination(world, row.pair)
+    c = inclination(one, other)
     return law_approach(law, one, other, c, c, row.v_a_pre, row.v_b_pre)
 
 
@@ -218,7 +219,7 @@ def set_chain_row(world: World, pair: int, law: int, first: int, count: int) -> 
     row = world.pairs[pair]
     one = world.bodies[pair]
     other = world.bodies[pair + 1]
-    c = inclination(world, pair)
+    c = inclination(one, other)
     qa, ha = weight_and_response(law, one, c)
     qb, hb = weight_and_response(law, other, c)
     row.part_a = qa * ha
@@ -226,22 +227,23 @@ def set_chain_row(world: World, pair: int, law: int, first: int, count: int) -> 
     row.lower = 0.0
     row.upper = 0.0
     if pair > first:
-        _, h = weight_and_response(law, one, inclination(world, pair - 1))
+        _, h = weight_and_response(law, one, inclination(world.bodies[pair - 1], one))
         row.lower = -qa * h
     if pair + 1 < first + count:
-        _, h = weight_and_response(law, other, inclination(world, pair + 1))
+        _, h = weight_and_response(law, other, inclination(other, world.bodies[pair + 2]))
         row.upper = -qb * h
 
 
 @kernel
 def _speed_after(world: World, body: int, law: int, first: int, count: int) -> float:
     """Speed (m/s) of a body after the impulses of the pairs on both of its sides."""
+    own = world.bodies[body]
     change = 0.0
     if body > first:
-        _, h = weight_and_response(law, world.bodies[body], inclination(world, body - 1))
+        _, h = weight_and_response(law, own, inclination(world.bodies[body - 1], own))
         change = world.pairs[body - 1].solution * h
     if body < first + count:
-        _, h = weight_and_response(law, world.bodies[body], inclination(world, body))
+        _, h = weight_and_response(law, own, inclination(own, world.bodies[body + 1]))
         change = change - world.pairs[body].solution * h
     return world.springs[body].v + change
 
@@ -283,19 +285,11 @@ def _parts(row: ImpactRow) -> bool:
 
 
 @kernel
-def inclination(world: World, pair: int) -> float:
-    """Return the cosine of the angle between the line and the line of centres."""
-    one = world.bodies[pair].radius
-    other = world.bodies[pair + 1].radius
-    return 1.0 if one == other else 2.0 * math.sqrt(one * other) / (one + other)
-
-
-@kernel
 def apply_law(world: World, row: ImpactRow, law: int, restitution: float) -> None:
     """Set the speeds after the impact of a pair by a law, and the energy it takes."""
-    c = inclination(world, row.pair)
     one = world.bodies[row.pair]
     other = world.bodies[row.pair + 1]
+    c = inclination(one, other)
     row.law = law
     row.v_a_post, row.v_b_post, row.loss = impact_of_pair(
         law, restitution, one, other, c, c, row.v_a_pre, row.v_b_pre

@@ -17,13 +17,12 @@ matrix. Where contact begins, changes are projected onto the common motion.
 from __future__ import annotations
 
 from vibro_cli.compile.kernel import FloatMatrix, kernel
-from vibro_cli.kernels.impact.laws import balances_mass, weight_and_response
+from vibro_cli.kernels.impact.laws import balances_mass, inclination, weight_and_response
 from vibro_cli.kernels.numerics.double_double import add_to_time, time_between
 from vibro_cli.kernels.numerics.tridiagonal import solve_from_both_ends
 from vibro_cli.kernels.springs.impacts import (
     approach_before,
     common_acceleration,
-    inclination,
     set_chain_row,
 )
 from vibro_cli.kernels.springs.series import (
@@ -407,9 +406,9 @@ def _approach_change(
 ) -> float:
     """What one tangent vector changes of the law's relative speed before an impact."""
     tau = tangents.state[0].time_scale
-    c = inclination(world, row.pair)
     a = row.pair
     b = a + 1
+    c = inclination(world.bodies[a], world.bodies[b])
     qa, _ = weight_and_response(row.law, world.bodies[a], c)
     qb, _ = weight_and_response(row.law, world.bodies[b], c)
     speed_a = tangents.frame[2 * a + 1, column] / tau + tangents.arriving[a, _BEFORE] * delay
@@ -422,12 +421,14 @@ def _approach_change(
 def _apply(world: World, tangents: Tangents, row: ImpactRow, number: int, column: int) -> None:
     """Change ways and speeds of one tangent vector by what a pair's impulse and delay do."""
     tau = tangents.state[0].time_scale
-    c = inclination(world, row.pair)
+    one = world.bodies[row.pair]
+    other = world.bodies[row.pair + 1]
+    c = inclination(one, other)
     way = tangents.turning[number, _IMPULSE] * tangents.turning[number, _DELAY]
     rate = tau * world.pairs[row.pair].solution
     a = 2 * row.pair
-    _, ha = weight_and_response(row.law, world.bodies[row.pair], c)
-    _, hb = weight_and_response(row.law, world.bodies[row.pair + 1], c)
+    _, ha = weight_and_response(row.law, one, c)
+    _, hb = weight_and_response(row.law, other, c)
     tangents.frame[a, column] += ha * way
     tangents.frame[a + 1, column] -= ha * rate
     tangents.frame[a + 2, column] -= hb * way

@@ -26,6 +26,7 @@ from vibro_cli.compile.kernel import kernel
 from vibro_cli.kernels.impact.laws import (
     NORMAL_IMPULSE,
     impact_of_pair,
+    inclination,
     law_approach,
     loss_of_impulse,
     weight_and_response,
@@ -34,7 +35,7 @@ from vibro_cli.kernels.numerics.constants import EPSILON, NEVER
 from vibro_cli.kernels.numerics.double_double import pair_plus, pair_times
 from vibro_cli.kernels.table.walls import RESOLVED, present_place, touching_distance
 from vibro_cli.kernels.table.world import CONIC, PairRow, World
-from vibro_cli.kernels.world import END_INADMISSIBLE, END_WALL_CONTACT, RUNNING, BodyData
+from vibro_cli.kernels.world import END_INADMISSIBLE, END_WALL_CONTACT, RUNNING
 
 # Below this share of the speed a bounce cannot be told from rolling along: the rounding of the
 # place turns the normal by about the root of it.
@@ -131,14 +132,6 @@ def apply_law(world: World, row: PairRow, law: int) -> None:
         row.normal_a_pre,
         row.normal_b_pre,
     )
-
-
-@kernel
-def inclination(one: BodyData, other: BodyData) -> float:
-    """Cosine between the line of centres of touching balls and the plane."""
-    if one.radius == other.radius:
-        return 1.0
-    return 2.0 * math.sqrt(one.radius * other.radius) / (one.radius + other.radius)
 
 
 @kernel
