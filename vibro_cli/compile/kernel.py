@@ -70,10 +70,9 @@ def is_struct(value: Any) -> bool:
 def struct(cls: StructClass) -> StructClass:
     """Turn a class of annotated fields into one with slots and zero values.
 
-    The mapping ``fields`` of the result gives their names and kinds. Fields are ``float``,
-    ``int``, ``Series`` (a short row of floats, such as the coefficients of a polynomial) or
-    ``Lanes`` or ``Two`` (see ``compile.kernel``).
-    The fields of base classes that are structs come first.
+    The mapping ``fields`` of the result gives their names and kinds: ``float``, ``int``, ``Series``
+    (a short row of floats, such as the coefficients of a polynomial), ``Lanes`` or ``Two``. The
+    fields of base classes that are structs come first.
     """
     fields: dict[str, str] = {}
     for base in reversed(cls.__mro__):
@@ -112,15 +111,10 @@ def dtype(cls: type) -> Any:
     return np.dtype([(name, kinds[kind]) for name, kind in fields.items()])
 
 
-def interpreted_rows(cls: type, count: int) -> list[Any]:
-    """Return ``count`` zero structs for the interpreter."""
-    return [cls() for _ in range(count)]
-
-
 def interpreted_copies(rows: Any, cls: type) -> list[Any]:
     """Return interpreted structs with the contents of a structured array."""
     fields = cls.fields.items()  # type: ignore[attr-defined]
-    copies = interpreted_rows(cls, len(rows))
+    copies = [cls() for _ in rows]
     for copy, values in zip(copies, rows.tolist(), strict=True):
         for (name, kind), value in zip(fields, values, strict=True):
             setattr(copy, name, list(value) if kind == "Series" else value)

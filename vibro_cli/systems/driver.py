@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, get_args, get_origin, get_type_hints
 import numpy as np
 
 from vibro_cli.compile import kernel as engine
-from vibro_cli.compile.kernel import Overrides, compiled_rows, dtype, interpreted_rows
+from vibro_cli.compile.kernel import Overrides, compiled_rows, dtype
 from vibro_cli.compile.native import compiled
 from vibro_cli.errors import VibroError
 from vibro_cli.kernels.numerics.elliptic import fill_angles
@@ -269,7 +269,7 @@ def restore(loop: EventLoop, world: Any, state: Mapping[str, Any]) -> None:
 def _interpreted_logs(loop: EventLoop, world: Any, rows: int) -> Any:
     room = loop.room(rows, world)
     world.settings[0].room = room
-    logs = {name: engine.interpreted_rows(loop.records[name], 2 * room) for name in loop.logs}
+    logs = {name: [loop.records[name]() for _ in range(2 * room)] for name in loop.logs}
     return world._replace(**logs)
 
 
@@ -535,7 +535,7 @@ def _plain(value: Any) -> Any:
 
 def rows_of(cls: type, values: Sequence[Sequence[Any]]) -> list[Any]:
     """Return interpreted records with the values that `plain_rows` has returned."""
-    rows = interpreted_rows(cls, len(values))
+    rows = [cls() for _ in values]
     set_rows(rows, cls, values)
     return rows
 

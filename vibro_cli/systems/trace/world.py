@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 
-from vibro_cli.compile.kernel import interpreted_rows
 from vibro_cli.kernels.flow.flight import NOWHERE
 from vibro_cli.kernels.impact.laws import LAW_NAMES
 from vibro_cli.kernels.numerics.constants import NEVER
@@ -222,7 +221,7 @@ def make_world(
         or [PairTrack()],
         far=[row for pair in neighbours for row in _far(system.trace, pair, far_apart)] or [[0]],
         flights=[initial_flight(system, number) for number in range(len(system.bodies))],
-        forces=interpreted_rows(BodyForces, len(system.bodies) + 1),
+        forces=[BodyForces() for _ in range(len(system.bodies) + 1)],
         impacts=[ImpactRow()],
         log=[FlightRow()],
         touches=[ContactRow()],
