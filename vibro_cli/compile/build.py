@@ -77,11 +77,10 @@ def portable_levels() -> tuple[str, ...]:
 
 def flags(level: str, command: Sequence[str]) -> list[str]:
     """Return the compiler's options for a processor."""
-    option = "-mcpu" if ZIG in command else "-march"
     if level == GENERIC:
         return list(_FLAGS)
-    if level == NATIVE and platform.system() == "Darwin":
-        option = "-mcpu"
+    of_apple = level == NATIVE and platform.system() == "Darwin"
+    option = "-mcpu" if of_apple or ZIG in command else "-march"
     name = level.replace("-", "_") if ZIG in command and level != NATIVE else level
     return [*_FLAGS, f"{option}={name}"]
 
@@ -175,7 +174,7 @@ def _record(levels: Sequence[str]) -> dict[str, Any]:
     files = {Path(str(getattr(module, "__file__", None))) for module in sys.modules.values()}
     inside = [file for file in {*files, PRELUDE, _MAIN} if file.is_relative_to(PACKAGE)]
     sources = sorted(file.relative_to(PACKAGE).as_posix() for file in inside)
-    libraries = list(map(library_name, levels))
+    libraries = [library_name(level) for level in levels]
     return {"libraries": libraries, "sources": sources, "digest": digest_of(sources)}
 
 

@@ -77,12 +77,9 @@ NAMED: Mapping[str, Kind] = {
 
 def joined(*kinds: Kind) -> Kind | None:
     """Return the type of a variable that is given values of some types; None if there is none."""
-    found, *others = kinds
-    for kind in others:
-        both = _joined(found, kind)
-        if both is None:
-            return None
-        found = both
+    found: Kind | None = kinds[0]
+    for kind in kinds[1:]:
+        found = found and _joined(found, kind)
     return found
 
 

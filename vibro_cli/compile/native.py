@@ -19,7 +19,7 @@ from typing import Any
 
 from vibro_cli.compile import kinds as t
 from vibro_cli.compile.kernel import Kernel, Overrides, dtype
-from vibro_cli.compile.kinds import signature, symbol_of
+from vibro_cli.compile.kinds import fields_of, signature, symbol_of
 from vibro_cli.errors import NoLibrary
 
 PACKAGE = Path(__file__).parents[1]
@@ -46,8 +46,7 @@ def library() -> ctypes.CDLL:
     NoLibrary
         If there is none and it cannot be made.
     """
-    named = os.environ.get("VIBRO_LIBRARY")
-    return ctypes.CDLL(named or str(_path()))
+    return ctypes.CDLL(os.environ.get("VIBRO_LIBRARY") or str(_path()))
 
 
 def _path() -> Path:
@@ -104,9 +103,8 @@ def add_library(path: Path) -> None:
     _more.append(ctypes.CDLL(str(path)))
 
 
-@cache
-def compiled(kernel: Kernel, overrides: Overrides | None = None) -> CompiledKernel:
-    """Return the compiled form of a kernel, to be called like the kernel itself.
+class CompiledKernel:
+    """A kernel of the library, to be called like the kernel itself.
 
     Parameters
     ----------
@@ -117,23 +115,16 @@ def compiled(kernel: Kernel, overrides: Overrides | None = None) -> CompiledKern
     overrides
         Those of its program.
     """
-    return CompiledKernel(kernel, overrides)
-
-
-class CompiledKernel:
-    """A kernel of the library (see :func:`compiled`)."""
 
     def __init__(self, kernel: Kernel, overrides: Overrides | None = None) -> None:
-        symbol = symbol_of(kernel, overrides)
-        names, self._kinds, returned = signature(kernel)
-        self._function = _found(symbol)
+        self._names, self._kinds, returned = signature(kernel)
+        self._function = _found(symbol_of(kernel, overrides))
         kinds = [_SCALARS.get(kind, ctypes.c_void_p) for kind in self._kinds]
         self._function.argtypes = [*kinds, ctypes.c_void_p]
         self._function.restype = None
         self._is_tuple = returned.form == "tuple"
         results = returned.item if self._is_tuple else (returned,)
         self._results = struct.Struct("=" + "".join(_RESULTS[kind] for kind in results))
-        self._names = names
 
     def __call__(self, *arguments: Any) -> Any:
         """Return what the kernel returns.
@@ -153,6 +144,10 @@ class CompiledKernel:
         return values if self._is_tuple else next(iter(values), None)
 
 
+compiled = cache(CompiledKernel)
+"""The compiled form of a kernel, made once."""
+
+
 def _found(symbol: str) -> Any:
     for each in (*_more, library()):
         try:
@@ -168,14 +163,9 @@ def _words(kind: Any, argument: Any, name: str) -> Any:
         words = _array_words(argument, kind, name)
     else:
         words = []
-        for (field, each), array in zip(_fields(kind.item), argument, strict=True):
+        for (field, each), array in zip(fields_of(kind.item).items(), argument, strict=True):
             words += _array_words(array, each, field)
     return (ctypes.c_int64 * len(words))(*words)
-
-
-@cache
-def _fields(world: type) -> Sequence[tuple[str, Any]]:
-    return list(t.fields_of(world).items())
 
 
 def _array_words(array: Any, kind: Any, name: str) -> list[int]:

@@ -17,24 +17,9 @@ from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple, NoReturn
 
+from vibro_cli.compile import kernel as k
 from vibro_cli.compile import kinds as t
-from vibro_cli.compile.kernel import (
-    LANES,
-    Kernel,
-    Overrides,
-    any_lane,
-    both,
-    choose,
-    either,
-    fused,
-    has_bit,
-    in_lane,
-    is_kernel,
-    kernel_names,
-    opposite,
-    two_lanes,
-    with_lane,
-)
+from vibro_cli.compile.kernel import LANES, Kernel, Overrides, is_kernel, kernel_names
 from vibro_cli.compile.kinds import Kind, TranslationError, place_of, shown, signature, symbol_of
 
 _WORDS = """alignas and asm auto bool break case catch char class const continue default delete do
@@ -73,32 +58,24 @@ def _chosen(condition: Kind, yes: Kind, no: Kind) -> Kind | None:
     return t.FLOAT if yes == no == t.INT else t.joined(yes, no)
 
 
-def _first(kind: Kind, *_: Kind) -> Kind:
-    return kind
-
-
-def _real(*given: Kind) -> Kind:
-    return given[0] if given[0].form == "lanes" else t.FLOAT
-
-
 _RULES: dict[Any, Rule] = {
     min: Rule("py::min<{kind}>({all})", t.joined, 0),
     max: Rule("py::max<{kind}>({all})", t.joined, 0),
-    abs: Rule("py::abs({0})", _first),
+    abs: Rule("py::abs({0})", lambda kind: kind),
     int: Rule("(int64_t)({0})", t.INT),
     float: Rule("(double)({0})", t.FLOAT),
     round: Rule("(int64_t)std::nearbyint({0})", t.INT),
-    fused: Rule("std::fma({all})", t.FLOAT, 0),
-    choose: Rule("py::choose({all})", _chosen, 1),
-    any_lane: Rule("py::any_lane({0})", t.BOOL),
-    both: Rule("{kind}({0} & {1})", t.joined, 0),
-    either: Rule("{kind}({0} | {1})", t.joined, 0),
-    opposite: Rule("({0} == {kind}{{}})", _first),
-    has_bit: Rule("py::has_bit({all})", lambda kind, _: t.mask_of(kind)),
-    in_lane: Rule("{0}[{1}]", t.FLOAT),
-    with_lane: Rule("py::with_lane({all})", _first),
-    two_lanes: Rule("py::two_lanes({all})", t.lanes_of(2)),
-    math.sqrt: Rule("py::sqrt({0})", _real, 0),
+    k.fused: Rule("std::fma({all})", t.FLOAT, 0),
+    k.choose: Rule("py::choose({all})", _chosen, 1),
+    k.any_lane: Rule("py::any_lane({0})", t.BOOL),
+    k.both: Rule("{kind}({0} & {1})", t.joined, 0),
+    k.either: Rule("{kind}({0} | {1})", t.joined, 0),
+    k.opposite: Rule("({0} == {kind}{{}})", lambda kind: kind),
+    k.has_bit: Rule("py::has_bit({all})", lambda kind, _: t.mask_of(kind)),
+    k.in_lane: Rule("{0}[{1}]", t.FLOAT),
+    k.with_lane: Rule("py::with_lane({all})", lambda kind, *_: kind),
+    k.two_lanes: Rule("py::two_lanes({all})", t.lanes_of(2)),
+    math.sqrt: Rule("py::sqrt({0})", lambda kind: kind if kind.form == "lanes" else t.FLOAT, 0),
     math.floor: Rule("(int64_t)std::floor({0})", t.INT),
     math.ceil: Rule("(int64_t)std::ceil({0})", t.INT),
 }
@@ -283,9 +260,9 @@ class Function:
 
     def definition(self) -> str:
         """Return the function in C++."""
-        kinds = [(f"{kind.cpp} {self._local(name)}", name) for name, kind in self._kinds.items()]
-        parameters = ", ".join(text for text, _ in kinds[: len(self.parameters)])
-        locals_ = [f"  {text}{{}};" for text, _ in kinds[len(self.parameters) :]]
+        declared = [f"{kind.cpp} {self._local(name)}" for name, kind in self._kinds.items()]
+        parameters = ", ".join(declared[: len(self.parameters)])
+        locals_ = [f"  {one}{{}};" for one in declared[len(self.parameters) :]]
         typed = f"{self.returns.cpp} {self.name}({parameters})"
         head = f"{'IN_PLACE' if f'<{LANES}>' in typed else 'static'} {typed} {{"
         return "\n".join([self._line_of(self._node), head, *locals_, *self._lines, "}\n"])
@@ -318,13 +295,17 @@ class Function:
         for statement in body:
             if isinstance(statement, ast.Expr) and isinstance(statement.value, ast.Constant):
                 continue  # a docstring
-            write = getattr(self, f"_write_{type(statement).__name__}", None)
-            if write is None:
-                self._fail(statement, f"a kernel has no {_words(statement)}")
+            write = self._method("_write", statement)
             if isinstance(statement, (ast.For, ast.While)) and statement.orelse:
                 self._fail(statement, "a kernel has no else of a loop")
             self._lines.append(self._line_of(statement))
             write(statement)
+
+    def _method(self, task: str, node: ast.AST) -> Any:
+        """The method that does a task for such a node."""
+        name = type(node).__name__
+        method = getattr(self, f"{task}_{name}", None)
+        return method or self._fail(node, f"a kernel has no {name.lower()}")
 
     def _inner(self, head: str, body: Sequence[ast.stmt], first: str = "") -> None:
         self._write(f"{head} {{")
@@ -437,10 +418,7 @@ class Function:
     # Expressions
 
     def _value(self, node: ast.expr) -> Value:
-        find = getattr(self, f"_value_{type(node).__name__}", None)
-        if find is None:
-            self._fail(node, f"a kernel has no {_words(node)}")
-        value: Value = find(node)
+        value: Value = self._method("_value", node)(node)
         return value
 
     def _cast(self, value: Value, kind: Kind, node: ast.AST) -> str:
@@ -449,9 +427,8 @@ class Function:
         if given == kind:
             return code
         if kind.form in ("lanes", "mask") and t.joined(kind, given) == kind:
-            return (
-                f"py::in_all<{kind.size}>(({'double' if kind.form == 'lanes' else 'bool'}){code})"
-            )
+            one = "double" if kind.form == "lanes" else "bool"
+            return f"py::in_all<{kind.size}>(({one}){code})"
         if (kind, given) in ((t.FLOAT, t.INT), (t.FLOAT, t.BOOL), (t.INT, t.BOOL)):
             return f"({kind.cpp})({code})"
         if kind.form == "tuple" and t.joined(kind, given) == kind:
@@ -558,16 +535,13 @@ class Function:
         return Value(f"({sign.join(map(self._condition, node.values))})", t.BOOL)
 
     def _value_Compare(self, node: ast.Compare) -> Value:
-        kind, codes = self._alike(
-            node, [self._value(one) for one in (node.left, *node.comparators)]
-        )
+        values = [self._value(one) for one in (node.left, *node.comparators)]
+        kind, codes = self._alike(node, values)
         signs = [_COMPARISONS.get(type(operator)) for operator in node.ops]
         if None in signs or (kind.size and len(signs) > 1):
             self._fail(node, f"{ast.unparse(node)}: a kernel has no such comparison")
-        parts = [
-            f"({one} {sign} {other})"
-            for one, sign, other in zip(codes, signs, codes[1:], strict=False)
-        ]
+        pairs = zip(codes, signs, codes[1:], strict=False)
+        parts = [f"({one} {sign} {other})" for one, sign, other in pairs]
         return Value(parts[0] if len(parts) == 1 else f"({' && '.join(parts)})", t.mask_of(kind))
 
     def _value_IfExp(self, node: ast.IfExp) -> Value:
@@ -631,7 +605,3 @@ def _passed(wanted: Kind, given: Kind) -> Kind:
 def _in_lanes(declared: Kind, found: Kind) -> Kind:
     """The type of a result: lanes are what they are found to be, numbers what is declared."""
     return found if "lanes" in (declared.form, found.form) or found.form == "mask" else declared
-
-
-def _words(node: ast.AST) -> str:
-    return type(node).__name__.lower()
