@@ -82,9 +82,9 @@ def run_stacked(
     """Run some of the points as :func:`run_points`, each with its own system."""
     at = first
     while at < last:
-        system = stack.of_runs[at].number
+        system = stack.of_runs[at]
         until = at + 1
-        while until < last and stack.of_runs[until].number == system:
+        while until < last and stack.of_runs[until] == system:
             until += 1
         install(world, stack, system)
         for j in range(len(world.pairs)):
@@ -115,8 +115,8 @@ def follow_points(
     """
     installed = -1
     for point in range(len(points.own)):
-        if len(stack.of_runs) > 0 and stack.of_runs[point].number != installed:
-            installed = stack.of_runs[point].number
+        if len(stack.of_runs) > 0 and stack.of_runs[point] != installed:
+            installed = stack.of_runs[point]
             install(world, stack, installed)
             for j in range(len(world.pairs)):
                 fresh.pairs[j].distance = world.pairs[j].distance

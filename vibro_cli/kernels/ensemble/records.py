@@ -39,19 +39,12 @@ class StartData:
     mass: float  # kg
 
 
-@struct
-class RestitutionData:
-    """One pair of one run."""
-
-    k: float
-
-
 class Points(NamedTuple):
-    """The runs of a batch: a row for each, and one for each of its bodies and pairs."""
+    """The runs of a batch: a row for each, one for each of its bodies, k for each of its pairs."""
 
     own: Sequence[PointData]
     starts: Sequence[StartData]  # run by run
-    restitutions: Sequence[RestitutionData]  # run by run
+    restitutions: Sequence[float]  # run by run
 
 
 @kernel
@@ -80,7 +73,7 @@ def prepare_point(world: World, fresh: World, points: Points, point: int) -> Non
     settings.stop_collisions = points.own[point].stop_collisions
     for j in range(settings.pairs):
         world.pairs[j] = fresh.pairs[j]  # type: ignore[index]
-        world.pairs[j].restitution = points.restitutions[point * settings.pairs + j].k
+        world.pairs[j].restitution = points.restitutions[point * settings.pairs + j]
     for ball in range(settings.bodies):
         given = points.starts[point * settings.bodies + ball]
         body = world.bodies[ball]
@@ -111,15 +104,8 @@ class PairNumbers:
     distance: float  # r_a + r_b, m
 
 
-@struct
-class SystemNumber:
-    """Which of the systems a run is of, from 0."""
-
-    number: int
-
-
 class Stack(NamedTuple):
-    """The records of the systems, system by system, and which system each run is of."""
+    """The records of the systems, system by system, and which system each run is of, from 0."""
 
     settings: Sequence[SettingNumbers]
     bodies: Sequence[BodyData]
@@ -127,7 +113,7 @@ class Stack(NamedTuple):
     tracks: Sequence[TrackData]
     contacts: Sequence[PairTrack]
     pairs: Sequence[PairNumbers]
-    of_runs: Sequence[SystemNumber]
+    of_runs: Sequence[int]
 
 
 @kernel
@@ -163,7 +149,7 @@ def fill_stacked(
     row = 0
     installed = -1
     for run in range(len(runs.counts)):
-        system = stack.of_runs[run].number
+        system = stack.of_runs[run]
         if system != installed and runs.counts[run] > 0:
             install(world, stack, system)
             installed = system

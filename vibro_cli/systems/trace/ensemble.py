@@ -17,11 +17,9 @@ from vibro_cli.kernels.ensemble.records import (
     PairNumbers,
     PointData,
     Points,
-    RestitutionData,
     SettingNumbers,
     Stack,
     StartData,
-    SystemNumber,
 )
 from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.statistics.run_statistics import FinalState, Outcome, Results
@@ -134,10 +132,10 @@ class Batch:
         tangents = room_for(size, len(self.world.impacts), False, states, from_start=False)
         sums = np.zeros((len(points.own), size))
         if stack is None:
+            no_numbers: Any = np.zeros(0, dtype=np.int64)
             stack = Stack(
                 zeros(0, SettingNumbers), zeros(0, BodyData), zeros(0, PieceData),
-                zeros(0, TrackData), zeros(0, PairTrack), zeros(0, PairNumbers),
-                zeros(0, SystemNumber),
+                zeros(0, TrackData), zeros(0, PairTrack), zeros(0, PairNumbers), no_numbers,
             )  # fmt: skip
         else:
             self.world.far[:] = 0  # type: ignore[index]
@@ -173,8 +171,7 @@ def make_points(
     starts = zeros(piece.size, StartData)
     for name, values in (("piece", piece), ("s", s), ("c", c), ("p", p), ("mass", mass)):
         starts[name] = values.reshape(-1)
-    restitutions = zeros(k.size, RestitutionData)
-    restitutions["k"] = k.reshape(-1)
+    restitutions: Any = np.array(k, dtype=np.float64).reshape(-1)
     return Points(own, starts, restitutions)
 
 
@@ -195,8 +192,6 @@ def stack_of(system: TraceSystem, count: int, of_runs: Any) -> Stack:
     """
 
     world = make_world(system, None, None, far_apart=False)
-    numbers = np.zeros(len(of_runs), dtype=dtype(SystemNumber))
-    numbers["number"] = of_runs
     return Stack(
         settings=_rows(world.settings, SettingNumbers, count),
         bodies=_rows(world.bodies, BodyData, count),
@@ -204,7 +199,7 @@ def stack_of(system: TraceSystem, count: int, of_runs: Any) -> Stack:
         tracks=_rows(world.tracks, TrackData, count),
         contacts=_rows(world.contacts, PairTrack, count),
         pairs=_rows(world.pairs, PairNumbers, count),
-        of_runs=numbers,  # type: ignore[arg-type]
+        of_runs=np.array(of_runs, dtype=np.int64),  # type: ignore[arg-type]
     )
 
 
