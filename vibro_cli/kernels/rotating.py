@@ -193,7 +193,7 @@ TURNING = Overrides(
         event_detection.kept_apart: kept_apart,
         event_detection.horizontal_extent: horizontal_extent,
         flow.recall_flow: recall_flow,
-        flow.energy_of_row: rotating_flight.energy_of_row,
+        flow.height_of: rotating_flight.potential_head,
         trace_forces.pendulum_at: rotating_clusters.pendulum_at,
         trace_forces.fit_forces: rotating_clusters.fit_forces,
         liftoff_slip.rotates: rotating_forces.rotates,

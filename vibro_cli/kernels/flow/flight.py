@@ -256,13 +256,22 @@ def _reaches(flight: Flight, s: float, c: float) -> bool:
 
 
 @kernel
-def at_end(flight: Flight, s: float, c: float, side: float) -> bool:
-    """Tell whether a flow starts at an end of its path, or short of or beyond it by rounding."""
+def leaves_at_once(flight: Flight, right: bool, s: float, c: float) -> bool:
+    """End a flight at once if its flow starts at the end of its path ahead; tell whether it does.
+
+    Or short of it, or beyond it, by rounding.
+    """
     if abs(flight.flow_s - s) > BEYOND_END or abs(flight.flow_c - c) > BEYOND_END:
         return False
     ahead = flight.flow_s * c
     behind = flight.flow_c * s
-    return (ahead - behind) * side >= -SHORT_OF_END * (abs(ahead) + abs(behind))
+    side = 1 if right else -1
+    if (ahead - behind) * side < -SHORT_OF_END * (abs(ahead) + abs(behind)):
+        return False
+    flight.exit_side = side
+    flight.exit_p = flight.flow_p
+    flight.exit_after = 0.0
+    return True
 
 
 @kernel
@@ -276,10 +285,7 @@ def choose_exit(
     right = flight.flow_p > 0.0 or (flight.flow_p == 0.0 and pull > 0.0)
     end_s = right_s if right else left_s
     end_c = right_c if right else left_c
-    if at_end(flight, end_s, end_c, 1.0 if right else -1.0):
-        flight.exit_side = 1 if right else -1
-        flight.exit_p = flight.flow_p
-        flight.exit_after = 0.0
+    if leaves_at_once(flight, right, end_s, end_c):
         return
     reaches_right = _reaches(flight, right_s, right_c)
     reaches_left = _reaches(flight, left_s, left_c)

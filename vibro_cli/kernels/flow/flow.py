@@ -541,11 +541,18 @@ def energy_of_row(world: World, row: FlightRow, s: float, c: float, p: float) ->
     body = world.bodies[row.body]
     if row.grouped == 0:
         return body.weight * row.head
+    gravity = world.settings[0].gravity
     track = track_on(world, row.body, row.piece)
-    rise = track.line_rise * s if track.path_radius == 0.0 else 2.0 * track.path_radius * s * s
     speed = track.speed_factor * p
-    kinetic = 0.5 * body.kappa * speed * speed / world.settings[0].gravity
-    return body.weight * (track.bottom + rise + kinetic)
+    kinetic = 0.5 * body.kappa * speed * speed / gravity
+    return body.weight * (height_of(track, gravity, body.kappa, s, c) + kinetic)
+
+
+@kernel
+def height_of(track: TrackData, gravity: float, kappa: float, s: float, c: float) -> float:
+    """Height (m) of a body's centre above its lowest place: potential energy over weight."""
+    rise = track.line_rise * s if track.path_radius == 0.0 else 2.0 * track.path_radius * s * s
+    return track.bottom + rise
 
 
 @kernel

@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 
 from vibro_cli.compile.kernel import kernel
-from vibro_cli.kernels.flow.flight import LIFT_OFF, at_end
+from vibro_cli.kernels.flow.flight import LIFT_OFF, leaves_at_once
 from vibro_cli.kernels.flow.flow import POLYNOMIAL, angle_from_start, place_from_start
 from vibro_cli.kernels.flow.rotating_flow import (
     TURNING_LINE,
@@ -41,12 +41,9 @@ from vibro_cli.kernels.numerics.weierstrass_motion import squared_rate
 from vibro_cli.kernels.world import (
     BodyData,
     Flight,
-    FlightRow,
     PieceData,
     States,
     TrackData,
-    World,
-    track_on,
 )
 
 # A normal force above -this share of the weight is zero up to rounding.
@@ -202,19 +199,6 @@ def potential_head(track: TrackData, gravity: float, kappa: float, s: float, c: 
 
 
 @kernel
-def energy_of_row(world: World, row: FlightRow, s: float, c: float, p: float) -> float:
-    """Energy (J) of a body; carried on a free flight, from the state in lasting contact."""
-    body = world.bodies[row.body]
-    if row.grouped == 0:
-        return body.weight * row.head
-    gravity = world.settings[0].gravity
-    track = track_on(world, row.body, row.piece)
-    speed = track.speed_factor * p
-    kinetic = 0.5 * body.kappa * speed * speed / gravity
-    return body.weight * (potential_head(track, gravity, body.kappa, s, c) + kinetic)
-
-
-@kernel
 def head_from_state(flight: Flight, body: BodyData, track: TrackData, gravity: float) -> float:
     """Energy over weight, m above the least potential energy of the body on the trace."""
     speed = track.speed_factor * flight.p
@@ -298,10 +282,7 @@ def _choose_exit(flight: Flight, track: TrackData) -> None:
     right = flight.flow_p > 0.0 or (flight.flow_p == 0.0 and flight.quartic_3 > 0.0)
     end_s = track.right_s if right else track.left_s
     end_c = track.right_c if right else track.left_c
-    if at_end(flight, end_s, end_c, 1.0 if right else -1.0):
-        flight.exit_side = 1 if right else -1
-        flight.exit_p = flight.flow_p
-        flight.exit_after = 0.0
+    if leaves_at_once(flight, right, end_s, end_c):
         return
     to_right = _rate_at_end(flight, track, 1.0, track.right_s, track.right_c)
     if right and to_right > 0.0:

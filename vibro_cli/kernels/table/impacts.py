@@ -528,7 +528,7 @@ def _separate(world: World, first: int, closing: int) -> bool:
     admissible = True
     for number in range(closing):
         row = world.pair_log[first + number]
-        _set_after(world, row.a, row.b, first + number)
+        _set_after(world, row)
         speeds = abs(row.vx_a_pre) + abs(row.vy_a_pre) + abs(row.vx_b_pre) + abs(row.vy_b_pre)
         speeds += abs(row.vx_a_post) + abs(row.vy_a_post) + abs(row.vx_b_post) + abs(row.vy_b_post)
         if row.normal_b_post < row.normal_a_post - RESOLVED * speeds:
@@ -537,11 +537,10 @@ def _separate(world: World, first: int, closing: int) -> bool:
 
 
 @kernel
-def _set_after(world: World, a: int, b: int, number: int) -> None:
+def _set_after(world: World, row: PairRow) -> None:
     """Set velocities and components of both balls of a row after all impulses."""
-    row = world.pair_log[number]
-    one = world.shares[a]
-    other = world.shares[b]
+    one = world.shares[row.a]
+    other = world.shares[row.b]
     row.vx_a_post = row.vx_a_pre + one.x
     row.vy_a_post = row.vy_a_pre + one.y
     row.vx_b_post = row.vx_b_pre + other.x
@@ -558,7 +557,7 @@ def _complete(
     for number in range(closing):
         touch = world.touches[number]
         row = world.pair_log[first + number]
-        _set_after(world, row.a, row.b, first + number)
+        _set_after(world, row)
         row.law = law
         row.admissible = admissible
         row.loss = loss_of_impulse(
