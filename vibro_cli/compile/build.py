@@ -98,16 +98,8 @@ def build(
 ) -> None:
     """Make the library in a folder, with a record of what it was made of; whole or not at all.
 
-    Parameters
-    ----------
-    programs
-        What is compiled.
-    folder
-        Made if it is not there.
-    levels
-        The processors it is made for, best first.
-    more_flags
-        For the compiler, after its own.
+    The folder is made if it is not there. ``levels`` are the processors it is made for, best first;
+    ``more_flags`` are for the compiler, after its own.
 
     Raises
     ------

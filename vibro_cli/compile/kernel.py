@@ -137,15 +137,9 @@ def fused(a: float, b: float, c: float) -> float:
 class Overrides:
     """Kernels that stand for others: the same event loop for another mechanics.
 
-    A name in a kernel means what it means in its module, or what stands for that here. The
-    kernels themselves know nothing of it, so what is not asked for costs nothing.
-
-    Parameters
-    ----------
-    name
-        Of the overrides; part of the names of their entry points in the library.
-    replaced
-        The replacement, with the same parameters and result, of each kernel that has one.
+    A name in a kernel means what it means in its module, or what stands for that in ``replaced``,
+    with the same parameters and result. The kernels themselves know nothing of it, so what is not
+    asked for costs nothing. Their name is part of those of their entry points in the library.
     """
 
     def __init__(self, name: str, replaced: Mapping[Kernel, Kernel]) -> None:

@@ -106,14 +106,9 @@ def add_library(path: Path) -> None:
 class CompiledKernel:
     """A kernel of the library, to be called like the kernel itself.
 
-    Parameters
-    ----------
-    kernel
-        An entry point of a program (see ``vibro_cli.programs``). Its parameters are numbers, or
-        numpy arrays in C order, or named tuples of them; it returns numbers, or a tuple of
-        them, or nothing.
-    overrides
-        Those of its program.
+    It is an entry point of a program (see ``vibro_cli.programs``), with whose overrides it is made.
+    Its parameters are numbers, or numpy arrays in C order, or named tuples of them; it returns
+    numbers, or a tuple of them, or nothing.
     """
 
     def __init__(self, kernel: Kernel, overrides: Overrides | None = None) -> None:

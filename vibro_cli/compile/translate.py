@@ -87,20 +87,10 @@ _RULES |= {getattr(math, name): Rule(f"std::{name}({{all}})", t.FLOAT, 0) for na
 
 @dataclass
 class Program:
-    """The kernels that one entry point or several reach, as one C++ source file.
+    """The kernels that one entry point or several reach, as one C++ source file."""
 
-    Parameters
-    ----------
-    name
-        Of the file.
-    entries
-        Kernels that are called from Python.
-    overrides
-        Kernels that stand for others, if any.
-    """
-
-    name: str
-    entries: Sequence[Kernel]
+    name: str  # of the file
+    entries: Sequence[Kernel]  # called from Python
     overrides: Overrides | None = None
     functions: dict[Any, Function] = field(default_factory=dict)
     declared: dict[Kind, None] = field(default_factory=dict)

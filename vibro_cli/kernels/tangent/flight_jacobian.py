@@ -115,16 +115,8 @@ def derivative_by_parameter(
 def square_integral(theta: ThetaConstants, m: float, root: float, rate: float, u: float) -> float:
     """Integral ``D(x|m)`` of ``(sn/dn)^2`` from 0 to ``x = rate u``, for ``m <= 1``.
 
-    Parameters
-    ----------
-    theta
-        Its constants, of the parameter m or its reciprocal.
-    m, root
-        The parameter, and ``sqrt(1 - m)``.
-    rate
-        1, or ``1/sqrt(m)`` where the constants are of the reciprocal.
-    u
-        The argument of the constants' own functions.
+    ``theta`` has the constants of m, and ``rate`` is 1; or those of its reciprocal, and ``rate`` is
+    ``1/sqrt(m)``. ``root`` is ``sqrt(1 - m)``, u the argument of the constants' own functions.
     """
     complement = root * root
     q = 0.5 * theta.two_nome
@@ -201,14 +193,8 @@ def find_arrivals(
 ) -> None:
     """Fill in how the body of each row of the log of a whole run arrived at its start.
 
-    Parameters
-    ----------
-    world
-        With all rows of a run in its logs.
-    arrivals
-        As many as rows of the log; those of rows that no flight of the body ends at stay.
-    current, series, scratch
-        ``[0, body]``, a series and a flight to work with.
+    There are as many ``arrivals`` as rows; those of rows that no flight of the body ends at stay.
+    ``current`` [0, body], ``series`` and a flight of ``scratch`` are to work with.
     """
     flight = scratch[0]
     for number in range(world.clock[0].flight_rows):

@@ -379,12 +379,7 @@ def _carry(
 def leans(world: World, number: int, flight: Flight) -> bool:
     """Tell whether a body rests because a wall holds it, and not in equilibrium.
 
-    Parameters
-    ----------
-    number
-        Of the row of its flight in the log.
-    flight
-        Scratch: its flight, or nothing of use.
+    ``number`` is that of the row of its flight, ``flight`` scratch: its flight, or nothing of use.
     """
     row = world.log[number]
     if row.at_rest == 0:
