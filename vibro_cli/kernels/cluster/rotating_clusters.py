@@ -324,8 +324,11 @@ def launch_group_on_line(world: World, first: int, count: int) -> None:
         launch_on_line(flight, track)
         flight.segment = NEVER
         flight.series[0] = flight.line_growth
+    leader = world.flights[first]
     for step in range(count - 1):
-        _set_release_on_line(world, first, step)
+        push, push_growth = _push_on_line(world, first, step)
+        after = fall_on_line(leader, push, push_growth)
+        keep_release(leader, pair_along(world, first, step), after)
     if settings.one_sided == 1:
         for step in range(count):
             _limit_on_line(world, first, count, step)
@@ -353,14 +356,6 @@ def _push_on_line(world: World, first: int, step: int) -> tuple[float, float]:
         force += mass * (own - flight.line_acceleration)
         growth += mass * (own_growth - flight.line_growth * flight.line_growth)
     return force, growth
-
-
-@kernel
-def _set_release_on_line(world: World, first: int, step: int) -> None:
-    flight = world.flights[first]
-    pair = pair_along(world, first, step)
-    force, growth = _push_on_line(world, first, step)
-    keep_release(flight, pair, fall_on_line(flight, force, growth))
 
 
 @kernel

@@ -271,7 +271,9 @@ def _refined(
     free = a.piece == b.piece and a.grouped == 0 and b.grouped == 0 and a.own_frequency > 0.0
     rate = _jerk(a, pair.distance) + _jerk(b, pair.distance)
     if not free:
-        rate += (a.acceleration_bound + b.acceleration_bound) * _fastest(world, j)
+        # Above the rates (1/s) at which the geometry of the pair changes.
+        fastest = (abs(a.speed) + abs(b.speed)) / pair.distance + a.frequency + b.frequency
+        rate += (a.acceleration_bound + b.acceleration_bound) * fastest
         missing = first_term * first_term * rate / c
         return first_term if missing * u <= rounding else NOT_YET
     # What each bounce before has left uncertain of the speed is a series of squares.
@@ -325,14 +327,6 @@ def _changes(world: World, j: int, c: float, k: float, time: float) -> float:
     terms = 0.75 * ((1.0 + k) * (1.0 + k) * second + (1.0 - k) * (1.0 - k) * own)
     terms += (2.0 + 3.0 * k + 2.0 * k * k) * first * first
     return first * (1.0 / 3.0) + terms / (9.0 * (1.0 + k + k * k))
-
-
-@kernel
-def _fastest(world: World, j: int) -> float:
-    """A rate (1/s) above those at which the geometry of a pair changes."""
-    pair = world.pairs[j]
-    a, b = flights_of(world, pair)
-    return (abs(a.speed) + abs(b.speed)) / pair.distance + a.frequency + b.frequency
 
 
 @kernel

@@ -205,7 +205,7 @@ def follow_bodies(
     impact = 0
     told = 0
     for row in range(0, clock.state_rows, len(world.bodies)):
-        if _is_later(world, row):
+        if world.states[row].t != clock.t or world.states[row].t_low != clock.t_low:
             told = _tell(tangents, told, impact)
         count = world.states[row].event - clock.collisions
         clock.collisions = world.states[row].event
@@ -218,13 +218,6 @@ def follow_bodies(
         _carry(world, tangents, end_t, end_t_low)
         orthogonalise(tangents)
     tangents.state[0].end_t = end_t
-
-
-@kernel
-def _is_later(world: World, row: int) -> bool:
-    """Tell whether an event is later than the one before it."""
-    clock = world.clock[0]
-    return world.states[row].t != clock.t or world.states[row].t_low != clock.t_low
 
 
 @kernel
@@ -248,7 +241,9 @@ def _happen(world: World, tangents: Tangents, row: int, impact: int, count: int)
     closed = _closes(world, row)
     restore(world, row, 1.0)
     _note_accelerations(world, tangents, _AFTER)
-    _change_forces(world, tangents)
+    for body in range(len(world.bodies)):
+        jump = tangents.arriving[body, _AFTER] - tangents.arriving[body, _BEFORE]
+        change_force(tangents, body, jump)
     if closed:
         tangents.state[0].lost = 1
         _unite_groups(world, tangents)
@@ -268,7 +263,9 @@ def _judge(world: World, tangents: Tangents, impact: int, count: int, closed: bo
     row = world.impacts[impact]
     fine = count == 1 and row.simultaneous == 0 and row.grazing == 0
     if closed:
-        fine = fine and _closes_at_once(world, row)
+        # By an impact without restitution, not as a sum of bounces.
+        lawful = row.law == world.settings[0].law or row.substituted == 1
+        fine = fine and lawful and world.pairs[row.pair].restitution == 0.0
     if row.simultaneous == 1:
         _spoil(world, tangents, impact)
     tell_smooth(tangents, impact, count, fine)
@@ -313,27 +310,12 @@ def _note_accelerations(world: World, tangents: Tangents, when: int) -> None:
 
 
 @kernel
-def _change_forces(world: World, tangents: Tangents) -> None:
-    """Let bodies whose acceleration changes later go on with what it has changed by then."""
-    for body in range(len(world.bodies)):
-        jump = tangents.arriving[body, _AFTER] - tangents.arriving[body, _BEFORE]
-        change_force(tangents, body, jump)
-
-
-@kernel
 def _closes(world: World, row: int) -> bool:
     """Tell whether lasting contact of a pair begins with an event, or begins again."""
     for body in range(len(world.bodies) - 1):
         if world.states[row + body].held == 1 and world.pairs[body].held == 0:
             return True
     return False
-
-
-@kernel
-def _closes_at_once(world: World, row: ImpactRow) -> bool:
-    """Tell whether contact begins by an impact without restitution, and not as a sum of bounces."""
-    lawful = row.law == world.settings[0].law or row.substituted == 1
-    return lawful and world.pairs[row.pair].restitution == 0.0
 
 
 @kernel

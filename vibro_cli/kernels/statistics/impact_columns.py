@@ -234,8 +234,9 @@ def _find_eights(world: World, body: int, count: int, hills: FloatMatrix) -> int
     around = hills[top + _PLACE, count - 1] - hills[top + _PLACE, 0]
     number = count - 1 if closed else count
     for hill in range(number):
-        if not _is_summit(hills, top, number, hill, closed):
-            continue
+        inner = closed or (hill != 0 and hill != number - 1)
+        if not inner or hills[top + _KIND, hill] != _CREST:
+            continue  # no saddle between two slopes
         left = _barrier(world, hills, top, number, hill, -1)
         right = _barrier(world, hills, top, number, hill, 1)
         if left < 0 or right < 0:
@@ -248,13 +249,6 @@ def _find_eights(world: World, body: int, count: int, hills: FloatMatrix) -> int
         hills[top + _HEIGHT_OF_EIGHT, found] = hills[top + _HEIGHT, hill]
         found += 1
     return found
-
-
-@kernel
-def _is_summit(hills: FloatMatrix, top: int, number: int, hill: int, closed: bool) -> bool:
-    """Whether a hill is a saddle between two slopes, not one at an end of the trace."""
-    inner = closed or (hill != 0 and hill != number - 1)
-    return inner and hills[top + _KIND, hill] == _CREST
 
 
 @kernel
@@ -505,7 +499,9 @@ def _fill_row(
     side = 0
     if around > 0.0:
         ahead = (s_b - s_a if end_a == 0 else s_a - s_b) % around
-        side = _side(row, ahead <= 0.5 * around)
+        # +1 where body 2 is met ahead of body 1, -1 where from behind.
+        met_ahead = row.a == 0 if row.piece_a == row.piece_b else ahead <= 0.5 * around
+        side = 1 if met_ahead else -1
     _integer(columns, 6, at, side)
 
 
@@ -526,14 +522,6 @@ def _fill_pair(world: World, row: ImpactRow, columns: Columns, at: int) -> float
     _flag(columns, 2, at, row.simultaneous == 1)
     _flag(columns, 4, at, row.contact == 1)
     return approach
-
-
-@kernel
-def _side(row: ImpactRow, near: bool) -> int:
-    """+1 where body 2 is met ahead of body 1, -1 where from behind."""
-    if row.piece_a == row.piece_b:
-        return 1 if row.a == 0 else -1
-    return 1 if near else -1
 
 
 @kernel
