@@ -270,7 +270,6 @@ def release(world: World, j: int) -> int:
 @kernel
 def leave_piece(world: World, ball: int) -> int:
     """Carry out the end of a flight: a crossing, a wall, the end of the trace or a lift-off."""
-    settings = world.settings[0]
     clock = world.clock[0]
     flight = world.flights[ball]
     clock.t = flight.exit_t
@@ -280,50 +279,50 @@ def leave_piece(world: World, ball: int) -> int:
         return END_LIFT_OFF
     if flight.grouped == 1:
         return _leave_in_group(world, ball)
-    track = track_of(world, ball)
     right = flight.exit_side > 0
-    exit_p = flight.exit_p
-    _place_at_end(flight, track, right, exit_p)
-    target = flight.piece + (1 if right else -1)
-    if settings.closed == 1 or 0 <= target < settings.pieces:
-        _enter(world, ball, target, right, track.speed_factor * exit_p)
-        track = track_of(world, ball)
-        speed = track.speed_factor * flight.p
-        kinetic = 0.5 * world.bodies[ball].kappa * speed * speed / settings.gravity
-        if kinetic > SLOW_CROSSING * flight.head:
-            flight.p = rate_by_energy(world, ball, flight, track)
-        elif flight.anchor < 0:
-            anchor_at_crest(flight, track)
-        begin_flight(world, ball, CROSSING, 0)
-        return RUNNING
-    return _hit_wall(world, ball, right)
+    if not _enters_next(world, ball, right, flight.exit_p):
+        return _hit_wall(world, ball, right)
+    track = track_of(world, ball)
+    speed = track.speed_factor * flight.p
+    kinetic = 0.5 * world.bodies[ball].kappa * speed * speed / world.settings[0].gravity
+    if kinetic > SLOW_CROSSING * flight.head:
+        flight.p = rate_by_energy(world, ball, flight, track)
+    elif flight.anchor < 0:
+        anchor_at_crest(flight, track)
+    begin_flight(world, ball, CROSSING, 0)
+    return RUNNING
 
 
 @kernel
-def _place_at_end(flight: Flight, track: TrackData, right: bool, p: float) -> None:
-    """Put a flight at an end of its piece at the instant of its exit, as it arrives there."""
+def _enters_next(world: World, ball: int, right: bool, p: float) -> bool:
+    """Put a body at the end of its piece now, as it arrives there; then onto the next piece.
+
+    There its centre and its speed continue. Tells whether there is a next piece.
+    """
+    settings = world.settings[0]
+    clock = world.clock[0]
+    flight = world.flights[ball]
+    track = track_of(world, ball)
     s = track.right_s if right else track.left_s
     c = track.right_c if right else track.left_c
-    place_at(flight, flight.exit_t, flight.exit_t_low, s, c, p)
-
-
-@kernel
-def _enter(world: World, ball: int, target: int, right: bool, speed: float) -> None:
-    """Put a body onto the next piece: its centre and its speed (m/s) continue."""
-    settings = world.settings[0]
-    flight = world.flights[ball]
+    place_at(flight, clock.t, clock.t_low, s, c, p)
+    speed = track.speed_factor * p
+    target = flight.piece + (1 if right else -1)
+    if settings.closed == 0 and not 0 <= target < settings.pieces:
+        return False
     if target < 0:
         target = settings.pieces - 1
         flight.lap -= 1
     elif target >= settings.pieces:
         target = 0
         flight.lap += 1
-    world.clock[0].crossings += 1
+    clock.crossings += 1
     flight.piece = target
     track = track_on(world, ball, target)
     flight.s = track.left_s if right else track.right_s
     flight.c = track.left_c if right else track.right_c
     flight.p = speed / track.speed_factor
+    return True
 
 
 @kernel
@@ -361,16 +360,10 @@ def _leave_in_group(world: World, ball: int) -> int:
     if segment_only:
         relaunch_run(world, first, count, SEGMENT)
         return RUNNING
-    track = track_of(world, ball)
-    flight.exit_t = clock.t
-    flight.exit_t_low = clock.t_low
-    _place_at_end(flight, track, right, exit_p)
-    target = flight.piece + (1 if right else -1)
-    if settings.closed == 1 or 0 <= target < settings.pieces:
-        _enter(world, ball, target, right, track.speed_factor * exit_p)
-        relaunch_run(world, first, count, CROSSING)
-        return RUNNING
-    return _hit_wall(world, ball, right)
+    if not _enters_next(world, ball, right, exit_p):
+        return _hit_wall(world, ball, right)
+    relaunch_run(world, first, count, CROSSING)
+    return RUNNING
 
 
 @kernel
