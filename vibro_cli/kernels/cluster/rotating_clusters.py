@@ -433,7 +433,7 @@ def fit_forces(world: World, number: int, scratch: Flight) -> None:
         body = world.bodies[row.body]
         track = track_on(world, row.body, row.piece)
         one = world.forces[world.settings[0].bodies]
-        press = press_harmonics(scratch, track.tilt, track.spread, body.kappa)
+        press = press_harmonics(scratch, track, body.kappa)
         put(one.press, scaled(body.weight * world.pieces[row.piece].sign, press))
         pull = pull_harmonics(scratch)
         put(one.drag, scaled(body.weight * (1.0 - 1.0 / body.kappa), pull))

@@ -73,10 +73,10 @@ def square_harmonics(flight: Flight, pull: Harmonics) -> Harmonics:
 
 
 @kernel
-def press_harmonics(flight: Flight, tilt: float, spread: float, kappa: float) -> Harmonics:
+def press_harmonics(flight: Flight, track: TrackData, kappa: float) -> Harmonics:
     """``N/(m g)``, up to the sign of the arc, of a body alone in the angle from its start."""
     square = square_harmonics(flight, pull_harmonics(flight))
-    h = 0.5 * spread, 1.0, tilt, -0.5 * spread, 0.0
+    h = 0.5 * track.spread, 1.0, track.tilt, -0.5 * track.spread, 0.0
     return combined(harmonics_from_start(flight, h), 4.0 / kappa, square)
 
 
@@ -134,8 +134,7 @@ def limit_by_lift_off(flight: Flight, body: BodyData, piece: PieceData, track: T
 
 @kernel
 def _lift_off_of_arc(flight: Flight, body: BodyData, piece: PieceData, track: TrackData) -> float:
-    h = press_harmonics(flight, track.tilt, track.spread, body.kappa)
-    h = scaled(piece.sign, h)
+    h = scaled(piece.sign, press_harmonics(flight, track, body.kappa))
     if harmonic_value(h, 0.0, 1.0) < -FORCE_ROUNDING * (1.0 + abs(track.tilt) + track.spread):
         return 0.0
     if flight.at_rest == 1:

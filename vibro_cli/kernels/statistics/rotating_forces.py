@@ -278,7 +278,7 @@ def tally_alone(
         outcome.most_demand = math.inf
         return
     sign = world.pieces[row.piece].sign
-    press = scaled(sign, press_harmonics(scratch, track.tilt, track.spread, body.kappa))
+    press = scaled(sign, press_harmonics(scratch, track, body.kappa))
     pull = scaled(1.0 - 1.0 / body.kappa, pull_harmonics(scratch))
     outcome.most_demand = _greatest(pull, press, 2.0 * low, 2.0 * high, outcome.most_demand)
 

@@ -525,7 +525,7 @@ def _unite(world: World, tangents: Tangents, row: FlightRow) -> None:
         for step in range(row.group_count):
             ball = number_along(world, row.group_first, step)
             if step > 0:
-                ratio *= _ratio(world, tangents, number_along(world, ball, -1), ball)
+                ratio *= _ratio(world, tangents, ball)
             tangents.frame[2 * ball, column] = ratio * way / inertia
             tangents.frame[2 * ball + 1, column] = ratio * rate / inertia + ratio * later * drift
 
@@ -541,7 +541,7 @@ def _momentum(
     for step in range(row.group_count):
         ball = number_along(world, row.group_first, step)
         if step > 0:
-            ratio *= _ratio(world, tangents, number_along(world, ball, -1), ball)
+            ratio *= _ratio(world, tangents, ball)
         body = world.bodies[ball]
         weight = (body.mass if by_mass else body.rolling_mass) * ratio
         momentum += weight * tangents.frame[2 * ball + part, column]
@@ -554,7 +554,7 @@ def _acts_along_centres(world: World, tangents: Tangents, row: FlightRow) -> boo
     """Tell whether the speeds along the lines of centres of a group are those of its bodies."""
     for step in range(1, row.group_count):
         ball = number_along(world, row.group_first, step)
-        if abs(_ratio(world, tangents, number_along(world, ball, -1), ball) - 1.0) > SAME_NORMALS:
+        if abs(_ratio(world, tangents, ball) - 1.0) > SAME_NORMALS:
             return False
     return True
 
@@ -627,8 +627,9 @@ def _delay_of_contact(
 
 
 @kernel
-def _ratio(world: World, tangents: Tangents, a: int, b: int) -> float:
+def _ratio(world: World, tangents: Tangents, b: int) -> float:
     """Speed of a body over that of its left neighbour, with which it is in lasting contact."""
+    a = number_along(world, b, -1)
     one = world.log[tangents.current[0, a]]
     other = world.log[tangents.current[0, b]]
     track_a = track_on(world, a, one.piece)
