@@ -299,7 +299,7 @@ class _Walk:
         t, bodies = float(struck["t"]), (int(struck["a"]), int(struck["b"]))
         closing = struck["normal_a"] * struck["speed_a_pre"]
         closing -= struck["normal_b"] * struck["speed_b_pre"]
-        if struck["grazing"] or struck["contact"] or not closing > 0.0:
+        if struck["contact"] or not closing > 0.0:
             raise NoDerivative(f"bodies that only touch at {t:.9g} s")
         ends = [self._carried(body, *one) for body, one in zip(bodies, rows, strict=True)]
         gap, _ = self._contact(bodies, [place for place, _ in ends])
