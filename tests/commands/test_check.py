@@ -70,6 +70,15 @@ stop = {time = 1.0}
     assert "position 0.5 m, speed 0.25 m/s" in vibro("check", path).text
 
 
+@pytest.mark.parametrize(("step", "told"), [("1e-5", False), ("1e-9", True)])
+def test_very_many_samples_are_a_warning(vibro: Vibro, step: str, told: bool) -> None:
+    """Of two disks in 30 s: 6e6 rows with a step of ten microseconds, 6e10 of a nanosecond."""
+    disks = Path(__file__).parents[2] / "scenarios" / "springs" / "two_disks.toml"
+    (found,) = vibro("check", disks, "--set", f"output.step={step}", "--json").lines
+    words = "output.step = 1e-09 s asks for 6e+10 rows of motion until stop.time"
+    assert found["warnings"] == [words] * told
+
+
 def test_what_is_doubtful_is_a_warning(vibro: Vibro, scenario: Path) -> None:
     overrides = ("--set", "collision.law=translational", "--set", "balls[2].body=disk")
     (found,) = vibro("check", scenario, "--json", *overrides).lines

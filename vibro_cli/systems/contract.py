@@ -161,9 +161,16 @@ class System(ABC):
         """
         return self.part("build").build(scenario)
 
-    @abstractmethod
     def warnings(self, scenario: Any, system: Any) -> tuple[str, ...]:
         """Return what a user should know about a sound system, a sentence each."""
+        from vibro_cli.systems.wanted import many_samples
+
+        rows = many_samples(scenario.output.step, scenario.stop.time, len(scenario.balls))
+        return (*self.mechanics_warnings(scenario, system), *rows)
+
+    @abstractmethod
+    def mechanics_warnings(self, scenario: Any, system: Any) -> tuple[str, ...]:
+        """Return what is doubtful about its mechanics, a sentence each."""
 
     def limits(self, scenario: Any) -> Limits:
         """Return where the run of a scenario stops."""

@@ -148,6 +148,17 @@ class Sampling:
         return count
 
 
+MANY_SAMPLES = 1e8
+"""Rows of the motion table, some gigabytes, that a user is warned of."""
+
+
+def many_samples(step: float | None, end: float | None, bodies: int) -> Iterator[str]:
+    """Warn of samples of bodies until the end (s) that fill a disk, as by a step with a slip."""
+    if step is not None and end is not None and bodies * end / step > MANY_SAMPLES:
+        rows = f"{bodies * end / step:.0e} rows of motion until stop.time"
+        yield f"output.step = {step:g} s asks for {rows}"
+
+
 Watcher = Callable[[float, int], None]
 """Called with the simulated time (s) and the number of impacts so far."""
 

@@ -24,7 +24,7 @@ class BodiesOnSprings(System):
     default_figures = ("portrait", "motion", "energy")
     has_families = True
 
-    def warnings(self, scenario: Any, system: Any) -> tuple[str, ...]:
+    def mechanics_warnings(self, scenario: Any, system: Any) -> tuple[str, ...]:
         from vibro_cli.mechanics.system import law_warnings
 
         return tuple(law_warnings(system.law, system.inadmissible, [*pairwise(system.bodies)]))

@@ -22,7 +22,7 @@ class BallsOnTable(System):
     exponents = 4
     default_figures = ("plan", "energy")
 
-    def warnings(self, scenario: Any, system: Any) -> tuple[str, ...]:
+    def mechanics_warnings(self, scenario: Any, system: Any) -> tuple[str, ...]:
         from vibro_cli.mechanics.system import law_warnings
 
         return tuple(

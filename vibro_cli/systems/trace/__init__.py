@@ -49,7 +49,7 @@ class Trace(System):
 
         return build_system(scenario)
 
-    def warnings(self, scenario: Any, system: Any) -> tuple[str, ...]:
+    def mechanics_warnings(self, scenario: Any, system: Any) -> tuple[str, ...]:
         from vibro_cli.mechanics.system import mechanics_warnings
 
         return mechanics_warnings(system, scenario.stop.time)
