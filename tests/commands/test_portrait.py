@@ -29,6 +29,12 @@ def test_portraits_and_their_table_are_written(vibro: Vibro) -> None:
     assert vibro("portrait", THREE_ARCS).code == 0  # ours: replaced
 
 
+def test_quiet_prints_nothing_and_json_all_the_same(vibro: Vibro) -> None:
+    outcome = vibro("portrait", THREE_ARCS, "-q")
+    assert (outcome.code, outcome.text, outcome.err) == (0, "", "")
+    assert vibro("portrait", THREE_ARCS, "-q", "--json").lines
+
+
 def test_json_has_the_singular_points_of_each_body(vibro: Vibro) -> None:
     outcome = vibro("portrait", THREE_ARCS, "--json", "--no-figures")
     found = json.loads(outcome.text)

@@ -51,8 +51,7 @@ class CheckCommand:
                 say(str(error), "error", problems=error.problems)
                 code = MISUSED
                 continue
-            if self.as_json or not self.quiet:
-                print_found(found, lines, self.as_json)
+            print_found(found, lines, self.as_json)
         return code
 
 
