@@ -235,6 +235,10 @@ class Driver:
         self.logs[name].take(rows, count)
         self.rows[name] += count
 
+    def drain(self) -> dict[str, Any]:
+        """Return the rows of all logs since the last call, which the driver then forgets."""
+        return {name: log.drain() for name, log in self.logs.items()}
+
     def clock_value(self, name: str) -> float:
         """Return a field of the run's clock, whichever engine holds it."""
         return float(_get(self.world.clock, name))

@@ -87,19 +87,15 @@ class Stretches:
                 stopped = full and interrupted()
                 if full and max(map(len, driver.logs.values())) < LEAST_ROWS and not stopped:
                     continue
-                yield self._drained()
+                yield self._framed(driver.drain())
                 if stopped or not full:
                     yield self._last(END_INTERRUPTED if stopped else cause)
                     return
         except TooQuiet:
-            yield self._drained()
+            yield self._framed(driver.drain())
             yield self._last(END_INTERRUPTED)
             if not interrupted():
                 raise
-
-    def _drained(self) -> Stretch:
-        """The rows since the stretch before as a stretch."""
-        return self._framed({name: log.drain() for name, log in self.driver.logs.items()})
 
     def whole(self, cut: bool = False) -> tuple[Stretch, dict[str, Any]]:
         """Return the run to its end as one stretch, and the state then.
@@ -113,7 +109,7 @@ class Stretches:
             if not cut:
                 raise
             cause = END_INTERRUPTED
-        logs = {name: log.drain() for name, log in driver.logs.items()}
+        logs = driver.drain()
         return self._last(cause)._replace(logs=logs, known=0), self.state
 
     def _framed(self, logs: dict[str, Any]) -> Stretch:
@@ -139,7 +135,7 @@ class Stretches:
 
     def _ended(self) -> Stretch:
         """What is left to be told at the end."""
-        return self._stretch({name: log.drain() for name, log in self.driver.logs.items()})
+        return self._stretch(self.driver.drain())
 
     def _stretch(self, logs: Mapping[str, Any]) -> Stretch:
         clock = self.driver.clock()
