@@ -4,14 +4,15 @@ import re
 import tracemalloc
 
 import numpy as np
+import pytest
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from tests.effort import calls
-from tests.figures.layout import assert_texts_are_apart
+from tests.figures.layout import assert_texts_are_apart, texts
 from vibro_cli import example, simulate
 from vibro_cli.figures.chart import draw_marks
-from vibro_cli.figures.runs.over_time import energy_lines, seen
+from vibro_cli.figures.runs.over_time import energies, energy_lines, seen
 from vibro_cli.systems.springs.figures import springs_energy
 from vibro_cli.systems.table.plan import MOST_LINES, table_plan
 
@@ -94,3 +95,31 @@ def test_a_sum_of_energies_needs_no_more_memory_for_more_bodies() -> None:
     wanted = np.sum([np.interp(at, *course) for course in courses], axis=0)
     np.testing.assert_array_equal(total, wanted)
     assert peak < 8 * (2 * 400_000 * 8)
+
+
+def test_energies_of_thousands_of_impacts_are_means_of_the_motion() -> None:
+    """Against the mean of many samples of the run within each of some windows."""
+    stop = {"stop.collisions": 3000, "stop.time": 1e6, "collision.k": 1}
+    run = simulate(example("five_balls").replace(stop)).solved
+    figure = energies(run)
+    assert_texts_are_apart(figure)
+    (words,) = re.findall(r"means over (\S+) s:", " ".join(t.get_text() for t in texts(figure)))
+    window = float(words)
+    end = float(np.max(run.flights()["t_end"]))
+    assert end / 100.0 <= window <= end / 40.0
+    axes = figure.axes[0]
+    for ball in (1, 3):
+        time, mean = map(np.asarray, axes.lines[5 + ball - 1].get_data())
+        assert end - window < time[-1] <= end
+        for first in (0, len(time) // 4 * 2, len(time) - 2):
+            assert time[first + 1] - time[first] == pytest.approx(window)
+            at = time[first] + window * (np.arange(8000) + 0.5) / 8000
+            sample = run.sample(at)
+            energy = sample["energy"][sample["ball"] == ball]
+            assert mean[first] == pytest.approx(np.mean(energy), rel=0.01)
+            assert mean[first + 1] == mean[first]
+
+
+def test_energies_of_few_impacts_are_steps() -> None:
+    run = simulate(example("five_balls").replace({"stop.collisions": 60})).solved
+    assert not re.search("means", " ".join(t.get_text() for t in texts(energies(run))))

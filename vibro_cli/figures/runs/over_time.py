@@ -26,8 +26,10 @@ from vibro_cli.figures.chart import (
     time_axis,
     value_axis,
 )
+from vibro_cli.figures.labels import short_number
 from vibro_cli.figures.source import Array, Integers, Recorded, Table, flights_of, kept, made
 from vibro_cli.figures.style import mark
+from vibro_cli.figures.ticks import round_below
 from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.mechanics.trace import Piece
 
@@ -217,8 +219,11 @@ def energy_residuals(run: Recorded) -> Iterator[tuple[Array, Array]]:
 HIGH = {"single": (34.0, 20.0), "double": (44.0, 24.0)}
 _ROOM = 0.01
 """Of the axis of time, room after an impact that ends the run."""
-_DENSE = 0.5
-"""Opacity of a line with very many points."""
+_FAINT = {"alpha": 0.25, "linewidth": 0.3, "linestyle": "-"}
+"""Of steps that hide one another."""
+_LEAST_MEANS = 40
+_MOST_JUMPS = 8
+"""Of bodies that jump more often than this in most spans of a mean, the steps hide one another."""
 _VERY_MANY = 100_000
 """Points of a line, beyond which those are drawn that can be seen, ..."""
 _STRIPS = 2500
@@ -260,8 +265,10 @@ class EnergyLines(NamedTuple):
     """Energies against time as lines: times (s) and energies (J), the points that can be seen."""
 
     bodies: list[tuple[Array, Array]]
-    dense: list[bool]
-    """Of each body, whether steps may lie closer than they can be drawn."""
+    window: float
+    """The time (s) over which means are taken; 0 where the steps can be told apart."""
+    means: list[tuple[Array, Array]]
+    """Of each body, if there is such a time."""
     total: tuple[Array, Array] | None
     """Of all bodies together, None for one."""
     highest: float
@@ -271,17 +278,56 @@ class EnergyLines(NamedTuple):
 
 
 def energy_lines(courses: Sequence[tuple[Array, Array]]) -> EnergyLines:
-    """Return lines of the energies of bodies; `courses` are times (s) and energies (J) of each."""
+    """Return lines of the energies of bodies; `courses` are times (s) and energies (J) of each.
+
+    Of several bodies, one of which jumps too often to tell them apart, there are means too.
+    """
+    window = _window(courses) if len(courses) > 1 else 0.0
     bodies = [seen([course]) for course in courses]
     spans = -(-max(len(time) for time, _ in courses) // _AT_ONCE)
     total = seen(_sums(courses, spans), -(-_STRIPS // spans)) if len(courses) > 1 else None
     return EnergyLines(
         bodies,
-        [len(time) > _VERY_MANY for time, _ in courses],
+        window,
+        [means(course, window) for course in courses] if window else [],
         total,
         max(float(np.max(energy)) for _, energy in (*bodies, *([total] if total else []))),
         sum(float(energy[0]) for _, energy in courses),
     )
+
+
+def _window(courses: Sequence[tuple[Array, Array]]) -> float:
+    """Return the time (s) for means of energies; 0 where the steps can be told apart."""
+    end = max(float(time[-1]) for time, _ in courses)
+    if end <= 0.0:
+        return 0.0
+    window = round_below(end / _LEAST_MEANS)
+    return window if max(_jumps(course, window) for course in courses) > _MOST_JUMPS else 0.0
+
+
+def _edges(time: Array, window: float) -> Array:
+    """Return the ends (s) of the whole windows between the first and the last of the times."""
+    return np.asarray(time[0] + window * np.arange(math.floor((time[-1] - time[0]) / window) + 1))
+
+
+def _jumps(course: tuple[Array, Array], window: float) -> float:
+    """Return how often an energy jumps in most windows: there a time stands twice."""
+    time, energy = course
+    jumps = time[1:][(np.diff(time) == 0.0) & (np.diff(energy) != 0.0)]
+    return float(np.median(np.histogram(jumps, _edges(time, window))[0]))
+
+
+def means(course: tuple[Array, Array], window: float) -> tuple[Array, Array]:
+    """Return, as steps, the mean over each window (s) of values between which lines are straight.
+
+    `course` are times (s), not falling, and values; what is left of a window at the end is left
+    out.
+    """
+    time, values = course
+    area = np.append(0.0, np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(time)))
+    edges = _edges(time, window)
+    steps = np.diff(np.interp(edges, time, area)) / window
+    return np.repeat(edges, 2)[1:-1], np.repeat(steps, 2)
 
 
 def energy_chart(
@@ -310,7 +356,9 @@ def energy_chart(
         for name, look, there in ((words, LOSS, losses[1] > 0.0), ("gain", GAIN, losses[1] < 0.0))
         if np.any(there & shown)
     ]
-    entries = [*body_entries(run), *total, *lost, *band_entry(contacts)]
+    mean = f"means over {short_number(lines.window, 3)} s:"
+    means_of = [(mean, {"linestyle": "none"})] if lines.window else []
+    entries = [*means_of, *body_entries(run), *total, *lost, *band_entry(contacts)]
     with style.journal():
         heights = HIGH.get(width, HIGH["single"])[: 1 + lossy]
         figure, panels = stacked(width, heights, entries=entries)
@@ -333,11 +381,12 @@ def room_after(until: float, impacts: Array) -> float:
 
 def _draw_energies(axes: Any, lines: EnergyLines) -> None:
     """Draw the steps of each body and of the sum."""
-    for ball, (line, dense) in enumerate(zip(lines.bodies, lines.dense, strict=True), 1):
-        # Where steps lie closer than they can be drawn, both bodies are to be seen.
-        axes.plot(*line, zorder=2.0, alpha=_DENSE if dense else 1.0, **body_look(ball))
+    for ball, line in enumerate(lines.bodies, 1):
+        axes.plot(*line, zorder=2.0, **(body_look(ball) | (_FAINT if lines.window else {})))
+    for ball, line in enumerate(lines.means, 1):
+        axes.plot(*line, zorder=2.1, **body_look(ball))
     if lines.total is not None:
-        axes.plot(*lines.total, zorder=2.1, **TOTAL)
+        axes.plot(*lines.total, zorder=2.2, **TOTAL)
     for line in axes.lines:
         line.set_rasterized(len(line.get_xdata()) > MOST_VECTOR_POINTS)
 
