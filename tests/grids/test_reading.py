@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -79,6 +80,31 @@ def test_a_table_of_scenarios(write: Path, tmp_path: Path, suffix: str) -> None:
 
 
 AXIS = 'base = "base.toml"\n[[axes]]\n'
+CELLS = {
+    "a word among numbers": ("0.5,-1\nmuch,-1", 'found "much" in row 2 of column collision.k'),
+    "no unit": ("0.5,-1\n0.6,2 much", 'unit "much" in "2 much" in row 2 of column balls[1].angle'),
+    "an empty cell": ("0.5,-1\n0.6,-1\n0.7,", "lacks a value in row 3 of column balls[1].angle"),
+    "not finite": ("0.5,-1\ninf,1 rad", "found inf in row 2 of column collision.k"),
+}
+
+
+@pytest.mark.parametrize("name", CELLS)
+def test_a_wrong_cell_of_a_table_is_named_by_row_and_column(write: Path, name: str) -> None:
+    cells, expected = CELLS[name]
+    write.with_name("points.csv").write_text(f"collision.k,balls[1].angle\n{cells}\n")
+    write.write_text(AXIS + 'table = "points.csv"\n')
+    with pytest.raises(ScenarioError) as caught:
+        load_grid(write)
+    assert expected in str(caught.value)
+
+
+def test_a_column_of_a_table_may_have_numbers_with_and_without_units(write: Path) -> None:
+    write.with_name("points.csv").write_text("balls[1].angle\n-1\n-90 deg\n-1.5e0\n")
+    write.write_text(AXIS + 'table = "points.csv"\n')
+    angles = load_grid(write).design.columns(np.arange(3))[("balls", 0, "angle")]
+    assert angles.tolist() == pytest.approx([-1.0, -math.pi / 2, -1.5])
+
+
 WRONG = {
     "no base": ("mode = 'zip'\n", ["found none of them, expected one of base or scenario"]),
     "unknown path": (

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from html import escape
 from importlib.util import find_spec
 from pathlib import Path
@@ -42,16 +43,30 @@ def read_columns(path: Path) -> dict[str, np.ndarray[Any, np.dtype[Any]]]:
     except (OSError, pa.ArrowException) as error:
         text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
         raise UnreadableTable(f"which cannot be read ({' '.join(text.split())[:100]})") from error
-    empty = [name for name in table.column_names if table[name].null_count]
-    if empty:
-        raise UnreadableTable(f"which lacks a value in column {empty[0]}")
-    return {name: _array(table[name]) for name in table.column_names}
+    for name in table.column_names:
+        if table[name].null_count:
+            row = table[name].is_null().index(True).as_py() + 1
+            raise UnreadableTable(f"which lacks a value in row {row} of column {name}")
+    columns = {name: _array(table[name]) for name in table.column_names}
+    if path.suffix.lower() == ".csv":
+        # one word in a column makes words of its numbers
+        words = [name for name in columns if pa.types.is_string(table[name].type)]
+        columns |= {name: np.array([*map(_cell, columns[name])], dtype=object) for name in words}
+    return columns
 
 
 def _array(column: pa.ChunkedArray) -> np.ndarray[Any, np.dtype[Any]]:
     if pa.types.is_integer(column.type) or pa.types.is_floating(column.type):
         return np.asarray(column.to_numpy())
     return np.array(column.to_pylist(), dtype=object)
+
+
+def _cell(text: str) -> int | float | str:
+    """A field of a CSV file: a number where it is one."""
+    for number in (int, float):
+        with suppress(ValueError):
+            return number(text)
+    return text
 
 
 _SHOWN = 5
