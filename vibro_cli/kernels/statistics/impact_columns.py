@@ -369,13 +369,13 @@ INTEGERS = (
 FLAGS = ("admissible", "substituted", "simultaneous", "grazing", "contact")
 
 # Where the columns of both bodies begin; that of body b follows that of body a.
-_ANGLE, _S, _X, _Y = 8, 10, 12, 14
+_ANGLE, _S, _X, _Y = (NUMBERS.index(f"{name}_a") for name in PLACES)
 # And those of both bodies before the impact; those after it are two further on.
-_RATE, _OMEGA, _SPEED, _ENERGY, _KINETIC = 16, 20, 24, 28, 32
+_RATE, _OMEGA, _SPEED, _ENERGY = (NUMBERS.index(f"{name}_a_pre") for name in MOTIONS)
+_KINETIC = NUMBERS.index("kinetic_energy_a_pre")
 _AFTER = 2
-_IMPULSE = 36
-# Among the whole numbers.
-_REGIME, _EIGHT = 8, 12
+_IMPULSE = NUMBERS.index("impulse")
+_REGIME, _EIGHT = (INTEGERS.index(f"{name}_a_pre") for name in PHASES)
 
 
 class Columns(NamedTuple):
