@@ -244,7 +244,7 @@ DOUBTFUL = 1.0e-6
 
 @dataclass(frozen=True, kw_only=True)
 class FitCommand:
-    """Fit numbers of a scenario to measured instants of impacts, with their standard errors."""
+    """Fit numbers of a scenario to measured instants of impacts. Each has its standard error."""
 
     scenario: Annotated[
         str,
