@@ -13,11 +13,11 @@ from vibro_cli.api import simulate
 from vibro_cli.grids.document import Grid, document_at, load_grid, reason_of
 from vibro_cli.grids.solving import solver_of, summary_table
 from vibro_cli.grids.workers import expected_impacts
+from vibro_cli.kernels.impact.laws import LAW_NAMES
 from vibro_cli.scenario import ScenarioError, any_scenario_of
 from vibro_cli.scenario.loading import Document
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
-LAWS = ["hedrih", "normal-impulse", "translational"]
 GRIDS: dict[str, tuple[str, dict[str, list[Any]], set[str]]] = {
     "billiards": (
         "table/billiards.toml",
@@ -45,7 +45,7 @@ GRIDS: dict[str, tuple[str, dict[str, list[Any]], set[str]]] = {
             "balls[1].spring.stiffness": [3.0, "8 N/m"],
             "balls[2].spring.length": [0.5, 4.0],
             "collision.k[1]": [0.0, 1.0, 1.5],
-            "collision.law": LAWS,
+            "collision.law": [*LAW_NAMES],
         },
         {"ok", "invalid"},
     ),

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from vibro_cli.kernels.impact.laws import LAW_NAMES
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.stress import physics
 from vibro_cli.stress.drawing import draw
@@ -61,7 +62,7 @@ def test_everything_is_drawn(documents: list[Document]) -> None:
     assert some(lambda d: len({one["radius"] for one in d["balls"]}) > 1)
     for count in range(2, 6):
         assert some(lambda d, count=count: len(d["balls"]) == count)
-    for law in ("hedrih", "normal-impulse", "translational"):
+    for law in LAW_NAMES:
         assert some(lambda d, law=law: d.get("collision", {}).get("law") == law)
     for k in (0.0, 1.0):
         assert some(lambda d, k=k: d.get("collision", {}).get("k") == k)

@@ -11,6 +11,7 @@ import pytest
 
 from tests.systems.springs_cases import FIGURE_FIVE, PRESSED, disk, solve, spring, springs
 from tests.systems.tangent_cases import follow
+from vibro_cli.kernels.impact.laws import LAW_NAMES
 from vibro_cli.scenario import any_scenario_of
 from vibro_cli.stress.oracles.sensitivity import map_error
 from vibro_cli.stress.scenes import Document, Plan
@@ -81,7 +82,7 @@ def test_both_engines_give_the_same_bits(k: float) -> None:
         np.testing.assert_array_equal(values, same["collisions"][name])
 
 
-@pytest.mark.parametrize("law", ["hedrih", "translational", "normal-impulse"])
+@pytest.mark.parametrize("law", LAW_NAMES)
 @pytest.mark.parametrize("k", [1.0, 0.999, 0.9])
 def test_volumes_shrink_by_the_restitution_at_each_impact(law: str, k: float) -> None:
     balls = [FIGURE_FIVE[0], FIGURE_FIVE[1] | {"radius": 0.35}]

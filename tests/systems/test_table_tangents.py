@@ -10,6 +10,7 @@ import pytest
 
 from tests.systems.tangent_cases import follow
 from vibro_cli.api import simulate
+from vibro_cli.kernels.impact.laws import LAW_NAMES
 from vibro_cli.scenario import any_scenario_of
 from vibro_cli.stress.oracles.sensitivity import map_error
 from vibro_cli.stress.scenes import Document, Plan
@@ -57,7 +58,7 @@ def test_walls_met_from_outside_and_corners_agree_with_50_digits(shape: str) -> 
     assert error < 1e-13
 
 
-@pytest.mark.parametrize("law", ["hedrih", "translational", "normal-impulse"])
+@pytest.mark.parametrize("law", LAW_NAMES)
 @pytest.mark.parametrize("k", [1.0, 0.999, 0.9])
 def test_volumes_shrink_by_the_restitution_at_each_impact(law: str, k: float) -> None:
     small = ball(-0.3, 0.1, 0.5, 0.7, radius=0.08) | {"mass": 2.0}

@@ -9,6 +9,7 @@ import pytest
 
 from vibro_cli.assemble import build_system
 from vibro_cli.kernels.ensemble.records import Points
+from vibro_cli.kernels.impact.laws import LAW_NAMES
 from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.statistics.run_statistics import Results
 from vibro_cli.kernels.world import LOG_FULL
@@ -88,7 +89,7 @@ def _assert_same(ours: Results, theirs: Results) -> None:
                 np.testing.assert_array_equal(a[name][whole], b[name][whole], name)
 
 
-@pytest.mark.parametrize("law", ["hedrih", "translational", "normal-impulse"])
+@pytest.mark.parametrize("law", LAW_NAMES)
 @pytest.mark.parametrize("radius", [0.1, 0.17])
 @pytest.mark.parametrize("trace", list(TRACES))
 def test_same_bits_as_single_runs(trace: str, radius: float, law: str) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from vibro_cli.assemble import build_system
+from vibro_cli.kernels.impact.laws import LAW_NAMES
 from vibro_cli.kernels.world import LOGS
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.scenario import scenario_of
@@ -48,7 +49,7 @@ def _run(system: TraceSystem, engine: str) -> Driver:
     return driver
 
 
-@pytest.mark.parametrize("law", ["hedrih", "translational", "normal-impulse"])
+@pytest.mark.parametrize("law", LAW_NAMES)
 @pytest.mark.parametrize("k", [1.0, 0.99])
 @pytest.mark.parametrize(
     ("arcs", "angles"),
