@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
+from mpmath import mp
 
 from tests.highprecision import springs as twin
 from tests.highprecision.springs_references import CASES, COLUMNS, references, twin_of
 from tests.systems.springs_cases import FIGURE_FIVE, PRESSED, disk, solve, spring, springs
 from vibro_cli.mechanics.system import Body
+from vibro_cli.systems.springs.phase_plane import spring_periods
 from vibro_cli.systems.springs.system import Spring, separatrix_speed, singular_points
 
 
@@ -165,6 +168,38 @@ def test_the_frequency_is_the_papers() -> None:
     assert system.frequency(0) == pytest.approx(
         math.sqrt(6.0 * 0.4**2 / body.rolling_inertia), rel=1e-15
     )
+
+
+@pytest.mark.parametrize(
+    ("length", "x", "speed"),
+    [
+        (5.0, 0.0, 0.1), (5.0, 0.0, 1e-3), (5.0, 0.0, 1e-9),  # past the saddle
+        (5.0, 1e-3, 0.0), (5.0, 1e-8, 0.0), (1.2, 1e-6, 0.0),  # from just beside it
+        (0.8, 0.0, 1e-4), (1.0, 0.1, 0.0), (5.0, -4.0, 8.5),
+    ],
+)  # fmt: skip
+def test_the_period_of_a_start_against_forty_digits(length: float, x: float, speed: float) -> None:
+    """Twice the time between the turning points, 2 ∫ dx/v, of v² = 2 (E - U) itself."""
+    ball = disk(x, speed, spring(6.0, length, 1.0, 0.0))
+    _, own = spring_periods(solve(springs([ball], time=0.1)).system, 1)
+    with mp.workdps(40):
+        long, rate = mp.mpf(length), mp.sqrt(6 / mp.mpf(1.5))
+        stretch = mp.sqrt((mp.sqrt(1 + mp.mpf(x) ** 2) - long) ** 2 + (mp.mpf(speed) / rate) ** 2)
+        high = mp.sqrt((long + stretch) ** 2 - 1)
+        low = mp.sqrt((long - stretch) ** 2 - 1) if long - stretch > 1 else -high
+        middle, half = (high + low) / 2, (high - low) / 2
+
+        def pace(angle: Any) -> Any:
+            now = mp.sqrt(1 + (middle - half * mp.cos(angle)) ** 2) - long
+            return half * mp.sin(angle) / (rate * mp.sqrt(abs(stretch**2 - now**2)))
+
+        ends = [mp.mpf(10) ** (-0.5 * n) for n in range(25)]
+        saddle = mp.pi / 2 if low < 0 else mp.mpf(0)  # where the body is slowest
+        parts = sorted({0, mp.pi, saddle, *(saddle + end for end in ends)})
+        if low < 0:
+            parts = sorted({*parts, *(saddle - end for end in ends)})
+        exact = 2 * mp.quad(pace, parts)
+    assert own == pytest.approx(float(exact), rel=1e-13)
 
 
 def test_all_impacts_that_are_solved_together_are_marked() -> None:
