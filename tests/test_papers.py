@@ -212,6 +212,22 @@ def test_first_interval_on_the_circle_exact_printed_and_corrected() -> None:
         assert (printed, corrected) == pytest.approx(expected[end], abs=6e-4)
 
 
+@pytest.mark.parametrize(
+    ("angle", "rate"),
+    [(1.0, 0.0), (1.0, 2.0), (0.0, 9.0), (math.pi - 1e-6, 0.0), (math.pi - 1e-9, 0.0),
+     (math.pi, 1e-6), (math.pi - 1e-5, 1e-7)],
+)  # fmt: skip
+def test_the_period_of_a_swing_next_to_the_separatrix(angle: float, rate: float) -> None:
+    """4 K(1/k)/w of B (50)-(54), or 4 K(k)/Ω where the body goes round, in 40 digits."""
+    with mp.workdps(40):
+        square = 2 * mp.mpf(10) * mp.sin(mp.mpf(angle) / 2) ** 2 + mp.mpf(rate) ** 2
+        share = square / 20
+        exact = 4 * mp.ellipk(share) / mp.sqrt(5) if share < 1 else (
+            4 * mp.ellipk(1 / share) / mp.sqrt(square)
+        )  # fmt: skip
+    assert Swing(10.0, angle, rate).period == pytest.approx(float(exact), rel=1e-14)
+
+
 def test_times_with_turning_points_are_those_of_the_run() -> None:
     run = run_of("one_circle", "collision.k=1", "stop.collisions=6")
     table = run.collisions

@@ -13,8 +13,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from scipy.special import ellipk, ellipkinc
+from scipy.special import ellipkinc, ellipkm1
 
+from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.mechanics.trace import VALLEY, Piece
 
@@ -118,19 +119,29 @@ class Swing:
         return 2.0 * math.pi / math.sqrt(0.5 * self.square)
 
     @property
+    def below(self) -> float:
+        """1 − 1/k² = cos²(φ₀/2) − φ̇₀²/2ω²: how far below the separatrix, negative above it.
+
+        0 where doubles cannot tell it from the separatrix. k has no digits for it there.
+        """
+        place, motion = math.cos(0.5 * self.angle) ** 2, self.rate**2 / (2.0 * self.square)
+        apart = place - motion
+        return apart if abs(apart) > 4.0 * EPSILON * (place + motion) else 0.0
+
+    @property
     def amplitude(self) -> float:
         """Greatest angle (rad); π where the body goes round."""
-        return math.pi if self.modulus <= 1.0 else 2.0 * math.asin(1.0 / self.modulus)
+        return 2.0 * math.atan2(1.0 / self.modulus, math.sqrt(max(self.below, 0.0)))
 
     @property
     def period(self) -> float:
         """Period (s) of this swing, or time once round; infinite on the separatrix."""
-        k = self.modulus
-        if k == 1.0:
+        below = self.below
+        if below == 0.0:
             return math.inf
-        if k < 1.0:
-            return 4.0 / self.scale * float(ellipk(k * k))
-        return 4.0 / math.sqrt(0.5 * self.square) * float(ellipk(1.0 / (k * k)))
+        if below < 0.0:
+            return 4.0 / self.scale * float(ellipkm1(-below * self.modulus**2))
+        return 4.0 / math.sqrt(0.5 * self.square) * float(ellipkm1(below))
 
     def from_bottom(self, u: float) -> float:
         """Return the time (s) from the bottom to u = sin(φ/2), exactly; odd."""
@@ -188,6 +199,6 @@ def starting_swing(system: TraceSystem, ball: int) -> Swing | None:
 
 def stays(swing: Swing, piece: Piece, closed: bool) -> bool:
     """Return whether a swing stays on its arc, or goes round one that is the whole closed trace."""
-    if swing.modulus <= 1.0:
+    if swing.below <= 0.0:
         return closed
     return piece.angle_start <= -swing.amplitude and swing.amplitude <= piece.angle_end
