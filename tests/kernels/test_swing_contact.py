@@ -68,9 +68,9 @@ def test_it_takes_fewer_evaluations() -> None:
         simulate_system(system, None, 40, "python"),
         step_by_step(replace(system, restitution=(1.0,))),
     )
-    each = whole.statistics()["evaluations"] / 40
+    each = whole.clock["evaluations"] / 40
     assert each < 3.2
-    assert each < 0.8 * steps.statistics()["evaluations"] / IMPACTS
+    assert each < 0.8 * steps.clock["evaluations"] / IMPACTS
 
 
 def swinging(m: float, phase: float) -> Flight:

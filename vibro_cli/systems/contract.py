@@ -87,8 +87,13 @@ class Trajectory(Protocol):
     last: Any
     """What the motion in the next stretch goes on from."""
 
-    def sample(self, times: Any, side: str = "after", extrapolate: bool = False) -> Rows:
-        """Return the columns of the motion table: for each time (s) a row for each body."""
+    def sample(self, instants: Any, side: str = "after") -> Rows:
+        """Return the columns of the motion table: for each instant (s) a row for each body.
+
+        `instants` is an array of shape (n,); before and after the stretch what it begins and ends
+        with goes on. `side` is "after" or "before" an event that happens at just such an instant;
+        raises ValueError for another one.
+        """
 
 
 class Flights(Protocol):

@@ -323,7 +323,7 @@ class Run:
     @property
     def skipped(self) -> tuple[str, ...]:
         """What was not computed, and why."""
-        return self.kind.skipped(self._whole.clock, self.wanted, self.end_time)
+        return self.kind.skipped(self.clock, self.wanted, self.end_time)
 
     def table(self, name: str) -> Rows | None:
         """Return the columns of a table, None for one that was not asked for (motion)."""
@@ -386,14 +386,10 @@ class Run:
         """Return the summary as plain values, None for null."""
         return record_of(self.summary)
 
-    def clock_value(self, name: str) -> float:
-        """Return a field of the run's clock at its end."""
-        return float(self._whole.clock[name])
-
-    @cached_property
-    def world(self) -> Any:
-        """The records of the system at the start, interpreted, for what is made of its logs."""
-        return self.kind.world(self.system, Limits())
+    @property
+    def clock(self) -> Mapping[str, Any]:
+        """The fields of its clock at its end, with what the solver did."""
+        return self._whole.clock
 
     @cached_property
     def trajectory(self) -> Trajectory:
@@ -423,7 +419,7 @@ class Run:
             For another ``side``, and for a time outside the run that is not to be extrapolated.
         """
         instants = within_run(times, self.end_time, extrapolate)
-        return self.trajectory.sample(instants, side, extrapolate)
+        return self.trajectory.sample(instants, side)
 
     def flights(self) -> Rows:
         """Return every flight of every body on a trace: where and when it starts and ends, why."""
@@ -472,11 +468,6 @@ class Run:
             records=records,
         )
         return replace(self, _whole=whole, _state=state, _tables={})
-
-    def statistics(self) -> dict[str, int]:
-        """Return what the solver of a trace did: searches, evaluations, searches spared."""
-        names = ("searches", "evaluations", "skipped_apart")
-        return {name: int(self._whole.clock[name]) for name in names}
 
 
 def simulate(

@@ -53,7 +53,8 @@ def test_same_bits(name: str) -> None:
     assert bits(interpreted.flights()) == bits(machine.flights())
     assert bits(interpreted.events) == bits(machine.events)
     assert interpreted.summary_record() == machine.summary_record()
-    assert interpreted.statistics() == machine.statistics()
+    for field in ("searches", "evaluations", "skipped_apart"):
+        assert interpreted.clock[field] == machine.clock[field]
 
 
 def test_crossings_without_end_and_without_impact_are_refused(

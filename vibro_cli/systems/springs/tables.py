@@ -257,15 +257,8 @@ class Motion:
         self.states = log.reshape(-1, len(system.bodies))
         self.times = self.states["t"][:, 0]
 
-    def sample(
-        self, times: Any, side: str = "after", extrapolate: bool = False
-    ) -> dict[str, NDArray[Any]]:
-        """Return the columns of the motion table: for each time a row for each body.
-
-        `side` is "after" or "before" an event that happens at just such an instant.
-        Raises ValueError for another side.
-        """
-        instants = np.asarray(times, dtype=np.float64)
+    def sample(self, instants: Floats, side: str = "after") -> dict[str, NDArray[Any]]:
+        """Return the columns of the motion table, see ``systems.contract.Trajectory``."""
         events, bodies = events_until(self.times, instants, side), len(self._system.bodies)
         samples = zeros(len(instants), Sample)
         samples["row"] = np.maximum(events - 1, 0) * bodies

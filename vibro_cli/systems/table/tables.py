@@ -318,11 +318,8 @@ class Motion:
             "vy": events["vy"][row],
         }
 
-    def sample(
-        self, times: Any, side: str = "after", extrapolate: bool = False
-    ) -> dict[str, NDArray[Any]]:
-        """Return the columns of the motion table: for each time a row for each ball."""
-        instants = np.asarray(times, dtype=np.float64)
+    def sample(self, instants: Floats, side: str = "after") -> dict[str, NDArray[Any]]:
+        """Return the columns of the motion table, see ``systems.contract.Trajectory``."""
         each = [self.at(ball, instants, side) for ball in range(len(self.balls))]
         column = {key: np.stack([one[key] for one in each], axis=1).ravel() for key in each[0]}
         return _motion_columns(self._system, instants, column)

@@ -29,6 +29,7 @@ from vibro_cli.numerics import elementwise
 from vibro_cli.systems import contract
 from vibro_cli.systems.driver import angles_of, called, with_logs, zeros
 from vibro_cli.systems.run import Stretch, ahead, begun
+from vibro_cli.systems.tables import events_until
 from vibro_cli.systems.trace import SYSTEM
 from vibro_cli.systems.trace.world import make_world, turns_of
 from vibro_cli.systems.wanted import Limits, within_run
@@ -72,7 +73,6 @@ class Places:
         self.turn = self._numbers([math.tau * turns_of(piece) for piece in pieces])
         self.body_radius = self._numbers([body.radius for body in bodies])
         self.kappa = self._numbers([body.kappa for body in bodies])
-        self.mass = self._numbers([body.mass for body in bodies])
         self.gravity: float = self.of_rows(system.gravity)
         radii = [[0.0 if p.is_line else p.path_radius(b.radius) for p in pieces] for b in bodies]
         flat = self._numbers([radius for row in radii for radius in row])
@@ -92,11 +92,6 @@ class Places:
         if table.ndim == len(index):
             return table[index]
         return table[(*index, np.arange(table.shape[-1]))]
-
-    @cached_property
-    def weight(self) -> Floats:
-        """Weights of the bodies (N)."""
-        return self.mass * self.gravity
 
     @cached_property
     def frequencies(self) -> Floats:
@@ -141,12 +136,6 @@ class Places:
                 y[here] = data.start[1] + s[here] * tangent[1] + radius * tangent[0]
         return x, y
 
-    def parts_of_weight(self, x: float, sine: float, cosine: float) -> tuple[float, float]:
-        """Gravity (m/s^2) back along a slope and onto it, with what turning adds at ``x`` (m)."""
-        turning = self.system.turning
-        away = 0.0 if turning is None else turning.square * (x - turning.x)
-        return self.gravity * sine - away * cosine, self.gravity * cosine + away * sine
-
     def frequency(self, body: Any, piece: Any) -> Floats:
         """``w = sqrt(g/(kappa rho))`` (rad/s), 0 on lines."""
         rho = self._at(self.path_radius, body, piece)
@@ -157,12 +146,6 @@ class Places:
         """``v/P``: ``2 w rho`` on arcs, 1 on lines."""
         rho = self._at(self.path_radius, body, piece)
         return np.where(rho > 0.0, 2.0 * self.frequency(body, piece) * rho, 1.0)
-
-    def rate(self, body: Any, piece: Any, speed: Floats) -> Floats:
-        """Rate of the angle (rad/s) from the speed of the centre, nan on lines."""
-        rho = self.path_radius[body, piece]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.where(rho > 0.0, speed / rho, np.nan)
 
 
 CAUSES = ("cause_start", "cause_end")
@@ -251,7 +234,6 @@ class Paths:
         self.number = order
         self.body = self.log["body"]
         self.piece = self.log["piece"]
-        self._end = end_t
         last = np.append(self.body[1:] != self.body[:-1], True)
         self.last = last
         following = np.minimum(np.arange(len(self.log)) + 1, len(self.log) - 1)
@@ -312,19 +294,15 @@ class Paths:
         body, piece = self.body[index], self.piece[index]
         return start + after, *places_and_rates(self.places, body, piece, states)
 
-    def sample(self, times: Any, side: str = "after", extrapolate: bool = False) -> dict[str, Any]:
-        """Return the motion of every body at given times (see ``systems.run.Run.sample``)."""
-        if side not in ("after", "before"):
-            raise ValueError(f"side must be 'after' or 'before', not {side!r}")
-        times = within_run(times, self._end, extrapolate)
+    def sample(self, instants: Floats, side: str = "after") -> dict[str, Any]:
+        """Return the columns of the motion table, see ``systems.contract.Trajectory``."""
         bodies = len(self.places.system.bodies)
-        chosen = np.empty((len(times), bodies), dtype=np.int64)
+        chosen = np.empty((len(instants), bodies), dtype=np.int64)
         for body in range(bodies):
             rows = np.flatnonzero(self.body == body)
-            starts = self.log["t"][rows]
-            where = np.searchsorted(starts, times, side="right" if side == "after" else "left")
-            chosen[:, body] = rows[np.maximum(where - 1, 0)]
-        return self._motion(np.repeat(times, bodies), chosen.ravel())
+            begun = events_until(self.log["t"][rows], instants, side)
+            chosen[:, body] = rows[np.maximum(begun - 1, 0)]
+        return self._motion(np.repeat(instants, bodies), chosen.ravel())
 
     def _motion(self, times: Floats, chosen: Any) -> dict[str, Any]:
         ages = (times - self.log["t"][chosen]) - self.log["t_low"][chosen]
@@ -422,7 +400,7 @@ class LongMotion:
             if stretch.cause == RUNNING:
                 told = int(np.searchsorted(waiting, until, "left" if side == "after" else "right"))
             if told:
-                parts.append(self._paths(stretch).sample(waiting[:told], side, extrapolate=True))
+                parts.append(self._paths(stretch).sample(waiting[:told], side))
             waiting = waiting[told:]
             if not len(waiting):
                 break
