@@ -66,7 +66,8 @@ def test_samples(both: tuple[Run, LongMotion], side: str) -> None:
     times = np.concatenate(
         [draw.uniform(0.0, run.end_time, 500), starts[:: len(starts) // 200 + 1], [run.end_time]]
     )
-    assert_same(run.sample(times, side), long.sample(times, side))
+    for instants in (times, times[:0], times[-1:]):
+        assert_same(run.sample(instants, side), long.sample(instants, side))
 
 
 def test_a_run_that_was_interrupted(monkeypatch: pytest.MonkeyPatch) -> None:

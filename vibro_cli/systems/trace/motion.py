@@ -393,13 +393,13 @@ class LongMotion:
         instants = within_run(times, end, extrapolate)
         order = np.argsort(instants, kind="stable")
         waiting = instants[order]
-        parts = []
+        parts: list[dict[str, Any]] = []
         for stretch in self._stretches():
             until = stretch.end[0]
             told = len(waiting)
             if stretch.cause == RUNNING:
                 told = int(np.searchsorted(waiting, until, "left" if side == "after" else "right"))
-            if told:
+            if told or not parts:  # of no time at all there are columns too
                 parts.append(self._paths(stretch).sample(waiting[:told], side))
             waiting = waiting[told:]
             if not len(waiting):
