@@ -11,6 +11,7 @@ from vibro_cli.kernels.world import BodyData, Flight, PairTrack, PieceData, Trac
 from vibro_cli.mechanics.system import Body, InitialState
 from vibro_cli.mechanics.trace import ArcShape, Trace
 from vibro_cli.systems.trace.world import make_world
+from vibro_cli.systems.wanted import Limits
 
 
 class Records(NamedTuple):
@@ -44,7 +45,7 @@ def records(
     law: str = "normal-impulse",
 ) -> Records:
     """The records that the solver itself makes of a system."""
-    world = make_world(bare_system(trace, bodies, initial, law=law), 1.0, None)
+    world = make_world(bare_system(trace, bodies, initial, law=law), Limits(1.0))
     count = len(trace.pieces)
     rows = list(world.tracks)
     return Records(

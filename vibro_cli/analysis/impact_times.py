@@ -149,7 +149,7 @@ def impact_times(
 
 
 def _arrivals(system: TraceSystem, stretch: Any) -> Any:
-    own = make_world(system, None, None)
+    own = make_world(system)
     world = with_logs(SYSTEM.loop, own, stretch.engine, stretch.logs, stretch.clock)
     arrivals = np.zeros(len(stretch.logs["log"]), dtype=engine.dtype(Arrival))
     current = np.zeros((1, len(system.bodies)), dtype=np.int64)

@@ -21,7 +21,6 @@ import numpy as np
 
 from vibro_cli.assemble import build_system
 from vibro_cli.compile.native import compiled
-from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.world import World
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.mechanics.trace import Piece
@@ -42,6 +41,7 @@ from vibro_cli.stress.scenes import Document, Finding, Plan
 from vibro_cli.systems.driver import zeros
 from vibro_cli.systems.trace.motion import centres
 from vibro_cli.systems.trace.world import compiled_world, half_angle, make_world
+from vibro_cli.systems.wanted import Limits
 
 KINDS = (
     "valley", "hump", "line", "valley hump", "hump valley", "valley line", "line valley",
@@ -392,7 +392,7 @@ def _centre(flight: Any, body: Any, place: float) -> tuple[float, float]:
 
 def first_contacts(family: Family, states: States) -> Any:
     """The solver's first contacts of flights, up to the first end of one: an `Answer` for each."""
-    world = compiled_world(make_world(family.system, NEVER, 1))
+    world = compiled_world(make_world(family.system, Limits(collisions=1)))
     copies: list[Any] = [np.array(array) for array in world]
     fresh = World(*copies)
     starts = np.tile(copies[World._fields.index("flights")], len(states.places))

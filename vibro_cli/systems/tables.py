@@ -16,7 +16,7 @@ from vibro_cli.systems.contract import ImpactLog, Rows, Sink, System
 from vibro_cli.systems.driver import record_array
 from vibro_cli.systems.run import Stretch
 from vibro_cli.systems.tangents import exponent_table, grown_columns
-from vibro_cli.systems.wanted import Limits, Sampling, Wanted
+from vibro_cli.systems.wanted import NO_LIMITS, Sampling, Wanted
 
 
 class SystemTables:
@@ -40,7 +40,7 @@ class SystemTables:
         self._begun = False
         self._tangents = kind.tangents(system) if wanted.lyapunov else None
         self._converging = "exponents" in names
-        world, records = kind.world(system, Limits()), kind.loop.records
+        world, records = kind.world(system, NO_LIMITS), kind.loop.records
         started = {
             name: record_array(getattr(world, name), records[name]) for name in kind.loop.state
         }

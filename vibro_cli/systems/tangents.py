@@ -20,7 +20,7 @@ from vibro_cli.numerics import elementwise
 from vibro_cli.systems.contract import Rows, System
 from vibro_cli.systems.driver import called, with_logs, zeros
 from vibro_cli.systems.run import Stretch, begun
-from vibro_cli.systems.wanted import Limits
+from vibro_cli.systems.wanted import NO_LIMITS, Limits
 
 Floats = NDArray[np.float64]
 
@@ -219,7 +219,7 @@ class LoggedMap(TangentMap):
     ) -> None:
         super().__init__(follow, time_scale, len(system.bodies), kind.exponents, pairs=pairs)
         self._kind = kind
-        self._world = kind.world(system, Limits())
+        self._world = kind.world(system, NO_LIMITS)
         self._known = 0
 
     def take(self, stretch: Stretch) -> dict[str, Rows]:

@@ -80,6 +80,9 @@ class Limits:
     """Impacts on the wall of a table."""
 
 
+NO_LIMITS = Limits()
+
+
 @dataclass(frozen=True)
 class Wanted:
     """What is to be computed beside the impacts."""

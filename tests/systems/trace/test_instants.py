@@ -27,6 +27,7 @@ from vibro_cli.stress.physics import distance_from_image
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.trace import simulate_system
 from vibro_cli.systems.trace.world import make_world
+from vibro_cli.systems.wanted import Limits
 
 CASES = Path(__file__).parents[2] / "hard_cases"
 RADIUS = 0.1
@@ -48,7 +49,7 @@ def row_at_a_wall(masses: list[float], left: bool) -> World:
         "collision": {"k": 0.5, "law": "normal-impulse"},
         "stop": {"time": 1.0},
     }
-    return make_world(build_system(scenario_of(document)), 1.0, None)
+    return make_world(build_system(scenario_of(document)), Limits(1.0))
 
 
 def nearest_motion(

@@ -15,6 +15,7 @@ from vibro_cli.scenario import scenario_of
 from vibro_cli.systems.driver import Driver
 from vibro_cli.systems.trace.event_loop import LOOP
 from vibro_cli.systems.trace.world import make_world
+from vibro_cli.systems.wanted import Limits
 
 VALLEY = [{"shape": "valley", "radius": 1.0, "end_slope": "80 deg"}]
 CHAIN = [
@@ -44,7 +45,7 @@ def _system(
 
 
 def _run(system: TraceSystem, engine: str) -> Driver:
-    driver = Driver(LOOP, make_world(system, None, 300), engine)
+    driver = Driver(LOOP, make_world(system, Limits(collisions=300)), engine)
     driver.run()
     return driver
 

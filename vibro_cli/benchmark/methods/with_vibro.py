@@ -60,7 +60,7 @@ class DriverRunner(Runner):
         self._each = each
         self.drivers = []
         for _ in range(impacts // each):
-            world = make_world(self._system, None, each)
+            world = make_world(self._system, Limits(collisions=each))
             world.settings[0].keep = int(self._keep)
             self.drivers.append(Driver(SYSTEM.loop, world, self._engine))
 
@@ -83,7 +83,9 @@ class DriverRunner(Runner):
 
     def _times(self) -> list[float]:
         """Times of the first impacts, from a run that keeps them."""
-        driver = Driver(SYSTEM.loop, make_world(self._system, None, _FIRST), self._engine)
+        driver = Driver(
+            SYSTEM.loop, make_world(self._system, Limits(collisions=_FIRST)), self._engine
+        )
         driver.run()
         rows: Any = driver.logs["impacts"].table()
         return [float(t) for t in rows["t"]]

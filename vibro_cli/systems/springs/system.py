@@ -24,7 +24,7 @@ from vibro_cli.kernels.springs.world import (
 from vibro_cli.kernels.world import END_QUIET
 from vibro_cli.mechanics.system import ImpactSystem, touching_distance
 from vibro_cli.systems.driver import EventLoop, body_record, record_array, records_of
-from vibro_cli.systems.wanted import UNLIMITED, Limits
+from vibro_cli.systems.wanted import NO_LIMITS, UNLIMITED, Limits
 
 
 @dataclass(frozen=True)
@@ -122,7 +122,7 @@ LOOP = EventLoop(
 )
 
 
-def make_world(system: SpringsSystem, limits: Limits) -> World:
+def make_world(system: SpringsSystem, limits: Limits = NO_LIMITS) -> World:
     """Return the records of a system at the start, with empty logs."""
     count = len(system.bodies)
     settings = Settings()

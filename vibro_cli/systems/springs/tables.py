@@ -39,7 +39,6 @@ from vibro_cli.systems.driver import called, with_logs, zeros
 from vibro_cli.systems.run import Stretch
 from vibro_cli.systems.springs.system import LOOP, SpringsSystem, make_world
 from vibro_cli.systems.tables import Bodies, PairRows, bodies_at, events_until
-from vibro_cli.systems.wanted import Limits
 
 _ENERGY = "kinetic energy and energy of the spring"
 _OMEGA = "angular velocity of rolling (null for a particle, which slides)"
@@ -273,7 +272,7 @@ class Motion:
     def _sampled(self, samples: Any) -> Any:
         """The states at some instants, those of one instant together."""
         bodies = len(self._system.bodies)
-        world = with_logs(LOOP, make_world(self._system, Limits()), self._engine, self._logs)
+        world = with_logs(LOOP, make_world(self._system), self._engine, self._logs)
         found = zeros(len(samples) * bodies, Found)
         scratch = zeros(bodies, SpringBody)
         called(sample_states, None, world, samples, len(samples), found, scratch)

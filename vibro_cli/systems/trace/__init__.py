@@ -66,7 +66,7 @@ class Trace(System):
     def world(self, system: Any, limits: Limits) -> Any:
         from vibro_cli.systems.trace.world import make_world
 
-        return make_world(system, limits.time, limits.collisions)
+        return make_world(system, limits)
 
     def overrides(self, system: Any) -> Overrides | None:
         if system.turning is None:

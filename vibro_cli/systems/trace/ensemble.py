@@ -60,7 +60,7 @@ class Batch:
     ) -> None:
         self._overrides = SYSTEM.overrides(system)
         logs_of = None if beside is None else beside.world
-        self.world: World = compiled_world(make_world(system, None, None), logs_of)
+        self.world: World = compiled_world(make_world(system), logs_of)
         """The records of the system; bodies, pairs, flights and clock are those of the last run."""
         copies: Any = {name: np.array(getattr(self.world, name)) for name in SYSTEM.loop.state}
         self._fresh = self.world._replace(**copies)
@@ -191,7 +191,7 @@ def stack_of(system: TraceSystem, count: int, of_runs: Any) -> Stack:
     ``of_runs`` tells the number of the system of each run.
     """
 
-    world = make_world(system, None, None, far_apart=False)
+    world = make_world(system, far_apart=False)
     return Stack(
         settings=_rows(world.settings, SettingNumbers, count),
         bodies=_rows(world.bodies, BodyData, count),

@@ -399,7 +399,7 @@ class TraceSolver:
         parts.summaries.append((row, summary))
         for log in kept.values():
             counts, points = np.array([len(log)]), self._indices[row]
-            world = make_world(system, None, None)
+            world = make_world(system)
             world = world if self._engine == "python" else compiled_world(world)
             parts.logged.append(Logged(system, world, points, counts, log))
 

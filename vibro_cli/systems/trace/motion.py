@@ -353,7 +353,7 @@ class LongMotion:
         self._most = flights if interrupted else math.inf
         self._places = Places(system)
         self._overrides = SYSTEM.overrides(system)
-        self._world = make_world(system, None, None)
+        self._world = make_world(system)
         self.state: dict[str, Any] = {}
         """All that changes in the run, after its last event."""
         self._table, self._numbers, self._durations = self._gathered(flights)

@@ -324,7 +324,7 @@ class Tables:
     def __init__(
         self, system: TraceSystem, wanted: Wanted, names: Collection[str], sink: Sink
     ) -> None:
-        self._world = make_world(system, None, None)
+        self._world = make_world(system)
         self._places = Places(system)
         self._system = system
         self._sink = sink
@@ -385,7 +385,7 @@ class Tables:
 
 def trajectory_of(system: TraceSystem, run: Stretch) -> Paths:
     """Return the motion in a stretch of a run, which knows what is under way at its start."""
-    own = make_world(system, None, None)
+    own = make_world(system)
     world = with_logs(SYSTEM.loop, own, run.engine, run.logs, run.clock)
     return Paths(Places(system), world, run.logs["log"], *run.end, SYSTEM.overrides(system))
 

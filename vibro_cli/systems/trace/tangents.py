@@ -89,7 +89,7 @@ def follow_system(
     """Solve a system and its tangent map; arguments as of ``systems.trace.simulate_system``."""
     stretches: Any = begun(SYSTEM, system, Limits(stop_time, stop_collisions), engine_name)
     followed = TangentMap(system, times=True)
-    own = make_world(system, None, None)
+    own = make_world(system)
     found: list[dict[str, Any]] = []
     for stretch in stretches:
         own = with_logs(SYSTEM.loop, own, stretch.engine, stretch.logs, stretch.clock)

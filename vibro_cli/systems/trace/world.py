@@ -43,7 +43,7 @@ from vibro_cli.numerics import elementwise
 from vibro_cli.systems import driver
 from vibro_cli.systems.driver import body_record
 from vibro_cli.systems.trace import SYSTEM
-from vibro_cli.systems.wanted import UNLIMITED
+from vibro_cli.systems.wanted import NO_LIMITS, UNLIMITED, Limits
 
 # Bounds are kept above the rounding of what they bound.
 CAUTION = 1.0 + 1.0e-12
@@ -190,12 +190,7 @@ def pairs_of(system: TraceSystem) -> list[tuple[int, int, int]]:
     return [*pairs, (count - 1, 0, 1)] if system.trace.closed and count >= 2 else pairs
 
 
-def make_world(
-    system: TraceSystem,
-    stop_time: float | None,
-    stop_collisions: int | None,
-    far_apart: bool = True,
-) -> World:
+def make_world(system: TraceSystem, limits: Limits = NO_LIMITS, far_apart: bool = True) -> World:
     """Return the records of a run, its bodies at their initial states, its logs without rows.
 
     Without ``far_apart`` it is not asked where bodies can never meet; they are searched there, too.
@@ -206,7 +201,7 @@ def make_world(
     pairs = pairs_of(system)
     neighbours = [(system.bodies[a], system.bodies[b]) for a, b, _ in pairs]
     world = World(
-        settings=[_settings(system, len(pairs), stop_time, stop_collisions)],
+        settings=[_settings(system, len(pairs), limits)],
         clock=[_clock()],
         bodies=[body_record(body, system.gravity) for body in system.bodies],
         pieces=[_piece_data(piece) for piece in system.trace.pieces],
@@ -245,9 +240,7 @@ def _clock() -> Clock:
     return clock
 
 
-def _settings(
-    system: TraceSystem, pairs: int, stop_time: float | None, stop_collisions: int | None
-) -> Settings:
+def _settings(system: TraceSystem, pairs: int, limits: Limits) -> Settings:
     settings = Settings()
     settings.gravity = system.gravity
     settings.bodies = len(system.bodies)
@@ -262,8 +255,8 @@ def _settings(
     settings.left_wall = left.restitution if left else NO_WALL
     settings.right_wall = right.restitution if right else NO_WALL
     settings.keep = 1
-    settings.stop_t = NEVER if stop_time is None else stop_time
-    settings.stop_collisions = UNLIMITED if stop_collisions is None else stop_collisions
+    settings.stop_t = NEVER if limits.time is None else limits.time
+    settings.stop_collisions = UNLIMITED if limits.collisions is None else limits.collisions
     return settings
 
 
