@@ -50,7 +50,7 @@ class FakeRun:
     """A run of two bodies with three impacts."""
 
     collisions: dict[str, Any] = field(default_factory=lambda: columns_of(of_trace.collisions()))
-    events: dict[str, Any] = field(default_factory=lambda: columns_of(of_trace.events()))
+    events: dict[str, Any] = field(default_factory=lambda: columns_of(of_trace.EVENTS))
     summary: dict[str, Any] = field(default_factory=lambda: columns_of(tables.summary(2), 1))
     motion: dict[str, Any] | None = None
     exponents: dict[str, Any] | None = None

@@ -165,7 +165,7 @@ def test_schema_is_a_json_schema_of_scenarios(vibro: Vibro) -> None:
 def test_schema_tables_describes_every_column(vibro: Vibro) -> None:
     found = json.loads(vibro("schema", "tables").text)
     assert list(found) == ["collisions/1", "events/1", "motion/1", "summary/1", "exponents/1"]
-    assert len(found["motion/1"]["columns"]) == len(of_trace.motion().columns)
+    assert len(found["motion/1"]["columns"]) == len(of_trace.MOTION.columns)
     assert vibro("schema", "tables", "--markdown").text == tables.as_markdown()
     assert vibro("schema", "--markdown").code == 2
 

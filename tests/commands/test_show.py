@@ -20,8 +20,8 @@ from vibro_cli.systems.trace import tables as of_trace
 def table(tmp_path: Path) -> Path:
     """A table of events with 50 rows."""
     path = tmp_path / "events.parquet"
-    columns = columns_of(of_trace.events(), 50)
-    data = to_arrow(of_trace.events(), columns, Origin({"name": "x"}, "0.1.0"))
+    columns = columns_of(of_trace.EVENTS, 50)
+    data = to_arrow(of_trace.EVENTS, columns, Origin({"name": "x"}, "0.1.0"))
     path.write_bytes(parquet_bytes(data))
     return path
 
@@ -167,7 +167,7 @@ def test_format_and_json_exclude_each_other(vibro: Vibro, table: Path) -> None:
 
 def test_numbers_of_json_are_exact(vibro: Vibro, table: Path) -> None:
     rows = json.loads(vibro("show", table, "--json").text)["rows"]
-    assert [row["t"] for row in rows] == list(columns_of(of_trace.events(), 50)["t"])
+    assert [row["t"] for row in rows] == list(columns_of(of_trace.EVENTS, 50)["t"])
 
 
 @pytest.mark.parametrize(

@@ -48,7 +48,7 @@ def test_a_run_holds_tables_summary_checkpoint_scenario_and_figures(tmp_path: Pa
 
 
 def test_motion_is_written_where_it_was_sampled(tmp_path: Path) -> None:
-    write(tmp_path / "run", FakeRun(motion=columns_of(of_trace.motion(), 7)))
+    write(tmp_path / "run", FakeRun(motion=columns_of(of_trace.MOTION, 7)))
     assert read_parquet(tmp_path / "run" / "motion.parquet").num_rows == 7
 
 

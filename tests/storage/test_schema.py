@@ -36,8 +36,8 @@ UNITS = {"", "s", "1/s", "m", "rad", "rad/s", "m/s", "J", "N", "N s", "N m s"}
     [
         (of_trace.collisions(), COLLISIONS),
         (tables.summary(2), SUMMARY),
-        (of_trace.events(), EVENTS),
-        (of_trace.motion(), MOTION),
+        (of_trace.EVENTS, EVENTS),
+        (of_trace.MOTION, MOTION),
     ],
     ids=["collisions", "summary", "events", "motion"],
 )
@@ -67,8 +67,8 @@ def test_every_column_has_a_meaning_and_a_unit_of_the_system(table: Table) -> No
         of_trace.collisions(sided=True),
         tables.summary(1),
         tables.summary(7),
-        of_trace.events(),
-        of_trace.motion(),
+        of_trace.EVENTS,
+        of_trace.MOTION,
     ],
 )
 def test_a_table_is_found_from_the_names_of_its_columns(table: Table) -> None:

@@ -34,8 +34,8 @@ ORIGIN = Origin({"name": "by-hand", "gravity": 9.81}, "0.1.0")
 TABLES = [
     of_trace.collisions(),
     of_trace.collisions(sided=True),
-    of_trace.events(),
-    of_trace.motion(),
+    of_trace.EVENTS,
+    of_trace.MOTION,
     tables.summary(1),
     tables.summary(5),
 ]
@@ -72,7 +72,7 @@ def test_missing_values_are_null_and_the_others_keep_their_bits(table: Table) ->
 
 
 def test_metadata_hold_the_origin() -> None:
-    metadata = written(of_trace.events()).schema.metadata
+    metadata = written(of_trace.EVENTS).schema.metadata
     assert json.loads(metadata[b"vibro:scenario"]) == ORIGIN.scenario
     assert metadata[b"vibro:version"] == b"0.1.0"
     assert metadata[b"vibro:schema"] == b"events/1"
@@ -80,17 +80,17 @@ def test_metadata_hold_the_origin() -> None:
 
 def test_special_doubles_keep_their_bits() -> None:
     special = np.array([-0.0, 5e-324, np.inf, -np.inf, np.nextafter(1.0, 2.0)])
-    columns = columns_of(of_trace.motion(), special.size)
+    columns = columns_of(of_trace.MOTION, special.size)
     columns["speed"] = special
-    assert written(of_trace.motion(), columns)["speed"].to_numpy().tobytes() == special.tobytes()
+    assert written(of_trace.MOTION, columns)["speed"].to_numpy().tobytes() == special.tobytes()
 
 
 def test_words_and_strided_columns_are_kept() -> None:
-    columns = columns_of(of_trace.events(), 3)
+    columns = columns_of(of_trace.EVENTS, 3)
     columns["event"] = np.array(["Übergang", "", "κ→∞"], dtype=object)
     columns["t"] = np.arange(6.0)[::2]
     columns["ball"] = np.ma.MaskedArray(np.arange(6), mask=np.arange(6) == 2)[::2]
-    found = written(of_trace.events(), columns)
+    found = written(of_trace.EVENTS, columns)
     assert found["event"].to_pylist() == ["Übergang", "", "κ→∞"]
     assert found["t"].to_pylist() == [0.0, 2.0, 4.0]
     assert found["ball"].to_pylist() == [0, None, 4]
@@ -102,7 +102,7 @@ import sys
 from tests.fake_run import columns_of
 from vibro_cli.systems.trace import tables as of_trace
 from vibro_cli.storage import tables
-table = of_trace.events()
+table = of_trace.EVENTS
 tables.parquet_bytes(tables.to_arrow(table, columns_of(table), tables.Origin({}, "")))
 sys.exit("pandas" in sys.modules)
 """
@@ -157,7 +157,7 @@ def test_equal_input_gives_equal_bytes() -> None:
 
 
 def test_columns_are_encoded_as_declared() -> None:
-    table = of_trace.events()
+    table = of_trace.EVENTS
     group = pq.ParquetFile(io.BytesIO(file_of(table)))
     chunks = group.metadata.row_group(0)
     for position, column in enumerate(table.columns):
@@ -168,7 +168,7 @@ def test_columns_are_encoded_as_declared() -> None:
 
 
 def test_every_flipped_bit_of_the_data_is_noticed() -> None:
-    table = of_trace.motion()
+    table = of_trace.MOTION
     content = file_of(table, columns_of(table, 200))
     chunk = pq.ParquetFile(io.BytesIO(content)).metadata.row_group(0).column(0)
     page_end = chunk.data_page_offset + chunk.total_compressed_size
@@ -190,22 +190,22 @@ def test_every_flipped_bit_of_the_data_is_noticed() -> None:
     ids=["missing", "unknown", "order", "null"],
 )
 def test_columns_that_differ_from_the_schema_are_refused(change: Any, message: str) -> None:
-    columns = columns_of(of_trace.motion())
+    columns = columns_of(of_trace.MOTION)
     change(columns)
     with pytest.raises(ValueError, match=message):
-        to_arrow(of_trace.motion(), columns, ORIGIN)
+        to_arrow(of_trace.MOTION, columns, ORIGIN)
 
 
 def test_a_column_of_another_type_is_refused() -> None:
-    columns = columns_of(of_trace.motion())
+    columns = columns_of(of_trace.MOTION)
     columns["arc"] = columns["t"]
     with pytest.raises(TypeError, match="int64"):
-        to_arrow(of_trace.motion(), columns, ORIGIN)
+        to_arrow(of_trace.MOTION, columns, ORIGIN)
 
 
 @pytest.mark.parametrize("form", ["csv", "jsonl", "arrow", "parquet"])
 def test_streams_read_back_to_the_same_doubles(form: str) -> None:
-    table = of_trace.events()
+    table = of_trace.EVENTS
     columns = columns_of(table, 10_000)
     columns["t"] = np.random.default_rng(1).standard_normal(10_000) ** 9
     sink = io.BytesIO()
@@ -224,7 +224,7 @@ def test_streams_read_back_to_the_same_doubles(form: str) -> None:
 
 
 def test_null_is_an_empty_field_of_csv_and_null_in_json_lines() -> None:
-    table = of_trace.events()
+    table = of_trace.EVENTS
     data = to_arrow(table, columns_of(table, 1), ORIGIN)
     commas, lines = io.BytesIO(), io.BytesIO()
     stream(data, "csv", commas)
@@ -234,7 +234,7 @@ def test_null_is_an_empty_field_of_csv_and_null_in_json_lines() -> None:
 
 
 def test_an_unknown_form_is_refused() -> None:
-    data = to_arrow(of_trace.motion(), columns_of(of_trace.motion()), ORIGIN)
+    data = to_arrow(of_trace.MOTION, columns_of(of_trace.MOTION), ORIGIN)
     with pytest.raises(ValueError, match="no form 'xlsx'"):
         stream(data, "xlsx", io.BytesIO())
 

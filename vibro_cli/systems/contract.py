@@ -248,7 +248,7 @@ class System(ABC):
     # Tables: systems/columns.py declares columns.
 
     impact_tables: ClassVar[tuple[str, ...]] = ("collisions",)
-    """The tables of impacts that grids can keep."""
+    """The tables of impacts, which grids can keep."""
 
     def tables(self) -> tuple[Table, ...]:
         """Return every table with all columns it may have; the summary's stand for a body `i`.
@@ -257,7 +257,7 @@ class System(ABC):
         """
         from vibro_cli.systems.columns import converging, with_growth
 
-        impacts = [with_growth(log.table) for log in self.impact_logs.values()]
+        impacts = [with_growth(self.impact_table(name)) for name in self.impact_tables]
         others = self.part("tables").OTHER_TABLES
         return (*impacts, *others, self.summary_of("i", "i"), converging("i"))
 
@@ -287,10 +287,17 @@ class System(ABC):
             return self.summary(bodies, grown="lyapunov_1" in column_names)
         if name == "exponents":
             return converging_table(column_names)
-        if name in self.impact_logs:
-            table = self.impact_logs[name].table
+        if name in self.impact_tables:
+            table = self.impact_table(name, column_names)
             return with_growth(table) if GROWTH[0].name in column_names else table
         return {table.file: table for table in self.tables()}.get(name)
+
+    def impact_table(self, name: str, column_names: Sequence[str] | None = None) -> Table:
+        """Return a table of impacts for data with these columns, or with all it may have.
+
+        It is without what the growth of small changes adds.
+        """
+        return self.impact_logs[name].table
 
     def teller(self, system: Any, wanted: Wanted, names: Collection[str], sink: Sink) -> Tables:
         """Return what makes the tables with these names of a run, and its summary."""

@@ -94,17 +94,10 @@ class Trace(System):
 
         return TraceSolver(grid, engine)
 
-    def tables(self) -> tuple[Table, ...]:
-        from vibro_cli.systems.trace.tables import tables
+    def impact_table(self, name: str, column_names: Sequence[str] | None = None) -> Table:
+        from vibro_cli.systems.trace.tables import SIDE, collisions
 
-        return tables()
-
-    def table(self, name: str, column_names: Sequence[str]) -> Table | None:
-        from vibro_cli.systems.trace.tables import collisions_with
-
-        if name == "collisions":
-            return collisions_with(column_names)
-        return super().table(name, column_names)
+        return collisions(sided=column_names is None or SIDE.name in column_names)
 
     def teller(self, system: Any, wanted: Wanted, names: Collection[str], sink: Sink) -> Tables:
         from vibro_cli.systems.trace.tables import Tables

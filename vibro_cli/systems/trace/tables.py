@@ -26,12 +26,10 @@ from vibro_cli.kernels.statistics.run_statistics import FinalState, Outcome, Res
 from vibro_cli.kernels.world import END_NAMES, RUNNING, Flight, ImpactRow, World
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.systems.columns import (
-    GROWTH,
     KINETIC,
     Column,
     Table,
     before_and_after,
-    converging,
     count,
     flag,
     impact_head,
@@ -85,19 +83,16 @@ _PHASES = (
     ),
 )
 _OMEGA = "angular velocity about the contact point (null for a particle, which slides)"
-_SIDE = count("side", "side on which the bodies meet: 1, or −1 when body 2 is met from behind")
+SIDE = count("side", "side on which the bodies meet: 1, or −1 when body 2 is met from behind")
 
 
-def collisions(sided: bool = False, grown: bool = False) -> Table:
-    """The table of impacts; `sided` for two bodies on a closed trace, which may meet two ways.
-
-    `grown` with the growth of small changes.
-    """
+def collisions(sided: bool = False) -> Table:
+    """The table of impacts; `sided` for two bodies on a closed trace, which may meet two ways."""
     columns = [
         *impact_head(),
         count("ball_a", "left body of the pair, from 1"),
         count("ball_b", "right body of the pair, from 1 (1 across the seam of a closed trace)"),
-        *([_SIDE] if sided else []),
+        *([SIDE] if sided else []),
         count("arc_a", "piece of the trace body a is on, from 1"),
         count("arc_b", "piece of the trace body b is on, from 1"),
         *_pair("angle", "rad", _ANGLE, nullable=True),
@@ -120,14 +115,14 @@ def collisions(sided: bool = False, grown: bool = False) -> Table:
         *before_and_after("kinetic_energy", "J", KINETIC),
         impulse(),
         *(phase for prefix, text, words in _PHASES for phase in phases(prefix, text, words)),
-        *(GROWTH if grown else ()),
     ]
     return Table("collisions", "one impact of one pair", tuple(columns))
 
 
-def events() -> Table:
-    """The table of everything else that happens at an instant."""
-    columns = (
+EVENTS = Table(
+    "events",
+    "one event other than an impact",
+    (
         number("t", "s", "time of the event"),
         word(
             "event",
@@ -141,13 +136,12 @@ def events() -> Table:
         number("s", "m", "arc length from the trace's left end to the contact point", True),
         number("speed", "m/s", "signed speed of the body's centre after the event", True),
         number("value", "", _VALUE, True),
-    )
-    return Table("events", "one event other than an impact", columns)
-
-
-def motion() -> Table:
-    """The table of the sampled motion."""
-    columns = (
+    ),
+)
+MOTION = Table(
+    "motion",
+    "one body at one sampled time",
+    (
         number("t", "s", "time"),
         count("ball", "body, from 1"),
         count("arc", "piece of the trace the body is on, from 1"),
@@ -157,10 +151,9 @@ def motion() -> Table:
         number("y", "m", "height of the centre"),
         number("speed", "m/s", "signed speed of the centre"),
         number("energy", "J", _ENERGY),
-    )
-    return Table("motion", "one body at one sampled time", columns)
-
-
+    ),
+)
+OTHER_TABLES = (EVENTS, MOTION)
 SUMMARY = Table(
     "summary",
     "one run",
@@ -198,17 +191,6 @@ def final_state(ball: int | str) -> tuple[Column, ...]:
         number(f"s_{ball}", "m", f"final arc length of the contact point of body {ball}", True),
         number(f"speed_{ball}", "m/s", f"final signed speed of the centre of body {ball}", True),
     )
-
-
-def tables() -> tuple[Table, ...]:
-    """Every table with all columns it may have; the final state stands for any body `i`."""
-    impacts = collisions(sided=True, grown=True)
-    return (impacts, events(), motion(), SYSTEM.summary_of("i", "i"), converging("i"))
-
-
-def collisions_with(column_names: Collection[str]) -> Table:
-    """The table of impacts as it must be for data with these columns."""
-    return collisions(_SIDE.name in column_names, GROWTH[0].name in column_names)
 
 
 IN_ORDER = tuple(column.name for column in collisions(sided=True).columns)
