@@ -177,7 +177,7 @@ def mechanics_warnings(system: TraceSystem, stop_time: float | None = None) -> t
     bodies = system.bodies
     pairs = [(bodies[a], bodies[b]) for a, b in neighbours(len(bodies), system.trace.closed)]
     arcs = any(not piece.is_line for piece in system.trace.pieces)
-    warnings = law_warnings(system.law, system.inadmissible, pairs, arcs)
+    warnings = law_warnings(system, pairs, arcs)
     longest = _longest_phase(system)
     if stop_time is not None and stop_time > longest:
         warnings.append(
@@ -188,10 +188,10 @@ def mechanics_warnings(system: TraceSystem, stop_time: float | None = None) -> t
 
 
 def law_warnings(
-    law: str, inadmissible: str, pairs: Sequence[tuple[Body, Body]], arcs: bool = False
+    system: TraceSystem | ImpactSystem, pairs: Sequence[tuple[Body, Body]], arcs: bool = False
 ) -> list[str]:
     """Return what is doubtful about a law between the bodies that can meet, perhaps on arcs."""
-    warnings = []
+    law, warnings = system.law, []
     unequal_kappa = any(a.kappa != b.kappa for a, b in pairs)
     if law == "translational" and unequal_kappa:
         warnings.append(
@@ -200,7 +200,7 @@ def law_warnings(
         )
     unequal_radii = any(a.radius != b.radius for a, b in pairs)
     if unequal_radii and (law == "hedrih" or (law == "translational" and arcs)):
-        then = "the run stops there" if inadmissible == "stop" else "normal-impulse is used"
+        then = "the run stops there" if system.inadmissible == "stop" else "normal-impulse is used"
         warnings.append(
             f"the {law} law between bodies of unequal radii can be inadmissible"
             f" (they would go through one another): {then}"

@@ -410,12 +410,16 @@ class System(ABC):
     """Whether portraits can be drawn over a range of a parameter."""
 
     def family_type(self, system: Any, ball: int) -> str:
-        """Return the type of a body's portrait (from 1)."""
-        raise NotImplementedError
+        """Return the type of a body's portrait (from 1): ``family_type`` of ``portrait.py``."""
+        return str(self.part("portrait").family_type(system, ball))
 
     def family_figure(self, members: Sequence[tuple[str, Any]], ball: int, width: str) -> Figure:
-        """Return the portraits of a body in some systems, each under its title."""
-        raise NotImplementedError
+        """Return the portraits of a body in some systems, each under its title.
+
+        They are from ``family_figure`` of ``portrait.py``.
+        """
+        figure: Figure = self.part("portrait").family_figure(members, ball, width)
+        return figure
 
     def portrait(
         self, system: Any, width: str, drawn: bool

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 from vibro_cli.systems.contract import Rows, System
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from vibro_cli.compile.kernel import Kernel
     from vibro_cli.systems.tangents import LoggedMap
 
@@ -27,7 +25,7 @@ class BodiesOnSprings(System):
     def mechanics_warnings(self, scenario: Any, system: Any) -> tuple[str, ...]:
         from vibro_cli.mechanics.system import law_warnings
 
-        return tuple(law_warnings(system.law, system.inadmissible, [*pairwise(system.bodies)]))
+        return tuple(law_warnings(system, [*pairwise(system.bodies)]))
 
     @property
     def kernels(self) -> tuple[Kernel, ...]:
@@ -66,16 +64,6 @@ class BodiesOnSprings(System):
         from vibro_cli.systems.springs.portrait import swing_line
 
         yield swing_line(body["swing"])
-
-    def family_type(self, system: Any, ball: int) -> str:
-        from vibro_cli.systems.springs.phase_plane import springs_record
-
-        return str(springs_record(system, ball - 1)["type"])
-
-    def family_figure(self, members: Sequence[tuple[str, Any]], ball: int, width: str) -> Figure:
-        from vibro_cli.systems.springs.portrait import springs_family
-
-        return springs_family(members, ball, width)
 
 
 SYSTEM = BodiesOnSprings()

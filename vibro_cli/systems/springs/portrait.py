@@ -238,9 +238,12 @@ def springs_structure(system: SpringsSystem, ball: int, width: str = "single") -
     return figure
 
 
-def springs_family(
-    members: Sequence[tuple[str, SpringsSystem]], ball: int, width: str = "single"
-) -> Figure:
+def family_type(system: SpringsSystem, ball: int) -> str:
+    """Return the type of a body's portrait (from 1)."""
+    return str(springs_record(system, ball - 1)["type"])
+
+
+def family_figure(members: Sequence[tuple[str, SpringsSystem]], ball: int, width: str) -> Figure:
     """Return the portraits of a body (from 1) of a family, each under its title and its type.
 
     All have one frame, so that the saddle is seen to part from the centre (C, part 3: l ≶ b).

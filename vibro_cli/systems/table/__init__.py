@@ -25,9 +25,7 @@ class BallsOnTable(System):
     def mechanics_warnings(self, scenario: Any, system: Any) -> tuple[str, ...]:
         from vibro_cli.mechanics.system import law_warnings
 
-        return tuple(
-            law_warnings(system.law, system.inadmissible, [*combinations(system.bodies, 2)])
-        )
+        return tuple(law_warnings(system, [*combinations(system.bodies, 2)]))
 
     @property
     def kernels(self) -> tuple[Kernel, ...]:

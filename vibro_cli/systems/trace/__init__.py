@@ -10,8 +10,6 @@ from vibro_cli.systems.contract import ImpactLog, Sink, System, TimedScene
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from matplotlib.figure import Figure
-
     from vibro_cli.compile.kernel import Overrides
     from vibro_cli.grids.document import Grid
     from vibro_cli.mechanics.system import TraceSystem
@@ -153,32 +151,6 @@ class Trace(System):
         from vibro_cli.systems.trace.describe import understood_lines
 
         return understood_lines(found)
-
-    def family_type(self, system: Any, ball: int) -> str:
-        from vibro_cli.analysis.levels import Landscape
-        from vibro_cli.analysis.singular import portrait_of
-
-        return portrait_of(Landscape.of(system, ball)).type
-
-    def family_figure(self, members: Sequence[tuple[str, Any]], ball: int, width: str) -> Figure:
-        from vibro_cli.analysis.levels import Landscape
-        from vibro_cli.analysis.singular import portrait_of
-        from vibro_cli.figures.portraits.trace_phase_plane import family
-
-        portraits = [(title, portrait_of(Landscape.of(one, ball))) for title, one in members]
-        return family(portraits, width)
-
-    def portrait(
-        self, system: Any, width: str, drawn: bool
-    ) -> tuple[dict[str, Any], dict[str, Figure]]:
-        from vibro_cli.systems.trace.describe import portrait
-
-        return portrait(system, width, drawn)
-
-    def point_lines(self, body: dict[str, Any]) -> Iterator[str]:
-        from vibro_cli.systems.trace.describe import point_lines
-
-        return point_lines(body)
 
 
 SYSTEM = Trace()

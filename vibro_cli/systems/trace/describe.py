@@ -1,4 +1,4 @@
-"""What a scenario of a trace means (`vibro check`), and its portrait without a run."""
+"""What a scenario of a trace means (`vibro check`)."""
 
 from __future__ import annotations
 
@@ -6,12 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
-from matplotlib.figure import Figure
-
-from vibro_cli.analysis.levels import Landscape
 from vibro_cli.analysis.paper_formulas import starting_swing, stays
-from vibro_cli.analysis.singular import as_record, portrait_of
-from vibro_cli.figures.portraits.trace_phase_plane import structure
 from vibro_cli.mechanics.reachability import contact_angle
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.mechanics.trace import Piece
@@ -168,34 +163,3 @@ def _contact_line(contact: dict[str, float]) -> str:
         f"          arc {contact['arc']}  β = {contact['beta']:.9g} rad, "
         f"λ₁ = R/r₁ = {contact['lambda_1']:.6g}, λ₂ = r₂/r₁ = {contact['lambda_2']:.6g}"
     )
-
-
-def portrait(
-    system: TraceSystem, width: str, drawn: bool
-) -> tuple[dict[str, Any], dict[str, Figure]]:
-    """Return the singular points of each body, and figures; equal bodies share theirs."""
-    portraits = [portrait_of(Landscape.of(system, n + 1)) for n in range(len(system.bodies))]
-    groups: dict[tuple[float, float], list[int]] = {}
-    for ball, one in enumerate(portraits, 1):
-        body = one.landscape.body
-        groups.setdefault((body.radius, body.kappa), []).append(ball)
-    figures: dict[str, Figure] = {}
-    for balls in groups.values() if drawn else ():
-        index = ",".join(map(str, balls))
-        figure = structure(portraits[balls[0] - 1], width, index if len(groups) > 1 else "")
-        figures[f"portrait_{index.replace(',', '_')}"] = figure
-    bodies = [{"ball": n, **as_record(one)} for n, one in enumerate(portraits, 1)]
-    return {"bodies": bodies}, figures
-
-
-def point_lines(body: dict[str, Any]) -> Iterator[str]:
-    """Return the singular points of a body as lines of text."""
-    yield "  point  kind        arc  angle [rad]     s [m]      E [J]   E/(m g) [m]"
-    for point in body["points"]:
-        angle = "         -" if point["angle"] is None else f"{point['angle']:10.6f}"
-        yield (
-            f"  {point['name']:5}  {point['kind']:10}  {point['arc']:3}  {angle}  "
-            f"{point['s']:9.6f}  {point['energy']:9.6g}  {point['height']:9.6g}"
-        )
-    for trigger in body["triggers"]:
-        yield f"  {trigger['points']}: {trigger['orbit']}; {trigger['condition']}"
