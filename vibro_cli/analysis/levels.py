@@ -47,6 +47,11 @@ class Landscape:
         raw = Landscape(system.trace, body, system.gravity, 0.0, system.turning)
         return replace(raw, lowest=_lowest_height(raw))
 
+    @property
+    def weight(self) -> float:
+        """Weight of the body m g (N)."""
+        return self.body.mass * self.gravity
+
     def height(self, piece: Piece, position: float) -> float:
         """Return the height (m) of the body's centre above its lowest place."""
         x, y = piece.body_center(position, self.body.radius)
@@ -99,14 +104,17 @@ class Landscape:
         by 2ρ sin²(ψ/2) from the crest of a hump.
         """
         place = np.asarray(position, dtype=np.float64)
-        weight = self.body.mass * self.gravity
-        datum = weight * self.height(piece, 0.0)
+        weight, datum = self.weight, self.datum(piece)
         if self.turning is not None:
             return datum + weight * self._turned(piece, place)
         if piece.is_line:
             return datum + weight * _sine(piece.start_slope) * place
         rise = 2.0 * self.path_scale(piece) * np.sin(0.5 * place) ** 2
         return datum + piece.sign * weight * rise
+
+    def datum(self, piece: Piece) -> float:
+        """Return the potential energy (J) at position 0 of a piece, which may be off it."""
+        return self.weight * self.height(piece, 0.0)
 
     def energy(self, piece: Piece, position: ArrayLike, rate: ArrayLike) -> Array:
         """Return ½ κ m v² + m g (y_C − lowest) (J) at positions and rates on one piece."""
@@ -121,8 +129,7 @@ class Landscape:
         c ∓ 4w² sin²(φ/2) with c its value at the bottom or crest: A (5), B (33), D (2).
         """
         place = np.asarray(position, dtype=np.float64)
-        weight = self.body.mass * self.gravity
-        datum = weight * self.height(piece, 0.0)
+        weight, datum = self.weight, self.datum(piece)
         per_energy = 2.0 / (self.body.kappa * self.body.mass * self.path_scale(piece) ** 2)
         if self.turning is not None:
             fall = per_energy * weight * self._turned(piece, place)
@@ -270,9 +277,8 @@ def reaches(landscape: Landscape, piece: Piece, energy: float) -> tuple[Reach, .
         return _turning_reaches(landscape, piece, energy)
     if piece.is_line:
         return _line_reaches(landscape, piece, energy)
-    weight = landscape.body.mass * landscape.gravity
-    unit = 2.0 * weight * landscape.path_scale(piece)
-    above = energy - weight * landscape.height(piece, 0.0)  # bottom of a valley, crest of a hump
+    unit = 2.0 * landscape.weight * landscape.path_scale(piece)
+    above = energy - landscape.datum(piece)  # bottom of a valley, crest of a hump
     above_centre, below_saddle = (above, unit - above) if piece.sign > 0 else (unit + above, -above)
     tolerance = _ROUNDING * (abs(energy) + abs(energy - above) + unit)
     if below_saddle <= tolerance:
@@ -286,10 +292,9 @@ def reaches(landscape: Landscape, piece: Piece, energy: float) -> tuple[Reach, .
 def _turning_reaches(landscape: Landscape, piece: Piece, energy: float) -> tuple[Reach, ...]:
     """On a trace that turns: between the zeros of E − V, a trigonometric polynomial of degree 2."""
     low, high = piece.angle_start, piece.angle_end
-    weight = landscape.body.mass * landscape.gravity
     cuts = [low, *_turning_zeros(landscape, piece, energy), high]
-    tolerance = _ROUNDING * (abs(energy) + weight * abs(landscape.height(piece, 0.0)))
-    scale = weight * (landscape.path_scale(piece) if not piece.is_line else piece.length)
+    tolerance = _ROUNDING * (abs(energy) + abs(landscape.datum(piece)))
+    scale = landscape.weight * (landscape.path_scale(piece) if not piece.is_line else piece.length)
     tolerance += _ROUNDING * scale
     parts: list[Reach] = []
     for left, right in pairwise(cuts):
@@ -305,7 +310,7 @@ def _turning_reaches(landscape: Landscape, piece: Piece, energy: float) -> tuple
 
 def _turning_zeros(landscape: Landscape, piece: Piece, energy: float) -> list[float]:
     """Positions within a piece at which a body of an energy (J) has no speed."""
-    weight = landscape.body.mass * landscape.gravity
+    weight = landscape.weight
     above = energy / weight - landscape.height(piece, 0.0)
     if piece.is_line:
         one, two = (float(landscape.potential(piece, x)) / weight for x in (1.0, -1.0))
@@ -341,11 +346,9 @@ def _swings(piece: Piece, swing: float) -> tuple[Reach, ...]:
 
 
 def _line_reaches(landscape: Landscape, piece: Piece, energy: float) -> tuple[Reach, ...]:
-    weight = landscape.body.mass * landscape.gravity
-    spare = energy - weight * landscape.height(piece, 0.0)
+    spare = energy - landscape.datum(piece)
     tolerance = _ROUNDING * (abs(energy) + abs(energy - spare))
-    slope_force = 0.0 if half_turn(piece.start_slope) is not None else math.sin(piece.start_slope)
-    rise = weight * slope_force
+    rise = landscape.weight * _sine(piece.start_slope)
     if rise * piece.length <= spare + tolerance and spare >= -tolerance:
         return (Reach(piece, 0.0, piece.length, False, False),)
     if rise == 0.0:
@@ -450,10 +453,8 @@ def _along(landscape: Landscape, run: Sequence[Reach], energy: float, count: int
     places, speeds = [], []
     for part in run:
         position, rate = _sampled(landscape, part, energy, count)
-        piece = part.piece
-        along = position if piece.is_line else piece.radius * (position - piece.angle_start)
-        places.append(piece.start_s + along)
-        speeds.append(landscape.path_scale(piece) * rate)
+        places.append(part.piece.arc_length(position))  # type: ignore[arg-type]
+        speeds.append(landscape.path_scale(part.piece) * rate)
     return LevelCurve(0, np.concatenate(places), np.concatenate(speeds))
 
 

@@ -156,7 +156,7 @@ def _point(
         extent=extent,
         s=piece.arc_length(position),
         slope=piece.slope(position),
-        energy=landscape.body.mass * landscape.gravity * height,
+        energy=landscape.weight * height,
     )
 
 
@@ -247,8 +247,7 @@ def _is_barrier(landscape: Landscape, saddle: SingularPoint, margin: float) -> b
     The margin decides, and not where the separatrix turns: next to a bifurcation, where centres and
     saddle differ by less than rounding, that is lost while the barriers stand as high as before.
     """
-    weight = landscape.body.mass * landscape.gravity
-    tolerance = _OF_TRIGGERS * (abs(saddle.energy) + weight * landscape.trace.length)
+    tolerance = _OF_TRIGGERS * (abs(saddle.energy) + landscape.weight * landscape.trace.length)
     return margin >= -tolerance
 
 
@@ -354,7 +353,7 @@ class Portrait:
 
         On a trace that turns, the effective potential as a height above its least value.
         """
-        weight = self.landscape.body.mass * self.landscape.gravity
+        weight = self.landscape.weight
         return energy / weight if weight else 0.0
 
 

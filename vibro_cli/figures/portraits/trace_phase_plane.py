@@ -177,7 +177,7 @@ def _named(orbit: str) -> str:
 def highest_energy(portrait: Portrait) -> float:
     """Return the energy (J) up to which level curves are drawn."""
     landscape = portrait.landscape
-    scale = landscape.body.mass * landscape.gravity * landscape.trace.length
+    scale = landscape.weight * landscape.trace.length
     return _ABOVE * _highest_place(portrait) or 0.1 * scale or landscape.body.mass
 
 
@@ -323,8 +323,7 @@ def _energies(portrait: Portrait, first: Portrait) -> list[float]:
     tops = [first.height(energy) for energy in saddle_energies(first.points)]
     highest = first.height(highest_energy(first))
     heights = [0.5 * min(tops, default=highest), highest]
-    weight = portrait.landscape.body.mass * portrait.landscape.gravity
-    return [*saddles, *(weight * height for height in heights)]
+    return [*saddles, *(portrait.landscape.weight * height for height in heights)]
 
 
 def family(members: Sequence[tuple[str, Portrait]], width: str = "single") -> Figure:

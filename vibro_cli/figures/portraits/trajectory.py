@@ -173,7 +173,7 @@ def _free(run: Recorded, ball: int, flights: Table, rows: Integers) -> Flags:
     if run.system.turning is not None:
         return np.zeros(len(rows), dtype=np.bool_)
     landscape = Landscape.of(run.system, ball)
-    least = _NO_ENERGY * landscape.body.mass * landscape.gravity * landscape.trace.length
+    least = _NO_ENERGY * landscape.weight * landscape.trace.length
     kept = np.zeros(len(rows), dtype=np.bool_)
     for piece in run.system.trace.pieces:
         here = flights["arc"][rows] == piece.index + 1

@@ -63,7 +63,7 @@ from vibro_cli.figures.runs.scene import ARROW
 from vibro_cli.figures.runs.velocities import draw_disc, draw_scale
 from vibro_cli.figures.source import Array, kept
 from vibro_cli.figures.style import Look, line, width_of
-from vibro_cli.mechanics.system import PARTICLE
+from vibro_cli.mechanics.system import PARTICLE, touching_distance
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.springs.phase_plane import SpringsLandscape
 from vibro_cli.systems.springs.portrait import Motions, motions, springs_portrait
@@ -310,8 +310,7 @@ def _instants(run: Run) -> list[Instant]:
 def _title(run: Run, row: int) -> str:
     """Return what stands over an impact: when it is, and how far apart the centres are."""
     one, other = (int(run.collisions[f"ball_{end}"][row]) for end in "ab")
-    radii = [run.system.bodies[number - 1].radius for number in (one, other)]
-    apart = 2.0 * np.sqrt(radii[0] * radii[1])
+    apart = touching_distance(*(run.system.bodies[number - 1] for number in (one, other)))
     names = rf"$x_{{{other}}}-x_{{{one}}}=2\sqrt{{r_{{{one}}}r_{{{other}}}}}$"
     time = float(run.collisions["t"][row])
     return f"impact {row + 1}, {short_number(time)} s: {names} = {short_number(apart)} m"

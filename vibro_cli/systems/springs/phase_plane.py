@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
+from vibro_cli.mechanics.system import touching_distance
 from vibro_cli.systems.springs.system import (
     Spring,
     SpringsSystem,
@@ -100,7 +101,7 @@ class SpringsLandscape:
         springs = tuple(system.springs[n] for n in members)
         places = [0.0]
         for left, right in pairwise(bodies):
-            places.append(places[-1] + 2.0 * math.sqrt(left.radius * right.radius))
+            places.append(places[-1] + touching_distance(left, right))
         offsets = tuple(
             place - spring.foot + springs[0].foot
             for place, spring in zip(places, springs, strict=True)

@@ -332,8 +332,7 @@ def _symbols(ball: int) -> Symbols:
 def _draw_spring_energy(lower: Panel, system: SpringsSystem, body: int, window: Window) -> None:
     spring = system.springs[body]
     x = np.linspace(window.low, window.high, 600)
-    stored = 0.5 * spring.stiffness * (np.hypot(spring.height, x) - spring.length) ** 2
-    lower.axes.plot(x, stored, zorder=1.5, **POTENTIAL)
+    lower.axes.plot(x, [spring.energy(place) for place in x.tolist()], zorder=1.5, **POTENTIAL)
 
 
 def swings(system: SpringsSystem) -> Iterator[dict[str, float | None]]:

@@ -92,11 +92,12 @@ def _contacts(system: TraceSystem, left: int, right: int) -> Iterator[dict[str, 
     """How far apart two bodies touch on each piece, with the papers' ratios on an arc."""
     one, other = (system.bodies[number].radius for number in (left, right))
     for piece in system.trace.pieces:
+        arc, apart = piece.index + 1, contact_angle(piece, one, other)
         if piece.is_line:
-            yield {"arc": piece.index + 1, "distance": 2.0 * math.sqrt(one * other)}
+            yield {"arc": arc, "distance": apart}
         else:
             ratios = {"lambda_1": piece.radius / one, "lambda_2": other / one}
-            yield {"arc": piece.index + 1, "beta": contact_angle(piece, one, other), **ratios}
+            yield {"arc": arc, "beta": apart, **ratios}
 
 
 def understood_lines(found: dict[str, Any]) -> Iterator[str]:
