@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, cast
 from vibro_cli.assemble import build_any, warnings_of
 from vibro_cli.interface import Drawing
 from vibro_cli.scenario import gallery
-from vibro_cli.scenario.base import Listed, checked, checked_path, plain
+from vibro_cli.scenario.base import Listed, Texts, checked, checked_path, plain
 from vibro_cli.scenario.loading import any_scenario_of, load_any, parse_document
 from vibro_cli.scenario.problems import shown
 from vibro_cli.scenario.quantities import Count, Quantity, Text
@@ -54,9 +54,7 @@ def load_scenario(source: str | Path, overrides: Sequence[str] = ()) -> AnyScena
     OSError
         If the file cannot be read.
     """
-    texts = checked("overrides", overrides, Listed("texts path=value"))
-    for text in texts:
-        checked("overrides", text, Text("a text path=value"))
+    texts = checked("overrides", overrides, Texts("texts path=value"))
     return load_any(checked_path("source", source), texts)
 
 
