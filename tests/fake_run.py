@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from vibro_cli.storage import tables
 from vibro_cli.systems import system_named
 from vibro_cli.systems.columns import Column, Table
 from vibro_cli.systems.contract import System
+from vibro_cli.systems.trace import SYSTEM
 from vibro_cli.systems.trace import tables as of_trace
 
 _ROWS = 3
@@ -51,7 +51,7 @@ class FakeRun:
 
     collisions: dict[str, Any] = field(default_factory=lambda: columns_of(of_trace.collisions()))
     events: dict[str, Any] = field(default_factory=lambda: columns_of(of_trace.EVENTS))
-    summary: dict[str, Any] = field(default_factory=lambda: columns_of(tables.summary(2), 1))
+    summary: dict[str, Any] = field(default_factory=lambda: columns_of(SYSTEM.summary(2), 1))
     motion: dict[str, Any] | None = None
     exponents: dict[str, Any] | None = None
     engine: str = "python"

@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 
 from vibro_cli.storage.files import entry, json_bytes, manifest_of
-from vibro_cli.storage.tables import Origin, parquet_bytes, summary, to_arrow
+from vibro_cli.storage.tables import Origin, parquet_bytes, to_arrow
 from vibro_cli.systems.columns import Column, Table
+from vibro_cli.systems.trace import SYSTEM
 from vibro_cli.systems.trace.tables import collisions
 
 SCENARIO = {
@@ -84,7 +85,7 @@ def _summary(
         for path in columns
     ]
     first = Column("scenario", "int64", "", "number of the scenario in the grid, from 1")
-    table = Table("grid-summary", "one scenario", (first, *axes, *summary(0).columns))
+    table = Table("grid-summary", "one scenario", (first, *axes, *SYSTEM.summary(0).columns))
     status = np.array([bad[i][0] if i in bad else "ok" for i in range(points)], dtype=object)
     values: dict[str, Any] = {
         "scenario": n + 1,

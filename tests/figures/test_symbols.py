@@ -6,7 +6,7 @@ import pytest
 from matplotlib.mathtext import MathTextParser
 
 from vibro_cli.figures.ticks import symbol_of
-from vibro_cli.storage.tables import reference
+from vibro_cli.systems import system_named
 
 
 @pytest.mark.parametrize(
@@ -31,7 +31,7 @@ SYSTEMS = ("trace", "table", "springs")
 
 def test_every_column_has_words_or_a_formula() -> None:
     parser = MathTextParser("agg")
-    tables = [table for system in SYSTEMS for table in reference(system)]
+    tables = [table for system in SYSTEMS for table in system_named(system).tables()]
     for table in tables:
         for column in table.columns:
             symbol = symbol_of(column.name)

@@ -7,6 +7,7 @@ import pytest
 
 from vibro_cli.storage import tables
 from vibro_cli.systems.columns import Table
+from vibro_cli.systems.trace import SYSTEM
 from vibro_cli.systems.trace import tables as of_trace
 
 PAGE = Path(__file__).parents[2] / "docs/reference-tables.md"
@@ -35,7 +36,7 @@ UNITS = {"", "s", "1/s", "m", "rad", "rad/s", "m/s", "J", "N", "N s", "N m s"}
     ("table", "names"),
     [
         (of_trace.collisions(), COLLISIONS),
-        (tables.summary(2), SUMMARY),
+        (SYSTEM.summary(2), SUMMARY),
         (of_trace.EVENTS, EVENTS),
         (of_trace.MOTION, MOTION),
     ],
@@ -51,7 +52,7 @@ def test_side_follows_the_pair_where_there_is_one() -> None:
     assert len(names) == len(of_trace.collisions().columns) + 1
 
 
-@pytest.mark.parametrize("table", tables.reference(), ids=lambda table: table.name)
+@pytest.mark.parametrize("table", SYSTEM.tables(), ids=lambda table: table.name)
 def test_every_column_has_a_meaning_and_a_unit_of_the_system(table: Table) -> None:
     assert len({column.name for column in table.columns}) == len(table.columns)
     for column in table.columns:
@@ -65,8 +66,8 @@ def test_every_column_has_a_meaning_and_a_unit_of_the_system(table: Table) -> No
     [
         of_trace.collisions(),
         of_trace.collisions(sided=True),
-        tables.summary(1),
-        tables.summary(7),
+        SYSTEM.summary(1),
+        SYSTEM.summary(7),
         of_trace.EVENTS,
         of_trace.MOTION,
     ],

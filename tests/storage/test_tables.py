@@ -15,7 +15,6 @@ import pyarrow.parquet as pq
 import pytest
 
 from tests.fake_run import columns_of
-from vibro_cli.storage import tables
 from vibro_cli.storage.tables import (
     Origin,
     as_array,
@@ -27,6 +26,7 @@ from vibro_cli.storage.tables import (
     to_arrow,
 )
 from vibro_cli.systems.columns import Table
+from vibro_cli.systems.trace import SYSTEM
 from vibro_cli.systems.trace import tables as of_trace
 
 ROOT = Path(__file__).parents[2]
@@ -36,8 +36,8 @@ TABLES = [
     of_trace.collisions(sided=True),
     of_trace.EVENTS,
     of_trace.MOTION,
-    tables.summary(1),
-    tables.summary(5),
+    SYSTEM.summary(1),
+    SYSTEM.summary(5),
 ]
 
 

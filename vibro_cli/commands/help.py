@@ -123,9 +123,10 @@ def tables() -> str:
 
 def of_system(system: str) -> str:
     """Every key of a system's scenarios, and every column of its tables."""
-    from vibro_cli.storage.tables import markdown_of, reference
+    from vibro_cli.storage.tables import markdown_of
+    from vibro_cli.systems import system_named
 
-    return f"{scenario(system)}\n{markdown_of(reference(system))}"
+    return f"{scenario(system)}\n{markdown_of(system_named(system).tables())}"
 
 
 _GRID = """A grid file (TOML, JSON or YAML) names a scenario, or has one inline, and the axes that

@@ -19,7 +19,7 @@ from vibro_cli.grids.document import Grid, document_at, reason_of
 from vibro_cli.scenario import fields
 from vibro_cli.scenario.loading import any_scenario_of
 from vibro_cli.scenario.problems import KeyPath, ScenarioError, path_text
-from vibro_cli.storage.tables import record_batch, summary, table_named
+from vibro_cli.storage.tables import record_batch, table_named
 from vibro_cli.systems import system_named
 from vibro_cli.systems.columns import Column, Table
 from vibro_cli.systems.run import record_of, summed_up
@@ -39,7 +39,7 @@ def axis_column(path: KeyPath, root: fields.Model) -> Column:
 def summary_table(grid: Grid) -> Table:
     """Return the table of summaries of a grid's scenarios."""
     axes = [axis_column(path, grid.root) for path in grid.design.paths]
-    of_runs = summary(ball_count(grid), grid.system, is_followed(grid)).columns
+    of_runs = system_named(grid.system).summary(ball_count(grid), is_followed(grid)).columns
     return Table(SUMMARY, "one scenario", (_NUMBER, *axes, *of_runs))
 
 
@@ -109,7 +109,7 @@ class RunSolver:
         self.interrupted: Callable[[], bool] = lambda: False
         self._grid = grid
         self._engine = engine
-        self._table = summary(ball_count(grid), grid.system, is_followed(grid))
+        self._table = system_named(grid.system).summary(ball_count(grid), is_followed(grid))
         self._kept = {name: impact_table_of(grid, name) for name in grid.kept_tables}
         every = system_named(grid.system).impact_logs
         self._logs = {name: every[name] for name in self._kept}

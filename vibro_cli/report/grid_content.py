@@ -21,7 +21,6 @@ from vibro_cli.report.words import (
     versions,
 )
 from vibro_cli.storage.stored import StoredGrid
-from vibro_cli.storage.tables import summary
 from vibro_cli.systems import system_named
 from vibro_cli.systems.columns import Column
 
@@ -144,7 +143,7 @@ def _refused(grid: StoredGrid) -> list[list[str]]:
 
 def _points(grid: StoredGrid) -> dict[str, Any]:
     """The first rows of the summary, with what each column means."""
-    known = {column.name: column for column in summary(0, grid.system).columns}
+    known = {column.name: column for column in system_named(grid.system).summary(0).columns}
     axes = [_axis_column(grid, path) for path in grid.axes]
     first = Column("scenario", "int64", "", "number of the scenario in the grid, from 1")
     columns = [first, *axes, *(known[name] for name in _OF_POINTS if name in known)]

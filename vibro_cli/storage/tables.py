@@ -28,16 +28,6 @@ from vibro_cli.systems import system_named
 from vibro_cli.systems.columns import Column, Table
 
 
-def summary(balls: int, system: str = "trace", grown: bool = False) -> Table:
-    """The table of summaries of runs of a system with `balls` bodies; `grown` with exponents."""
-    return system_named(system).summary(balls, grown)
-
-
-def reference(system: str = "trace") -> tuple[Table, ...]:
-    """Every table of a system with all columns it may have; the summary's stand for a body `i`."""
-    return system_named(system).tables()
-
-
 def table_named(name: str, column_names: Sequence[str], system: str = "trace") -> Table:
     """The table `name` of a system, as it must be for data with these columns.
 
@@ -62,13 +52,13 @@ def as_json() -> dict[str, object]:
                 for column in table.columns
             ],
         }
-        for table in reference()
+        for table in system_named("trace").tables()
     }
 
 
 def as_markdown() -> str:
     """The description of all tables as it stands in README.md."""
-    return markdown_of(reference())
+    return markdown_of(system_named("trace").tables())
 
 
 def markdown_of(tables: Iterable[Table]) -> str:
