@@ -235,10 +235,10 @@ def summed_up(
     kind: System,
     system: Any,
     limits: Limits,
-    engine: str = "compiled",
-    wanted: Wanted = NOTHING_MORE,
-    logs: Collection[str] = (),
-    interrupted: Callable[[], bool] = lambda: False,
+    engine: str,
+    wanted: Wanted,
+    logs: Collection[str],
+    interrupted: Callable[[], bool],
 ) -> tuple[Rows, dict[str, Any]]:
     """Run a system for its summary and these of its logs; nothing else of it is kept.
 

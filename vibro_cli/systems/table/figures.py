@@ -214,7 +214,7 @@ def _draw(axes: Axes, run: Run, one: Met, when: int) -> None:
         colour = str(body_look(ball.number)["color"])
         velocity = ball.velocity[when]
         draw_disc(axes, ball.centre, ball.radius, colour, 0.16)
-        drawn += _draw_motion(axes, one, ball, when, largest, fastest, float(spinning))
+        drawn += _draw_motion(axes, ball, when, largest, fastest, float(spinning))
         component = float(velocity @ one.normal) * one.normal * (_LONGEST * largest / fastest)
         offset = side * _APART * largest * across
         arrow(axes, one.touch + offset, component, colour, NORMAL)
@@ -229,7 +229,7 @@ def _line(middle: Array, along: Array, reach: float) -> Array:
 
 
 def _draw_motion(
-    axes: Axes, one: Met, ball: Arriving, when: int, largest: float, fastest: float, spinning: float
+    axes: Axes, ball: Arriving, when: int, largest: float, fastest: float, spinning: float
 ) -> list[Array]:
     """Draw the path and the arrows of one ball; return points of what is covered.
 

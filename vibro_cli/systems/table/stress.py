@@ -50,10 +50,9 @@ def told_of(pairs: Any, bounces: Any) -> list[Told]:
 
 
 class Twin:
-    """Balls on a table in the numbers of a context of mpmath."""
+    """Balls on a table."""
 
-    def __init__(self, mp: Any, system: TableSystem) -> None:
-        self.mp = mp
+    def __init__(self, system: TableSystem) -> None:
         self.system = system
         self.radii = [mp.mpf(body.radius) for body in system.bodies]
         self.masses = [mp.mpf(body.mass) for body in system.bodies]
@@ -65,7 +64,7 @@ class Twin:
         The impacts that are told happen on the way, from a state of the same form.
         """
         state = [list(start[4 * n : 4 * n + 4]) for n in range(len(self.radii))]
-        now = self.mp.zero
+        now = mp.zero
         for one in told:
             step, normal = self.contact(state, now, one)
             for ball in state:
@@ -76,7 +75,7 @@ class Twin:
                 self._collide(state, one)
             else:
                 self._rebound(state[one.balls[0]], normal)
-        step = self.mp.mpf(end) - now
+        step = mp.mpf(end) - now
         return [
             number
             for x, y, vx, vy in state
@@ -87,18 +86,18 @@ class Twin:
         """Return how long until an impact (s), and the normal of the wall there."""
         if len(one.balls) == 2:
             a, b = one.balls
-            touch = 2 * self.mp.sqrt(self.radii[a] * self.radii[b])
+            touch = 2 * mp.sqrt(self.radii[a] * self.radii[b])
             way = [state[b][n] - state[a][n] for n in range(4)]
             return self._fall(way, touch), None
         ball = one.balls[0]
         wall = self.system.wall
         assert wall is not None
         if wall.shape != POLYGON:
-            return self._curved(state[ball], self.radii[ball], self.mp.mpf(one.t) - now, one)
-        corners = [[self.mp.mpf(v) for v in corner] for corner in wall.corners]
+            return self._curved(state[ball], self.radii[ball], mp.mpf(one.t) - now, one)
+        corners = [[mp.mpf(v) for v in corner] for corner in wall.corners]
         (x, y), (ex, ey) = corners[one.edge], corners[(one.edge + 1) % len(corners)]
         side = 1 if wall.inside else -1
-        length = self.mp.sqrt((ex - x) ** 2 + (ey - y) ** 2)
+        length = mp.sqrt((ex - x) ** 2 + (ey - y) ** 2)
         normal = side * (ey - y) / length, -side * (ex - x) / length
         if math.cos(one.normal) * normal[0] + math.sin(one.normal) * normal[1] > 1.0 - 1e-12:
             px, py, vx, vy = state[ball]
@@ -113,15 +112,15 @@ class Twin:
         x, y, vx, vy = way
         square, along = vx**2 + vy**2, x * vx + y * vy
         beyond = x**2 + y**2 - distance**2
-        return (-along - self.mp.sqrt(along**2 - square * beyond)) / square
+        return (-along - mp.sqrt(along**2 - square * beyond)) / square
 
     def _unit(self, x: Any, y: Any) -> tuple[Any, Any]:
-        size = self.mp.sqrt(x**2 + y**2)
+        size = mp.sqrt(x**2 + y**2)
         return x / size, y / size
 
     def _curved(self, ball: list[Any], r: Any, guess: Any, one: Told) -> tuple[Any, Any]:
         """Time to and normal of a contact with a conic, by Newton from where it was found."""
-        mp, wall = self.mp, self.system.wall
+        wall = self.system.wall
         assert wall is not None
         a, b = (mp.mpf(axis) for axis in wall.semi_axes)
         x, y = (ball[n] - mp.mpf(wall.center[n]) for n in (0, 1))
@@ -149,7 +148,7 @@ class Twin:
         assert wall is not None
         speed = ball[2] * normal[0] + ball[3] * normal[1]
         for axis in (0, 1):
-            ball[2 + axis] -= (1 + self.mp.mpf(wall.restitution)) * speed * normal[axis]
+            ball[2 + axis] -= (1 + mp.mpf(wall.restitution)) * speed * normal[axis]
 
     def _collide(self, state: list[list[Any]], one: Told) -> None:
         """Change the components along the line of centres by the law."""
@@ -157,7 +156,7 @@ class Twin:
         n = self._unit(*(state[pair[1]][axis] - state[pair[0]][axis] for axis in (0, 1)))
         numbers = ([of[ball] for ball in pair] for of in (self.radii, self.masses, self.rolling))
         speeds = [state[ball][2] * n[0] + state[ball][3] * n[1] for ball in pair]
-        changes = speed_changes(one.law, self.mp.mpf(self.system.restitution), speeds, *numbers)
+        changes = speed_changes(one.law, mp.mpf(self.system.restitution), speeds, *numbers)
         for ball, change in zip(pair, changes, strict=True):
             for axis in (0, 1):
                 state[ball][2 + axis] += change * n[axis]
@@ -249,7 +248,7 @@ def _contact(plan: Plan) -> Finding:
         run = solve_any(document, "python")
         start = [[mp.mpf(ball[name]) for name in ("x", "y", "velocity_x", "velocity_y")]]
         t, t_low, normal = (float(run.bounces[name][0]) for name in ("t", "t_low", "normal_angle"))
-        exact, _ = Twin(mp, run.system).contact(start, mp.zero, Told(t, (0,), normal))
+        exact, _ = Twin(run.system).contact(start, mp.zero, Told(t, (0,), normal))
         error.take(float(abs(exact - mp.mpf(t) - mp.mpf(t_low))) / 3.0, document)
     return error
 
@@ -376,6 +375,6 @@ def check_tangent(plan: Plan) -> list[Finding]:
 def neighbours(system: Any, whole: Stretch) -> Any:
     """Return the start of a run, and what leads from others through the same events."""
     told = told_of(whole.logs["pair_log"], whole.logs["bounce_log"])
-    twin = Twin(mp, system)
+    twin = Twin(system)
     start = [number for one in system.initial for number in (*one.place, *one.velocity)]
     return start, lambda moved: twin.end_of(moved, told, whole.end[0])

@@ -22,7 +22,6 @@ from vibro_cli.grids.solving import (
     is_followed,
 )
 from vibro_cli.kernels.ensemble.records import Points, Stack
-from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.statistics.impact_columns import WORDS
 from vibro_cli.kernels.statistics.run_statistics import Results
 from vibro_cli.kernels.world import LOG_FULL, ImpactRow, World
@@ -53,7 +52,7 @@ from vibro_cli.systems.trace.system_template import (
 from vibro_cli.systems.trace.tables import ImpactTable, runs_of, sidedness, summary_columns
 from vibro_cli.systems.trace.tangents import time_scale
 from vibro_cli.systems.trace.world import compiled_world, make_world
-from vibro_cli.systems.wanted import UNLIMITED, Limits, Wanted
+from vibro_cli.systems.wanted import Limits, Wanted
 
 _ROWS_AT_LEAST = 1 << 14
 
@@ -162,11 +161,9 @@ class Task:
     def entries(self) -> Points:
         """Return what a batch starts with."""
         starts = self.starts
-        stop_t = np.where(np.isnan(starts.stop_t), NEVER, starts.stop_t)
-        most = np.where(starts.stop_collisions == 0, UNLIMITED, starts.stop_collisions)
         return make_points(
-            stop_t, most, starts.piece, starts.s, starts.c, starts.p, starts.mass,
-            starts.restitution,
+            starts.stop_t, starts.stop_collisions, starts.piece, starts.s, starts.c, starts.p,
+            starts.mass, starts.restitution,
         )  # fmt: skip
 
     def time_scales(self) -> Any:

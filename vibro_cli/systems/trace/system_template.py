@@ -32,6 +32,7 @@ from vibro_cli.assemble import (
 )
 from vibro_cli.grids.axes import Array, kind_of
 from vibro_cli.grids.document import document_at, reason_of
+from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.mechanics.reachability import surely_sound
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.mechanics.trace import bends
@@ -42,6 +43,7 @@ from vibro_cli.scenario.loading import Document, scenario_of
 from vibro_cli.scenario.models import Scenario
 from vibro_cli.scenario.problems import KeyPath, ScenarioError
 from vibro_cli.systems.trace.world import initial_flight, pairs_of
+from vibro_cli.systems.wanted import UNLIMITED
 
 _OF_A_BALL = ("radius", "thickness", "inertia_ratio")
 _OF_THE_TRACE = ("radius", "length", "end_slope")
@@ -110,9 +112,9 @@ class Starts:
     restitution: Array
     """[point, pair]"""
     stop_t: Array
-    """s; nan without a stop."""
+    """s; `NEVER` without a stop."""
     stop_collisions: Array
-    """0 without a stop."""
+    """`UNLIMITED` without a stop."""
 
     def at(self, rows: Any) -> Starts:
         """Return the starts of some of the points."""
@@ -249,8 +251,8 @@ class Setting:
             **state,
             mass=_table([body.mass for body in system.bodies], count),
             restitution=_table([system.restitution_of(n) for n in range(pairs)], count),
-            stop_t=np.broadcast_to(np.nan if time is None else time, count),
-            stop_collisions=np.broadcast_to(0 if most is None else most, count),
+            stop_t=np.broadcast_to(NEVER if time is None else time, count),
+            stop_collisions=np.broadcast_to(UNLIMITED if most is None else most, count),
         )
 
 
