@@ -69,11 +69,6 @@ class TraceStretches(Stretches):
         self._nothing = {name: zeros(0, RECORDS[name]) for name in LOGS}
         self._carried: dict[str, Any] = self._nothing
 
-    @property
-    def under_way(self) -> Any:
-        """The flight that each body is on: rows of the log."""
-        return self._carried["log"]
-
     def _framed(self, logs: dict[str, Any]) -> Stretch:
         known = len(self._carried["log"])
         segments = logs["segments"].copy()

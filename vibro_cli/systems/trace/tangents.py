@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibro_cli.kernels.tangent.follow import follow_tangents
-from vibro_cli.kernels.world import END_NAMES, Flight, World
+from vibro_cli.kernels.world import Flight, World
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.numerics.elementwise import greatest_of
 from vibro_cli.systems import tangents
@@ -61,12 +61,8 @@ class TangentMap(tangents.TangentMap):
 class TangentRun:
     """The tangent map of a run that is over."""
 
-    system: TraceSystem
-    end_cause: str
     end_time: float
     """s"""
-    impacts: Any
-    """The solver's own rows of impacts"""
     amplification: Floats
     smooth: NDArray[np.bool_]
     times: Floats
@@ -76,8 +72,6 @@ class TangentRun:
     sums: Floats
     """Logarithms of the growth of an orthonormal frame's vectors until the end"""
     growth: Growth
-    flights: Any
-    """The flight that each body is in at the end: rows of the solver's log"""
 
 
 def follow_system(
@@ -87,26 +81,16 @@ def follow_system(
     engine_name: str = "compiled",
 ) -> TangentRun:
     """Solve a system and its tangent map; arguments as of ``systems.trace.simulate_system``."""
-    stretches: Any = begun(SYSTEM, system, Limits(stop_time, stop_collisions), engine_name)
     followed = TangentMap(system, times=True)
     own = make_world(system)
-    found: list[dict[str, Any]] = []
-    for stretch in stretches:
+    found: list[Rows] = []
+    for stretch in begun(SYSTEM, system, Limits(stop_time, stop_collisions), engine_name):
         own = with_logs(SYSTEM.loop, own, stretch.engine, stretch.logs, stretch.clock)
-        last = followed.take(own, stretch)
-        if len(last["smooth"]):
-            found.append(last | {"impacts": stretch.logs["impacts"]})
-        end = stretch.end[0]
-    size = 2 * len(system.bodies)
-    empty = last | {"impacts": stretch.logs["impacts"][:0], "times": np.empty((0, size))}
-    joined = {name: np.concatenate([one[name] for one in found or [empty]]) for name in empty}
+        found.append(followed.take(own, stretch))
     return TangentRun(
-        system=system,
-        end_cause=END_NAMES[stretches.cause],
-        end_time=end,
+        end_time=stretch.end[0],
         matrix=followed.matrix(),
         sums=followed.sums,
         growth=followed.growth,
-        flights=stretches.under_way,
-        **joined,
+        **{name: np.concatenate([one[name] for one in found]) for name in found[0]},
     )
