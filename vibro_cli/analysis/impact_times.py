@@ -244,7 +244,7 @@ class _Walk:
     def _moved(self, body: int, place: Any, speed: Any, arrival: Any, delay: Floats) -> Any:
         """Place and speed at an instant that changes."""
         piece = self._system.trace.pieces[self._states[body].piece]
-        scale = 1.0 if piece.is_line else value_of(piece.path_radius(self._radius(body)))
+        scale = value_of(piece.path_scale(self._radius(body)))
         place = place + Dual(0.0, arrival["speed"] / scale * delay)
         return place, speed + Dual(0.0, arrival["acceleration"] * delay)
 
@@ -263,7 +263,7 @@ class _Walk:
         end: Any = piece.angle_end if right else piece.angle_start
         if wall:
             end = wall_position(piece, self._radius(body), bool(right))
-        scale = 1.0 if piece.is_line else value_of(piece.path_radius(self._radius(body)))
+        scale = value_of(piece.path_scale(self._radius(body)))
         delay = (change_of(end, self._size) - place.change) * (scale / arrival["speed"])
         _, speed = self._moved(body, place, speed, arrival, delay)
         instant = Dual(t, delay)
@@ -286,11 +286,7 @@ class _Walk:
             right = after == (before + 1) % len(pieces) and value_of(speed) > 0.0
             one, other, radius = pieces[before], pieces[after], self._radius(body)
             edge = one.angle_end if right else one.angle_start
-            beyond: Any = place - edge
-            if not one.is_line:
-                beyond = beyond * one.path_radius(radius)
-            if not other.is_line:
-                beyond = beyond / other.path_radius(radius)
+            beyond = (place - edge) * one.path_scale(radius) / other.path_scale(radius)
             place = (other.angle_start if right else other.angle_end) + beyond
         self._states[body] = _State(after, instant, place, speed)
 

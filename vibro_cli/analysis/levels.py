@@ -88,8 +88,8 @@ class Landscape:
         return turned
 
     def path_scale(self, piece: Piece) -> float:
-        """Return speed divided by rate: ρ (m) on an arc, 1 on a line."""
-        return 1.0 if piece.is_line else piece.path_radius(self.body.radius)
+        """Return speed over rate, see :meth:`Piece.path_scale`."""
+        return piece.path_scale(self.body.radius)
 
     def natural_rate(self, piece: Piece) -> float:
         """Return w = √(g/κρ) (rad/s): of small oscillations in a valley; 0 on a line."""

@@ -126,21 +126,23 @@ def scale_of(system: TraceSystem) -> Floats:
 
 def _lengths(system: TraceSystem, body: int) -> list[float]:
     """Length (m) of the path of a body's centre on each piece."""
-    radius = system.bodies[body].radius
-    return [
-        piece.length if piece.is_line
-        else piece.path_radius(radius) * (piece.angle_end - piece.angle_start)
-        for piece in system.trace.pieces
-    ]  # fmt: skip
+    pieces, radius = system.trace.pieces, system.bodies[body].radius
+    return [one.path_scale(radius) * (one.angle_end - one.angle_start) for one in pieces]
+
+
+def _without_rounds(system: TraceSystem, body: int, change: Any) -> Any:
+    """A difference of ways (m) less whole rounds of a closed trace."""
+    if not system.trace.closed:
+        return change
+    round_way = sum(_lengths(system, body))
+    return change - round_way * np.round(change / round_way)
 
 
 def way_of(system: TraceSystem, body: int, piece: int, position: float) -> float:
     """Way (m) of a body's centre from the left end of its path."""
     on = system.trace.pieces[piece]
-    before = sum(_lengths(system, body)[:piece])
-    if on.is_line:
-        return before + position
-    return before + on.path_radius(system.bodies[body].radius) * (position - on.angle_start)
+    along = on.path_scale(system.bodies[body].radius) * (position - on.angle_start)
+    return sum(_lengths(system, body)[:piece]) + along
 
 
 def place_of(system: TraceSystem, body: int, way: float) -> tuple[int, float]:
@@ -155,9 +157,7 @@ def place_of(system: TraceSystem, body: int, way: float) -> tuple[int, float]:
     on = system.trace.pieces[piece]
     if not 0.0 <= way <= lengths[piece]:
         raise NoOrbit(f"body {body + 1} would start off the trace")
-    if on.is_line:
-        return piece, way
-    return piece, on.angle_start + way / on.path_radius(system.bodies[body].radius)
+    return piece, on.angle_start + way / on.path_scale(system.bodies[body].radius)
 
 
 def state_of(system: TraceSystem) -> Floats:
@@ -351,10 +351,8 @@ def begun_between(orbit: Orbit, longest: bool = False) -> Orbit:
 def gap_of(system: TraceSystem, shot: Shot, state: Floats) -> Floats:
     """End of a motion less its start; whole rounds of a closed trace are none."""
     gap = shot.end - state
-    if system.trace.closed:
-        for body in range(len(system.bodies)):
-            round_way = sum(_lengths(system, body))
-            gap[2 * body] -= round_way * np.round(gap[2 * body] / round_way)
+    for body in range(len(system.bodies)):
+        gap[2 * body] = _without_rounds(system, body, gap[2 * body])
     return gap
 
 
@@ -486,10 +484,7 @@ def nearest_return(system: TraceSystem, impacts: int | None, longest: float) -> 
             mine = sample["ball"] == body + 1
             places = zip(sample["arc"][mine], positions[mine], strict=True)
             ways = np.array([way_of(system, body, int(arc) - 1, place) for arc, place in places])
-            gap = ways - state[2 * body]
-            if system.trace.closed:
-                whole = sum(_lengths(system, body))
-                gap -= whole * np.round(gap / whole)
+            gap = _without_rounds(system, body, ways - state[2 * body])
             rate = (sample["speed"][mine] - state[2 * body + 1]) * scale[2 * body + 1]
             gaps = gaps + gap**2 + rate**2
         nearest = int(np.argmin(gaps))

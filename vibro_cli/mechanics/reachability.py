@@ -57,12 +57,12 @@ class Path:
     def of(piece: Piece, body_radius: float) -> Path:
         """Return the path of a body of a radius (m)."""
         low, high, sign = piece.angle_start, piece.angle_end, piece.sign
+        rate = piece.path_scale(body_radius)
         if not piece.is_line:
-            rate = piece.path_radius(body_radius)
             return Path(low, high, False, sign, piece.center, (0.0, 0.0), rate)
         sine, cosine = sine_cosine(piece.start_slope)
         origin = piece.body_center(0.0, body_radius)
-        return Path(low, high, True, sign, origin, (cosine, sine), 1.0)
+        return Path(low, high, True, sign, origin, (cosine, sine), rate)
 
     @property
     def size(self) -> float:

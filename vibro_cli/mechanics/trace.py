@@ -95,6 +95,10 @@ class Piece:
         """Return ρ (m), the radius of the path of a body's centre: R − r, R + r, inf on a line."""
         return math.inf if self.is_line else self.radius - self.sign * body_radius
 
+    def path_scale(self, body_radius: float) -> float:
+        """Return speed over rate of the position: ρ (m) on an arc, 1 on a line."""
+        return 1.0 if self.is_line else self.path_radius(body_radius)
+
     def slope(self, position: float) -> float:
         """Return the slope angle α (rad) at a position on this piece."""
         return self.start_slope if self.is_line else self.sign * position

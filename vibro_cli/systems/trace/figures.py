@@ -113,9 +113,7 @@ def _turned(trace: Trace, body: Body, arc: Any, s: Array) -> Array:
 def _at_walls(run: Recorded, body: int) -> Iterator[States]:
     """Yield the states of a body before and after its impacts on walls."""
     flights, pieces = run.flights(), run.system.trace.pieces
-    scales = np.array(
-        [1.0 if p.is_line else p.path_radius(run.system.bodies[body].radius) for p in pieces]
-    )
+    scales = np.array([piece.path_scale(run.system.bodies[body].radius) for piece in pieces])
     mine = flights["ball"] == body + 1
     for order, end in enumerate(("end", "start")):
         rows = np.flatnonzero(mine & (np.asarray(flights[f"cause_{end}"], dtype=object) == "wall"))
