@@ -39,7 +39,6 @@ from vibro_cli.stress.oracles.oracle import first_contact
 from vibro_cli.stress.oracles.scene import Scene, mp, scene_of_system
 from vibro_cli.stress.scenes import Document, Finding, Plan
 from vibro_cli.systems.driver import zeros
-from vibro_cli.systems.trace.motion import centres
 from vibro_cli.systems.trace.world import compiled_world, half_angle, make_world
 from vibro_cli.systems.wanted import Limits
 
@@ -159,10 +158,25 @@ def random_states(rng: np.random.Generator, family: Family, count: int) -> State
     return states.part(distances(family, states) > touch * (1.0 + LEAST_GAP))
 
 
+def _centres(piece: Piece, positions: Any, body_radius: float) -> tuple[Any, Any]:
+    """Centres (m) of a body at positions on a piece, to rounding: ``Piece.body_center`` has one."""
+    if piece.is_line:
+        sine, cosine = math.sin(piece.start_slope), math.cos(piece.start_slope)
+        return (
+            piece.start[0] + positions * cosine - body_radius * sine,
+            piece.start[1] + positions * sine + body_radius * cosine,
+        )
+    rho = piece.path_radius(body_radius)
+    return (
+        piece.center[0] + rho * np.sin(positions),
+        piece.center[1] - piece.sign * rho * np.cos(positions),
+    )
+
+
 def centres_of(family: Family, states: States) -> list[tuple[Any, Any]]:
     """Centres of both bodies at the start (m)."""
     return [
-        centres(piece, states.places[:, ball], family.system.bodies[ball].radius)
+        _centres(piece, states.places[:, ball], family.system.bodies[ball].radius)
         for ball, piece in enumerate(family.pieces)
     ]
 

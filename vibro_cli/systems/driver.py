@@ -126,7 +126,8 @@ class Driver:
             # A compiled run starts interpreted: at most one event, hence the rows of one.
             self.world = _interpreted_logs(loop, world, DROPPED_ROWS)
         if earlier is not None:
-            restore(loop, self.world, earlier.state)
+            for name in loop.state:
+                set_rows(getattr(self.world, name), loop.records[name], earlier.state[name])
             for name, rows in earlier.logs.items():
                 self._take(name, rows, len(rows))
         elif loop.start is not None:
@@ -250,24 +251,12 @@ class Driver:
         return dict(zip(record.fields, values, strict=True))  # type: ignore[attr-defined]
 
     def state(self) -> dict[str, Any]:
-        """Return all that changes in a run, exactly, as plain values (see :func:`restore`)."""
+        """Return all that changes in a run, exactly, as plain values, see :class:`Earlier`."""
         records = self._loop.records
         values = {n: plain_rows(getattr(self.world, n), records[n]) for n in self._loop.state}
         for name in self._loop.work_done:
             values["clock"][0][tuple(records["clock"].fields).index(name)] = 0  # type: ignore[attr-defined]
         return values
-
-
-def restore(loop: EventLoop, world: Any, state: Mapping[str, Any]) -> None:
-    """Put an interpreted world into a state given by :meth:`Driver.state`.
-
-    Raises
-    ------
-    ValueError
-        If the state does not fit the world.
-    """
-    for name in loop.state:
-        set_rows(getattr(world, name), loop.records[name], state[name])
 
 
 def _interpreted_logs(loop: EventLoop, world: Any, rows: int) -> Any:

@@ -32,7 +32,7 @@ def both(request: pytest.FixtureRequest) -> tuple[Run, LongMotion]:
     kind, system = system_named(scenario.system), build_any(scenario)
     limits = kind.limits(scenario)
     run = simulate(kind, system, limits)
-    return run, LongMotion(kind, system, limits, len(run.flights()["ball"]))
+    return run, LongMotion(system, limits, len(run.flights()["ball"]))
 
 
 def assert_same(one: dict[str, Any], other: dict[str, Any]) -> None:

@@ -119,7 +119,7 @@ class Trace(System):
         flights = rows["log"]
         if flights <= motion.MOST_FLIGHTS:
             return None
-        return motion.LongMotion(self, system, limits, flights, interrupted)
+        return motion.LongMotion(system, limits, flights, interrupted)
 
     def figure_width(self, system: Any) -> str:
         return "double" if len(system.trace.pieces) > 1 else "single"

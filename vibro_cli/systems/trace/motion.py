@@ -24,9 +24,6 @@ from vibro_cli.kernels.world import (
     World,
 )
 from vibro_cli.mechanics.system import TraceSystem, natural_rate
-from vibro_cli.mechanics.trace import Piece
-from vibro_cli.numerics import elementwise
-from vibro_cli.systems import contract
 from vibro_cli.systems.driver import angles_of, called, with_logs, zeros
 from vibro_cli.systems.run import Stretch, ahead, begun
 from vibro_cli.systems.tables import events_until
@@ -35,21 +32,6 @@ from vibro_cli.systems.trace.world import make_world, turns_of
 from vibro_cli.systems.wanted import Limits, within_run
 
 Floats = NDArray[np.float64]
-
-
-def centres(piece: Piece, positions: Floats, body_radius: float) -> tuple[Floats, Floats]:
-    """Centres (m) of a body at positions on a piece, to rounding (one: ``Piece.body_center``)."""
-    if piece.is_line:
-        sine, cosine = elementwise.sine(piece.start_slope), elementwise.cosine(piece.start_slope)
-        return (
-            piece.start[0] + positions * cosine - body_radius * sine,
-            piece.start[1] + positions * sine + body_radius * cosine,
-        )
-    rho = piece.path_radius(body_radius)
-    return (
-        piece.center[0] + rho * np.sin(positions),
-        piece.center[1] - piece.sign * rho * np.cos(positions),
-    )
 
 
 class Places:
@@ -340,15 +322,9 @@ class LongMotion:
     """
 
     def __init__(
-        self,
-        kind: contract.System,
-        system: TraceSystem,
-        limits: Limits,
-        flights: int,
-        interrupted: bool = False,
+        self, system: TraceSystem, limits: Limits, flights: int, interrupted: bool = False
     ) -> None:
         self.system = system
-        self._kind = kind
         self._limits = limits
         self._most = flights if interrupted else math.inf
         self._places = Places(system)
@@ -414,7 +390,7 @@ class LongMotion:
         return {name: np.concatenate([part[name] for part in parts])[rows] for name in parts[0]}
 
     def _stretches(self) -> Iterator[Stretch]:
-        self._solved = run = begun(self._kind, self.system, self._limits)
+        self._solved = run = begun(SYSTEM, self.system, self._limits)
         return ahead(run.until(lambda: run.driver.rows["log"] >= self._most))
 
     def _paths(self, stretch: Stretch) -> Paths:
