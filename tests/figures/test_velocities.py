@@ -11,8 +11,10 @@ import pytest
 
 from tests.figures.layout import assert_texts_are_apart, texts
 from vibro_cli.api import Run, simulate
+from vibro_cli.figures.kinds import draw_one
 from vibro_cli.figures.runs.velocities import striking, touching_point, velocities
-from vibro_cli.scenario import load_scenario
+from vibro_cli.figures.style import render
+from vibro_cli.scenario import any_scenario_of, load_scenario
 
 FOLDER = Path(__file__).parents[2] / "scenarios"
 NAMES = ["three_arcs", "unequal_hedrih", "closed_three_balls", "horizontal_line_1_3"]
@@ -54,6 +56,25 @@ def test_the_bodies_roll(name: str) -> None:
             np.testing.assert_allclose(
                 one.velocity(top, when), 2.0 * speed * one.tangent, atol=1e-12
             )
+
+
+@pytest.mark.parametrize("kind", ["velocities", "contact_points", "scene"])
+def test_a_body_without_inertia_slides_as_a_particle(kind: str) -> None:
+    """κ = 1: the tables have no ω of it, and figures no rolling."""
+    pictures = []
+    for body in ({"body": "particle"}, {"inertia_ratio": 0.0}):
+        document = load_scenario(FOLDER / "one_circle.toml", ["stop.collisions=2"]).given()
+        for ball in document["balls"]:
+            del ball["density"]
+            ball |= {"mass": 1.0, **body}
+            if "inertia_ratio" in body:
+                ball.pop("body", None)
+        run = simulate(any_scenario_of(document))
+        assert np.isnan(run.collisions["omega_a_pre"]).all()
+        figure = draw_one(run, kind, 1, "single")
+        assert figure is not None
+        pictures.append(render(figure, "png"))
+    assert pictures[0] == pictures[1]
 
 
 def test_a_sliding_particle_does_not_turn() -> None:

@@ -81,6 +81,11 @@ class Body:
         return 1.0 + self.inertia_ratio
 
     @property
+    def slides(self) -> bool:
+        """Whether it is moved as one that slides, without turning: κ = 1."""
+        return self.kappa == 1.0
+
+    @property
     def rolling_inertia(self) -> float:
         """J_P = κ m r² (kg m²), about the point of contact with the trace."""
         return self.kappa * self.mass * self.radius**2

@@ -140,7 +140,7 @@ def _section(
     stored: StoredRun, run: StoredRun | Run, name: str, notes: Sequence[str], gap: str
 ) -> dict[str, Any]:
     """What is said of every run, whose motion and impacts are those of `run`."""
-    rolls = any(body.kappa > 1.0 for body in stored.system.bodies)
+    rolls = not all(body.slides for body in stored.system.bodies)
     refused = int(np.sum(~stored.collisions["admissible"]))
     return {
         "key_figures": key_figures(stored),

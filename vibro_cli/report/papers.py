@@ -53,7 +53,7 @@ def analogy(system: Any, table: Mapping[str, Any]) -> dict[str, Any] | None:
     if not rows:
         return None
     row = rows[0]
-    if any(system.bodies[int(table[f"ball_{side}"][row]) - 1].kappa == 1.0 for side in "ab"):
+    if any(system.bodies[int(table[f"ball_{side}"][row]) - 1].slides for side in "ab"):
         return None  # a particle slides: there is no rolling to compare
     translation, rolling = forms(system, table, row)
     law = str(table["law"][row])

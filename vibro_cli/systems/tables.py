@@ -121,7 +121,7 @@ class Bodies:
     def __init__(self, systems: Sequence[Any]) -> None:
         self.systems: Sequence[Any] = systems
 
-    def of_each(self, value: Callable[[Body], float]) -> Any:
+    def of_each(self, value: Callable[[Body], float | bool]) -> Any:
         """Return a value of every body."""
         return np.array([[value(body) for body in system.bodies] for system in self.systems])
 
@@ -147,8 +147,8 @@ class Bodies:
 
     @cached_property
     def slide(self) -> Any:
-        """Which of them are particles."""
-        return self.of_each(lambda body: float(body.kappa == 1.0)) == 1.0
+        """Which of them slide."""
+        return self.of_each(lambda body: body.slides)
 
 
 class ImpactRows:

@@ -92,7 +92,7 @@ class Rolling:
     @property
     def omega(self) -> float:
         """Angular velocity (rad/s); 0 of a particle, which slides."""
-        return 0.0 if self.body.kind == "particle" else self.speed / self.body.radius
+        return 0.0 if self.body.slides else self.speed / self.body.radius
 
     @property
     def is_flat(self) -> bool:

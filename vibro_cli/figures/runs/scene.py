@@ -35,7 +35,7 @@ from vibro_cli.figures.source import Array, Recorded, flights_of
 from vibro_cli.figures.style import line, mark, width_of
 from vibro_cli.figures.ticks import round_below
 from vibro_cli.mechanics.potential import Turning
-from vibro_cli.mechanics.system import PARTICLE, TraceSystem
+from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.mechanics.trace import Piece, Trace
 
 _LEFT = 11.0
@@ -233,7 +233,7 @@ def _draw_bodies(axes: Axes, run: Recorded, scale: float, within: Extent) -> lis
             tip = centre + along * (radius + 4.0 / scale)
             axes.annotate("", tuple(tip), tuple(centre), arrowprops=ARROW, zorder=2.6)
             axes.plot(*np.transpose([centre, tip]), linewidth=0.0, zorder=1.0)  # keeps names away
-            if body.kind != PARTICLE:
+            if not body.slides:
                 _draw_spin(axes, centre, radius + 1.1 / scale, slope, state.speed, lettered)
                 top = centre + (radius + 1.1 / scale) * np.array([-np.sin(slope), np.cos(slope)])
                 named += [Named(rf"$\omega_{{{number}}}$", top)] if lettered else []

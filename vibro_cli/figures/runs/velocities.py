@@ -118,7 +118,7 @@ class Striking:
     @property
     def slides(self) -> bool:
         """Whether it is a particle, all of whose points have one velocity."""
-        return self.body.kind == "particle"
+        return self.body.slides
 
     def rolling(self, point: Array, when: int) -> Array:
         """Return what turning about the centre adds to its velocity (m/s) at a point."""

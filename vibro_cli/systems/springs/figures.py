@@ -63,7 +63,7 @@ from vibro_cli.figures.runs.scene import ARROW
 from vibro_cli.figures.runs.velocities import draw_disc, draw_scale
 from vibro_cli.figures.source import Array, kept
 from vibro_cli.figures.style import Look, line, width_of
-from vibro_cli.mechanics.system import PARTICLE, touching_distance
+from vibro_cli.mechanics.system import touching_distance
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.springs.phase_plane import SpringsLandscape
 from vibro_cli.systems.springs.portrait import Motions, motions, springs_portrait
@@ -79,7 +79,7 @@ def film(run: Any, times: Array) -> Frames:
     bodies, times = run.system.bodies, np.asarray(times)
     periods = [2.0 * math.pi / run.system.frequency(body) for body in range(len(bodies))]
     x, speed, trails, span = trails_of(run, times, "x", periods)
-    rolls = [0.0 if body.kind == PARTICLE else 1.0 / body.radius for body in bodies]
+    rolls = [0.0 if body.slides else 1.0 / body.radius for body in bodies]
     ground = _ground(run, x)
     return Frames(ground, times, x, np.zeros_like(x), (x - x[0]) * rolls, x, speed, trails, span)
 

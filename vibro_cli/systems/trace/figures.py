@@ -33,7 +33,7 @@ from vibro_cli.figures.runs.over_time import energies, space_time
 from vibro_cli.figures.runs.scene import draw_ends, plan, scene, trace_points
 from vibro_cli.figures.runs.velocities import velocities
 from vibro_cli.figures.source import Array, Recorded
-from vibro_cli.mechanics.system import PARTICLE, Body, TraceSystem
+from vibro_cli.mechanics.system import Body, TraceSystem
 from vibro_cli.mechanics.trace import Trace
 
 _FILM_WALL = 0.06
@@ -95,7 +95,7 @@ def _small_periods(system: TraceSystem) -> list[float]:
 
 def _turned(trace: Trace, body: Body, arc: Any, s: Array) -> Array:
     """Return how far a body has turned (rad): the way of its centre through its radius."""
-    if body.kind == PARTICLE:
+    if body.slides:
         return np.zeros(len(s))
     scales = np.array(
         [1.0 if p.is_line else p.path_radius(body.radius) / p.radius for p in trace.pieces]
