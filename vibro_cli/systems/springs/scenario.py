@@ -39,6 +39,10 @@ from vibro_cli.scenario.models import (
 )
 from vibro_cli.scenario.problems import Fault, shown
 
+# Keys of one table of which at most one may be given.
+PLACE = ("position", "touching")
+MOTION = ("speed", "omega")
+
 
 class Spring(Table):
     """The spring between a body's centre and its foot above the line of the centres."""
@@ -58,8 +62,8 @@ class SpringBall(BodyTable):
 
     rules = (
         *BodyTable.rules,
-        exactly_one("position", "touching"),
-        at_most_one("speed", "omega"),
+        exactly_one(*PLACE),
+        at_most_one(*MOTION),
     )
 
     position: Annotated[float | None, kinds.POSITION] = None
@@ -79,13 +83,7 @@ class SpringBall(BodyTable):
 class SpringsScenario(AnyScenario):
     """Bodies rolling on a straight line, each held by a spring, that collide as neighbours."""
 
-    alternatives: ClassVar[tuple[tuple[str, ...], ...]] = (
-        MASS,
-        KIND,
-        ("position", "touching"),
-        ("speed", "omega"),
-        SAMPLES,
-    )
+    alternatives: ClassVar[tuple[tuple[str, ...], ...]] = (MASS, KIND, PLACE, MOTION, SAMPLES)
 
     system: Annotated[Literal["springs"], kinds.Word(("springs",))]
     """What is solved: bodies on a line, each with its spring."""
@@ -120,15 +118,15 @@ MODEL = SpringsScenario
 
 
 def _default_motion(ball: Data) -> dict[str, float]:
-    return {} if "omega" in ball or "speed" in ball else {"speed": 0.0}
+    return {} if any(key in ball for key in MOTION) else {"speed": 0.0}
 
 
 def _ball_faults(data: Data) -> Iterator[Fault]:
     for index, ball in rows(data, "balls"):
         loc = ("balls", index)
         yield from one_of(ball, MASS, loc, needed=True)
-        yield from one_of(ball, ("position", "touching"), loc, needed=True)
-        yield from one_of(ball, ("speed", "omega"), loc, needed=False)
+        yield from one_of(ball, PLACE, loc, needed=True)
+        yield from one_of(ball, MOTION, loc, needed=False)
         yield from body_faults(ball, loc, lone=len(data["balls"]) == 1)
         if index == 0 and "touching" in ball:
             expected = "position: the first body has none to its left"

@@ -6,6 +6,7 @@ Source: C, parts 1 and 2, figures 1, 2 and 4.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import product
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
@@ -49,6 +50,7 @@ SHAPE_KEYS: dict[str, tuple[str, ...]] = {
 }
 """The keys that give the size of a wall of each shape."""
 _POLAR, _CARTESIAN = ("speed", "direction"), ("velocity_x", "velocity_y")
+_STOPS = ("time", "collisions", "bounces")
 
 Corner = Annotated[
     tuple[Annotated[float, kinds.POSITION], ...],
@@ -115,7 +117,7 @@ class TableCollision(Table):
 class TableStop(Stop):
     """When the run ends: whichever comes first."""
 
-    rules = (at_least_one("time", "collisions", "bounces"),)
+    rules = (at_least_one(*_STOPS),)
 
     bounces: Annotated[int | None, kinds.COUNT, Field(title="impacts on the wall")] = None
     """The run ends with this impact on the wall."""
@@ -127,10 +129,7 @@ class TableScenario(AnyScenario):
     alternatives: ClassVar[tuple[tuple[str, ...], ...]] = (
         MASS,
         KIND,
-        ("speed", "velocity_x"),
-        ("speed", "velocity_y"),
-        ("direction", "velocity_x"),
-        ("direction", "velocity_y"),
+        *product(_POLAR, _CARTESIAN),
         SAMPLES,
     )
 
@@ -156,7 +155,7 @@ class TableScenario(AnyScenario):
             *_wall_faults(data),
             *_ball_faults(data),
             *_collision_faults(data),
-            *stop_faults(data, ("time", "collisions", "bounces")),
+            *stop_faults(data, _STOPS),
             *output_faults(data),
         ]
 
