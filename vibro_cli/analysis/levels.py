@@ -512,18 +512,17 @@ def _on_arc(
 ) -> tuple[Array, Array]:
     position = start[0][:, None] + (end[0] - start[0])[:, None] * fraction
     rate = _without_turning(landscape, piece, start, position)
-    if landscape.gravity > 0.0:
-        offset = centre_of(piece)
-        centre = offset + 2.0 * math.pi * np.round((start[0] - offset) / (2.0 * math.pi))
-        w = landscape.natural_rate(piece)
-        q = np.sin(0.5 * (start[0] - centre)) ** 2 + (0.5 / w * start[1]) ** 2
-        # Which flights oscillate; on the separatrix their ends decide, not q.
-        turned = start[1] * end[1] < 0.0
-        passed = np.abs(end[0] - centre) > math.pi
-        swings = ((q < 1.0) & ~passed) | turned
-        one, other = (((angle - centre)[swings], at[swings]) for angle, at in (start, end))
-        angles, rate[swings] = _oscillation(w, one, other, duration[swings], fraction)
-        position[swings] = centre[swings, None] + angles
+    offset = centre_of(piece)
+    centre = offset + 2.0 * math.pi * np.round((start[0] - offset) / (2.0 * math.pi))
+    w = landscape.natural_rate(piece)
+    q = np.sin(0.5 * (start[0] - centre)) ** 2 + (0.5 / w * start[1]) ** 2
+    # Which flights oscillate; on the separatrix their ends decide, not q.
+    turned = start[1] * end[1] < 0.0
+    passed = np.abs(end[0] - centre) > math.pi
+    swings = ((q < 1.0) & ~passed) | turned
+    one, other = (((angle - centre)[swings], at[swings]) for angle, at in (start, end))
+    angles, rate[swings] = _oscillation(w, one, other, duration[swings], fraction)
+    position[swings] = centre[swings, None] + angles
     return position, rate
 
 

@@ -143,6 +143,15 @@ def _normal_angle(rows: Any) -> Any:
     return angles_of(rows["normal_y"], rows["normal_x"])
 
 
+def _of_ends(
+    name: str, unit: str, text: str, method: str, nullable: bool = False
+) -> Iterator[Column]:
+    """A quantity of both balls, before and after the impact, for which the text has places."""
+    for ball, when, words in ENDS:
+        what, value = text.format(ball, words), methodcaller(method, ball, when)
+        yield number(f"{name}_{ball}_{when}", unit, what, nullable, value)
+
+
 def _impact_columns() -> Iterator[Column]:
     yield from impact_head()
     yield count("ball_a", "one ball, from 1", value=_from_1("a"))
@@ -158,23 +167,16 @@ def _impact_columns() -> Iterator[Column]:
             text = f"component of the velocity of ball {ball} {words} the impact"
             value = of_log(f"v{axis}_{ball}_{when}")
             yield number(f"velocity_{axis}_{ball}_{when}", "m/s", text, value=value)
-    for ball, when, words in ENDS:
-        text = f"component along the line of centres of ball {ball}, {words} the impact"
-        value = methodcaller("along", ball, when)
-        yield number(f"normal_speed_{ball}_{when}", "m/s", text, value=value)
+    text = "component along the line of centres of ball {}, {} the impact"
+    yield from _of_ends("normal_speed", "m/s", text, "along")
     for ball in "ab":
         text = f"component of ball {ball} across the line of centres, which stays"
         value = methodcaller("tangential_speed", ball)
         yield number(f"tangential_speed_{ball}", "m/s", text, value=value)
-    for ball, when, words in ENDS:
-        text = f"kinetic energy of ball {ball} {words} the impact"
-        value = methodcaller("energy", ball, when)
-        yield number(f"energy_{ball}_{when}", "J", text, value=value)
+    yield from _of_ends("energy", "J", "kinetic energy of ball {} {} the impact", "energy")
     yield from impact_tail()
-    for ball, when, words in ENDS:
-        text = f"angular speed of ball {ball}, speed / radius, {words} (null: it slides)"
-        value = methodcaller("omega", ball, when)
-        yield number(f"omega_{ball}_{when}", "rad/s", text, True, value)
+    text = "angular speed of ball {}, speed / radius, {} (null: it slides)"
+    yield from _of_ends("omega", "rad/s", text, "omega", nullable=True)
     for ball, when, words in ENDS:
         text = f"angle of the path of ball {ball} with the line of centres, 0 to π/2, {words}"
         null, value = f"{text} (null at rest)", methodcaller("angle", ball, when)

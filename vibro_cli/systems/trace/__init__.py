@@ -125,16 +125,12 @@ class Trace(System):
         return "double" if len(system.trace.pieces) > 1 else "single"
 
     def method(self, scenario: Mapping[str, Any]) -> str:
+        way = "(Jacobi elliptic functions on arcs)"
         if scenario["trace"].get("turning") is not None:
-            return (
-                "Between impacts each body moves in closed form on the trace that turns "
-                "(Weierstrass elliptic functions on arcs), impacts are the certified first zeros "
-                "of the distance of the surfaces, and there is no time step."
-            )
+            way = "on the trace that turns (Weierstrass elliptic functions on arcs)"
         return (
-            "Between impacts each body moves in closed form (Jacobi elliptic functions on arcs), "
-            "impacts are the certified first zeros of the distance of the surfaces, and there is "
-            "no time step."
+            f"Between impacts each body moves in closed form {way}, impacts are the certified "
+            "first zeros of the distance of the surfaces, and there is no time step."
         )
 
     def report(self, run: StoredRun, name: str, beside: Path) -> dict[str, Any]:

@@ -81,7 +81,7 @@ def _ground(run: Recorded) -> Ground:
 def _small_periods(system: TraceSystem) -> list[float]:
     """Return the periods (s) of small oscillations on the arcs, shorter where the trace turns.
 
-    Without an arc or gravity that of a pendulum as long as the trace, or 1 s.
+    Without an arc that of a pendulum as long as the trace.
     """
     turning = 0.0 if system.turning is None else system.turning.square
     rates = [
@@ -90,7 +90,7 @@ def _small_periods(system: TraceSystem) -> list[float]:
         for body in system.bodies
         if not piece.is_line
     ] or [math.sqrt(turning + system.gravity / system.trace.length)]
-    return [2.0 * math.pi / rate if rate > 0.0 else 1.0 for rate in rates]
+    return [2.0 * math.pi / rate for rate in rates]
 
 
 def _turned(trace: Trace, body: Body, arc: Any, s: Array) -> Array:

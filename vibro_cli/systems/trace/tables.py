@@ -69,18 +69,10 @@ _VALUE = (
     "m/s; contact_closed: how long the bounces before it lasted in s; slip: the coefficient of "
     "friction; lift_off: the normal force in N; else null"
 )
-_PHASES = (
-    (
-        "regime",
-        "oscillating, or progressive: it would come to an end of the trace, or round a closed one",
-        REGIMES,
-    ),
-    (
-        "eight",
-        "side of the first figure eight from the left it is within: left loop, right loop, on it, "
-        "or outside of all (none: there is no figure eight)",
-        EIGHTS,
-    ),
+_REGIME = "oscillating, or progressive: it would come to an end of the trace, or round a closed one"
+_EIGHT = (
+    "side of the first figure eight from the left it is within: left loop, right loop, on it, "
+    "or outside of all (none: there is no figure eight)"
 )
 _OMEGA = "angular velocity about the contact point (null for a particle, which slides)"
 SIDE = count("side", "side on which the bodies meet: 1, or −1 when body 2 is met from behind")
@@ -114,7 +106,8 @@ def collisions(sided: bool = False) -> Table:
         flag("contact", "whether lasting contact of the pair begins here"),
         *before_and_after("kinetic_energy", "J", KINETIC),
         impulse(),
-        *(phase for prefix, text, words in _PHASES for phase in phases(prefix, text, words)),
+        *phases("regime", _REGIME, REGIMES),
+        *phases("eight", _EIGHT, EIGHTS),
     ]
     return Table("collisions", "one impact of one pair", tuple(columns))
 
