@@ -16,6 +16,7 @@ from vibro_cli.compile import kernel as engine
 from vibro_cli.compile.kernel import Overrides, compiled_rows, dtype
 from vibro_cli.compile.native import compiled
 from vibro_cli.errors import VibroError
+from vibro_cli.kernels.impact.laws import LAW_NAMES
 from vibro_cli.kernels.numerics.elliptic import fill_angles
 from vibro_cli.kernels.world import LOG_FULL, BodyData
 from vibro_cli.mechanics.system import Body
@@ -558,3 +559,10 @@ def body_record(body: Body, gravity: float = 0.0) -> BodyData:
     data.rolling_mass = body.kappa * body.mass
     data.weight = body.mass * gravity
     return data
+
+
+def law_and_stops(settings: Any, system: Any, limits: Limits) -> None:
+    """Give the settings of a world what those of every system have, but for the stop by time."""
+    settings.law = LAW_NAMES.index(system.law)
+    settings.substitute = int(system.inadmissible == "normal-impulse")
+    settings.stop_collisions = UNLIMITED if limits.collisions is None else limits.collisions

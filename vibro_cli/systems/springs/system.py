@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from vibro_cli.kernels.impact.laws import LAW_NAMES
 from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.springs.loop import MOST_STEPS, advance
 from vibro_cli.kernels.springs.world import (
@@ -23,8 +22,8 @@ from vibro_cli.kernels.springs.world import (
 )
 from vibro_cli.kernels.world import END_QUIET
 from vibro_cli.mechanics.system import ImpactSystem, touching_distance
-from vibro_cli.systems.driver import EventLoop, body_record, record_array, records_of
-from vibro_cli.systems.wanted import NO_LIMITS, UNLIMITED, Limits
+from vibro_cli.systems.driver import EventLoop, body_record, law_and_stops, record_array, records_of
+from vibro_cli.systems.wanted import NO_LIMITS, Limits
 
 
 @dataclass(frozen=True)
@@ -126,10 +125,8 @@ def make_world(system: SpringsSystem, limits: Limits = NO_LIMITS) -> World:
     """Return the records of a system at the start, with empty logs."""
     count = len(system.bodies)
     settings = Settings()
-    settings.law = LAW_NAMES.index(system.law)
-    settings.substitute = 1 if system.inadmissible == "normal-impulse" else 0
+    law_and_stops(settings, system, limits)
     settings.stop_time = NEVER if limits.time is None else limits.time
-    settings.stop_collisions = UNLIMITED if limits.collisions is None else limits.collisions
     return World(
         clock=[Clock()],
         settings=[settings],

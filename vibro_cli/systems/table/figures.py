@@ -48,7 +48,7 @@ from vibro_cli.figures.runs.velocities import (
 from vibro_cli.figures.source import Array, kept, made
 from vibro_cli.figures.style import line, panel_size, width_of
 from vibro_cli.systems.run import Run
-from vibro_cli.systems.table.plan import draw_wall, table_plan, wall_corners
+from vibro_cli.systems.table.plan import draw_wall, table_plan, with_wall
 
 _IMPACTS = {"single": 2, "double": 4}
 _HIGH, _TOP, _WORDS = 36.0, 5.0, 14.5
@@ -350,9 +350,7 @@ def _ground(run: Any, x: Array, y: Array) -> Ground:
     wall, radii = run.system.wall, tuple(body.radius for body in run.system.bodies)
     low = np.array([np.min(x - radii), np.min(y - radii)])
     high = np.array([np.max(x + radii), np.max(y + radii)])
-    if wall is not None:
-        corners = wall_corners(wall)
-        low, high = np.minimum(low, corners[0]), np.maximum(high, corners[1])
+    low, high = with_wall(wall, low, high)
     room = _ROOM * float(np.max(high - low))
 
     def draw(axes: Axes, half: float) -> None:

@@ -103,18 +103,17 @@ def _extent(run: Run, paths: list[Floats]) -> tuple[Floats, Floats]:
     radii = [body.radius for body in run.system.bodies]
     low = np.min([path.min(axis=0) - r for path, r in zip(paths, radii, strict=True)], axis=0)
     high = np.max([path.max(axis=0) + r for path, r in zip(paths, radii, strict=True)], axis=0)
-    wall = run.system.wall
-    if wall is not None:
-        corners = wall_corners(wall)
-        low, high = np.minimum(low, corners[0]), np.maximum(high, corners[1])
+    low, high = with_wall(run.system.wall, low, high)
     margin = 0.05 * float(np.max(high - low)) or 1.0
     return low - margin, high + margin
 
 
-def wall_corners(wall: Wall) -> tuple[Floats, Floats]:
-    """Return the lower left and the upper right corner (m) of the box around a wall."""
+def with_wall(wall: Wall | None, low: Floats, high: Floats) -> tuple[Floats, Floats]:
+    """Return the corners (m), lower left and upper right, of a box widened to hold the wall."""
+    if wall is None:
+        return low, high
     points, axes = np.array(wall.corners or [wall.center]), np.array(wall.semi_axes)
-    return points.min(axis=0) - axes, points.max(axis=0) + axes
+    return np.minimum(low, points.min(axis=0) - axes), np.maximum(high, points.max(axis=0) + axes)
 
 
 def draw_wall(axes: Axes, wall: Wall) -> None:

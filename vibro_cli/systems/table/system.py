@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from itertools import combinations
 from typing import Any
 
-from vibro_cli.kernels.impact.laws import LAW_NAMES
 from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.table.loop import advance
 from vibro_cli.kernels.table.world import (
@@ -27,7 +26,7 @@ from vibro_cli.kernels.table.world import (
     POLYGON as POLYGON_KIND,
 )
 from vibro_cli.mechanics.system import ImpactSystem
-from vibro_cli.systems.driver import EventLoop, body_record, records_of
+from vibro_cli.systems.driver import EventLoop, body_record, law_and_stops, records_of
 from vibro_cli.systems.wanted import UNLIMITED, Limits
 
 ELLIPSE = "ellipse"
@@ -101,11 +100,9 @@ LOOP = EventLoop(
 def make_world(system: TableSystem, limits: Limits) -> World:
     """Return the records of a system at the start, with empty logs."""
     settings = Settings()
-    settings.law = LAW_NAMES.index(system.law)
-    settings.substitute = 1 if system.inadmissible == "normal-impulse" else 0
+    law_and_stops(settings, system, limits)
     settings.restitution = system.restitution
     settings.stop_time = NEVER if limits.time is None else limits.time
-    settings.stop_collisions = UNLIMITED if limits.collisions is None else limits.collisions
     settings.stop_bounces = UNLIMITED if limits.bounces is None else limits.bounces
     leaves = 2
     while leaves < len(system.bodies):

@@ -41,9 +41,9 @@ from vibro_cli.mechanics.system import Body, TraceSystem
 from vibro_cli.mechanics.trace import Piece, Trace, sine_cosine
 from vibro_cli.numerics import elementwise
 from vibro_cli.systems import driver
-from vibro_cli.systems.driver import body_record
+from vibro_cli.systems.driver import body_record, law_and_stops
 from vibro_cli.systems.trace import SYSTEM
-from vibro_cli.systems.wanted import NO_LIMITS, UNLIMITED, Limits
+from vibro_cli.systems.wanted import NO_LIMITS, Limits
 
 # Bounds are kept above the rounding of what they bound.
 CAUTION = 1.0 + 1.0e-12
@@ -249,14 +249,12 @@ def _settings(system: TraceSystem, pairs: int, limits: Limits) -> Settings:
     settings.closed = int(system.trace.closed)
     settings.closing_error = system.trace.closing_error()[0] if system.trace.closed else 0.0
     settings.one_sided = int(system.surface == "one-sided")
-    settings.law = LAW_NAMES.index(system.law)
-    settings.substitute = int(system.inadmissible == "normal-impulse")
+    law_and_stops(settings, system, limits)
     left, right = system.left_end, system.right_end
     settings.left_wall = left.restitution if left else NO_WALL
     settings.right_wall = right.restitution if right else NO_WALL
     settings.keep = 1
     settings.stop_t = NEVER if limits.time is None else limits.time
-    settings.stop_collisions = UNLIMITED if limits.collisions is None else limits.collisions
     return settings
 
 
