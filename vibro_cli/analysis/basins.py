@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter, minimum_filter
 
 from vibro_cli.errors import VibroError
+from vibro_cli.numerics.elementwise import Floats
 
-Floats = NDArray[np.float64]
 Codes = NDArray[np.int64]
 
 BOX = 5

@@ -14,7 +14,6 @@ from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vibro_cli.analysis.impact_times import NoDerivative, number_at
 from vibro_cli.analysis.orbits import (
@@ -35,11 +34,10 @@ from vibro_cli.analysis.orbits import (
 )
 from vibro_cli.assemble import build_system
 from vibro_cli.mechanics.system import TraceSystem
+from vibro_cli.numerics.elementwise import Floats
 from vibro_cli.scenario.models import Scenario
 from vibro_cli.scenario.problems import ScenarioError, parsed_path
 from vibro_cli.systems.trace.tangents import time_scale
-
-Floats = NDArray[np.float64]
 
 ENERGY = "energy"
 """Stands for a path where the energy is the number that changes."""

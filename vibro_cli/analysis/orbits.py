@@ -18,11 +18,10 @@ from numpy.typing import NDArray
 from vibro_cli.errors import VibroError
 from vibro_cli.mechanics import initial_conditions
 from vibro_cli.mechanics.system import InitialState, TraceSystem, neighbours
+from vibro_cli.numerics.elementwise import Floats
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.trace import simulate_system
 from vibro_cli.systems.trace.tangents import follow_system, time_scale
-
-Floats = NDArray[np.float64]
 
 # An orbit has been found when it closes up to this share of the size of its state.
 CLOSED = 1.0e-13

@@ -11,18 +11,16 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vibro_cli.compile.kernel import Overrides
 from vibro_cli.kernels.tangent.frame import SCALE, SERIES_ROWS, TERMS, WIDTH, Tangents, TangentState
 from vibro_cli.kernels.world import RUNNING
 from vibro_cli.numerics import elementwise
+from vibro_cli.numerics.elementwise import Floats
 from vibro_cli.systems.contract import Rows, System
 from vibro_cli.systems.driver import called, with_logs, zeros
 from vibro_cli.systems.run import Stretch, begun
 from vibro_cli.systems.wanted import NO_LIMITS, Limits
-
-Floats = NDArray[np.float64]
 
 # A number is rounded by this share, root mean square over its digits; at most by twice as much.
 ROUNDING = 2.0**-54

@@ -14,6 +14,7 @@ from vibro_cli.compile.kernel import dtype
 from vibro_cli.kernels.springs.series import Found, Sample, sample_states
 from vibro_cli.kernels.springs.world import CONTACT_CLOSED, CONTACT_OPENED, SpringBody
 from vibro_cli.kernels.statistics.impact_columns import EIGHTS, REGIMES
+from vibro_cli.numerics.elementwise import Floats
 from vibro_cli.systems.columns import (
     KINETIC,
     Column,
@@ -230,9 +231,6 @@ def final_state(body: int | str) -> Iterator[Column]:
         ("speed", "m/s", f"final speed of body {body}"),
     ):
         yield number(f"{name}_{body}", unit, text, True, of_last(name, body))
-
-
-Floats = NDArray[np.float64]
 
 
 class Motion:

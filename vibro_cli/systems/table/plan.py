@@ -19,6 +19,7 @@ from vibro_cli.figures.portraits import layers
 from vibro_cli.figures.runs.velocities import draw_scale
 from vibro_cli.figures.source import made
 from vibro_cli.figures.style import line, mark, width_of
+from vibro_cli.numerics.elementwise import Floats
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.table.system import POLYGON, Wall
 
@@ -37,8 +38,6 @@ _RIGHT, _TOP, _BOTTOM = 2.5, 5.0, 8.5
 """Room beside, over and under the panel (mm)."""
 _SHAPES = (0.25, 1.5)
 """Height over width of the flattest panel and of the tallest."""
-
-Floats = NDArray[np.float64]
 
 
 def table_plan(run: Run, width: str = "single") -> Figure:

@@ -21,19 +21,17 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import Sheet
 from vibro_cli.figures.style import mark, width_of
 from vibro_cli.figures.ticks import angle_ticks, label_axis, vertical_ticks
+from vibro_cli.numerics.elementwise import Floats
 from vibro_cli.systems.contract import NoPortrait
 from vibro_cli.systems.run import simulate
 from vibro_cli.systems.table import SYSTEM
 from vibro_cli.systems.table.system import CIRCLE, ELLIPSE, InitialState, TableSystem, Wall
 from vibro_cli.systems.wanted import Limits
-
-Floats = NDArray[np.float64]
 
 
 class TwoBounce(NamedTuple):

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from vibro_cli.numerics.elementwise import Floats
 from vibro_cli.systems.columns import (
     ENDS,
     WHEN,
@@ -267,7 +268,6 @@ def final_state(ball: int | str) -> Iterator[Column]:
         yield number(f"{name}_{ball}", "m/s", text, True, of_last(name, ball))
 
 
-Floats = NDArray[np.float64]
 _NAMES = ("event", "t", "t_low", "x", "y", "vx", "vy")
 
 

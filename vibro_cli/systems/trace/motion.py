@@ -13,7 +13,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vibro_cli.compile.kernel import Overrides
 from vibro_cli.kernels.flow.flow import Sample, sample_flights
@@ -24,14 +23,13 @@ from vibro_cli.kernels.world import (
     World,
 )
 from vibro_cli.mechanics.system import TraceSystem, natural_rate
+from vibro_cli.numerics.elementwise import Floats
 from vibro_cli.systems.driver import angles_of, called, with_logs, zeros
 from vibro_cli.systems.run import Stretch, ahead, begun
 from vibro_cli.systems.tables import events_until
 from vibro_cli.systems.trace import SYSTEM
 from vibro_cli.systems.trace.world import make_world, turns_of
 from vibro_cli.systems.wanted import Limits, within_run
-
-Floats = NDArray[np.float64]
 
 
 class Places:

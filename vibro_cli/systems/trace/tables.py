@@ -25,6 +25,7 @@ from vibro_cli.kernels.statistics.impact_columns import (
 from vibro_cli.kernels.statistics.run_statistics import FinalState, Outcome, Results, tally
 from vibro_cli.kernels.world import END_NAMES, RUNNING, Flight, ImpactRow, World
 from vibro_cli.mechanics.system import TraceSystem
+from vibro_cli.numerics.elementwise import Floats
 from vibro_cli.systems.columns import (
     KINETIC,
     Column,
@@ -47,7 +48,7 @@ from vibro_cli.systems.run import Stretch
 from vibro_cli.systems.tangents import exponent_table, grown_columns
 from vibro_cli.systems.trace import SYSTEM
 from vibro_cli.systems.trace.events import NAMES, Events, event_columns
-from vibro_cli.systems.trace.motion import Floats, Paths, Places
+from vibro_cli.systems.trace.motion import Paths, Places
 from vibro_cli.systems.trace.tangents import TangentMap
 from vibro_cli.systems.trace.world import make_world
 from vibro_cli.systems.wanted import Sampling, Wanted

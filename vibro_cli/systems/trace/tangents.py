@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from vibro_cli.kernels.tangent.follow import follow_tangents
 from vibro_cli.kernels.world import Flight, World
 from vibro_cli.mechanics.system import TraceSystem
-from vibro_cli.numerics.elementwise import greatest_of
+from vibro_cli.numerics.elementwise import Floats, greatest_of
 from vibro_cli.systems import tangents
 from vibro_cli.systems.contract import Rows
 from vibro_cli.systems.driver import with_logs, zeros
@@ -24,8 +24,6 @@ from vibro_cli.systems.tangents import Growth
 from vibro_cli.systems.trace import SYSTEM
 from vibro_cli.systems.trace.world import make_world
 from vibro_cli.systems.wanted import Limits
-
-Floats = NDArray[np.float64]
 
 
 def time_scale(system: TraceSystem) -> Any:
