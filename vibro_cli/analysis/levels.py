@@ -119,7 +119,7 @@ class Landscape:
     def energy(self, piece: Piece, position: ArrayLike, rate: ArrayLike) -> Array:
         """Return ½ κ m v² + m g (y_C − lowest) (J) at positions and rates on one piece."""
         speed = self.path_scale(piece) * np.asarray(rate, dtype=np.float64)
-        kinetic = 0.5 * self.body.kappa * self.body.mass * speed**2
+        kinetic = 0.5 * self.body.rolling_mass * speed**2
         return kinetic + self.potential(piece, position)
 
     def rate(self, piece: Piece, position: ArrayLike, energy: float) -> Array:
@@ -130,7 +130,7 @@ class Landscape:
         """
         place = np.asarray(position, dtype=np.float64)
         weight, datum = self.weight, self.datum(piece)
-        per_energy = 2.0 / (self.body.kappa * self.body.mass * self.path_scale(piece) ** 2)
+        per_energy = 2.0 / (self.body.rolling_mass * self.path_scale(piece) ** 2)
         if self.turning is not None:
             fall = per_energy * weight * self._turned(piece, place)
         elif piece.is_line:

@@ -246,7 +246,7 @@ def energy_gradient(system: TraceSystem, state: Floats) -> Floats:
     flow = velocity(system, state)
     found, shares = np.empty_like(state), _shares(system)
     for number, body in enumerate(system.bodies):
-        inertia = float(shares[number]) * (body.kappa * body.mass)
+        inertia = float(shares[number]) * body.rolling_mass
         found[2 * number] = -inertia * flow[2 * number + 1]
         found[2 * number + 1] = inertia * state[2 * number + 1]
     return found

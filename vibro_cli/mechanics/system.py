@@ -86,9 +86,14 @@ class Body:
         return self.kappa == 1.0
 
     @property
+    def rolling_mass(self) -> float:
+        """κ m (kg), the mass that the speed of the centre has to do with."""
+        return self.kappa * self.mass
+
+    @property
     def rolling_inertia(self) -> float:
         """J_P = κ m r² (kg m²), about the point of contact with the trace."""
-        return self.kappa * self.mass * self.radius**2
+        return self.rolling_mass * self.radius**2
 
     def natural_rate(self, gravity: float, rho: float) -> float:
         """Return w = √(g/κρ) (rad/s), the rate of small oscillations at the bottom of a valley.

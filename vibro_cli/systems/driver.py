@@ -556,7 +556,7 @@ def body_record(body: Body, gravity: float = 0.0) -> BodyData:
     data.radius = body.radius
     data.kappa = body.kappa
     data.mass = body.mass
-    data.rolling_mass = body.kappa * body.mass
+    data.rolling_mass = body.rolling_mass
     data.weight = body.mass * gravity
     return data
 

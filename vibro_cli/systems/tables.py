@@ -138,7 +138,7 @@ class Bodies:
     @cached_property
     def rolling_masses(self) -> Any:
         """κ m (kg)."""
-        return self.of_each(lambda body: body.kappa * body.mass)
+        return self.of_each(lambda body: body.rolling_mass)
 
     @cached_property
     def masses(self) -> Any:
@@ -245,7 +245,7 @@ def events_until(times: Any, instants: Any, side: str) -> Any:
 def bodies_at(system: ImpactSystem, instants: Any) -> dict[str, Any]:
     """Return `t` (s), `ball` and `mass` (κ m, kg) of a row for each body at each instant."""
     number = len(system.bodies)
-    masses = [body.kappa * body.mass for body in system.bodies]
+    masses = [body.rolling_mass for body in system.bodies]
     return {
         "t": np.repeat(instants, number),
         "ball": np.tile(np.arange(1, number + 1), len(instants)),

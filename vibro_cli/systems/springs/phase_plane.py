@@ -106,7 +106,7 @@ class SpringsLandscape:
             place - spring.foot + springs[0].foot
             for place, spring in zip(places, springs, strict=True)
         )
-        mass = sum(body.kappa * body.mass for body in bodies)
+        mass = sum(body.rolling_mass for body in bodies)
         return SpringsLandscape(springs, offsets, mass)
 
     def potential(self, q: Array) -> Array:

@@ -69,7 +69,7 @@ class SpringsSystem(ImpactSystem):
     def frequency(self, index: int) -> float:
         """Return ω₀ = √(c r²/J_P) = √(c/(κ m)) of a body (from 0), 1/s (C (4))."""
         body = self.bodies[index]
-        return math.sqrt(self.springs[index].stiffness / (body.kappa * body.mass))
+        return math.sqrt(self.springs[index].stiffness / body.rolling_mass)
 
 
 def time_scale(system: SpringsSystem) -> float:
@@ -144,7 +144,7 @@ def _spring(system: SpringsSystem, index: int) -> SpringBody:
     given, start = system.springs[index], system.initial[index]
     body = system.bodies[index]
     spring = SpringBody()
-    spring.square = given.stiffness / (body.kappa * body.mass)
+    spring.square = given.stiffness / body.rolling_mass
     spring.length, spring.height, spring.foot = given.length, given.height, given.foot
     spring.x, spring.v = start.position - given.foot, start.speed
     return spring

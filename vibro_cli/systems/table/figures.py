@@ -382,7 +382,7 @@ def _energy(run: Run, ball: int) -> tuple[Array, Array]:
     """Return times (s) and the energy (J) of a ball (from 1); at a jump a time stands twice."""
     motion: Any = run.trajectory
     events, body = motion.balls[ball - 1], run.system.bodies[ball - 1]
-    energy = 0.5 * body.kappa * body.mass * (events["vx"] ** 2 + events["vy"] ** 2)
+    energy = 0.5 * body.rolling_mass * (events["vx"] ** 2 + events["vy"] ** 2)
     ends = np.append(events["t"][1:], run.end_time)
     return np.column_stack([events["t"], ends]).ravel(), np.repeat(energy, 2)
 
