@@ -14,10 +14,8 @@ from vibro_cli.kernels.contact.libration_contact_lanes import BodyLanes, SwingLa
 from vibro_cli.kernels.ensemble.lanes import LaneGroup, LaneSlot, RunLanes, run_points_in_lanes
 from vibro_cli.kernels.ensemble.points import follow_points, run_points, run_stacked
 from vibro_cli.kernels.ensemble.records import (
-    PairNumbers,
     PointData,
     Points,
-    SettingNumbers,
     Stack,
     StartData,
 )
@@ -25,19 +23,18 @@ from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.statistics.run_statistics import FinalState, Outcome, Results
 from vibro_cli.kernels.tangent.frame import TangentState
 from vibro_cli.kernels.world import (
-    BodyData,
     Flight,
     ImpactRow,
-    PairTrack,
-    PieceData,
-    TrackData,
     World,
 )
 from vibro_cli.mechanics.system import TraceSystem
-from vibro_cli.systems.driver import zeros
+from vibro_cli.systems.driver import records_of, zeros
 from vibro_cli.systems.tangents import room_for
 from vibro_cli.systems.trace import SYSTEM
 from vibro_cli.systems.trace.world import compiled_world, initial_flight, make_world, pairs_of
+
+_STACKED = {name: cls for name, cls in records_of(Stack).items() if name != "of_runs"}
+"""The records of a world of which a stack has those of each system, and what they are there."""
 
 
 class Progress(NamedTuple):
@@ -132,11 +129,7 @@ class Batch:
         tangents = room_for(size, len(self.world.impacts), False, states, from_start=False)
         sums = np.zeros((len(points.own), size))
         if stack is None:
-            no_numbers: Any = np.zeros(0, dtype=np.int64)
-            stack = Stack(
-                zeros(0, SettingNumbers), zeros(0, BodyData), zeros(0, PieceData),
-                zeros(0, TrackData), zeros(0, PairTrack), zeros(0, PairNumbers), no_numbers,
-            )  # fmt: skip
+            stack = _stack({name: zeros(0, cls) for name, cls in _STACKED.items()}, [])
         else:
             self.world.far[:] = 0  # type: ignore[index]
         given = self.world, self._fresh, points, results, stack, tangents, sums
@@ -190,31 +183,24 @@ def stack_of(system: TraceSystem, count: int, of_runs: Any) -> Stack:
 
     ``of_runs`` tells the number of the system of each run.
     """
-
     world = make_world(system, far_apart=False)
-    return Stack(
-        settings=_rows(world.settings, SettingNumbers, count),
-        bodies=_rows(world.bodies, BodyData, count),
-        pieces=_rows(world.pieces, PieceData, count),
-        tracks=_rows(world.tracks, TrackData, count),
-        contacts=_rows(world.contacts, PairTrack, count),
-        pairs=_rows(world.pairs, PairNumbers, count),
-        of_runs=np.array(of_runs, dtype=np.int64),  # type: ignore[arg-type]
-    )
+    records = {name: _rows(getattr(world, name), cls, count) for name, cls in _STACKED.items()}
+    return _stack(records, of_runs)
+
+
+def _stack(records: dict[str, Any], of_runs: Any) -> Stack:
+    numbers: Any = np.array(of_runs, dtype=np.int64)
+    return Stack(**records, of_runs=numbers)
 
 
 def own_records(world: World) -> World:
     """Return a compiled world whose records are its own where those of a stack are installed."""
-    changed: Any = {
-        name: getattr(world, name).copy()
-        for name in ("settings", "bodies", "pieces", "tracks", "contacts", "pairs")
-    }
+    changed: Any = {name: getattr(world, name).copy() for name in _STACKED}
     return world._replace(**changed)
 
 
 def _rows(records: Sequence[Any], cls: type, count: int) -> Any:
     """Records with arrays of ``count`` numbers as rows of plain records, system by system."""
-
     rows = np.zeros((count, len(records)), dtype=dtype(cls))
     for place, one in enumerate(records):
         for name in rows.dtype.names or ():
