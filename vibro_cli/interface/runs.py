@@ -21,12 +21,7 @@ from vibro_cli.storage.files import available_cores
 from vibro_cli.storage.frame import Table
 from vibro_cli.storage.stored import StoredColumns, as_if_stored
 from vibro_cli.storage.stored import open_run as open_stored_run
-from vibro_cli.storage.tables import (
-    read_parquet,
-    table_named,
-    to_arrow,
-    units_of_numbers,
-)
+from vibro_cli.storage.tables import read_parquet, table_named, to_arrow, units_of_numbers
 from vibro_cli.systems import system_named
 from vibro_cli.systems.driver import CannotContinue
 from vibro_cli.systems.wanted import CHANGEABLE
@@ -263,12 +258,7 @@ class Run:
 
         Raises ``ValueError`` for another column or width, and where there is no such impact.
         """
-        from vibro_cli.figures.over_axis import (
-            Section,
-            own_columns,
-            poincare,
-            quantities_of,
-        )
+        from vibro_cli.figures.over_axis import Section, own_columns, poincare, quantities_of
         from vibro_cli.figures.style import width_of
 
         width_of(width)

@@ -31,21 +31,8 @@ from vibro_cli.figures.chart import (
     time_axis,
     value_axis,
 )
-from vibro_cli.figures.film import (
-    Frames,
-    Ground,
-    Link,
-    Panel,
-    trails_of,
-)
-from vibro_cli.figures.kinds import (
-    ENERGY_CAPTION,
-    EXPONENTS,
-    INTERVALS,
-    PORTRAIT,
-    Kind,
-    KindOfBody,
-)
+from vibro_cli.figures.film import Frames, Ground, Link, Panel, trails_of
+from vibro_cli.figures.kinds import ENERGY_CAPTION, EXPONENTS, INTERVALS, PORTRAIT, Kind, KindOfBody
 from vibro_cli.figures.labels import Named, ring, short_number, write_names
 from vibro_cli.figures.runs.over_impacts import speed_map
 from vibro_cli.figures.runs.over_time import (

@@ -16,15 +16,7 @@ import numpy as np
 
 from vibro_cli.kernels.impact.laws import LAW_NAMES
 from vibro_cli.kernels.springs.world import CONTACT_CLOSED, CONTACT_OPENED
-from vibro_cli.stress.oracles.motion import (
-    Series,
-    Whole,
-    product,
-    real,
-    scaled,
-    value_of,
-    whole,
-)
+from vibro_cli.stress.oracles.motion import Series, Whole, product, real, scaled, value_of, whole
 from vibro_cli.stress.oracles.scene import mp, speed_changes
 from vibro_cli.stress.oracles.sensitivity import check_maps
 from vibro_cli.stress.scenes import Document, Finding, Plan, solve_any

@@ -13,20 +13,11 @@ from vibro_cli.compile.native import compiled
 from vibro_cli.kernels.contact.libration_contact_lanes import BodyLanes, SwingLanes
 from vibro_cli.kernels.ensemble.lanes import LaneGroup, LaneSlot, RunLanes, run_points_in_lanes
 from vibro_cli.kernels.ensemble.points import follow_points, run_points, run_stacked
-from vibro_cli.kernels.ensemble.records import (
-    PointData,
-    Points,
-    Stack,
-    StartData,
-)
+from vibro_cli.kernels.ensemble.records import PointData, Points, Stack, StartData
 from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.statistics.run_statistics import FinalState, Outcome, Results
 from vibro_cli.kernels.tangent.frame import TangentState
-from vibro_cli.kernels.world import (
-    Flight,
-    ImpactRow,
-    World,
-)
+from vibro_cli.kernels.world import Flight, ImpactRow, World
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.systems.driver import records_of, zeros
 from vibro_cli.systems.tangents import room_for

@@ -19,11 +19,7 @@ from vibro_cli.kernels.contact.libration_contact_lanes import TwoBodies, TwoSwin
 from vibro_cli.kernels.ensemble.libration_fast_path import proceed_swinging
 from vibro_cli.kernels.events.event_detection import ROUNDS
 from vibro_cli.kernels.events.event_loop import advance, proceed, start
-from vibro_cli.kernels.world import (
-    LOGS,
-    RECORDS,
-    World,
-)
+from vibro_cli.kernels.world import LOGS, RECORDS, World
 from vibro_cli.systems import driver
 from vibro_cli.systems.driver import Driver, joined, zeros
 from vibro_cli.systems.run import Stretch, Stretches

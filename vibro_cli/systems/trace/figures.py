@@ -11,20 +11,8 @@ from matplotlib.axes import Axes
 
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import MANY
-from vibro_cli.figures.film import (
-    Frames,
-    Ground,
-    Panel,
-    States,
-    trails_of,
-)
-from vibro_cli.figures.kinds import (
-    EXPONENTS,
-    INTERVALS,
-    PORTRAIT,
-    Kind,
-    KindOfBody,
-)
+from vibro_cli.figures.film import Frames, Ground, Panel, States, trails_of
+from vibro_cli.figures.kinds import EXPONENTS, INTERVALS, PORTRAIT, Kind, KindOfBody
 from vibro_cli.figures.portraits.energies import energy_portrait
 from vibro_cli.figures.portraits.portrait import phase_portrait
 from vibro_cli.figures.runs.contact_points import POINTS_CAPTION, POINTS_TITLE, contact_points

@@ -16,12 +16,7 @@ import numpy as np
 
 from vibro_cli.compile.kernel import Overrides
 from vibro_cli.kernels.flow.flow import Sample, sample_flights
-from vibro_cli.kernels.world import (
-    CAUSE_NAMES,
-    RUNNING,
-    Flight,
-    World,
-)
+from vibro_cli.kernels.world import CAUSE_NAMES, RUNNING, Flight, World
 from vibro_cli.mechanics.system import TraceSystem, natural_rate
 from vibro_cli.numerics.elementwise import Floats
 from vibro_cli.systems.driver import angles_of, called, with_logs, zeros
