@@ -450,10 +450,10 @@ def _figures(
     if not names:
         return {}
     from vibro_cli.interface import figures_of, nothing_shown
-    from vibro_cli.storage.stored import stored_run
+    from vibro_cli.storage.stored import StoredRun
 
     written, summary = folder.end_tables(), result.summary_record()
-    run = stored_run(written, scenario, result.checkpoint(), {}, summary)
+    run = StoredRun(written, scenario, {}, summary, result.checkpoint())
     files = figures_of(run, names)
     if (wishes.figures or "all").strip().lower() not in ("all", *_DEFAULT):
         for text in nothing_shown(names, files):

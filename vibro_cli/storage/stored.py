@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from errno import ENOENT
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -55,8 +55,10 @@ class StoredRun:
     manifest: Mapping[str, Any]
     summary: Mapping[str, Any]
     """The columns of the summary table as plain values, None for null."""
-    _recall: Callable[[], Motion] = field(repr=False)
-    _solve: Callable[[], Run] = field(repr=False)
+    checkpoint: Mapping[str, Any] = field(repr=False)
+    """From which it could go on, by which it is known again when it is solved again."""
+    _solved: Run | None = field(default=None, repr=False)
+    """The run itself, of one that is not stored."""
     _tables: dict[str, Columns] = field(default_factory=dict, repr=False)
 
     @cached_property
@@ -65,15 +67,19 @@ class StoredRun:
 
         Raises `NotContinuable` when it does not end again as it did.
         """
+        if self._solved is not None:
+            return self._solved
         try:
-            return self._recall()
+            return recalled_motion(self.scenario, self.checkpoint)
         except NotRecalled as error:
             raise NotContinuable(f"{self.folder}: {error}") from error
 
     @cached_property
     def run(self) -> Run:
         """The run with all its logs, however long it is."""
-        return self.motion if isinstance(self.motion, Run) else self._solve()
+        if isinstance(self.motion, Run):
+            return self.motion
+        return recalled(self.scenario, self.checkpoint)
 
     @property
     def kind(self) -> System:
@@ -155,7 +161,7 @@ def as_if_stored(run: Run, scenario: AnyScenario, tables: Mapping[str, Columns])
     """Return a run that has no folder as the report takes it, with its tables."""
     made = manifest_of("run", {}, {"engine": run.engine})
     summary = run.summary_record()
-    return StoredRun(None, scenario, made, summary, lambda: run, lambda: run, dict(tables))
+    return StoredRun(None, scenario, made, summary, run.checkpoint(), run, dict(tables))
 
 
 def open_run(folder: Path) -> StoredRun:
@@ -170,20 +176,7 @@ def open_run(folder: Path) -> StoredRun:
     assert found is not None
     summary = json.loads((folder / "summary.json").read_bytes())
     scenario = load_any(earlier.scenario)
-    return stored_run(folder, scenario, earlier.checkpoint, found, summary)
-
-
-def stored_run(
-    folder: Path,
-    scenario: AnyScenario,
-    checkpoint: Mapping[str, Any],
-    manifest: Mapping[str, Any],
-    summary: Mapping[str, Any],
-) -> StoredRun:
-    """Return the run whose tables are in a folder."""
-    recall = partial(recalled_motion, scenario, checkpoint)
-    solve = partial(recalled, scenario, checkpoint)
-    return StoredRun(folder, scenario, manifest, summary, recall, solve)
+    return StoredRun(folder, scenario, found, summary, earlier.checkpoint)
 
 
 class _Columns(Mapping[str, NDArray[Any]]):
