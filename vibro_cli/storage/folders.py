@@ -187,6 +187,7 @@ class EarlierRun:
     scenario: Path
     """File of the resolved scenario."""
     checkpoint: dict[str, Any]
+    manifest: dict[str, Any]
 
 
 def scenario_of_killed_run(folder: Path) -> Path | None:
@@ -225,7 +226,7 @@ def read_earlier_run(folder: Path) -> EarlierRun:
         content[name] = (folder / name).read_bytes()
         if entry(content[name])["sha256"] != found["files"].get(name, {}).get("sha256"):
             raise NotContinuable(f"{folder / name} is not as it was written (SHA-256)")
-    return EarlierRun(folder / SCENARIO_NAME, json.loads(content[CHECKPOINT_NAME]))
+    return EarlierRun(folder / SCENARIO_NAME, json.loads(content[CHECKPOINT_NAME]), found)
 
 
 RESIDUALS = Table(

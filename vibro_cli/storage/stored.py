@@ -171,12 +171,10 @@ def open_run(folder: Path) -> StoredRun:
     or has changed since, and `OSError` when a file is missing or cannot be read.
     """
     earlier = read_earlier_run(folder)
-    _check_tables(folder)
-    found = read_manifest(folder)
-    assert found is not None
+    _check_tables(folder, earlier.manifest)
     summary = json.loads((folder / "summary.json").read_bytes())
     scenario = load_any(earlier.scenario)
-    return StoredRun(folder, scenario, found, summary, earlier.checkpoint)
+    return StoredRun(folder, scenario, earlier.manifest, summary, earlier.checkpoint)
 
 
 class _Columns(Mapping[str, NDArray[Any]]):
@@ -227,10 +225,10 @@ class StoredColumns(_Columns):
         return self._columns[name]
 
 
-def _check_tables(folder: Path) -> None:
+def _check_tables(folder: Path, manifest: Mapping[str, Any]) -> None:
     """Raise `NotContinuable` unless the tables and the summary are as they were written."""
-    described = (read_manifest(folder) or {})["files"]
-    tables = {n: wanted for n, wanted in described.items() if n.endswith((".parquet", ".json"))}
+    described = manifest["files"].items()
+    tables = {n: wanted for n, wanted in described if n.endswith((".parquet", ".json"))}
     for damage in check_files(folder, tables):
         raise NotContinuable(f"{folder}/{damage}")
 
