@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from tests.highprecision import table as twin
 from tests.systems.table_cases import Document, ball, box, ellipse, particle, solve, table
 from vibro_cli.kernels.impact.laws import LAW_NAMES
-from vibro_cli.scenario import any_scenario_of
+from vibro_cli.scenario import ScenarioError, any_scenario_of
 from vibro_cli.systems.run import Run
 
 EPSILON = 2.0**-52
@@ -376,6 +376,60 @@ def test_a_polygon_seen_from_outside_and_its_corners() -> None:
     run = solve(table([ball(-1.0, 0.5, 1.0)], wall, time=5.0))
     assert run.bounces["x"][0] == pytest.approx(-0.1, abs=1e-15)
     assert run.bounces["edge"][0] == 4
+
+
+@pytest.mark.parametrize("side", ["inside", "outside"])
+def test_sides_of_a_polygon_are_numbered_as_its_corners_are_given(side: str) -> None:
+    corners = [[0.0, 0.0], [3.0, 0.2], [2.6, 2.0], [1.4, 2.4], [0.1, 1.7]]
+    balls = []
+    for turn in np.arange(0.0, 6.0, 0.4):
+        x, y = math.cos(turn), math.sin(turn)
+        away, way = (0.0, 1.0) if side == "inside" else (9.0, -1.0)
+        balls.append(particle(1.3 + away * x, 1.1 + away * y, way * x, way * y))
+    for order in (corners, corners[::-1], corners[2:] + corners[:2]):
+        met = set()
+        for one in balls:
+            wall = {"shape": "polygon", "corners": order, "k": 1.0, "side": side}
+            run = solve(table([one], wall, bounces=1))
+            edge = int(run.bounces["edge"][0])
+            (x, y), (ex, ey) = order[edge - 1], order[edge % len(order)]
+            place = run.bounces["x"][0], run.bounces["y"][0]
+            off = (ex - x) * (place[1] - y) - (ey - y) * (place[0] - x)
+            assert abs(off) <= 1e-13
+            met.add(edge)
+        assert met == {1, 2, 3, 4, 5}
+
+
+def test_a_small_polygon_far_from_the_origin_is_the_same_wall() -> None:
+    corners = [[0.0, 0.0], [1.0, 0.0], [1.25, 1.0], [0.25, 1.0]]
+
+    def bounces(away: float, order: list[list[float]]) -> Any:
+        moved = [[x + away, y - away] for x, y in order]
+        wall = {"shape": "polygon", "corners": moved, "k": 1.0}
+        start = ball(away + 0.5, 0.5 - away, 1.0, 0.25)
+        return solve(table([start], wall, time=5.0)).bounces
+
+    for order in (corners, corners[::-1]):
+        near, far = bounces(0.0, order), bounces(2.0**36, order)
+        assert len(near["t"]) == 9
+        assert np.array_equal(near["edge"], far["edge"])
+        assert np.allclose(near["t"], far["t"], atol=1e-3)
+
+
+def test_two_sides_of_a_room_may_lie_in_one_line() -> None:
+    room = [[0.0, 0.0], [3.0, 0.0], [3.0, 2.0], [2.0, 2.0], [2.0, 1.0], [1.0, 1.0], [1.0, 2.0]]
+    wall = polygon([*room, [0.0, 2.0]], 1.0)
+    # Up the left leg of the U, then down and along its floor to the right one.
+    up = solve(table([ball(0.5, 1.6, 0.0, 1.0)], wall, bounces=2))
+    assert list(up.bounces["edge"]) == [7, 1]
+    assert list(up.bounces["t"]) == pytest.approx([0.3, 2.1], abs=1e-15)
+    along = solve(table([ball(0.5, 0.5, 1.0)], wall, bounces=2))
+    assert list(along.bounces["edge"]) == [2, 8]
+    touching = [[0.0, 0.0], [3.0, 0.0], [3.0, 1.0], [2.0, 0.0], [1.0, 1.0]]
+    crossing = [[0.0, 0.0], [3.0, 0.0], [2.0, 1.0], [1.0, -1.0]]
+    for meeting in (touching, crossing):
+        with pytest.raises(ScenarioError, match="that meet"):
+            solve(table([ball(0.5, 0.2)], polygon(meeting, 1.0), time=1.0))
 
 
 def test_an_angled_room_is_left_by_no_corner() -> None:

@@ -64,7 +64,7 @@ def _wall(table: WallTable | None, findings: Findings) -> Wall | None:
     if wrong:
         findings.add("wall.corners", wrong, "sides that meet only at their common corners")
         return None
-    return Wall("polygon", inside, table.k, corners=system.anticlockwise(points))
+    return Wall("polygon", inside, table.k, corners=points)
 
 
 def _check_wall(

@@ -17,7 +17,7 @@ from vibro_cli.stress.oracles.scene import mp, speed_changes
 from vibro_cli.stress.oracles.sensitivity import check_maps
 from vibro_cli.stress.scenes import Document, Finding, Plan, solve_any
 from vibro_cli.systems.run import Run, Stretch
-from vibro_cli.systems.table.system import POLYGON, TableSystem
+from vibro_cli.systems.table.system import POLYGON, TableSystem, on_left
 
 
 @dataclass(frozen=True)
@@ -96,9 +96,9 @@ class Twin:
             return self._curved(state[ball], self.radii[ball], mp.mpf(one.t) - now, one)
         corners = [[mp.mpf(v) for v in corner] for corner in wall.corners]
         (x, y), (ex, ey) = corners[one.edge], corners[(one.edge + 1) % len(corners)]
-        side = 1 if wall.inside else -1
+        left = on_left(wall)
         length = mp.sqrt((ex - x) ** 2 + (ey - y) ** 2)
-        normal = side * (ey - y) / length, -side * (ex - x) / length
+        normal = left * (ey - y) / length, -left * (ex - x) / length
         if math.cos(one.normal) * normal[0] + math.sin(one.normal) * normal[1] > 1.0 - 1e-12:
             px, py, vx, vy = state[ball]
             left = (x - px) * normal[0] + (y - py) * normal[1] - self.radii[ball]

@@ -51,7 +51,7 @@ class Wall:
     semi_axes: Point = (0.0, 0.0)
     """Along x and y, m; equal for a circle, unused for a polygon."""
     corners: tuple[Point, ...] = ()
-    """Of a polygon, m, anticlockwise."""
+    """Of a polygon, m, in order around it."""
     named: str = ""
     """The scenario's word for the shape, where it is another."""
 
@@ -166,25 +166,26 @@ def wall_records(wall: Wall) -> tuple[WallData, list[Edge]]:
     data.a, data.b = wall.semi_axes
     if wall.shape != POLYGON:
         return data, []
-    edges = [_edge(*ends, data.side) for ends in _sides(wall.corners)]
+    left = on_left(wall)
+    edges = [_edge(*ends, left) for ends in _sides(wall.corners)]
     for before, edge in zip(edges[-1:] + edges[:-1], edges, strict=True):
         # The corners that a ball can touch are those that point at it.
         turn = before.along_x * edge.along_y - before.along_y * edge.along_x
-        edge.corner = 1 if turn * data.side < 0.0 else 0
+        edge.corner = 1 if turn * left < 0.0 else 0
         if not edge.corner:
             before.open_end = BEYOND * before.length
             edge.open_start = BEYOND * edge.length
     return data, edges
 
 
-def _edge(start: tuple[float, float], end: tuple[float, float], side: float) -> Edge:
-    """A side of a polygon whose corners go round anticlockwise; the balls are on ``side``."""
+def _edge(start: tuple[float, float], end: tuple[float, float], left: float) -> Edge:
+    """A side of a polygon; the balls are on the left of the way along it (1) or right (-1)."""
     edge = Edge()
     edge.x, edge.y = start
     dx, dy = end[0] - start[0], end[1] - start[1]
     edge.length = math.hypot(dx, dy)
     edge.along_x, edge.along_y = dx / edge.length, dy / edge.length
-    edge.normal_x, edge.normal_y = side * edge.along_y, -side * edge.along_x
+    edge.normal_x, edge.normal_y = left * edge.along_y, -left * edge.along_x
     return edge
 
 
@@ -273,10 +274,12 @@ def _beside_axis(a: float, b: float, x: float, y: float) -> Point:
     return a * math.sqrt(max(1.0 - (nearest / b) ** 2, 0.0)), nearest
 
 
-def anticlockwise(corners: tuple[Point, ...]) -> tuple[Point, ...]:
-    """Return the corners of a polygon in anticlockwise order, beginning with the same one."""
-    area = 0.5 * sum(x * ey - ex * y for (x, y), (ex, ey) in _sides(corners))
-    return corners if area > 0.0 else corners[:1] + corners[:0:-1]
+def on_left(wall: Wall) -> float:
+    """Return 1 if the balls are on the left of the way around a polygon by its corners, else -1."""
+    x, y = wall.corners[0]  # from which the area keeps its sign far from the origin
+    corners = tuple((px - x, py - y) for px, py in wall.corners)
+    twice = sum(px * qy - qx * py for (px, py), (qx, qy) in _sides(corners))
+    return math.copysign(1.0, twice if wall.inside else -twice)
 
 
 def wrong_with_polygon(corners: tuple[Point, ...]) -> str:
@@ -302,6 +305,12 @@ def _meet(one: tuple[Point, Point], other: tuple[Point, Point], neighbours: bool
         ahead = (common[0] - before[0]) * (after[0] - common[0])
         ahead += (common[1] - before[1]) * (after[1] - common[1])
         return turn == 0.0 and ahead <= 0.0
+    # Sides in one line, as the tops of a U, meet only where the boxes around them do.
+    for axis in (0, 1):
+        if max(p[axis], q[axis]) < min(r[axis], s[axis]):
+            return False
+        if max(r[axis], s[axis]) < min(p[axis], q[axis]):
+            return False
     splits = _turn(p, q, r) * _turn(p, q, s), _turn(r, s, p) * _turn(r, s, q)
     return splits[0] <= 0.0 and splits[1] <= 0.0
 
