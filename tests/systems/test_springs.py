@@ -12,6 +12,7 @@ from mpmath import mp
 from tests.highprecision import springs as twin
 from tests.highprecision.springs_references import CASES, COLUMNS, references, twin_of
 from tests.systems.springs_cases import FIGURE_FIVE, PRESSED, disk, solve, spring, springs
+from vibro_cli.kernels.impact.laws import LAW_NAMES
 from vibro_cli.mechanics.system import Body
 from vibro_cli.systems.springs.phase_plane import spring_periods
 from vibro_cli.systems.springs.system import Spring, separatrix_speed, singular_points
@@ -212,3 +213,21 @@ def test_all_impacts_that_are_solved_together_are_marked() -> None:
     np.testing.assert_allclose(rows["t"], [0.0, 0.0], atol=1e-15)
     np.testing.assert_allclose(rows["speed_b_post"], [0.0, -rows["speed_a_post"][0]], atol=1e-15)
     assert rows["simultaneous"].tolist() == [True, True]
+
+
+@pytest.mark.parametrize("law", LAW_NAMES)
+def test_bodies_that_nearly_stop_one_another_at_k_0_collide_once(law: str) -> None:
+    """What is left of their speeds is small; their momentum says how much."""
+    draw = np.random.default_rng(7)
+    for left in (0.0, 1e-3, -1e-2):
+        for _ in range(8):
+            mass = draw.uniform(0.3, 3.0)
+            # Of weak springs at rest: the speeds hardly change on the way.
+            one = disk(0.0, 1.0, spring(1e-9, 1.0, 1.0, 0.0))
+            other = disk(1.0, -(1.0 + left) / mass, spring(1e-9, 1.0, 1.0, 1.0), mass=mass)
+            document = springs([one, other], time=1.0)
+            run = solve({**document, "collision": {"k": 0.0, "law": law}}, "compiled")
+            assert len(run.collisions["t"]) == 1
+            for end in "ab":
+                common = run.collisions[f"speed_{end}_post"][0]
+                assert abs(common + left / (1.0 + mass)) <= 1e-9

@@ -58,6 +58,9 @@ KITE = [[-0.9, 0.1], [0.1, -0.7], [0.8, 0.2], [0.0, 0.6]]
 """Corners of a room with one that points at the balls, and of an obstacle."""
 
 
+SQUARE = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]
+
+
 def polygon(corners: list[list[float]], k: float, side: str = "inside") -> Document:
     return {"shape": "polygon", "corners": corners, "k": k, "side": side}
 
@@ -575,3 +578,46 @@ def test_a_scenario_with_a_polygon_is_read_again() -> None:
     data = {"system": "table", "wall": wall, "balls": [ball], "stop": {"time": 1}}
     scenario = any_scenario_of(data)
     assert any_scenario_of(scenario.resolved()) == scenario
+
+
+@pytest.mark.parametrize("law", LAW_NAMES)
+def test_balls_that_nearly_stop_one_another_at_k_0_collide_once(law: str) -> None:
+    """What is left of their speeds is small; their momentum says how much."""
+    draw = np.random.default_rng(5)
+    for left in (0.0, 1e-3, -1e-2):
+        for _ in range(8):
+            mass, turn = draw.uniform(0.3, 3.0), draw.uniform(0.0, 2.0 * math.pi)
+            x, y, speed = math.cos(turn), math.sin(turn), -(1.0 + left) / mass
+            one = ball(0.0, 0.0, x, y)
+            other = ball(0.5 * x, 0.5 * y, speed * x, speed * y, mass=mass)
+            document = table([one, other], None, 0.0, time=20.0)
+            run = solve({**document, "collision": {"k": 0.0, "law": law}}, "compiled")
+            assert len(run.collisions["t"]) == 1
+            for end in "ab":
+                common = run.collisions[f"normal_speed_{end}_post"][0]
+                assert abs(common + left / (1.0 + mass)) <= 1e-15
+
+
+@pytest.mark.parametrize("shape", ["square", "square outside", "circle", "ellipse"])
+def test_a_ball_that_a_wall_nearly_stops_at_k_0_meets_it_once(shape: str) -> None:
+    draw = np.random.default_rng(6)
+    for along in (1e-4, 1e-3, 1e-2):
+        for _ in range(12):
+            turn = draw.uniform(0.0, 2.0 * math.pi)
+            x, y = math.cos(turn), math.sin(turn)
+            square = [[a * x - b * y, a * y + b * x] for a, b in SQUARE]
+            wall = {
+                "square": polygon(square, 0.0),
+                "square outside": polygon(square, 0.0, "outside"),
+                "circle": {"shape": "circle", "radius": 1.0, "k": 0.0, "side": "outside"},
+                "ellipse": ellipse(1.0, 0.7, 0.0, side="outside"),
+            }[shape]
+            start = (0.0, 0.0) if shape == "square" else (-2.0 * x, -2.0 * y)
+            one = ball(*start, x - along * y, y + along * x)
+            # Until it would come to the next side; without a corner it never meets the wall again.
+            run = solve(table([one], wall, time=50.0), "compiled")
+            assert run.end_cause == "time"
+            assert len(run.bounces["t"]) == 1
+            if shape.startswith("square"):
+                assert abs(run.bounces["velocity_x_post"][0] + along * y) <= 1e-15
+                assert abs(run.bounces["velocity_y_post"][0] - along * x) <= 1e-15

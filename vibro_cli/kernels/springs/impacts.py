@@ -55,7 +55,8 @@ from vibro_cli.kernels.springs.world import (
 )
 from vibro_cli.kernels.world import END_INADMISSIBLE, RUNNING
 
-# Speeds within so much of each other, as a share of their sum, are equal but for rounding.
+# Speeds within so much of each other, as a share of their sum, are equal but for rounding; of those
+# before an impact at the same instant, for at k = 0 little of them may be left.
 ROUNDING = 8.0 * EPSILON
 # Bounces that would all be over within this share of 1/w0 are taken as one: what they would still
 # move the bodies by is below the square of it.
@@ -65,10 +66,11 @@ NEARLY_OVER = 1.0e-7
 @kernel
 def approach_of(world: World, pair: int) -> float:
     """Return the speed (m/s) at which a body and its right neighbour approach; 0 if rounding."""
-    one = world.springs[pair].v
-    other = world.springs[pair + 1].v
-    speed = one - other
-    return speed if abs(speed) > ROUNDING * (abs(one) + abs(other)) else 0.0
+    one = world.springs[pair]
+    other = world.springs[pair + 1]
+    speed = one.v - other.v
+    size = max(abs(one.v), one.before) + max(abs(other.v), other.before)
+    return speed if abs(speed) > ROUNDING * size else 0.0
 
 
 @kernel
@@ -265,6 +267,8 @@ def _new_row(world: World, pair: int) -> ImpactRow:
     row.x_b = other.foot + other.x
     row.v_a_pre = one.v
     row.v_b_pre = other.v
+    one.before = abs(one.v)
+    other.before = abs(other.v)
     row.gap = gap_of(world, pair)
     row.admissible = 1
     row.substituted = 0

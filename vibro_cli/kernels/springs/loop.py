@@ -212,6 +212,8 @@ def _go_on(world: World, step: float, unit: float) -> None:
         for pair in range(len(world.bodies) - 1):
             if world.pairs[pair].held == 0:
                 world.pairs[pair].known = FREE
+        for body in range(len(world.bodies)):
+            world.springs[body].before = 0.0
         clock.at_once = 0
 
 

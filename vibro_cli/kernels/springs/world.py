@@ -53,6 +53,7 @@ class SpringBody:
     x: float  # from the foot's place, m
     v: float  # m/s
     energy: float  # of its group over the group's rolling mass, m^2/s^2
+    before: float  # size of v before its last impact at the present instant, else 0, m/s
 
 
 @struct

@@ -55,6 +55,14 @@ def bring(world: World, ball: int) -> None:
 
 
 @kernel
+def _set_velocity(world: World, ball: int, vx: float, vy: float) -> None:
+    """Give a ball its velocity after an impact; note the greater one, which it is rounded by."""
+    state = world.balls[ball]
+    state.fastest = max(abs(state.vx) + abs(state.vy), abs(vx) + abs(vy))
+    state.vx, state.vy = vx, vy
+
+
+@kernel
 def collide(world: World, a: int, b: int, instant: int) -> int:
     """Carry out the impact of two balls; return RUNNING or the end that it brings."""
     bring(world, a)
@@ -172,8 +180,8 @@ def _part(world: World, row: PairRow) -> None:
         row.vy_a_post -= 0.5 * surplus * row.vy_a_post
         row.vx_b_post -= 0.5 * surplus * row.vx_b_post
         row.vy_b_post -= 0.5 * surplus * row.vy_b_post
-    one.vx, one.vy = row.vx_a_post, row.vy_a_post
-    other.vx, other.vy = row.vx_b_post, row.vy_b_post
+    _set_velocity(world, row.a, row.vx_a_post, row.vy_a_post)
+    _set_velocity(world, row.b, row.vx_b_post, row.vy_b_post)
 
 
 @kernel
@@ -205,8 +213,8 @@ def bounce(world: World, ball: int) -> int:
     vx = state.vx - (1.0 + k) * share * to.normal_x
     vy = state.vy - (1.0 + k) * share * to.normal_y
     state.square = max(state.square - taken, 0.0)
-    state.vx, state.vy = _kept(world, ball, vx, vy)
-    row.vx_post, row.vy_post = state.vx, state.vy
+    row.vx_post, row.vy_post = _kept(world, ball, vx, vy)
+    _set_velocity(world, ball, row.vx_post, row.vy_post)
     # Where k < 1 bounces along a concave wall come ever faster, until the ball stays there.
     concave = wall.kind == CONIC and wall.side > 0.0
     if concave and k * closing <= ALONG_THE_WALL * speed:
@@ -500,7 +508,7 @@ def _closing(world: World, count: int) -> int:
         note_before(world, row, a, b)
         one = world.balls[a]
         other = world.balls[b]
-        speeds = abs(one.vx) + abs(one.vy) + abs(other.vx) + abs(other.vy)
+        speeds = one.fastest + other.fastest
         approach = row.normal_a_pre - row.normal_b_pre
         # The pair of the event closes by its time, however slowly, and so do those that close as
         # fast, as its mirror image does.
@@ -585,8 +593,8 @@ def _part_jointly(world: World, first: int, closing: int) -> None:
         state = world.balls[ball]
         mass = world.bodies[ball].rolling_mass
         before, before_low = pair_plus(before, before_low, mass * state.square, 0.0)
-        state.vx += world.shares[ball].x
-        state.vy += world.shares[ball].y
+        share = world.shares[ball]
+        _set_velocity(world, ball, state.vx + share.x, state.vy + share.y)
         state.square = state.vx * state.vx + state.vy * state.vy
         after, after_low = pair_plus(after, after_low, mass * state.square, 0.0)
     gained = (after - before) + (after_low - before_low)

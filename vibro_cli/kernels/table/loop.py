@@ -41,7 +41,7 @@ def time_to_pair(world: World, a: int, b: int) -> float:
     x, y = present_place(world, a)
     other_x, other_y = present_place(world, b)
     distance = touching_distance(world, a, b)
-    rounding = RESOLVED * (abs(one.vx) + abs(one.vy) + abs(other.vx) + abs(other.vy))
+    rounding = RESOLVED * (one.fastest + other.fastest)
     dx = other_x - x
     dy = other_y - y
     return time_to_distance(dx, dy, other.vx - one.vx, other.vy - one.vy, distance, rounding)

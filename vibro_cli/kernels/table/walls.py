@@ -23,7 +23,8 @@ from vibro_cli.kernels.world import BodyData
 MOST_STEPS = 200
 # Once steps are below this share of the half turn, they shrink until rounding decides them.
 SETTLED = 1.0e-6
-# Components of a velocity across a wall below this share of it are rounding, not approach.
+# Components of a velocity across a wall below this share of it are rounding, not approach; of the
+# greatest speed in its last impact, for at k = 0 little of it may be left.
 RESOLVED = 4.0 * EPSILON
 # A slower ball (m/s) is at rest: the square of its speed has no digits any more.
 SLOWEST = 1.0e-145
@@ -41,12 +42,13 @@ def meet_wall(world: World, body: BodyData, ball: Ball, x: float, y: float, to: 
     if speed < SLOWEST:
         return NEVER
     if wall.kind == CONIC:
-        way = _meet_conic(wall, body.radius, x, y, ball.vx / speed, ball.vy / speed, to)
+        least = RESOLVED * ball.fastest / speed
+        way = _meet_conic(wall, body.radius, x, y, ball.vx / speed, ball.vy / speed, least, to)
         return way / speed if way < NEVER else NEVER
     best = NEVER
     for index in range(len(world.edges)):
         edge = world.edges[index]
-        time = _meet_edge(edge, body.radius, ball, x, y, RESOLVED * speed, best, to)
+        time = _meet_edge(edge, body.radius, ball, x, y, RESOLVED * ball.fastest, best, to)
         if edge.corner == 1:
             time = _meet_corner(edge, body.radius, ball, x, y, time, to)
         if time < best:
@@ -57,13 +59,23 @@ def meet_wall(world: World, body: BodyData, ball: Ball, x: float, y: float, to: 
 
 @kernel
 def _meet_conic(
-    wall: WallData, radius: float, x: float, y: float, ux: float, uy: float, to: Meeting
+    wall: WallData,
+    radius: float,
+    x: float,
+    y: float,
+    ux: float,
+    uy: float,
+    least: float,
+    to: Meeting,
 ) -> float:
-    """Distance along the unit vector u to the contact; NEVER if there is none ahead."""
+    """Distance along the unit vector u to the contact; NEVER if there is none ahead.
+
+    From outside there is none where the component of u across the wall is not above ``least``.
+    """
     px = x - wall.x
     py = y - wall.y
     if wall.a == wall.b:
-        return _meet_circle(wall, wall.a - wall.side * radius, px, py, ux, uy, to)
+        return _meet_circle(wall, wall.a - wall.side * radius, px, py, ux, uy, least, to)
     # Normals within a quarter turn of +u inside, of -u outside: t is the tangent of half the angle.
     fx = wall.side * ux
     fy = wall.side * uy
@@ -73,8 +85,11 @@ def _meet_conic(
     t = _root(wall, offset, px, py, fx, fy)
     cx, cy, nx, ny, _ = _touch(wall, offset, fx, fy, t)
     ahead = (cx - px) * ux + (cy - py) * uy
-    if wall.side < 0.0 and ahead < -8.0 * EPSILON * (wall.a + wall.b + abs(px) + abs(py)):
-        return NEVER
+    if wall.side < 0.0:
+        if ahead < -8.0 * EPSILON * (wall.a + wall.b + abs(px) + abs(py)):
+            return NEVER
+        if wall.side * (nx * ux + ny * uy) <= least:
+            return NEVER
     if ahead < 0.0:
         # By rounding it is beyond the wall: it touches where it is, not where it came through,
         # which along the wall may be far behind.
@@ -172,7 +187,14 @@ def _first_guess(
 
 @kernel
 def _meet_circle(
-    wall: WallData, rho: float, px: float, py: float, ux: float, uy: float, to: Meeting
+    wall: WallData,
+    rho: float,
+    px: float,
+    py: float,
+    ux: float,
+    uy: float,
+    least: float,
+    to: Meeting,
 ) -> float:
     """The same for a circle on which the centres that touch lie at the distance rho."""
     along = px * ux + py * uy
@@ -186,9 +208,10 @@ def _meet_circle(
     if wall.side > 0.0:
         ahead = root - along
     else:
-        if along >= 0.0:
+        away = math.sqrt(px * px + py * py)
+        if along >= -least * away:
             return NEVER
-        outside = (math.sqrt(px * px + py * py) - rho) * (math.sqrt(px * px + py * py) + rho)
+        outside = (away - rho) * (away + rho)
         ahead = outside / (root - along)
     ahead = max(ahead, 0.0)
     nx = px + ahead * ux
@@ -233,7 +256,7 @@ def _meet_corner(
 ) -> float:
     """The same for the first corner of a side: the centre comes to the distance r from it."""
     vx, vy = ball.vx, ball.vy
-    rounding = RESOLVED * (abs(vx) + abs(vy))
+    rounding = RESOLVED * ball.fastest
     time = time_to_distance(edge.x - x, edge.y - y, -vx, -vy, radius, rounding)
     if time >= best:
         return best

@@ -29,6 +29,7 @@ class Ball:
     t: float  # in two doubles, s
     t_low: float
     square: float  # square of the speed that it has by the laws, m^2/s^2
+    fastest: float  # greatest |vx| + |vy| before and after its last impact, m/s
 
 
 @struct

@@ -153,6 +153,7 @@ def _ball(start: InitialState) -> Ball:
     ball.x, ball.y = start.place
     ball.vx, ball.vy = start.velocity
     ball.square = ball.vx * ball.vx + ball.vy * ball.vy
+    ball.fastest = abs(ball.vx) + abs(ball.vy)
     return ball
 
 
