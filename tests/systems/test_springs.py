@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -14,7 +14,10 @@ from tests.highprecision.springs_references import CASES, COLUMNS, references, t
 from tests.systems.springs_cases import FIGURE_FIVE, PRESSED, disk, solve, spring, springs
 from vibro_cli.kernels.impact.laws import LAW_NAMES
 from vibro_cli.mechanics.system import Body
+from vibro_cli.scenario import any_scenario_of
+from vibro_cli.systems.springs.build import build
 from vibro_cli.systems.springs.phase_plane import spring_periods
+from vibro_cli.systems.springs.scenario import SpringsScenario
 from vibro_cli.systems.springs.system import Spring, separatrix_speed, singular_points
 
 
@@ -231,3 +234,42 @@ def test_bodies_that_nearly_stop_one_another_at_k_0_collide_once(law: str) -> No
             for end in "ab":
                 common = run.collisions[f"speed_{end}_post"][0]
                 assert abs(common + left / (1.0 + mass)) <= 1e-9
+
+
+@pytest.mark.parametrize(
+    ("length", "height", "place", "speed"),
+    [
+        *((0.5, 1.0, place, 0.0) for place in (0.3, 1e-3, 1e-5, 1e-8)),  # about a stressed centre
+        *((1.0, 1.0, place, 0.0) for place in (0.3, 1e-3, 1e-5)),  # where nothing pulls at once
+        *((2.0, 1.0, place, 0.0) for place in (1e-2, 1e-6, math.sqrt(3.0) + 1e-7)),  # in one well
+        *((2.0, 1.0, 0.0, speed) for speed in (1e-1, 1e-4, 1e-8)),  # over the saddle
+        (2.0, 1e-3, 0.5, 5.0),
+        (2.0, 1e-3, 0.5, 1.0),
+    ],
+)
+def test_periods_against_quadrature_in_sixty_digits(
+    length: float, height: float, place: float, speed: float
+) -> None:
+    one = disk(place, speed, spring(6.0, length, height, 0.0))
+    document = any_scenario_of(springs([one], time=1.0))
+    _, own = spring_periods(build(cast(SpringsScenario, document)), 1)
+    mp = twin.mp
+    with mp.workdps(60):
+        b, long, square = mp.mpf(height), mp.mpf(length), mp.mpf(6) / mp.mpf("1.5")
+        start = mp.sqrt(b**2 + mp.mpf(place) ** 2) - long
+        reach = mp.sqrt(mp.mpf(speed) ** 2 / square + start**2)
+        high = mp.sqrt((long + reach) ** 2 - b**2)
+        passes = long - reach <= b
+        low = -high if passes else mp.sqrt((long - reach) ** 2 - b**2)
+
+        def pace(angle: Any) -> Any:
+            x = (high + low) / 2 + (high - low) / 2 * mp.sin(angle)
+            left = square * (reach**2 - (mp.sqrt(b**2 + x**2) - long) ** 2)
+            return (high - low) / 2 * mp.cos(angle) / mp.sqrt(abs(left))
+
+        # Beside a saddle the body is slow: there the interval is cut finely.
+        slow = mp.mpf(0) if passes else -mp.pi / 2
+        cuts = {-mp.pi / 2, slow, mp.pi / 2}
+        cuts |= {slow + sign * mp.mpf(10) ** -n for n in range(12) for sign in (-1, 1)}
+        known = 2 * mp.quad(pace, sorted(cut for cut in cuts if abs(cut) <= mp.pi / 2))
+    assert abs(own - known) <= 1e-13 * known
