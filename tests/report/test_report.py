@@ -9,6 +9,7 @@ import re
 from importlib.resources import files
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 from urllib.parse import unquote
 
 import numpy as np
@@ -18,9 +19,9 @@ from tests.report.page_parser import Page
 from vibro_cli.api import simulate
 from vibro_cli.report.content import FIRST_ROWS, energy_balance, key_figures, report_html
 from vibro_cli.report.html import is_report
-from vibro_cli.report.papers import forms
+from vibro_cli.report.papers import analogy, forms
 from vibro_cli.report.words import number
-from vibro_cli.scenario import load_scenario
+from vibro_cli.scenario import any_scenario_of, load_scenario
 from vibro_cli.storage.folders import write_run
 from vibro_cli.storage.stored import StoredRun, open_run
 
@@ -273,6 +274,31 @@ def luminance(colour: str) -> float:
         part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in parts
     ]
     return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+
+def test_impacts_that_are_solved_jointly_stand_in_no_form_of_two_bodies() -> None:
+    """A ball hits two at once, then one of these a fourth: a pair alone has other speeds."""
+    places = ((-1.0, 0.0, 1.0), (0.0, 0.1, 0.0), (0.0, -0.1, 0.0), (0.6, 0.45, 0.0))
+    balls = [
+        {"radius": 0.1, "mass": 1.0, "x": x, "y": y, "velocity_x": speed} for x, y, speed in places
+    ]
+    document: dict[str, Any] = {
+        "system": "table",
+        "balls": balls,
+        "collision": {"k": 1.0},
+        "stop": {"time": 3.0},
+    }
+    run = simulate(any_scenario_of(document))
+    assert list(run.collisions["n"]) == [1, 2, 3]
+    _, first = forms(run.system, run.collisions, 0)
+    assert abs(first.after[1] * 0.1 - run.collisions["normal_speed_b_post"][0]) > 0.1
+    told = analogy(run.system, run.collisions)
+    assert told is not None
+    assert told["impact"] == "3"
+    assert [row[0] for row in told["every"]] == ["3"]
+    _, third = forms(run.system, run.collisions, 2)
+    after = [run.collisions[f"normal_speed_{end}_post"][2] for end in "ab"]
+    assert [0.1 * value for value in third.after] == pytest.approx(after, abs=1e-15)
 
 
 def test_the_first_impact_stands_in_both_forms(run: StoredRun, page: Page) -> None:

@@ -36,7 +36,7 @@ def forms(system: Any, table: Mapping[str, Any], row: int) -> tuple[CentralImpac
     bodies = [system.bodies[ball - 1] for ball in balls]
     given = system.restitution
     restitution = given if isinstance(given, float) else given[balls[0] - 1]
-    speed = "normal_speed" if "normal_speed_a_pre" in table else "speed"
+    speed = _speed_of(table)
     speeds = tuple(float(table[f"{speed}_{end}_pre"][row]) for end in "ab")
     rates = tuple(v / body.radius for v, body in zip(speeds, bodies, strict=True))
     masses = bodies[0].mass, bodies[1].mass
@@ -47,9 +47,21 @@ def forms(system: Any, table: Mapping[str, Any], row: int) -> tuple[CentralImpac
     )
 
 
+def _speed_of(table: Mapping[str, Any]) -> str:
+    """How columns of the speeds begin on which the laws act."""
+    return "normal_speed" if "normal_speed_a_pre" in table else "speed"
+
+
 def analogy(system: Any, table: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Return the tables of the impacts that rolling bodies made; None without one."""
-    rows = np.flatnonzero(made(table)).tolist()
+    """Return the tables of the impacts that rolling bodies made; None without one.
+
+    Those that were solved with others at one instant are left out: no form of two bodies is theirs.
+    """
+    rows = [
+        row
+        for row in np.flatnonzero(made(table))[: 10 * _MOST].tolist()
+        if _is_of_two(system, table, row)
+    ]
     if not rows:
         return None
     row = rows[0]
@@ -60,7 +72,7 @@ def analogy(system: Any, table: Mapping[str, Any]) -> dict[str, Any] | None:
     return {
         "impact": str(int(table["n"][row])),
         "law": law,
-        "used": {"translational": "translation", "hedrih": "rolling"}.get(law, "neither"),
+        "used": _USED.get(law, "neither"),
         "rows": [
             [label, describe(translation, _UNITS[0]), describe(rolling, _UNITS[1])]
             for label, describe in _ROWS
@@ -70,6 +82,26 @@ def analogy(system: Any, table: Mapping[str, Any]) -> dict[str, Any] | None:
     }
 
 
+def _is_of_two(system: Any, table: Mapping[str, Any], row: int) -> bool:
+    """Whether two bodies leave an impact as the form of its law says, if it has one."""
+    law, speed = str(table["law"][row]), _speed_of(table)
+    if law not in _USED or not bool(table["simultaneous"][row]):
+        return True
+    translation, rolling = forms(system, table, row)
+    used = translation if law == "translational" else rolling
+    for end, value, before in zip("ab", used.after, used.before, strict=True):
+        radius = system.bodies[int(table[f"ball_{end}"][row]) - 1].radius
+        unit = 1.0 if law == "translational" else radius
+        size = abs(value) + abs(before) + abs(used.closing)
+        if abs(float(table[f"{speed}_{end}_post"][row]) - unit * value) > _ROUNDING * unit * size:
+            return False
+    return True
+
+
+_USED = {"translational": "translation", "hedrih": "rolling"}
+"""The forms of the laws that have one."""
+_ROUNDING = 1e-9
+"""Speeds that differ by less than this share of all are the same."""
 _MOST = 100
 """Impacts that stand in both forms in the report."""
 _HEADS = [

@@ -90,7 +90,7 @@ _B: tuple[PaperRow, ...] = (
     ("B example c*", "ratios 32/275, 243/275", _RUN_LINE, "`omega_[ab]_post`"),
     ("B examples", "masses and J_P of balls", "vibro check scenarios/horizontal_line_1_2.toml",
      "m = (4/3)πρr³, J_P = (28/15)πρr⁵"),
-    ("B table 1", "analogy of translation and rolling, for every impact",
+    ("B table 1", "analogy of translation and rolling, for every impact of two bodies",
      "vibro report outputs/horizontal_line_2_3", _TABLE_1),
     ("B fig. 6", "model: two balls in a circle", _RUN_CIRCLE,
      "`scene`: φ, R, C, P; `velocities`: T, tangent, ω"),
