@@ -18,6 +18,7 @@ from vibro_cli.figures.ticks import (
     limits_apart,
     log_ticks,
     number_ticks,
+    round_below,
     vertical_ticks,
     without_overlaps,
 )
@@ -181,3 +182,13 @@ def test_labels_of_limits_near_one_another_count_from_a_number_between_them(
     for place, text in zip(ticks.places, ticks.labels, strict=True):
         read = shift + float(text.replace("−", "-")) * 10.0 ** int(power or 0)
         assert read == pytest.approx(place, abs=1e-6 * (high - low) + 4e-16 * abs(middle))
+
+
+@pytest.mark.parametrize("power", range(-12, 13))
+def test_a_round_number_is_not_above_and_there_is_one_just_below_a_power_of_ten(power: int) -> None:
+    ten = float(f"1e{power}")
+    below = round_below(math.nextafter(ten, 0.0))
+    assert below < ten
+    assert below == pytest.approx(0.5 * ten)
+    for value, expected in ((1.001, 1.0), (1.999, 1.0), (2.001, 2.0), (4.999, 2.0), (5.001, 5.0)):
+        assert round_below(value * ten) == pytest.approx(expected * ten)

@@ -278,7 +278,8 @@ def limits_apart(low: float, high: float) -> tuple[float, float]:
 def round_below(value: float) -> float:
     """Return the greatest of 1, 2, 5, 10, 20, … and of 0.5, 0.2, … that is not above a number."""
     power = 10.0 ** math.floor(math.log10(value))
-    return next(factor * power for factor in (5.0, 2.0, 1.0) if factor * power <= value)
+    # The logarithm is rounded: of a number just below a power of ten it may be that of the power.
+    return next(factor * power for factor in (5.0, 2.0, 1.0, 0.5) if factor * power <= value)
 
 
 def decimals(values: Sequence[float]) -> tuple[str, ...]:
