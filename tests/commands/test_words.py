@@ -8,7 +8,7 @@ import pytest
 
 from tests.fake_run import FakeRun
 from vibro_cli.commands import help
-from vibro_cli.commands.shared.terminal import END_CAUSES, summary_text
+from vibro_cli.commands.shared.terminal import END_CAUSES, size, summary_text
 from vibro_cli.kernels.impact.laws import LAW_NAMES
 from vibro_cli.report import words
 from vibro_cli.scenario.models import Law
@@ -114,3 +114,14 @@ def test_a_run_that_is_not_possible_is_one_line() -> None:
 def test_every_law_has_its_words() -> None:
     for named in (get_args(get_args(Law)[0]), help.LAWS, words.LAWS):
         assert set(named) == set(LAW_NAMES)
+
+
+@pytest.mark.parametrize(
+    ("number", "text"),
+    [
+        (0, "0 B"), (999, "999 B"), (1000, "1 kB"), (3_214_000, "3.21 MB"),
+        (999_400, "999 kB"), (999_600, "1 MB"), (999_600_000, "1 GB"), (2.5e12, "2.5 TB"),
+    ],
+)  # fmt: skip
+def test_bytes_have_three_digits_and_no_power_of_ten(number: float, text: str) -> None:
+    assert size(number) == text

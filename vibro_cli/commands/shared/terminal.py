@@ -151,7 +151,7 @@ def count(number: int, one: str, several: str) -> str:
 def size(number: float) -> str:
     """A number of bytes: `3.2 MB`."""
     for unit in ("B", "kB", "MB", "GB"):
-        if number < 1000.0:
+        if number < 999.5:  # which three digits round to 1000
             return f"{number:.3g} {unit}"
         number /= 1000.0
     return f"{number:.3g} TB"
