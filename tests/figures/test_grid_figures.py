@@ -307,6 +307,17 @@ def test_curves_have_the_values_of_the_summary(made: Any) -> None:
         np.testing.assert_allclose(offsets[:, 1], values)
 
 
+def test_of_a_run_without_energy_at_its_start_no_share_is_left(made: Any) -> None:
+    """Not 0, as if all of it were lost."""
+    grid = made(ONE)
+    grid.summary["energy_start"] = np.array([1.0, 0.0, 1.0, 1.0, 1.0])
+    grid.summary["energy_end"] = np.array([1.0, 0.0, 0.5, 0.25, 0.0])
+    figure = curves(grid)
+    assert figure is not None
+    offsets = np.ma.filled(np.asarray(dots(figure, 1).get_offsets()), np.nan)
+    np.testing.assert_array_equal(offsets[:, 1], [1.0, np.nan, 0.5, 0.25, 0.0])
+
+
 def test_the_diagram_has_every_impact(made: Any) -> None:
     figure = diagram(made(TWO))
     assert figure is not None

@@ -14,12 +14,14 @@ from vibro_cli.figures.chart import MANY
 from vibro_cli.figures.maps import Swept, ending_map, lattice, quantity_map
 from vibro_cli.figures.over_axis import (
     COUNTED,
+    ENERGY_LEFT,
     FIRST,
     LAST,
     NothingToShow,
     bifurcation,
     curves,
     diagram,
+    energy_left,
     first_times,
 )
 from vibro_cli.figures.runs.over_impacts import exponents, intervals
@@ -158,10 +160,7 @@ def _impacts(grid: Swept, width: str, counted: str = "collisions") -> Figure | N
 
 
 def _energy(grid: Swept, width: str) -> Figure | None:
-    start = np.asarray(grid.summary["energy_start"], dtype=np.float64)
-    end = np.asarray(grid.summary["energy_end"], dtype=np.float64)
-    share = np.divide(end, start, out=np.full(len(start), np.nan), where=start > 0.0)
-    return quantity_map(grid, width, share, r"$E_\mathrm{end}/E_0$", 1e3)
+    return quantity_map(grid, width, energy_left(grid), ENERGY_LEFT, 1e3)
 
 
 def _contact(grid: Swept, width: str) -> Figure | None:

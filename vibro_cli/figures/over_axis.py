@@ -71,17 +71,17 @@ def curves(grid: Swept, width: str = "single") -> Figure | None:
     if shown is None:
         return None
     endings = Endings.of(grid, shown.rows)
-    table = {name: np.asarray(grid.summary[name][shown.rows], dtype=np.float64) for name in _NEEDED}
-    kept = table["energy_end"] / np.where(table["energy_start"] > 0.0, table["energy_start"], 1.0)
+
+    def column(name: str) -> Array:
+        return np.asarray(grid.summary[name][shown.rows], dtype=np.float64)
+
     counts = [
-        (np.asarray(grid.summary[name][shown.rows], dtype=np.float64), symbol, "")
-        for name, symbol in COUNTED.items()
-        if name in grid.summary
+        (column(name), symbol, "") for name, symbol in COUNTED.items() if name in grid.summary
     ]
     panels = [
         *([one for one in counts if np.nansum(one[0]) > 0.0] or counts[:1]),
-        (kept, r"$E_\mathrm{end}/E_0$", ""),
-        (table["first_collision_time"], "first impact", "s"),
+        (energy_left(grid)[shown.rows], ENERGY_LEFT, ""),
+        (column("first_collision_time"), "first impact", "s"),
     ]
     panels = [one for one in panels if np.any(np.isfinite(one[0]))]
     if not panels:
@@ -96,7 +96,16 @@ def curves(grid: Swept, width: str = "single") -> Figure | None:
     return figure
 
 
-_NEEDED = ("energy_start", "energy_end", "first_collision_time")
+ENERGY_LEFT = r"$E_\mathrm{end}/E_0$"
+
+
+def energy_left(grid: Swept) -> Array:
+    """Return the energy at the end as a share of that at the start; NaN where that was none."""
+    start, end = (
+        np.asarray(grid.summary[f"energy_{at}"], dtype=np.float64) for at in ("start", "end")
+    )
+    left: Array = np.divide(end, start, out=np.full(len(start), np.nan), where=start > 0.0)
+    return left
 
 
 def _dots(axes: Axes, shown: Lattice, values: Array, endings: Endings) -> None:
