@@ -13,6 +13,8 @@ from tests.figures.layout import assert_texts_are_apart, texts
 from vibro_cli import example, simulate
 from vibro_cli.figures.chart import draw_marks
 from vibro_cli.figures.runs.over_time import energies, energy_lines, seen
+from vibro_cli.systems import NAMES as SYSTEMS
+from vibro_cli.systems import system_named
 from vibro_cli.systems.springs.figures import springs_energy
 from vibro_cli.systems.table.plan import MOST_LINES, table_plan
 
@@ -118,6 +120,12 @@ def test_energies_of_thousands_of_impacts_are_means_of_the_motion() -> None:
             energy = sample["energy"][sample["ball"] == ball]
             assert mean[first] == pytest.approx(np.mean(energy), rel=0.01)
             assert mean[first + 1] == mean[first]
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_the_caption_of_energies_says_of_the_means(name: str) -> None:
+    caption = system_named(name).figures["energy"].caption
+    assert "Of several bodies that jump very often, means over equal times" in caption
 
 
 def test_energies_of_few_impacts_are_steps() -> None:

@@ -12,7 +12,14 @@ from matplotlib.axes import Axes
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import MANY
 from vibro_cli.figures.film import Frames, Ground, Panel, States, trails_of
-from vibro_cli.figures.kinds import EXPONENTS, INTERVALS, PORTRAIT, Kind, KindOfBody
+from vibro_cli.figures.kinds import (
+    ENERGY_CAPTION,
+    EXPONENTS,
+    INTERVALS,
+    PORTRAIT,
+    Kind,
+    KindOfBody,
+)
 from vibro_cli.figures.portraits.energies import energy_portrait
 from vibro_cli.figures.portraits.portrait import phase_portrait
 from vibro_cli.figures.runs.contact_points import POINTS_CAPTION, POINTS_TITLE, contact_points
@@ -156,9 +163,8 @@ FIGURES: dict[str, Kind[Recorded] | KindOfBody] = {
     "energy": Kind(
         energies,
         "Energies",
-        "Energy of each body and of all against time, each from its least potential energy on the "
-        "trace; below, what each impact loses or gains. Of lasting contact at the end some periods "
-        "only; steps too close to be told apart are bands, from the least to the greatest.",
+        f"{ENERGY_CAPTION} Each is from its least potential energy on the trace; steps too close "
+        "to be told apart are bands, from the least to the greatest.",
     ),
     "space_time": Kind(
         space_time,
