@@ -49,5 +49,7 @@ def test_references_are_written(vibro: Vibro, tmp_path: Path) -> None:
     outcome = vibro("bench", "--references", str(tmp_path / "new"), "--scene", "five_balls")
     assert outcome.code == 0, outcome.err
     assert "0.0e+00" in outcome.text
+    quiet = vibro("bench", "--references", str(tmp_path / "new"), "--scene", "five_balls", "-q")
+    assert (quiet.code, quiet.text, quiet.err) == (0, "", "")
     content = json.loads((tmp_path / "new" / "five_balls.json").read_text())
     assert len(content["times"]) == 10

@@ -12,7 +12,7 @@ import typer
 
 from vibro_cli.commands.shared.error_handling import DONE, FAILED, CommandError
 from vibro_cli.commands.shared.options import Quiet, json_option, output_option, repeatable
-from vibro_cli.commands.shared.terminal import json_text, say
+from vibro_cli.commands.shared.terminal import is_said, json_text, say
 
 if TYPE_CHECKING:
     from vibro_cli.benchmark.measurement import Row
@@ -135,7 +135,8 @@ def _renew(target: Path, names: Sequence[str]) -> int:
                 continue
             content = computed_reference(scene)
             files[reference_file(scene)] = json_bytes(content)
-            print(f"{scene.name}: {reference_difference(scene, content)}", flush=True)
+            if is_said("info"):
+                print(f"{scene.name}: {reference_difference(scene, content)}", flush=True)
     except ModuleNotFoundError as error:
         raise CommandError(
             "vibro: mpmath is missing; install it with: pip install 'vibro-cli[stress]'"
