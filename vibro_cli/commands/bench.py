@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from vibro_cli.commands.shared.error_handling import DONE, FAILED, CommandError
-from vibro_cli.commands.shared.options import Quiet, json_option, output_option, repeatable
-from vibro_cli.commands.shared.terminal import is_said, json_text, say
+from vibro_cli.commands.shared.options import json_option, output_option, repeatable
+from vibro_cli.commands.shared.terminal import print_found, say
 
 if TYPE_CHECKING:
     from vibro_cli.benchmark.measurement import Row
@@ -39,7 +39,6 @@ class BenchCommand:
     as_json: Annotated[bool, json_option(help="Print each row of the table as a JSON line.")] = (
         False
     )
-    quiet: Quiet = False
 
     def __post_init__(self) -> None:
         if self.quick and self.full:
@@ -78,22 +77,20 @@ def _measure(wishes: BenchCommand, form: str) -> int:
     check_replaceable(target, "benchmark")
     for found in suite.run(PLANS[form], tuple(wishes.scene)):
         rows += found
-        _tell(found, wishes)
+        for row in found:
+            print_found(vars(row), [_line(row)], wishes.as_json)
     _write(rows, details, target)
     say(f"vibro: wrote {target / 'benchmark.html'}")
     return DONE
 
 
-def _tell(rows: "list[Row]", wishes: BenchCommand) -> None:
-    for row in rows:
-        if wishes.as_json:
-            print(json_text(vars(row)), flush=True)
-        elif not wishes.quiet:
-            name = row.method if row.size is None else f"{row.method}, {row.part} {row.size}"
-            time = "" if row.per_impact is None else f"{row.per_impact * 1e6:10.3g} µs an impact"
-            error = "" if row.error is None else f"  error {row.error:.1e}"
-            note = "" if row.status == "ok" else f"  {row.status}: {row.note}"
-            print(f"{row.scene:12} {name:24} {row.setting:10}{time:23}{error}{note}", flush=True)
+def _line(row: "Row") -> str:
+    """One row of the table as text."""
+    name = row.method if row.size is None else f"{row.method}, {row.part} {row.size}"
+    time = "" if row.per_impact is None else f"{row.per_impact * 1e6:10.3g} µs an impact"
+    error = "" if row.error is None else f"  error {row.error:.1e}"
+    note = "" if row.status == "ok" else f"  {row.status}: {row.note}"
+    return f"{row.scene:12} {name:24} {row.setting:10}{time:23}{error}{note}"
 
 
 def _write(rows: "list[Row]", details: dict[str, Any], target: Path) -> None:
@@ -135,8 +132,7 @@ def _renew(target: Path, names: Sequence[str]) -> int:
                 continue
             content = computed_reference(scene)
             files[reference_file(scene)] = json_bytes(content)
-            if is_said("info"):
-                print(f"{scene.name}: {reference_difference(scene, content)}", flush=True)
+            print_found(content, [f"{scene.name}: {reference_difference(scene, content)}"], False)
     except ModuleNotFoundError as error:
         raise CommandError(
             "vibro: mpmath is missing; install it with: pip install 'vibro-cli[stress]'"
@@ -170,7 +166,6 @@ class StressCommand:
             help="Write the table and the scenarios of the worst cases to this folder.",
         ),
     ] = None
-    quiet: Quiet = False
 
     def __call__(self) -> int:
         """Run the suite and tell what was found."""
@@ -187,10 +182,7 @@ class StressCommand:
             check_replaceable(folder, "stress")
         for finding in run(plan, tuple(self.only)):
             findings.append(finding)
-            if self.as_json:
-                print(json_text(record_of(finding)), flush=True)
-            elif not self.quiet:
-                print(line_of(finding), flush=True)
+            print_found(record_of(finding), [line_of(finding)], self.as_json)
         if folder is not None:
             write_folder(findings, plan, folder)
         missed = sum(not finding.met for finding in findings)

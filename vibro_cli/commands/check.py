@@ -11,7 +11,6 @@ from vibro_cli.commands.shared.error_handling import DONE, FAILED, MISUSED, Comm
 from vibro_cli.commands.shared.options import (
     FailFast,
     Overrides,
-    Quiet,
     json_option,
     scenario_argument,
 )
@@ -31,7 +30,6 @@ class CheckCommand:
     overrides: Overrides
     as_json: Annotated[bool, json_option(help="Print it as JSON, a line each.")] = False
     fail_fast: FailFast = False
-    quiet: Quiet = False
 
     def __call__(self) -> int:
         """Show what was understood of each scenario, or what is wrong with it, in their order."""

@@ -13,7 +13,7 @@ from typing import Annotated, Any
 import typer
 
 from vibro_cli.commands.shared.error_handling import DONE, EXIT_CODES, CommandError, suggestion
-from vibro_cli.commands.shared.options import json_option
+from vibro_cli.commands.shared.options import COMMON, json_option
 from vibro_cli.commands.shared.terminal import (
     as_terminal_text,
     json_text,
@@ -21,9 +21,6 @@ from vibro_cli.commands.shared.terminal import (
     terminal_width,
 )
 from vibro_cli.systems import NAMES as SYSTEMS
-
-COMMON = ("quiet", "verbose", "log_format")
-"""Options that every command has."""
 
 ENVIRONMENT = {
     "VIBRO_ENGINE": "`--engine` of every command that has it",

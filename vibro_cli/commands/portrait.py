@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from vibro_cli.commands.shared.error_handling import DONE, CommandError
-from vibro_cli.commands.shared.options import Overrides, Quiet, json_option, output_option
+from vibro_cli.commands.shared.options import Overrides, json_option, output_option
 from vibro_cli.commands.shared.terminal import print_found, say
 
 if TYPE_CHECKING:
@@ -232,7 +232,6 @@ class PortraitCommand:
     as_json: Annotated[bool, json_option(help="Print the table of singular points as JSON.")] = (
         False
     )
-    quiet: Quiet = False
 
     def __post_init__(self) -> None:
         if self.vary is not None:
@@ -259,8 +258,7 @@ class PortraitCommand:
         found, drawn = _analysed(self, scenario, system)
         if folder is not None:
             write_results("portrait", folder, drawn, scenario, found)
-        if self.as_json or not self.quiet:
-            print_found(found, _lines(scenario, found), self.as_json)
+        print_found(found, _lines(scenario, found), self.as_json)
         if folder is not None:
             say(f"{scenario.name}: files in {folder}")
         return DONE

@@ -196,21 +196,23 @@ def with_common_options(command: Callable[..., Task]) -> Callable[..., Task]:
             raise typer.BadParameter("--output: found an empty text, expected a name")
         return command(**{name: given[name] for name in own.parameters})
 
-    parameters = list(own.parameters.values())
-    for name, kind, default in _COMMON:
-        if name not in own.parameters:
-            parameters.append(
-                inspect.Parameter(
-                    name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=kind
-                )
+    parameters = [
+        *own.parameters.values(),
+        *(
+            inspect.Parameter(
+                name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=kind
             )
+            for name, (kind, default) in COMMON.items()
+        ),
+    ]
     performed.__signature__ = own.replace(parameters=parameters)  # type: ignore[attr-defined]
     performed.__annotations__ = {one.name: one.annotation for one in parameters}
     return performed
 
 
-_COMMON: tuple[tuple[str, Any, Any], ...] = (
-    ("quiet", Quiet, False),
-    ("verbose", Verbose, False),
-    ("log_format", LogFormat, "text"),
-)
+COMMON: dict[str, tuple[Any, Any]] = {
+    "quiet": (Quiet, False),
+    "verbose": (Verbose, False),
+    "log_format": (LogFormat, "text"),
+}
+"""Options that every command has: what they are, and what they are if they are not given."""

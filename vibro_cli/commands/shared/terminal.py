@@ -69,7 +69,7 @@ def json_text(value: Any, stream: TextIO | None = None, indent: int | None = Non
 def print_found(found: Any, lines: Iterable[str], as_json: bool) -> None:
     """Print results as JSON, or as lines of text unless errors alone are wanted."""
     if as_json or is_said("info"):
-        print(json_text(found) if as_json else "\n".join(lines))
+        print(json_text(found) if as_json else "\n".join(lines), flush=True)
 
 
 def prepare_streams() -> None:
