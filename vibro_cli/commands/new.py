@@ -109,20 +109,16 @@ def _write(name: str, output: str | None, force: bool, as_json: bool) -> int:
 
 def _write_all(folder: Path, force: bool, as_json: bool) -> int:
     """Write the whole gallery into a folder, each system's scenarios and the grids in their own."""
-    from vibro_cli.scenario.gallery import base_of, grid_names, system_of
     from vibro_cli.scenario.gallery import whole as whole_gallery
     from vibro_cli.storage.files import make_folder
 
-    texts = whole_gallery()
-    files = {folder / path: content for path, content in texts.items()}
+    files = {folder / path: content for path, content in whole_gallery().items()}
     there = [path for path in files if path.exists()]
     if there and not force:
         raise CommandError(f"vibro: {printable(str(there[0]))} exists; --force replaces it")
     for path, content in files.items():
         make_folder(path.parent)
-        grid = path.stem in grid_names()
-        kind = f"grid-{system_of(base_of(path.stem))}" if grid else system_of(path.stem)
-        _write_with_schema(path, content, kind)
+        _write_with_schema(path, path.stem, content)
     if as_json:
         print(json_text({"folder": str(folder), "files": [str(path) for path in files]}))
     say(f"{len(files)} scenarios and grids written to {printable(str(folder))}")
@@ -134,29 +130,34 @@ def _write_files(name: str, content: str, path: Path) -> tuple[str, list[Path]]:
 
     Returns the command that solves it, and the files.
     """
-    from vibro_cli.scenario.gallery import base_of, grid_names, system_of, text
+    from vibro_cli.scenario.gallery import base_of, grid_names, text
 
     if name not in grid_names():
-        _write_with_schema(path, content, system_of(name))
+        _write_with_schema(path, name, content)
         return "run", [path]
     base = base_of(name)
     beside, files = path.with_name(f"{base}.toml"), [path]
     if not beside.exists():
-        _write_with_schema(beside, text(base), system_of(base))
+        _write_with_schema(beside, base, text(base))
         files.append(beside)
-    _write_with_schema(path, content, f"grid-{system_of(base)}")
+    _write_with_schema(path, name, content)
     return "grid", files
 
 
-def _write_with_schema(path: Path, content: str, kind: str) -> None:
-    """Write a file whose first line names its schema to editors, and the schema beside it."""
+def _write_with_schema(path: Path, name: str, content: str) -> None:
+    """Write a file of the gallery, in whose first line editors find its schema, and that beside it.
+
+    `name` is that of the scenario or grid.
+    """
     from vibro_cli.grids.document import grid_schema
     from vibro_cli.scenario.fields import json_schema
+    from vibro_cli.scenario.gallery import base_of, grid_names, system_of
     from vibro_cli.storage.files import first_bytes, write_file
 
-    system = kind.removeprefix("grid-")
-    schema = json_schema(system) if kind == system else grid_schema(system)
-    beside = path.with_name(f"vibro-{kind}.schema.json")
+    is_grid = name in grid_names()
+    system = system_of(base_of(name) if is_grid else name)
+    schema = grid_schema(system) if is_grid else json_schema(system)
+    beside = path.with_name(f"vibro-{'grid-' if is_grid else ''}{system}.schema.json")
     write_file(path, f"#:schema ./{beside.name}\n{content}".encode())
     if not beside.exists() or f'"$id": "{schema["$id"]}"'.encode() in first_bytes(beside, 2000):
         write_file(beside, (json.dumps(schema, indent=2, ensure_ascii=False) + "\n").encode())

@@ -234,8 +234,7 @@ def _drawn(columns: dict[str, Any], label: str) -> dict[str, bytes]:
     from vibro_cli.figures.analyses import branch_figure
     from vibro_cli.interface import pictures
 
-    told = columns | {"special": [kind or "" for kind in columns["special"]]}
-    return pictures({"orbits": branch_figure(told, label, "single")})
+    return pictures({"orbits": branch_figure(columns, label, "single")})
 
 
 DOUBTFUL = 1.0e-6

@@ -92,7 +92,7 @@ def branch_figure(found: dict[str, Any], label: str, width: str) -> Figure:
         "single" or "double".
     """
     value, stable = np.asarray(found["value"]), np.asarray(found["stable"])
-    kinds = [str(kind) for kind in found["special"]]
+    kinds = found["special"]
     marks = dict.fromkeys(_MARKS.get(kind, _OTHER) for kind in kinds if kind)
     entries: list[Entry] = [
         ("stable", STABLE), ("unstable", UNSTABLE),

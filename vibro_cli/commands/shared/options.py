@@ -6,6 +6,7 @@ be found out is not offered.
 
 import functools
 import inspect
+import re
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
@@ -67,15 +68,11 @@ def scenario_keys(incomplete: str) -> list[str]:
 
 def _first_entry(path: str) -> str:
     """A key path with every number in brackets made 1: one entry of a list stands for all."""
-    import re
-
     return re.sub(r"\[\d+\]", "[1]", path)
 
 
 def _same_entry(key: str, typed: str) -> str:
     """A key path with the numbers in brackets that were typed."""
-    import re
-
     numbers = iter(re.findall(r"\[(\d+)\]", typed))
     return re.sub(r"\[1\]", lambda found: f"[{next(numbers, '1')}]", key)
 
