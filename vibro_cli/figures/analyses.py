@@ -127,7 +127,7 @@ def _look(marker: str) -> Look:
 
 # Told apart in grey too.
 _COLOURS = (
-    "#F0E442", "#00579A", "#CC79A7", "#9FD9B4", "#C04A00", "#7CC7F0", "#3A1466", "#E69F00",
+    "#F0E442", "#00579A", style.PURPLE, "#9FD9B4", "#C04A00", "#7CC7F0", "#3A1466", style.ORANGE,
     "#00463A",
 )  # fmt: skip
 _OTHERS = "#8a8a8a"

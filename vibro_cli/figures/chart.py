@@ -45,11 +45,13 @@ _LINE = 5.5
 _BELOW = 1.3
 """Room below the lowest of them (mm), clear of the numbers of the horizontal axis."""
 _DASHES: tuple[Any, ...] = ("solid", (0, (5, 1.5)), (0, (1, 1)), (0, (5, 1.5, 1, 1.5)))
-_COLOURS = (style.BLUE, style.VERMILLION, style.GREEN, "#CC79A7", "#E69F00", "#56B4E9")
+_COLOURS = (
+    style.BLUE, style.VERMILLION, style.GREEN, style.PURPLE, style.ORANGE, style.SKY,
+)  # fmt: skip
 MOST_COLOURS = len(_COLOURS)
 TOTAL = line(style.BLACK, 0.9)
-BAND: Look = {"color": "#e3e3e3", "linewidth": 0.0, "zorder": 0.5}
-BAND_KEY = line("#e3e3e3", 4.0) | {"solid_capstyle": "butt"}
+BAND: Look = {"color": style.BAND_GREY, "linewidth": 0.0, "zorder": 0.5}
+BAND_KEY = line(style.BAND_GREY, 4.0) | {"solid_capstyle": "butt"}
 """The band in a legend."""
 CONTACT_LABEL = "lasting contact"
 
@@ -299,7 +301,7 @@ def draw_contacts(axes: Axes, spans: Sequence[tuple[float, float]]) -> None:
 
 def band_entry(spans: Sequence[tuple[float, float]]) -> list[Entry]:
     """Return the legend's entry of the bands, if there are any."""
-    return [(CONTACT_LABEL, line(BAND["color"], 4.0))] if spans else []
+    return [(CONTACT_LABEL, line(style.BAND_GREY, 4.0))] if spans else []
 
 
 def body_entries(run: Any, most: int = _MOST_LOOKS) -> list[Entry]:

@@ -179,7 +179,7 @@ def _impacts_over(
     if not np.any(kept):
         return None
     number, values, row = number[kept], values[kept], row[kept]
-    places, ends = _early_ends(grid, shown, most) if name == "t" else (np.empty(0), np.empty(0))
+    places, ends = (np.empty(0), np.empty(0)) if most is None else _early_ends(grid, shown, most)
     with style.journal():
         figure, (axes,) = stacked(width, [_DIAGRAM[width]])
         value_axis(axes, np.concatenate([values, ends]), symbol, unit)
@@ -205,11 +205,10 @@ def _impacts_of(
     return impacts, order[np.searchsorted(scenarios, impacts["scenario"], sorter=order)]
 
 
-def _early_ends(grid: Swept, shown: Lattice, most: int | None) -> tuple[Array, Array]:
+def _early_ends(grid: Swept, shown: Lattice, most: int) -> tuple[Array, Array]:
     """Return places and times (s) of the ends of runs that were cut short, with few impacts."""
     early = np.isin(ended(grid)[shown.rows].astype(str), FINAL)
-    if most is not None:
-        early &= np.asarray(grid.summary["collisions"])[shown.rows] < most
+    early &= np.asarray(grid.summary["collisions"])[shown.rows] < most
     times = np.asarray(grid.summary["end_time"], dtype=np.float64)[shown.rows]
     early &= np.isfinite(times)
     return shown.coordinates[0].place[early], times[early]

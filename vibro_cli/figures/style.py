@@ -47,8 +47,12 @@ SMALL = 7.0
 BLUE = "#0072B2"
 VERMILLION = "#D55E00"
 GREEN = "#009E73"
+PURPLE = "#CC79A7"
+ORANGE = "#E69F00"
+SKY = "#56B4E9"
 BLACK = "#000000"
 
+BAND_GREY = "#e3e3e3"
 LEVEL_GREY = "#c9c9c9"
 SEPARATRIX_GREY = "#5a5a5a"
 FRAME_GREY = "#303030"
@@ -79,6 +83,8 @@ def mark(
 
 AXIS_DASHES = (6.0, 1.5, 1.0, 1.5)
 """Of axes and normals: long and short by turns."""
+POINT = mark("o", 1.6, BLACK)
+"""A point of a drawing to scale: a centre, a contact."""
 
 _RC: Any = {  # the stubs want each key as a literal
     "font.family": "STIXGeneral",  # shipped with matplotlib: the same glyphs on every machine
@@ -178,8 +184,7 @@ def render_pages(figures: Iterable[Figure]) -> bytes:
     from matplotlib.backends.backend_pdf import PdfPages
 
     buffer = BytesIO()
-    metadata = {"CreationDate": None, "Creator": "vibro", "Producer": None}
-    with journal(), PdfPages(buffer, metadata=metadata) as pages:
+    with journal(), PdfPages(buffer, metadata=_METADATA["pdf"]) as pages:
         for figure in figures:
             pages.savefig(figure)
     return buffer.getvalue()

@@ -21,22 +21,21 @@ _HIGH = {"double": 42.0, "single": 40.0}
 _COLUMNS = {"double": 3, "single": 1}
 _LEAST = 1e-17
 """Errors below this, and none at all, are drawn here."""
-_GREY = "#5a5a5a"
 _LOOKS: dict[str, dict[str, Any]] = {
     "vibro": {"color": style.BLUE, "marker": "*", "markersize": 8.0},
     "vibro, batch": {"color": style.BLUE, "marker": "p", "markerfacecolor": "white"},
     "vibro, all rows kept": {"color": style.BLUE, "marker": "h"},
-    "vibro, interpreted": {"color": "#56B4E9", "marker": "*", "markersize": 6.5},
+    "vibro, interpreted": {"color": style.SKY, "marker": "*", "markersize": 6.5},
     "heyoka": {"color": style.VERMILLION, "marker": "s"},
     "heyoka, defaults": {"color": style.VERMILLION, "marker": "s", "markerfacecolor": "white"},
     "heyoka, batch": {"color": style.VERMILLION, "marker": "P"},
     "diffrax Tsit5": {"color": style.GREEN, "marker": "^"},
-    "CyRK DOP853": {"color": "#E69F00", "marker": "D"},
-    "SciPy RK45": {"color": _GREY, "marker": "v"},
+    "CyRK DOP853": {"color": style.ORANGE, "marker": "D"},
+    "SciPy RK45": {"color": style.SEPARATRIX_GREY, "marker": "v"},
     "SciPy DOP853": {"color": style.BLACK, "marker": "o"},
-    "SciPy LSODA": {"color": _GREY, "marker": "<", "markerfacecolor": "white"},
-    "SciPy Radau": {"color": _GREY, "marker": ">", "markerfacecolor": "white"},
-    "series of the papers": {"color": "#CC79A7", "marker": "X"},
+    "SciPy LSODA": {"color": style.SEPARATRIX_GREY, "marker": "<", "markerfacecolor": "white"},
+    "SciPy Radau": {"color": style.SEPARATRIX_GREY, "marker": ">", "markerfacecolor": "white"},
+    "series of the papers": {"color": style.PURPLE, "marker": "X"},
 }
 _LINE: dict[str, Any] = {"linewidth": 0.7, "markersize": 3.6, "markeredgewidth": 0.7}
 # Half the height of a mark, with some room, in powers of ten of the axis of time.
@@ -51,7 +50,7 @@ _GROWTH = {
 
 def look(method: str) -> dict[str, Any]:
     """Return colour and mark of a method."""
-    return _LINE | _LOOKS.get(method, {"color": _GREY, "marker": "."})
+    return _LINE | _LOOKS.get(method, {"color": style.SEPARATRIX_GREY, "marker": "."})
 
 
 def work_precision(rows: Sequence[Row], width: str = "double") -> Figure:
@@ -108,7 +107,7 @@ def _draw(panel: Axes, rows: Sequence[Row], methods: Sequence[str]) -> None:
     panel.set_xlim(_LEAST, 3.0)
     panel.set_xticks([10.0**power for power in (-16, -12, -8, -4, 0)])
     panel.minorticks_off()
-    panel.grid(True, color="#e3e3e3", linewidth=0.4)
+    panel.grid(True, color=style.BAND_GREY, linewidth=0.4)
     panel.set_axisbelow(True)
     for method in methods:
         own = [row for row in rows if row.method == method]
@@ -141,8 +140,6 @@ def growth(rows: Sequence[Row], width: str = "double") -> Figure:
             if part != "scenarios":
                 panel.set_xticks(sizes, [str(size) for size in sizes])
             panel.margins(x=0.12)
-        axes[0].set_ylabel("time per impact [µs]")
-        if width == "single":
-            for panel in axes[1:]:
-                panel.set_ylabel("time per impact [µs]")
+        for panel in axes if width == "single" else axes[:1]:
+            panel.set_ylabel("time per impact [µs]")
     return figure

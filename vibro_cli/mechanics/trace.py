@@ -8,15 +8,21 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from vibro_cli.numerics import elementwise
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 VALLEY = "valley"
 HUMP = "hump"
 LINE = "line"
 
 Point = tuple[float, float]
+Along = TypeVar("Along", float, "NDArray[np.float64]")
+"""A coordinate along a piece, or many of them."""
 
 _SIGN = {VALLEY: 1.0, HUMP: -1.0, LINE: 0.0}
 
@@ -103,7 +109,7 @@ class Piece:
         """Return the slope angle α (rad) at a position on this piece."""
         return self.start_slope if self.is_line else self.sign * position
 
-    def arc_length(self, position: float) -> float:
+    def arc_length(self, position: Along) -> Along:
         """Return s (m), the arc length of the contact point from the left end of the trace."""
         along = position if self.is_line else self.radius * (position - self.angle_start)
         return self.start_s + along

@@ -27,7 +27,7 @@ from vibro_cli.figures.portraits.trajectory import Branches, Jumps, Trajectory, 
 from vibro_cli.figures.source import Array, Recorded
 from vibro_cli.figures.style import line
 from vibro_cli.figures.ticks import label_axis, limits_apart, vertical_ticks
-from vibro_cli.mechanics.trace import Piece, Trace
+from vibro_cli.mechanics.trace import Trace
 
 _CLEAR = 0.05
 """Room below the energy 0, as a share of the highest energy: that of a level line is 0."""
@@ -134,7 +134,7 @@ def along_trace(path: Trajectory, landscape: Landscape) -> Trajectory:
     pieces = landscape.trace.pieces
     parts = [
         Branches(
-            position=_arc_length(piece, branches.position),
+            position=piece.arc_length(branches.position),
             rate=landscape.path_scale(piece) * branches.rate,
             time=branches.time,
             contact=branches.contact,
@@ -153,7 +153,7 @@ def along_trace(path: Trajectory, landscape: Landscape) -> Trajectory:
         branches=(Branches(**joined),),
         jumps=_jumps_along(path.jumps, landscape),
         first=_jumps_along(path.first, landscape),
-        start=(0, float(_arc_length(pieces[index], np.array(position))), scale * rate),
+        start=(0, pieces[index].arc_length(position), scale * rate),
     )
 
 
@@ -161,7 +161,7 @@ def _jumps_along(jumps: Jumps, landscape: Landscape) -> Jumps:
     pieces = landscape.trace.pieces
     scales = np.array([landscape.path_scale(piece) for piece in pieces])[jumps.piece]
     places = [
-        float(_arc_length(pieces[index], np.array(position)))
+        pieces[index].arc_length(position)
         for index, position in zip(jumps.piece.tolist(), jumps.position.tolist(), strict=True)
     ]
     return replace(
@@ -173,12 +173,6 @@ def _jumps_along(jumps: Jumps, landscape: Landscape) -> Jumps:
     )
 
 
-def _arc_length(piece: Piece, position: Array) -> Array:
-    if piece.is_line:
-        return piece.start_s + position
-    return piece.start_s + piece.radius * (position - piece.angle_start)
-
-
 def _potential(landscape: Landscape, window: Window) -> tuple[Array, Array]:
     """Return arc lengths (m) along the trace and the potential energies there (J).
 
@@ -188,7 +182,7 @@ def _potential(landscape: Landscape, window: Window) -> tuple[Array, Array]:
     places = [np.linspace(window.low - beside, window.high + beside, 3 * _DENSE)]
     for piece in landscape.trace.pieces:
         position = np.linspace(piece.angle_start, piece.angle_end, _DENSE)
-        places.append(_arc_length(piece, position))
+        places.append(piece.arc_length(position))
     along = np.sort(np.clip(np.concatenate(places), 0.0, landscape.trace.length))
     return along, _potential_at(landscape, along)
 

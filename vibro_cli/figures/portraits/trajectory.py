@@ -11,7 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibro_cli.analysis.levels import Landscape, free_branches
-from vibro_cli.figures.source import Array, Integers, Recorded, Table, flights_of, kept, values_at
+from vibro_cli.figures.source import (
+    Array,
+    Integers,
+    Recorded,
+    Table,
+    flights_of,
+    kept,
+    made,
+    values_at,
+)
 from vibro_cli.mechanics.trace import Piece, Trace
 
 Flags = NDArray[np.bool_]
@@ -321,6 +330,6 @@ def jumps_of(
         before=before,
         after=after,
         time=column("t").astype(np.float64),
-        made=column("admissible").astype(np.bool_) | column("substituted").astype(np.bool_),
+        made=made({name: column(name) for name in ("admissible", "substituted")}),
     )
     return jumps.some(slice(0, len(some))), jumps.some(slice(len(some), None))

@@ -203,7 +203,7 @@ def _draw_elevation(axes: Axes, one: Rolling, scale: float) -> None:
     ]
     if len(points) > 1 and abs(points[0, 0] - points[1, 0]) > _APART:
         named.append(Named(rf"$T_{{{one.number}2,{one.number}3}}$", points[1]))
-    _dots(axes, np.array([name.point for name in named]))
+    axes.plot(*np.transpose([name.point for name in named]), zorder=4.0, **style.POINT)
     write_names(axes, named, np.concatenate([*drawn, _RING]))
     radius, speed, omega = (short_number(x, 3) for x in (one.body.radius, one.speed, one.omega))
     number = one.number
@@ -240,7 +240,7 @@ def _draw_plan(axes: Axes, one: Rolling, scale: float) -> None:
         Named(r"$\alpha$", (0.45 * radius * math.cos(middle), 0.45 * radius * math.sin(middle))),
         Named(rf"$C_{{{one.number}}}$", (0.0, 0.0)),
     ]
-    _dots(axes, np.append(points, [[0.0, 0.0]], axis=0))
+    axes.plot(*np.transpose([*points, (0.0, 0.0)]), zorder=4.0, **style.POINT)
     write_names(axes, named, np.concatenate(drawn))
     reach = short_number(radius * math.cos(one.aside) * one.body.radius, 3)
     write_over(axes, 0.0, 1, "from above")
@@ -263,8 +263,3 @@ def _draw_parts(
         arrow(axes, place, reach, colour, look)
         drawn.append(np.linspace(place, place + reach, 20))
     return drawn
-
-
-def _dots(axes: Axes, points: Array) -> None:
-    axes.plot(*np.transpose(points), linestyle="none", marker="o", markersize=1.6,
-              color=style.BLACK, zorder=4.0)  # fmt: skip

@@ -83,8 +83,7 @@ def timeline(run: Recorded, ball: int, until: float) -> Timeline:
     for row, number in zip(mine.tolist(), wanted.tolist(), strict=True):
         piece = run.system.trace.pieces[int(flights["arc"][row]) - 1]
         time, position, _ = run.flight_curve(row, math.ceil(number) + 1)
-        along = position if piece.is_line else piece.radius * (position - piece.angle_start)
-        s = piece.start_s + along
+        s = piece.arc_length(position)
         if abs(s[0] - last) > seam:
             times.append(time[:1])
             places.append(np.array([math.nan]))

@@ -62,7 +62,6 @@ _SURFACE = line(style.BLACK, 0.8)
 _JUNCTION = mark("o", 2.2, style.BLACK)
 _AXIS = line(style.FRAME_GREY, 0.6, (8.0, 2.0, 1.5, 2.0))
 ARROW = line(style.BLACK, 0.7) | {"arrowstyle": "-|>", "shrinkA": 0.0, "shrinkB": 0.0}
-_POINT = mark("o", 1.6, style.BLACK)
 _RADIUS = line(style.FRAME_GREY, 0.35)
 _UPRIGHT = line(style.FRAME_GREY, 0.35, style.AXIS_DASHES)
 _LETTERED = 3
@@ -200,7 +199,7 @@ def _draw_piece(
     aside = piece.angle_start + float(shares[np.argmax(np.round(free, 9))])
     rim = np.array(piece.contact_point(aside))
     axes.plot(*np.transpose([centre, rim]), zorder=1.4, **_RADIUS)
-    axes.plot(*centre, zorder=2.2, **_POINT)
+    axes.plot(*centre, zorder=2.2, **style.POINT)
     half = 0.5 * (centre + rim)
     number = piece.index + 1
     named = [Named(rf"$O_{{{number}}}$", centre, style.FRAME_GREY)]
@@ -225,7 +224,7 @@ def _draw_bodies(axes: Axes, run: Recorded, scale: float, within: Extent) -> lis
         slope = piece.slope(state.position)
         if lettered:
             resting = np.array(piece.contact_point(state.position))
-            axes.plot(*resting, zorder=2.7, **_POINT)
+            axes.plot(*resting, zorder=2.7, **style.POINT)
             named.append(Named(rf"$P_{{{number}}}$", resting))
             named += _draw_position(axes, piece, state.position, number, centre, within)
         if state.speed:
@@ -233,19 +232,16 @@ def _draw_bodies(axes: Axes, run: Recorded, scale: float, within: Extent) -> lis
             tip = centre + along * (radius + 4.0 / scale)
             axes.annotate("", tuple(tip), tuple(centre), arrowprops=ARROW, zorder=2.6)
             axes.plot(*np.transpose([centre, tip]), linewidth=0.0, zorder=1.0)  # keeps names away
-            if not body.slides:
-                _draw_spin(axes, centre, radius + 1.1 / scale, slope, state.speed, lettered)
-                top = centre + (radius + 1.1 / scale) * np.array([-np.sin(slope), np.cos(slope)])
-                named += [Named(rf"$\omega_{{{number}}}$", top)] if lettered else []
+            if lettered and not body.slides:
+                around = radius + 1.1 / scale
+                _draw_spin(axes, centre, around, slope, state.speed)
+                top = centre + around * np.array([-np.sin(slope), np.cos(slope)])
+                named.append(Named(rf"$\omega_{{{number}}}$", top))
     return named
 
 
-def _draw_spin(
-    axes: Axes, centre: Array, radius: float, slope: float, speed: float, lettered: bool
-) -> None:
+def _draw_spin(axes: Axes, centre: Array, radius: float, slope: float, speed: float) -> None:
     """Draw an arc over a body with an arrow in the sense in which it turns."""
-    if not lettered:
-        return
     turned = np.radians(np.linspace(40.0, -40.0, 40)) * np.sign(speed)  # right is clockwise
     angles = slope + 0.5 * np.pi + turned
     arc = centre + radius * np.column_stack([np.cos(angles), np.sin(angles)])

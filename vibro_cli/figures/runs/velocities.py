@@ -26,7 +26,7 @@ from vibro_cli.figures.labels import (
     write_names,
 )
 from vibro_cli.figures.runs.scene import trace_points
-from vibro_cli.figures.source import Array, Recorded, first_of
+from vibro_cli.figures.source import Array, Recorded, first_of, made
 from vibro_cli.figures.style import Look, line, panel_size, width_of
 from vibro_cli.figures.ticks import round_below
 from vibro_cli.mechanics.system import Body
@@ -367,8 +367,7 @@ def _say(axes: Axes, run: Recorded, row: int, pair: Sequence[Striking], when: in
     """Write the values above a panel."""
     number, time = int(run.collisions["n"][row]), float(run.collisions["t"][row])
     sides = "before" if when == 0 else "after"
-    made = bool(run.collisions["admissible"][row]) or bool(run.collisions["substituted"][row])
-    if when == 1 and not made:
+    if when == 1 and not made(first_of(run.collisions, row + 1))[row]:
         sides = "after (inadmissible)"
     title = f"impact {number}, {short_number(time)} s: {sides}" if when == 0 else sides
     write_over(axes, 0.0, 2, title)
