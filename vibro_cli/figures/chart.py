@@ -15,7 +15,7 @@ from matplotlib.image import AxesImage
 from numpy.typing import ArrayLike, NDArray
 
 from vibro_cli.figures import style
-from vibro_cli.figures.labels import LINE, Entry, draw_legend, rows_of, short_number
+from vibro_cli.figures.labels import Entry, draw_legend, room_for, rows_of, short_number
 from vibro_cli.figures.source import Array, Integers, Recorded
 from vibro_cli.figures.style import MM, Look, line, panel_size, width_of
 from vibro_cli.figures.ticks import (
@@ -38,8 +38,8 @@ MOST_VECTOR_POINTS = 20000
 """Of more points than this a curve is rasterised in PDF and SVG."""
 _MOST_LOOKS = 12
 """Bodies that have a look of their own."""
-_WIDE_RANGE = 50.0
-"""A range wider than this is shown on a logarithmic axis."""
+WIDE_RANGE = 50.0
+"""A range wider than this is shown on a logarithmic axis, or in logarithmic colours."""
 _LINE = 5.5
 """Least distance of two numbers of a logarithmic axis (mm)."""
 _BELOW = 1.3
@@ -137,7 +137,7 @@ def stacked(
     """
     wide = width_of(width)
     rows = rows_of(entries, wide - RIGHT) if entries else []
-    above += LINE * max(len(rows) - 1, 0)
+    above = room_for(rows, above)
     total = above + sum(heights) + _BETWEEN * (len(heights) - 1) + _BOTTOM
     sheet = Sheet(wide, total)
     panels = []
@@ -251,7 +251,7 @@ def positive_axis(axes: Axes, values: Array, symbol: str, unit: str) -> None:
     Else from 0.
     """
     positive = values[np.isfinite(values) & (values > 0.0)]
-    if len(positive) and float(np.max(positive)) > _WIDE_RANGE * float(np.min(positive)):
+    if len(positive) and float(np.max(positive)) > WIDE_RANGE * float(np.min(positive)):
         log_axis(axes, positive, symbol, unit)
     else:
         value_axis(axes, np.append(positive, 0.0), symbol, unit)

@@ -46,6 +46,8 @@ Flags = NDArray[np.bool_]
 
 Entry = tuple[str, Look]
 """What is written, and the looks of its line or mark."""
+Rows = Sequence[Sequence[Entry]]
+"""The rows of a legend, from above."""
 
 
 class Bar(NamedTuple):
@@ -76,6 +78,11 @@ def rows_of(entries: Sequence[Entry], width: float, bar: Bar | None = None) -> l
         narrower = _filled(entries, min(share * width, room), share * width)
         rows = narrower if len(narrower) == len(rows) else rows
     return rows
+
+
+def room_for(legend: Rows, first: float) -> float:
+    """Return the room (mm) over panels for a legend; `first` is that for one row."""
+    return first + LINE * max(len(legend) - 1, 0)
 
 
 def _filled(entries: Sequence[Entry], first: float, width: float) -> list[list[Entry]]:
@@ -110,7 +117,7 @@ def text_width(text: str) -> float:
     return points * 25.4 / 72.0
 
 
-def draw_legend(figure: Figure, rows: Sequence[Sequence[Entry]], bar: Bar | None = None) -> None:
+def draw_legend(figure: Figure, rows: Rows, bar: Bar | None = None) -> None:
     """Draw the rows of a legend over the panels, and at the right of the first one the bar."""
     width, height = figure.get_size_inches() / MM
     for number, row in enumerate(rows):

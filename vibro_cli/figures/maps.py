@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from vibro_cli.analysis.basins import Codes, codes_of, combined
 from vibro_cli.figures import style
-from vibro_cli.figures.chart import Sheet, draw_dots
+from vibro_cli.figures.chart import WIDE_RANGE, Sheet, draw_dots
 from vibro_cli.figures.labels import LINE, Entry, draw_legend, rows_of, text_width
 from vibro_cli.figures.source import Array
 from vibro_cli.figures.style import MM, mark, panel_size, width_of
@@ -380,7 +380,6 @@ _THICK = 2.5
 """Width of the bar (mm)."""
 _LABEL = 6.5
 """Room for the label of the vertical axis and the ticks (mm)."""
-_WIDE_RANGE = 50.0
 _ROUNDING = 1e-9
 """Numbers that differ by less than this share of them have one colour."""
 _LINE = 6.0
@@ -416,7 +415,7 @@ def quantity_map(
     width: str,
     values: Array,
     label: str,
-    least_log: float = _WIDE_RANGE,
+    least_log: float = WIDE_RANGE,
     whole: bool = False,
 ) -> Figure | None:
     """Return a quantity of the points over two axes, with a bar of its colours.

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import (
     MOST_VECTOR_POINTS,
+    WIDE_RANGE,
     draw_dots,
     log_axis,
     stacked,
@@ -45,7 +46,6 @@ from vibro_cli.systems.wanted import FINAL
 
 _ROW = {"single": 26.0, "double": 34.0}
 _DIAGRAM = {"single": 58.0, "double": 80.0}
-_WIDE_RANGE = 50.0
 COUNTED = {"collisions": "impacts", "bounces": "impacts on the wall"}
 """What is counted in columns of the summary."""
 FIRST = 20
@@ -126,7 +126,7 @@ def _dots(axes: Axes, shown: Lattice, values: Array, endings: Endings) -> None:
 
 def _value(axes: Axes, values: Array, symbol: str, unit: str) -> None:
     finite = values[np.isfinite(values)]
-    if 0.0 < _WIDE_RANGE * np.min(finite) < np.max(finite):
+    if 0.0 < WIDE_RANGE * np.min(finite) < np.max(finite):
         log_axis(axes, finite, symbol, unit)
     else:
         value_axis(axes, values if unit else np.append(values, 0.0), symbol, unit)

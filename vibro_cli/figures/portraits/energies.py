@@ -17,7 +17,7 @@ from vibro_cli.analysis.levels import Landscape
 from vibro_cli.analysis.singular import portrait_of
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import MOST_VECTOR_POINTS, stacked
-from vibro_cli.figures.labels import LINE, draw_legend
+from vibro_cli.figures.labels import Rows, draw_legend, room_for
 from vibro_cli.figures.portraits import layers
 from vibro_cli.figures.portraits.layers import Background, coloured_until
 from vibro_cli.figures.portraits.panels import Panel, Symbols, Window, plane, straight
@@ -38,14 +38,10 @@ _TOP = 4.5
 
 
 def panels_over(
-    width: str, window: Window, lines: int, symbols: Symbols
+    width: str, window: Window, legend: Rows, symbols: Symbols
 ) -> tuple[Figure, Panel, Panel]:
-    """Return a figure with the portrait and, below it, the energies.
-
-    `lines` are those of the legend.
-    """
-    above = _TOP + LINE * (lines - 1)
-    figure, (upper, lower) = stacked(width, _HIGH, above)
+    """Return a figure with the portrait and, below it, the energies, with room for a legend."""
+    figure, (upper, lower) = stacked(width, _HIGH, room_for(legend, _TOP))
     portrait = plane(upper, window, symbols, labelled=False)
     return figure, portrait, plane(lower, window, symbols)
 
@@ -117,7 +113,7 @@ def energy_portrait(run: Recorded, ball: int, width: str = "single") -> Figure:
     with style.journal():
         rows, bar = legend_rows(path, behind, width, [("potential energy", POTENTIAL)])
         symbols = Symbols(rf"$s_{{{ball}}}$", rf"$v_{{{ball}}}$")
-        figure, upper, lower = panels_over(width, window, len(rows), symbols)
+        figure, upper, lower = panels_over(width, window, rows, symbols)
         draw_motion([upper], path, behind)
         places, values = _potential(landscape, window)
         lower.axes.plot(places, values, zorder=1.5, **POTENTIAL)

@@ -13,6 +13,7 @@ from matplotlib.axes import Axes
 
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import Sheet, number_plane
+from vibro_cli.figures.labels import Rows, room_for
 from vibro_cli.figures.source import Array
 from vibro_cli.figures.style import panel_size, width_of
 from vibro_cli.figures.ticks import (
@@ -150,19 +151,19 @@ def plane(axes: Axes, window: Window, symbols: Symbols, labelled: bool = True) -
 
 
 def lay_out(
-    windows: Sequence[Window], width: str, below: float = 0.0, legend: float = 0.0
+    windows: Sequence[Window], width: str, legend: Rows, below: float = 0.0
 ) -> tuple[Sheet, tuple[Panel, ...]]:
     """Return an empty sheet with a panel for each window, in the order given.
 
     `width` is `single` (85 mm) or `double` (170 mm). The panels are as wide as their arcs are in
     angle; neighbours stand close together, with room between where the unit changes (arc to line).
-    `below` is the room (mm) left free under them, `legend` that for more than one line of legend
-    over them. Raises ValueError for another width.
+    `legend` is that which is to stand over them, `below` the room (mm) left free under them.
+    Raises ValueError for another width.
     """
     across = width_of(width)
     rows = _rows(windows, across)
     high = _HEIGHT[width] if len(rows) == 1 else 0.75 * _HEIGHT[width]
-    above = TOP + legend
+    above = room_for(legend, TOP)
     total = above + len(rows) * (high + BOTTOM) + (len(rows) - 1) * ROW_TOP + below
     sheet = Sheet(across, total)
     panels: list[Panel] = []

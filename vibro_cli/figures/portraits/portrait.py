@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from vibro_cli.analysis.levels import Landscape, LevelCurve
 from vibro_cli.figures import style
-from vibro_cli.figures.labels import LINE, Bar, Entry, draw_legend, rows_of
+from vibro_cli.figures.labels import Bar, Entry, draw_legend, rows_of
 from vibro_cli.figures.portraits import layers
 from vibro_cli.figures.portraits.layers import Background, background, coloured_until, legend_of
 from vibro_cli.figures.portraits.panels import RIGHT, Panel, Window, label, lay_out
@@ -153,7 +153,7 @@ def phase_portrait(run: Recorded, ball: int, width: str = "single", focus: str =
     shown = windows(run.system.trace.pieces, path, behind, focus)
     with style.journal():
         rows, bar = legend_rows(path, seen(behind, shown), width)
-        sheet, panels = lay_out(shown, width, legend=LINE * (len(rows) - 1))
+        sheet, panels = lay_out(shown, width, rows)
         draw_motion(panels, path, behind)
         label(panels, ball)
         draw_legend(sheet.figure, rows, bar)

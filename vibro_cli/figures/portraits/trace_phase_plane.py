@@ -32,7 +32,7 @@ from vibro_cli.analysis.singular import (
 )
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import Sheet, body_look
-from vibro_cli.figures.labels import LINE, SAY, Entry, draw_legend, rows_of
+from vibro_cli.figures.labels import SAY, Entry, draw_legend, rows_of
 from vibro_cli.figures.portraits.family import Member, draw_family, name_points, shown_of
 from vibro_cli.figures.portraits.layers import (
     Background,
@@ -94,7 +94,7 @@ def structure(portrait: Portrait, width: str = "single", bodies: str = "") -> Fi
         curves = (*behind.levels, *behind.separatrices, *behind.eights)
         below = _HIGH[width] + BOTTOM + _LINE * len(words) + 1.0
         shown = _windows(portrait.landscape.trace, curves)
-        sheet, panels = lay_out(shown, width, below, LINE * (len(rows) - 1))
+        sheet, panels = lay_out(shown, width, rows, below)
         for one in panels:
             draw_background(one, behind)
         label(panels, bodies)
@@ -303,7 +303,7 @@ def comparison(members: Sequence[tuple[str, Portrait]], width: str = "single") -
     with style.journal():
         below = _HIGH[width] + BOTTOM + 1.0
         shown = _windows(trace, [*chain(*curves)])
-        sheet, panels = lay_out(shown, width, below, LINE * (len(rows) - 1))
+        sheet, panels = lay_out(shown, width, rows, below)
         panel = _panel_below(sheet, width, _along_window(trace, [*chain(*along)]))
         for number, (_, portrait) in enumerate(members, 1):
             for one in panels:

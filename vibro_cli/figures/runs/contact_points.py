@@ -20,11 +20,11 @@ from matplotlib.patches import Arc, Circle
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import Cell, body_look, in_rows
 from vibro_cli.figures.labels import (
-    LINE,
     Named,
     draw_legend,
     in_black,
     ring,
+    room_for,
     rows_of,
     short_number,
     write_names,
@@ -144,7 +144,7 @@ def figure_of(bodies: Sequence[Rolling], width: str) -> Figure | None:
         return None
     with style.journal():
         lines = rows_of(_LEGEND, wide)
-        figure, panels = _sheet(width, bodies, _TOP + LINE * (len(lines) - 1))
+        figure, panels = _sheet(width, bodies, room_for(lines, _TOP))
         for one, views in zip(bodies, panels, strict=True):
             for axes, draw in zip(views, (_draw_elevation, _draw_plan), strict=False):
                 draw(axes, one, _LONGEST / fastest)

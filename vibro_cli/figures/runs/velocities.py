@@ -15,12 +15,13 @@ from matplotlib.patches import Circle, Polygon
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import Cell, body_look, in_rows
 from vibro_cli.figures.labels import (
-    LINE,
     SAY,
     Named,
+    Rows,
     draw_legend,
     in_black,
     ring,
+    room_for,
     rows_of,
     short_number,
     write_names,
@@ -141,7 +142,7 @@ def velocities(run: Recorded, width: str = "single") -> Figure | None:
     pairs = [striking(run, row) for row in rows]
     with style.journal():
         lines = rows_of(_SLIDING if all(map(_in_line, pairs)) else _LEGEND, width_of(width))
-        figure, panels = sheet(width, len(rows), _TOP + LINE * (len(lines) - 1), _HIGH, _WORDS)
+        figure, panels = sheet(width, len(rows), lines, _HIGH, _WORDS)
         surface = trace_points(run.system.trace, _DENSE, _DENSE)
         for row, pair in zip(rows, pairs, strict=True):
             scale = _arrow_scale(pair)
@@ -208,15 +209,17 @@ def _arrow_scale(pair: Sequence[Striking]) -> float:
 
 
 def sheet(
-    width: str, impacts: int, top: float, high: float, words: float
+    width: str, impacts: int, legend: Rows, high: float, words: float
 ) -> tuple[Figure, list[Axes]]:
     """Return a figure with two empty panels for each impact, in the order of the impacts.
 
-    Heights in mm: ``top`` above all panels, ``high`` of a panel, ``words`` above each.
+    `legend` is that which is to stand over them. Heights in mm: `high` of a panel, `words` above
+    each.
     """
     wide, beside = width_of(width), min(_BESIDE[width], impacts)
     inner = (wide - _GAP) / (2 * _BESIDE[width]) - _GAP
     cell = Cell(inner, high, words, _GAP, _GAP)
+    top = room_for(legend, _TOP)
     sheet, corners = in_rows(cell, 2 * impacts, 2 * beside, wide, _GAP, top, _BOTTOM)
     return sheet.figure, [sheet.blank(*corner, inner, high) for corner in corners]
 

@@ -204,7 +204,7 @@ def springs_portrait(run: Run, ball: int, width: str = "single") -> Figure:
     window = _around(path, behind)
     with style.journal():
         rows, bar = legend_rows(path, behind, width, [("spring's energy", POTENTIAL)])
-        figure, upper, lower = panels_over(width, window, len(rows), _symbols(ball))
+        figure, upper, lower = panels_over(width, window, rows, _symbols(ball))
         draw_motion([upper], path, behind)
         _draw_spring_energy(lower, run.system, ball - 1, window)
         draw_energies(lower, path, energies, coloured_until(path))
@@ -224,7 +224,7 @@ def springs_structure(system: SpringsSystem, ball: int, width: str = "single") -
     entries = [("spring's energy", POTENTIAL), *behind_entries(behind)]
     with style.journal():
         rows = rows_of(entries, width_of(width))
-        figure, upper, lower = panels_over(width, window, len(rows), _symbols(ball))
+        figure, upper, lower = panels_over(width, window, rows, _symbols(ball))
         layers.draw_background(upper, behind)
         _draw_spring_energy(lower, system, ball - 1, window)
         name_points(upper, point_names(system, ball - 1), behind)

@@ -16,7 +16,6 @@ from vibro_cli.figures.chart import body_look
 from vibro_cli.figures.film import Frames, Ground, States, trail
 from vibro_cli.figures.kinds import ENERGY_CAPTION, EXPONENTS, INTERVALS, Kind, KindOfBody
 from vibro_cli.figures.labels import (
-    LINE,
     Named,
     draw_legend,
     in_black,
@@ -51,7 +50,7 @@ from vibro_cli.systems.run import Run
 from vibro_cli.systems.table.plan import draw_wall, table_plan, with_wall
 
 _IMPACTS = {"single": 2, "double": 4}
-_HIGH, _TOP, _WORDS = 36.0, 5.0, 14.5
+_HIGH, _WORDS = 36.0, 14.5
 _COLUMNS = (0.0, 17.0)
 _AROUND = 2.9
 """Half the height of a panel, in radii of the larger ball."""
@@ -133,7 +132,7 @@ def table_velocities(run: Run, width: str = "single") -> Figure | None:
         return None
     with style.journal():
         lines = rows_of(_LEGEND, wide)
-        figure, panels = sheet(width, len(impacts), _TOP + LINE * (len(lines) - 1), _HIGH, _WORDS)
+        figure, panels = sheet(width, len(impacts), lines, _HIGH, _WORDS)
         for number, one in enumerate(impacts):
             for when in (0, 1):
                 axes = panels[2 * number + when]
