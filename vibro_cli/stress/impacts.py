@@ -269,7 +269,6 @@ def _as_document(document: Document, system: TraceSystem) -> Document:
 
 
 HUMP, RADIUS, KAPPA, VALLEY_RADIUS = 0.5, 0.1, 1.4, 1.0
-JUNCTION = math.radians(50.0)
 RETURNS = 6
 
 

@@ -307,13 +307,13 @@ INSTANTS = 24
 # Of the trace's length: what is not looked into any further.
 NEAR = 1.0e-9
 # The same under laws that do not act along the line of centres: what would come of bounces lower
-# than the rounding of the places (1e-7 m/s) is not known there.
+# than the rounding of the places (1e-7 m/s) is not known there. From then on that a body turns at a
+# wall, up to rounding, too: no change of the inputs shows it where the body, or its row, has
+# started from that wall at rest.
 FAINT = 1.0e-7
 # Times the speed of bounces as high as that rounding: two bodies, in the motion and in its image,
 # part faster or slower by so much for what decides whether they are in contact.
 FEW = 8.0
-# From then on that a body turns at a wall, up to rounding, too: no change of the inputs shows it
-# where the body, or its row, has started from that wall at rest.
 # Rounding of a place, as a share of the size of its coordinates.
 PLACES = 64.0 * EPSILON
 # Rounding of places and speeds, as a relative change of the inputs.
