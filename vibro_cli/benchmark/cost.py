@@ -22,6 +22,7 @@ import numpy as np
 
 from vibro_cli.benchmark.measurement import (
     BATCH,
+    COMPILED,
     WITH,
     WITHOUT,
     Job,
@@ -110,7 +111,8 @@ def _measure_scenes(plan: Plan, part: str, scenes: dict[int, Scene]) -> list[Row
     """Single compiled runs of scenes that differ in size."""
     impacts = _IMPACTS if plan.form != "quick" else 500
     rows = [
-        Row(part, scene.name, "vibro", size=size, impacts=impacts) for size, scene in scenes.items()
+        Row(part, scene.name, COMPILED, size=size, impacts=impacts)
+        for size, scene in scenes.items()
     ]
     runners = [DriverRunner(scene.system, "compiled") for scene in scenes.values()]
     jobs = [Job(runner.go, partial(runner.ready, impacts)) for runner in runners]
@@ -120,7 +122,7 @@ def _measure_scenes(plan: Plan, part: str, scenes: dict[int, Scene]) -> list[Row
             row.crossings = runner.course().crossings
             row.take_times(times)
         except Lost as lost:
-            row.status, row.note = "lost", str(lost)
+            row.lose(lost)
     return rows
 
 
@@ -270,7 +272,7 @@ def measure_other_systems(plan: Plan) -> list[Row]:
     jobs = []
     for name, scene in timed_scenes("systems").items():
         impacts = long // scene.share
-        row = Row("systems", name, "vibro", impacts=impacts)
+        row = Row("systems", name, COMPILED, impacts=impacts)
         jobs.append((row, _system_run(scene.document, impacts)))
     return timed(jobs, plan)
 

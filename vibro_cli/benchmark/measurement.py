@@ -24,6 +24,18 @@ from vibro_cli.storage.files import available_cores
 from vibro_cli.storage.tables import Origin, parquet_bytes, to_arrow
 from vibro_cli.systems.columns import Column, Table
 
+# Words of the table: methods, settings, and parts with the methods they have.
+COMPILED = "vibro"
+KEPT = "vibro, all rows kept"
+INTERPRETED = "vibro, interpreted"
+BATCH = "vibro, batch"
+SERIES = "series of the papers"
+WITH, WITHOUT = "skipped", "not skipped"
+GRID_PART = "kept"
+KERNEL, GRID = "kernel alone", "grid on the disk"
+COMMAND_PART = "command"
+EVENT_LOOP, COMMAND = "event loop alone", "vibro run"
+
 
 @dataclass
 class Row:
@@ -49,6 +61,10 @@ class Row:
     memory: Annotated[int | None, "greatest memory of the process", "B"] = None
     status: Annotated[str, "ok, lost (not the impacts of the motion) or failed"] = "ok"
     note: Annotated[str | None, "what happened, if the status is not ok"] = None
+
+    def lose(self, why: object) -> None:
+        """Say why the impacts are not those of the motion."""
+        self.status, self.note = "lost", str(why)
 
     def take_times(self, times: Sequence[float]) -> None:
         """Set what follows from the times of the runs."""
@@ -179,13 +195,6 @@ def _processor() -> str:
     return names[0] if names else "unknown"
 
 
-COMPILED = "vibro"
-KEPT = "vibro, all rows kept"
-INTERPRETED = "vibro, interpreted"
-BATCH = "vibro, batch"
-SERIES = "series of the papers"
-
-
 Work = TypeVar("Work")
 
 
@@ -228,12 +237,3 @@ def command(*arguments: str) -> tuple[float, int | None]:
     if process.returncode:
         raise subprocess.CalledProcessError(process.returncode, words)
     return taken, greatest
-
-
-WITH, WITHOUT = "skipped", "not skipped"
-
-
-GRID_PART = "kept"
-KERNEL, GRID = "kernel alone", "grid on the disk"
-COMMAND_PART = "command"
-EVENT_LOOP, COMMAND = "event loop alone", "vibro run"

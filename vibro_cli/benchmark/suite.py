@@ -65,7 +65,7 @@ def _measure_scene(plan: Plan, scene: Scene, found: list[Method]) -> list[Row]:
         try:
             course = runner.course()
         except Lost as lost:
-            row.status, row.note = "lost", str(lost)
+            row.lose(lost)
             continue
         row.crossings, row.energy_drift = course.crossings, course.energy_drift
         row.take_times(times)
@@ -82,14 +82,14 @@ def _compared(
         runner.go()
         times = runner.course().times[: scene.compared]
     except Lost as lost:
-        row.status, row.note = "lost", str(lost)
+        row.lose(lost)
         return None
     row.compared = len(times)
     found = errors_of_times(times, exact)
     row.error = max(found)
     astray = next((n for n, error in enumerate(found, 1) if error > _ASTRAY), None)
     if astray is not None and method.name != SERIES:
-        row.status, row.note = "lost", f"impact {astray} is not that of the reference"
+        row.lose(f"impact {astray} is not that of the reference")
     return runner
 
 
@@ -114,5 +114,5 @@ def _fitted(plan: Plan, scene: Scene, row: Row, runner: Runner, method: Method) 
             row.impacts = max(1, int(more * row.impacts / scene.compared)) * scene.compared
             row.impacts = min(row.impacts, most // scene.compared * scene.compared)
     except Lost as lost:
-        row.status, row.note = "lost", str(lost)
+        row.lose(lost)
         return False

@@ -38,6 +38,7 @@ def benchmark_html(rows: Sequence[Row], details: Mapping[str, Any], version: str
         except ValueError:
             continue  # a benchmark of some scenes only has no such part
         figures.append(shown(title, caption, title, wide, narrow))
+    tables = [(scene.title, _precision(rows, scene.name)) for scene in SCENES]
     values = {
         "title": "Benchmark",
         "version": version,
@@ -46,8 +47,7 @@ def benchmark_html(rows: Sequence[Row], details: Mapping[str, Any], version: str
         "conclusions": conclude(rows),
         "figures": figures,
         "heads": _HEADS,
-        "scenes": [(scene.title, _precision(rows, scene.name)) for scene in SCENES
-                   if _precision(rows, scene.name)],
+        "scenes": [(title, lines) for title, lines in tables if lines],
         "further": [_further(row) for row in rows if row.part != "precision"],
         "machine": list(details["machine"].items()),
         "plan": details["plan"],

@@ -173,6 +173,13 @@ class Motion:
         share = (1.0 + k) / (ca * ca / ma + cb * cb / mb)
         return rho_a * ca, rho_b * cb, share * ca / ma / rho_a, share * cb / mb / rho_b
 
+    def jump_on_one_arc(self, pair: int, piece: int) -> tuple[float, float, float, float]:
+        """Return the same of a pair on one arc, where it is constant."""
+        a, b = self.pairs[pair]
+        touching = [0.0] * (2 * len(self.bodies))
+        touching[2 * b] = self.contact_angle(a, b, piece)
+        return self.jump(pair, [piece] * len(self.bodies), touching)
+
     def hit(self, pair: int, pieces: Sequence[int], y: State) -> bool:
         """Carry out an impact; return whether the bodies were closing in at all."""
         a, b = self.pairs[pair]

@@ -114,11 +114,8 @@ class _HeyokaRunner(Runner):
     def _impact(self, pair: int, pieces: tuple[int, ...]) -> Any:
         a, b = self._motion.pairs[pair]
         rate_a, rate_b = 2 * a + 1, 2 * b + 1
-        constant = None
-        if pieces[a] == pieces[b]:
-            y = [0.0] * (2 * len(pieces))
-            y[2 * b] = self._motion.contact_angle(a, b, pieces[a])
-            constant = self._motion.jump(pair, pieces, y)
+        on_one = pieces[a] == pieces[b]
+        constant = self._motion.jump_on_one_arc(pair, pieces[a]) if on_one else None
 
         def impact(integrator: Any, direction: int) -> bool:
             state = self._state
@@ -171,7 +168,7 @@ class Lanes:
 
         self.count: int = hy.recommended_simd_size()
         self._motion = motion
-        self._law = motion.jump(0, (0, 0), [0.0, 0.0, motion.contact_angle(0, 1, 0), 0.0])
+        self._law = motion.jump_on_one_arc(0, 0)
         equations, [(_, gap)] = _equations(hy, motion, (0, 0))
         event = hy.t_event_batch(
             gap,

@@ -133,14 +133,6 @@ def cyrk() -> list[Method]:
 _MOST_STEPS = 100_000
 
 
-def _jump(motion: Motion, pair: int) -> tuple[float, float, float, float]:
-    """What an impact on one arc changes, see ``Motion.jump``."""
-    a, b = motion.pairs[pair]
-    touching = [0.0] * (2 * len(motion.bodies))
-    touching[2 * a], touching[2 * b] = 0.0, motion.least_angle(pair, 0)
-    return motion.jump(pair, motion.pieces, touching)
-
-
 def _flight(motion: Motion, tolerance: float) -> Any:
     """Return the function from the start of a flight to the start of the next one."""
     import diffrax
@@ -151,7 +143,7 @@ def _flight(motion: Motion, tolerance: float) -> Any:
     w2 = jnp.array([motion.w2[ball][0] for ball in range(len(motion.bodies))])
     left, right = (np.array(bodies) for bodies in zip(*motion.pairs, strict=True))
     least = jnp.array([motion.least_angle(pair, 0) for pair in pairs])
-    jumps = [_jump(motion, pair) for pair in pairs]
+    jumps = [motion.jump_on_one_arc(pair, 0) for pair in pairs]
     p, q, alpha, beta = (jnp.array(column) for column in zip(*jumps, strict=True))
 
     def gap(pair: int) -> Any:
