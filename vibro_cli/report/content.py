@@ -30,7 +30,6 @@ from vibro_cli.scenario.base import BodyTable
 from vibro_cli.storage.stored import StoredRun
 from vibro_cli.storage.tables import table_named
 from vibro_cli.systems.columns import Column
-from vibro_cli.systems.run import Run
 
 FIRST_ROWS = 100
 """Rows of the table of impacts that stand in the report."""
@@ -112,7 +111,7 @@ def section_of_trace(run: StoredRun, name: str, beside: Path) -> dict[str, Any]:
     """Return what a report says of a run on a trace."""
     notes = mechanics_warnings(run.system, run.summary["end_time"])
     return {
-        **_section(run, run, name, notes, "Largest distance of the surfaces left at an impact"),
+        **_section(run, name, notes, "Largest distance of the surfaces left at an impact"),
         "setting": _setting_of_trace(run),
         "tables": _tables(run, name),
         "series": series_rows(run),
@@ -122,33 +121,31 @@ def section_of_trace(run: StoredRun, name: str, beside: Path) -> dict[str, Any]:
     }
 
 
-def section(stored: StoredRun, name: str, beside: Path) -> dict[str, Any]:
+def section(run: StoredRun, name: str, beside: Path) -> dict[str, Any]:
     """Return what a report says of a run of a system besides the trace."""
-    notes = warnings_of(stored.scenario, stored.run.system)
+    notes = warnings_of(run.scenario, run.system)
     return {
-        **_section(stored, stored.run, name, notes, "Largest distance left at an impact"),
-        "setting": _setting(stored),
-        "tables": [_bodies(stored, name)],
+        **_section(run, name, notes, "Largest distance left at an impact"),
+        "setting": _setting(run),
+        "tables": [_bodies(run, name)],
         "series": [],
         "sides": [],
         "regimes": [],
-        "logs": _logs(stored, name, beside),
+        "logs": _logs(run, name, beside),
     }
 
 
-def _section(
-    stored: StoredRun, run: StoredRun | Run, name: str, notes: Sequence[str], gap: str
-) -> dict[str, Any]:
-    """What is said of every run, whose motion and impacts are those of `run`."""
-    rolls = not all(body.slides for body in stored.system.bodies)
-    refused = int(np.sum(~stored.collisions["admissible"]))
+def _section(run: StoredRun, name: str, notes: Sequence[str], gap: str) -> dict[str, Any]:
+    """What is said of every run."""
+    rolls = not all(body.slides for body in run.system.bodies)
+    refused = int(np.sum(~run.collisions["admissible"]))
     return {
-        "key_figures": key_figures(stored),
+        "key_figures": key_figures(run),
         "figures": list(figures_of_run(run, name)),
         "analogy": analogy(run.system, run.collisions),
-        "energy": energy_balance(stored),
-        "validity": validity(stored.summary, rolls, refused, notes),
-        "accuracy": _labelled(stored, ((gap, "max_gap", "m"), *_ACCURACY)),
+        "energy": energy_balance(run),
+        "validity": validity(run.summary, rolls, refused, notes),
+        "accuracy": _labelled(run, ((gap, "max_gap", "m"), *_ACCURACY)),
     }
 
 
@@ -228,10 +225,10 @@ def _body(run: StoredRun, index: int) -> list[str]:
     ]
 
 
-def _setting(stored: StoredRun) -> list[tuple[str, str]]:
-    data, system = stored.scenario.resolved(), stored.run.system
-    found: list[tuple[str, str]] = [("System", stored.scenario.system)]
-    found += _settings(stored, "wall", data.get("wall", {}))
+def _setting(run: StoredRun) -> list[tuple[str, str]]:
+    data, system = run.scenario.resolved(), run.system
+    found: list[tuple[str, str]] = [("System", run.scenario.system)]
+    found += _settings(run, "wall", data.get("wall", {}))
     if len(system.bodies) > 1:
         restitution = flat(data["collision"]["k"]).values()  # of every pair, or of each
         found += [
@@ -239,27 +236,27 @@ def _setting(stored: StoredRun) -> list[tuple[str, str]]:
             ("Coefficient of restitution k", ", ".join(map(number, restitution))),
             ("Inadmissible impacts", system.inadmissible),
         ]
-    return [*found, *_settings(stored, "stop", data["stop"])]
+    return [*found, *_settings(run, "stop", data["stop"])]
 
 
-def _settings(stored: StoredRun, table: str, values: Mapping[str, Any]) -> list[tuple[str, str]]:
+def _settings(run: StoredRun, table: str, values: Mapping[str, Any]) -> list[tuple[str, str]]:
     """The settings of a table of the scenario, in the words of their keys."""
     found = []
     for key, value in flat(values).items():
-        words, unit = named(table, key, type(stored.scenario))
+        words, unit = named(table, key, type(run.scenario))
         found.append((f"{table.capitalize()}, {words}", number(value, unit)))
     return found
 
 
-def _bodies(stored: StoredRun, name: str) -> tuple[str, list[str], list[list[str]]]:
+def _bodies(run: StoredRun, name: str) -> tuple[str, list[str], list[list[str]]]:
     """Caption, heads and rows of the table of bodies: what they are, and how they start."""
-    given = [flat(_beside_the_body(ball)) for ball in stored.scenario.resolved()["balls"]]
+    given = [flat(_beside_the_body(ball)) for ball in run.scenario.resolved()["balls"]]
     keys = list(dict.fromkeys(key for ball in given for key in ball))
     rows = [
         [*body_cells(index, body), *(number(ball.get(key)) for key in keys)]
-        for index, (body, ball) in enumerate(zip(stored.run.system.bodies, given, strict=True))
+        for index, (body, ball) in enumerate(zip(run.system.bodies, given, strict=True))
     ]
-    model = type(stored.scenario)
+    model = type(run.scenario)
     heads = [
         f"{words} [{unit}]" if unit else words
         for words, unit in (named("balls", key, model) for key in keys)
@@ -339,16 +336,14 @@ def _impacts(run: StoredRun, name: str, beside: Path) -> dict[str, Any]:
     return words | first_rows(run.collisions, columns, run.folder, "collisions", beside)
 
 
-def _logs(stored: StoredRun, name: str, beside: Path) -> list[dict[str, Any]]:
+def _logs(run: StoredRun, name: str, beside: Path) -> list[dict[str, Any]]:
     """The first rows of the tables of impacts."""
     found = []
-    for table, kept in stored.kind.impact_logs.items():
+    for table, kept in run.kind.impact_logs.items():
         columns = [column for column in kept.table.columns if column.name not in _LEFT_OUT]
         title = f"{kept.title} of {name}"
         said = {"label": title, "caption": title, "words": kept.words, "none": kept.none}
-        rows = stored.run.table(table)
-        assert rows is not None
-        found.append(said | first_rows(rows, columns, stored.folder, table, beside))
+        found.append(said | first_rows(run.table(table), columns, run.folder, table, beside))
     return found
 
 
