@@ -307,8 +307,7 @@ def write_names(
     corner = np.array([left, low])
     scale = np.array([size[0] / (right - left), size[1] / (high - low)])
     anchors = [((np.array([name.point]) - corner) * scale) for name in names]
-    marks = np.concatenate([*anchors, *anchors, *anchors]) if anchors else np.zeros((0, 2))
-    covered = np.concatenate([(np.reshape(obstacles, (-1, 2)) - corner) * scale, marks])
+    covered = np.concatenate([(np.reshape(obstacles, (-1, 2)) - corner) * scale, *anchors * 3])
     plain = [_plain(name.text) for name in names]
     written = (np.reshape(figures, (-1, 2)) - corner) * scale
     reserved = [(float(x), float(y), _CHARACTER) for x, y in written]

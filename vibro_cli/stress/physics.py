@@ -114,14 +114,13 @@ def overlaps(run: Run, motion: Motion) -> list[Fault]:
 def order(run: Run, motion: Motion) -> list[Fault]:
     """Bodies that are not in the order of the start."""
     trace = run.system.trace
-    steps = np.diff(motion.s, axis=1)
     if trace.closed:
         around = np.mod(np.diff(motion.s, axis=1, append=motion.s[:, :1]), trace.length)
         wrong = np.abs(around.sum(axis=1) - trace.length) > 0.5 * trace.length
         if motion.s.shape[1] == 1:
             wrong = np.zeros(len(wrong), dtype=bool)
     else:
-        wrong = (steps <= 0.0).any(axis=1)
+        wrong = (np.diff(motion.s, axis=1) <= 0.0).any(axis=1)
     if wrong.any():
         return [Fault("order", f"lost at t = {motion.t[np.argmax(wrong)]:.9g}")]
     return []

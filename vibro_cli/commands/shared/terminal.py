@@ -377,13 +377,11 @@ def _table(rows: Sequence[Sequence[str]], width: int) -> Iterator[str]:
         return
     for row in [head, *body]:
         cells = [row[n] for n in short]
-        start = "".join(c.ljust(w + _BETWEEN) for c, w in zip(cells, widths, strict=True))
         text = wrapped(row[last], width=width - offset) or [""]
         if len(cells[0]) > widths[0]:
             yield cells[0]
-            start = " " * (widths[0] + _BETWEEN) + "".join(
-                c.ljust(w + _BETWEEN) for c, w in zip(cells[1:], widths[1:], strict=True)
-            )
+            cells[0] = ""
+        start = "".join(c.ljust(w + _BETWEEN) for c, w in zip(cells, widths, strict=True))
         yield (start + text[0]).rstrip()
         yield from (" " * offset + line for line in text[1:])
 

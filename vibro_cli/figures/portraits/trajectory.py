@@ -223,18 +223,19 @@ def _branches(
         )
     pace = _pace(run, ball, piece)
     bound = here & ~free
-    if np.any(bound):
-        spans = zip(first[bound].tolist(), last[bound].tolist(), strict=True)
-        run.look_at(np.concatenate([np.arange(one, other + 1) for one, other in spans]))
-    sampled = [
-        _sampled(run, flights, range(one, other + 1), pace, count)
+    spans = [
+        range(one, other + 1)
         for one, other in zip(first[bound].tolist(), last[bound].tolist(), strict=True)
     ]
+    if spans:
+        run.look_at(np.concatenate(spans))
+    sampled = [_sampled(run, flights, span, pace, count) for span in spans]
+    begin = np.concatenate([rows, first[bound]])
     return Branches(
         np.concatenate([position, *(curve[None, :, 0] for curve in sampled)]),
         np.concatenate([rate, *(curve[None, :, 1] for curve in sampled)]),
-        flights["t_start"][np.concatenate([rows, first[bound]])].astype(np.float64),
-        flights["contact"][np.concatenate([rows, first[bound]])],
+        flights["t_start"][begin].astype(np.float64),
+        flights["contact"][begin],
     )
 
 
