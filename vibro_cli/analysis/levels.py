@@ -453,7 +453,7 @@ def _along(landscape: Landscape, run: Sequence[Reach], energy: float, count: int
     places, speeds = [], []
     for part in run:
         position, rate = _sampled(landscape, part, energy, count)
-        places.append(part.piece.arc_length(position))  # type: ignore[arg-type]
+        places.append(part.piece.arc_length(position))
         speeds.append(landscape.path_scale(part.piece) * rate)
     return LevelCurve(0, np.concatenate(places), np.concatenate(speeds))
 
