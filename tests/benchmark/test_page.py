@@ -108,3 +108,11 @@ def test_the_page_says_all_of_it() -> None:
     said = " ".join(element.text for element in Page(content).elements)
     for text in ("a processor", "lost: astray", "2.6e−01", "arcs", "1.2.3", "the root diverges"):
         assert text in said
+
+
+def test_a_part_of_the_growth_that_was_lost_is_not_drawn() -> None:
+    lost = Row("arcs", "3 arcs", "vibro", size=3, status="lost", note="the run ended")
+    figure = growth([sized("bodies", 2, 1.0), sized("bodies", 5, 1.5), lost])
+    assert [axes.get_xlabel() for axes in figure.axes] == ["number of bodies"]
+    with pytest.raises(ValueError, match="no growth was measured"):
+        growth([lost])

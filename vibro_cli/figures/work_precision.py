@@ -122,14 +122,16 @@ def growth(rows: Sequence[Row], width: str = "double") -> Figure:
 
     Raises ValueError without any row to be drawn.
     """
-    parts = [part for part in _GROWTH if any(row.part == part for row in rows)]
+    measured = {
+        part: [row for row in rows if row.part == part and row.per_impact] for part in _GROWTH
+    }
+    parts = {part: own for part, own in measured.items() if own}
     if not parts:
         raise ValueError("no growth was measured: there is nothing to draw")
     with style.journal():
         columns = len(parts) if width == "double" else 1
         figure, axes = _sheet(len(parts), width, columns, (2.5, 34.0, 9.0))
-        for part, panel in zip(parts, axes, strict=True):
-            own = [row for row in rows if row.part == part and row.per_impact]
+        for (part, own), panel in zip(parts.items(), axes, strict=True):
             sizes = [row.size or 0 for row in own]
             times = [(row.per_impact or math.nan) * 1e6 for row in own]
             panel.plot(sizes, times, **look(own[0].method))
