@@ -33,6 +33,7 @@ from vibro_cli.analysis.orbits import (
 from vibro_cli.api import load_scenario
 from vibro_cli.assemble import build_system
 from vibro_cli.commands.app import run_command_line
+from vibro_cli.figures import style
 from vibro_cli.figures.analyses import branch_figure
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.scenario.problems import ScenarioError
@@ -430,3 +431,32 @@ def test_what_cannot_be_followed_is_told(
     code = run_command_line(["orbit", str(FALLING), "--impacts", "1", *arguments])
     assert code in (1, 2)
     assert words in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("stable", "solid", "dashed"),
+    [
+        ("UUSSUU", {(2, 3)}, {(0, 1), (1, 2), (3, 4), (4, 5)}),
+        ("UUUUSS", {(4, 5)}, {(0, 1), (1, 2), (2, 3), (3, 4)}),
+        ("UUSUSS", {(4, 5)}, {(0, 1), (1, 2), (2, 3), (3, 4)}),
+        ("SSSSSS", {(n, n + 1) for n in range(5)}, set()),
+    ],
+)
+def test_a_piece_of_a_family_has_the_look_of_its_unstable_end(
+    stable: str, solid: set[tuple[int, int]], dashed: set[tuple[int, int]]
+) -> None:
+    table = {
+        "value": np.arange(6.0),
+        "stable": np.array([one == "S" for one in stable]),
+        "special": [None] * 6,
+        "period": np.linspace(1.0, 2.0, 6),
+        "multiplier": np.linspace(0.5, 1.5, 6),
+    }
+    for axes in branch_figure(table, "mass", "single").axes:
+        drawn: dict[str, set[tuple[int, int]]] = {style.BLUE: set(), style.VERMILLION: set()}
+        for line in axes.lines:
+            points = np.asarray(line.get_xydata())
+            whole = np.isfinite(points).all(axis=1)
+            for n in np.flatnonzero(whole[:-1] & whole[1:]):
+                drawn[str(line.get_color())].add((int(points[n, 0]), int(points[n + 1, 0])))
+        assert drawn == {style.BLUE: solid, style.VERMILLION: dashed}

@@ -91,7 +91,9 @@ def branch_figure(found: dict[str, Any], label: str, width: str) -> Figure:
     width
         "single" or "double".
     """
-    value, stable = np.asarray(found["value"]), np.asarray(found["stable"])
+    value = np.asarray(found["value"], dtype=np.float64)
+    stable = np.asarray(found["stable"], dtype=np.bool_)
+    whole = stable[:-1] & stable[1:]  # a piece of the curve has the look of its unstable end
     kinds = found["special"]
     marks = dict.fromkeys(_MARKS.get(kind, _OTHER) for kind in kinds if kind)
     entries: list[Entry] = [
@@ -105,10 +107,9 @@ def branch_figure(found: dict[str, Any], label: str, width: str) -> Figure:
             height = np.asarray(found[name])
             if np.ptp(height) <= _ROUNDING * np.max(np.abs(height)):
                 height = np.full_like(height, np.median(height))
-            for look, shown in ((STABLE, stable), (UNSTABLE, ~stable)):
-                # A piece of the curve has the look of its unstable end.
-                joined = shown if look is STABLE else shown | np.roll(shown, 1) | np.roll(shown, -1)
-                axes.plot(value, np.where(joined, height, np.nan), **look)
+            for look, shown in ((STABLE, whole), (UNSTABLE, ~whole)):
+                gaps = np.flatnonzero(~shown) + 1
+                axes.plot(*(np.insert(one, gaps, np.nan) for one in (value, height)), **look)
             for kind, x, y in zip(kinds, value, height, strict=True):
                 if kind:
                     axes.plot([x], [y], **_look(_MARKS.get(kind, _OTHER)[0]))
