@@ -154,6 +154,7 @@ def test_a_film_that_cannot_be_is_refused(vibro: Vibro) -> None:
         ("film.gif", "--span", "2:1"): "FROM < TO",
         ("film.gif", "--span", "900:901"): "before the end of the run",
         ("film.gif", "--pace", "1e-5", "--span", "0:1"): "expected at most 20000",
+        ("film.gif", "--pace", "inf"): "--pace: found inf, expected a finite number",
     }.items():
         outcome = vibro("report", "outputs/one_circle", "--animate", *options)
         assert outcome.code == 2, options

@@ -1,6 +1,7 @@
 """`vibro report`: a page that explains one run or a grid, or compares several runs; films."""
 
 import gc
+import math
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -113,6 +114,8 @@ class ReportCommand:
             raise typer.BadParameter(
                 f"--animate: found {target.name!r}, expected a file {', '.join(FORMS)}"
             )
+        if not math.isfinite(self.pace):
+            raise typer.BadParameter(f"--pace: found {self.pace}, expected a finite number")
         if form == ".gif" and _HUNDREDTHS % self.fps:
             raise typer.BadParameter(
                 f"--fps: found {self.fps}, expected a divisor of 100 for a GIF, as 10, 20, 25, 50"
