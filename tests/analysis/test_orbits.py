@@ -423,6 +423,10 @@ def test_python_finds_what_the_command_finds(
         (["--vary", "ends.left.wall=0.5:1"], "ends.left.wall: found a coefficient of restitution"),
         (["--period", "nan"], "--period: found nan, expected a finite number greater than 0"),
         (["--period", "-1"], "--period: found -1.0, expected a number greater than 0"),
+        (
+            ["--impacts", f"{2**63}"],
+            f"--impacts: found {2**63}, expected a whole number below 2^63",
+        ),
     ],
 )
 def test_what_cannot_be_followed_is_told(

@@ -63,15 +63,17 @@ class OrbitCommand:
 
     def __post_init__(self) -> None:
         from vibro_cli.scenario.base import checked
-        from vibro_cli.scenario.quantities import Quantity
+        from vibro_cli.scenario.quantities import Count, Quantity
 
         if self.vary is not None:
             parsed_span(self.vary)
-        if self.period is not None:
-            try:
+        try:
+            if self.period is not None:
                 checked("--period", self.period, Quantity(above=0.0))
-            except ValueError as error:
-                raise typer.BadParameter(str(error)) from error
+            if self.impacts is not None:
+                checked("--impacts", self.impacts, Count())
+        except ValueError as error:
+            raise typer.BadParameter(str(error)) from error
 
     def __call__(self) -> int:
         """Find, follow, draw, write and print."""
