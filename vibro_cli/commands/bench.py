@@ -97,13 +97,14 @@ def _line(row: "Row") -> str:
 def _write(rows: "list[Row]", details: dict[str, Any], target: Path) -> None:
     from vibro_cli import __version__
     from vibro_cli.benchmark.measurement import parquet
+    from vibro_cli.figures.over_axis import NothingToShow
     from vibro_cli.figures.work_precision import growth, work_precision
     from vibro_cli.interface import pictures
     from vibro_cli.report.benchmark_page import benchmark_html
     from vibro_cli.storage.files import write_folder
 
     figures = {"work_precision": work_precision(rows)}
-    with contextlib.suppress(ValueError):  # a benchmark of some scenes only has no such part
+    with contextlib.suppress(NothingToShow):  # a benchmark of some scenes only has no such part
         figures["growth"] = growth(rows)
     files = {
         "benchmark.parquet": parquet(rows, details),

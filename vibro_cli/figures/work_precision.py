@@ -14,6 +14,7 @@ from vibro_cli.benchmark.scenes import BY_NAME
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import Cell, in_rows
 from vibro_cli.figures.labels import LINE, draw_legend, rows_of
+from vibro_cli.figures.over_axis import NothingToShow
 from vibro_cli.figures.style import width_of
 
 _LEFT, _RIGHT, _BETWEEN, _BOTTOM, _TITLE = 12.0, 2.5, 4.0, 9.0, 5.0
@@ -56,13 +57,13 @@ def look(method: str) -> dict[str, Any]:
 def work_precision(rows: Sequence[Row], width: str = "double") -> Figure:
     """Return time for each impact against error, a panel for each scene.
 
-    `width` is `single` or `double`. Raises ValueError without any row to be drawn.
+    `width` is `single` or `double`. Raises ``NothingToShow`` without any row to be drawn.
     """
     drawn = [
         row for row in rows if row.part == "precision" and row.per_impact and row.error is not None
     ]
     if not drawn:
-        raise ValueError("no method got through any scene: there is nothing to draw")
+        raise NothingToShow("no method got through any scene: there is nothing to draw")
     scenes = list(dict.fromkeys(row.scene for row in drawn))
     methods = list(dict.fromkeys(row.method for row in drawn))
     legend = rows_of([(method, look(method)) for method in methods], width_of(width))
@@ -120,14 +121,14 @@ def _draw(panel: Axes, rows: Sequence[Row], methods: Sequence[str]) -> None:
 def growth(rows: Sequence[Row], width: str = "double") -> Figure:
     """Return time for each impact against bodies, arcs, scenarios and threads.
 
-    Raises ValueError without any row to be drawn.
+    Raises ``NothingToShow`` without any row to be drawn.
     """
     measured = {
         part: [row for row in rows if row.part == part and row.per_impact] for part in _GROWTH
     }
     parts = {part: own for part, own in measured.items() if own}
     if not parts:
-        raise ValueError("no growth was measured: there is nothing to draw")
+        raise NothingToShow("no growth was measured: there is nothing to draw")
     with style.journal():
         columns = len(parts) if width == "double" else 1
         figure, axes = _sheet(len(parts), width, columns, (2.5, 34.0, 9.0))

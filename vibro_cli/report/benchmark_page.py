@@ -8,6 +8,7 @@ from typing import Any
 from vibro_cli.benchmark.conclusions import conclude
 from vibro_cli.benchmark.measurement import Row
 from vibro_cli.benchmark.scenes import SCENES
+from vibro_cli.figures.over_axis import NothingToShow
 from vibro_cli.figures.work_precision import growth, work_precision
 from vibro_cli.report.html import rendered, shown
 
@@ -35,7 +36,7 @@ def benchmark_html(rows: Sequence[Row], details: Mapping[str, Any], version: str
     ):  # fmt: skip
         try:
             wide, narrow = draw(rows, "double"), draw(rows, "single")
-        except ValueError:
+        except NothingToShow:
             continue  # a benchmark of some scenes only has no such part
         figures.append(shown(title, caption, title, wide, narrow))
     tables = [(scene.title, _precision(rows, scene.name)) for scene in SCENES]
