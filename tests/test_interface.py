@@ -297,6 +297,9 @@ def test_figures(tmp_path: Path, run: Run) -> None:
     assert drawn.name == "portrait_2"
     assert drawn._repr_png_().startswith(b"\x89PNG")
     assert drawn.save(tmp_path / "portrait.v1.pdf").read_bytes().startswith(b"%PDF")
+    kinds = [kind for kind in run.kinds if kind != "exponents"]
+    files = {path.stem for path in run.save(tmp_path / "all", figures=kinds).iterdir()}
+    assert {run.figure(kind, body=2).name for kind in kinds} <= files
     with pytest.raises(ValueError, match="found the kind of figure 'portrat', expected one of"):
         run.figure("portrat")
     with pytest.raises(ValueError, match="body: found 3, expected a whole number from 1 to 2"):

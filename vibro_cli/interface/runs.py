@@ -301,7 +301,7 @@ class Run:
         kind
             One of ``run.kinds``, such as ``"portrait"``.
         body
-            The body of a phase portrait, from 1.
+            From 1, where there is a figure of each body, such as a phase portrait.
         width
             ``"single"`` or ``"double"``: one column of a journal (85 mm) or two (170 mm).
 
@@ -310,12 +310,13 @@ class Run:
         ValueError
             For another kind, body or width, and where the run has nothing to show in it.
         """
-        from vibro_cli.figures.kinds import draw_one
+        from vibro_cli.figures.kinds import KindOfBody, draw_one
 
         drawn = draw_one(self._shown, kind, body, width)
         if drawn is None:
             raise ValueError(f"{self.name} has nothing to show as {kind}")
-        return Drawing(f"{kind}_{body}" if kind == "portrait" else kind, drawn)
+        of_body = isinstance(self._shown.kind.figures[kind], KindOfBody)
+        return Drawing(f"{kind}_{body}" if of_body else kind, drawn)
 
     def film(
         self,
