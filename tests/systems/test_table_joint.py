@@ -54,12 +54,12 @@ def jointly(document: Document, impulses_of: Any) -> Any:
             if abs(size - touch) < 1e-12 and np.sum(row * velocity) > 1e-12:
                 rows.append(row.ravel())
     matrix = np.array(rows)
-    inverse = np.repeat(1.0 / mass, 2)
     closing = (1.0 + document["collision"]["k"]) * (matrix @ velocity.ravel())
-    system = matrix @ (inverse[:, None] * matrix.T)
-    impulses = np.linalg.lstsq(system, closing, rcond=1e-12)[0]
+    # The least change, measured by its energy; the squares of this matrix would lose digits.
+    root = np.sqrt(np.repeat(1.0 / mass, 2))
+    change = root * np.linalg.lstsq(root * matrix, closing, rcond=1e-12)[0]
     impulses_of(len(rows))
-    return velocity - (inverse * (matrix.T @ impulses)).reshape(-1, 2)
+    return velocity - change.reshape(-1, 2)
 
 
 RACKS = {
