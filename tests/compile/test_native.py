@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from pathlib import Path
+from types import ModuleType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -74,6 +76,24 @@ def library(tmp_path_factory: pytest.TempPathFactory) -> None:
     folder: Path = tmp_path_factory.mktemp("library")
     build([Program("test", (mixed, total, nothing)), Program("more", (mixed,), DOUBLED)], folder)
     add_library(folder / library_name(NATIVE))
+
+
+class Lazy(ModuleType):
+    """A module that imports another when anything of it is asked for, as some libraries' are."""
+
+    def __getattr__(self, name: str) -> object:
+        sys.modules[f"{self.__name__}.{name}"] = ModuleType(name)
+        return sys.modules[f"{self.__name__}.{name}"]
+
+
+def test_a_library_is_built_beside_modules_that_import_lazily(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "lazy", Lazy("lazy"))
+    before = set(sys.modules)
+    build([Program("test", (nothing,))], tmp_path)
+    assert (tmp_path / library_name(NATIVE)).exists()
+    assert not any(name.startswith("lazy.") for name in set(sys.modules) - before)
 
 
 def points_with(*values: float) -> Any:

@@ -163,7 +163,9 @@ def _compiled(
 
 def _record(levels: Sequence[str]) -> dict[str, Any]:
     """The libraries, and what they were made of: files of the package that were imported for it."""
-    files = {Path(str(getattr(module, "__file__", None))) for module in sys.modules.values()}
+    # Not by getattr, upon which some modules import more.
+    names = [getattr(module, "__dict__", {}).get("__file__") for module in [*sys.modules.values()]]
+    files = {Path(str(name)) for name in names}
     inside = [file for file in {*files, PRELUDE, _MAIN} if file.is_relative_to(PACKAGE)]
     sources = sorted(file.relative_to(PACKAGE).as_posix() for file in inside)
     libraries = [library_name(level) for level in levels]
