@@ -44,8 +44,9 @@ def test_an_impact_that_was_not_made_takes_no_energy(scenario: Scenario) -> None
     rows = run.collisions
     assert run.summary["end_cause"] == "inadmissible"
     assert rows["energy_loss"][-1] != 0.0
-    figure = draw_one(run, "energy", 1, "single")
-    assert figure is not None
+    one = draw_one(run, "energy", 1, "single")
+    assert one is not None
+    figure = one.figure
     drawn = marks(figure, LOSS)[:, 0] if len(figure.axes) > 1 else np.zeros(0)
     np.testing.assert_array_equal(drawn, rows["t"][:-1])
 
@@ -58,7 +59,7 @@ def test_the_law_s_speeds_after_an_inadmissible_impact_are_no_velocities_on_a_ta
     assert "velocity after" not in named
     velocities = draw_one(run, "velocities", 1, "single")
     assert velocities is not None
-    assert "after (inadmissible)" in {text.get_text() for text in texts(velocities)}
+    assert "after (inadmissible)" in {text.get_text() for text in texts(velocities.figure)}
 
 
 def test_what_impacts_gain_is_drawn_as_what_they_lose_is() -> None:
@@ -68,8 +69,9 @@ def test_what_impacts_gain_is_drawn_as_what_they_lose_is() -> None:
     run = simulate(scenario).solved
     lost = run.collisions["energy_loss"]
     assert np.any(lost < 0.0)
-    figure = draw_one(run, "energy", 1, "single")
-    assert figure is not None
+    one = draw_one(run, "energy", 1, "single")
+    assert one is not None
+    figure = one.figure
     for look, own in ((LOSS, lost > 0.0), (GAIN, lost < 0.0)):
         drawn = marks(figure, look)
         np.testing.assert_array_equal(drawn[:, 0], run.collisions["t"][own])

@@ -71,9 +71,9 @@ def test_a_body_without_inertia_slides_as_a_particle(kind: str) -> None:
                 ball.pop("body", None)
         run = simulate(any_scenario_of(document))
         assert np.isnan(run.collisions["omega_a_pre"]).all()
-        figure = draw_one(run, kind, 1, "single")
-        assert figure is not None
-        pictures.append(render(figure, "png"))
+        one = draw_one(run, kind, 1, "single")
+        assert one is not None
+        pictures.append(render(one.figure, "png"))
     assert pictures[0] == pictures[1]
 
 

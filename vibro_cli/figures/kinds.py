@@ -77,8 +77,12 @@ class KindOfBody:
     def drawn(self, name: str, run: Any, width: str) -> Iterator[Drawn]:
         """Draw it of every body."""
         for ball in range(1, len(run.system.bodies) + 1):
-            figure = self.draw(run, ball, width)
-            yield Drawn(f"{name}_{ball}", f"{self.title} {ball}", self.caption, figure)
+            yield self.of(name, run, ball, width)
+
+    def of(self, name: str, run: Any, ball: int, width: str) -> Drawn:
+        """Draw it of one body (from 1)."""
+        figure = self.draw(run, ball, width)
+        return Drawn(f"{name}_{ball}", f"{self.title} {ball}", self.caption, figure)
 
 
 PORTRAIT = "portrait"
@@ -116,7 +120,7 @@ def draw_all(
         yield from kinds[name].drawn(name, run, width)
 
 
-def draw_one(run: Any, name: str, body: int = 1, width: str = "double") -> Figure | None:
+def draw_one(run: Any, name: str, body: int = 1, width: str = "double") -> Drawn | None:
     """Return one figure of a run, None where it has nothing to show.
 
     Parameters
@@ -142,9 +146,8 @@ def draw_one(run: Any, name: str, body: int = 1, width: str = "double") -> Figur
         raise ValueError(f"found the kind of figure {name!r}, expected one of {known}")
     kind, bodies = kinds[name], len(run.system.bodies)
     if isinstance(kind, Kind):
-        return kind.draw(run, width)
-    number = checked("body", body, Count(1, bodies))
-    return kind.draw(run, number, width)  # type: ignore[no-any-return]
+        return next(kind.drawn(name, run, width), None)
+    return kind.of(name, run, checked("body", body, Count(1, bodies)), width)  # type: ignore[no-any-return]
 
 
 CONTACT_WORDS = "last impact, where contact begins [s]"

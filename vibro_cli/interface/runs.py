@@ -310,13 +310,12 @@ class Run:
         ValueError
             For another kind, body or width, and where the run has nothing to show in it.
         """
-        from vibro_cli.figures.kinds import KindOfBody, draw_one
+        from vibro_cli.figures.kinds import draw_one
 
         drawn = draw_one(self._shown, kind, body, width)
         if drawn is None:
             raise ValueError(f"{self.name} has nothing to show as {kind}")
-        of_body = isinstance(self._shown.kind.figures[kind], KindOfBody)
-        return Drawing(f"{kind}_{body}" if of_body else kind, drawn)
+        return Drawing(drawn.name, drawn.figure)
 
     def film(
         self,
