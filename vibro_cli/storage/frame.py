@@ -47,18 +47,17 @@ def read_columns(path: Path) -> dict[str, np.ndarray[Any, np.dtype[Any]]]:
         if table[name].null_count:
             row = table[name].is_null().index(True).as_py() + 1
             raise UnreadableTable(f"which lacks a value in row {row} of column {name}")
-    columns = {name: _array(table[name]) for name in table.column_names}
-    if path.suffix.lower() == ".csv":
-        # one word in a column makes words of its numbers
-        words = [name for name in columns if pa.types.is_string(table[name].type)]
-        columns |= {name: np.array([*map(_cell, columns[name])], dtype=object) for name in words}
-    return columns
+    from_csv = path.suffix.lower() == ".csv"
+    return {name: _array(table[name], from_csv) for name in table.column_names}
 
 
-def _array(column: pa.ChunkedArray) -> np.ndarray[Any, np.dtype[Any]]:
+def _array(column: pa.ChunkedArray, from_csv: bool) -> np.ndarray[Any, np.dtype[Any]]:
     if pa.types.is_integer(column.type) or pa.types.is_floating(column.type):
         return np.asarray(column.to_numpy())
-    return np.array(column.to_pylist(), dtype=object)
+    values = column.to_pylist()
+    if from_csv and pa.types.is_string(column.type):
+        values = [*map(_cell, values)]  # one word in a column makes words of its numbers
+    return np.array(values, dtype=object)
 
 
 def _cell(text: str) -> int | float | str:

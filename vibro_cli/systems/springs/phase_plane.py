@@ -397,8 +397,7 @@ def spring_periods(system: SpringsSystem, ball: int) -> tuple[float, float]:
     small = 2.0 * math.pi / (rate * math.sqrt(share)) if share > 0.0 else math.inf
     state = system.initial[ball - 1]
     x = state.position - spring.foot
-    x = x if x * x > 0.0 else 0.0  # what has no square is nothing
-    resting = dict(singular_points(spring)).get(x) if state.speed**2 == 0.0 else None
+    resting = dict(singular_points(spring)).get(x) if state.speed == 0.0 else None
     if resting is not None:
         return small, small if resting == "centre" else math.inf
     return small, _period_through(spring, rate, x, state.speed)

@@ -96,9 +96,9 @@ class Twin:
             return self._curved(state[ball], self.radii[ball], mp.mpf(one.t) - now, one)
         corners = [[mp.mpf(v) for v in corner] for corner in wall.corners]
         (x, y), (ex, ey) = corners[one.edge], corners[(one.edge + 1) % len(corners)]
-        left = on_left(wall)
+        side = on_left(wall)
         length = mp.sqrt((ex - x) ** 2 + (ey - y) ** 2)
-        normal = left * (ey - y) / length, -left * (ex - x) / length
+        normal = side * (ey - y) / length, -side * (ex - x) / length
         if math.cos(one.normal) * normal[0] + math.sin(one.normal) * normal[1] > 1.0 - 1e-12:
             px, py, vx, vy = state[ball]
             left = (x - px) * normal[0] + (y - py) * normal[1] - self.radii[ball]
