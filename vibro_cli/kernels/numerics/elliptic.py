@@ -157,6 +157,8 @@ PARAMETER_SPLIT = 0.8
 ROOT_COMPLEMENT_TINY = 1.0e-70
 # Below it a quarter period comes from its expansion at the separatrix.
 ROOT_COMPLEMENT_SMALL = 1.0e-3
+# Sum of two of Carlson's arguments over the third below which R_F is a logarithm to its last place.
+LOGARITHM_LIMIT = 1.0e-18
 # Below it the hyperbolic sine comes from its power series, to its own last place.
 SMALL_ARGUMENT = 0.35
 
@@ -383,7 +385,7 @@ def _hyperbolic_sine(r: float) -> float:
 
 @kernel
 def rf_near_logarithm(root_x: float, root_y: float, z: float) -> float:
-    """Carlson's ``R_F(x, y, z)`` for x and y below 1e-40 z, given their square roots.
+    """Carlson's ``R_F(x, y, z)`` for x and y below 1e-18 z, given their square roots.
 
     ``ln(4 sqrt z/(sqrt x + sqrt y))/sqrt z`` (DLMF 19.27.2), where x and y may underflow.
     """
@@ -417,10 +419,13 @@ def carlson_rf(x: float, y: float, z: float) -> float:
 
     Duplication until the spread is below 1e-2, then the series to seventh order (DLMF 19.36.1),
     whose eighth-order terms are below 1e-17: every duplication adds a rounding error, the series
-    hardly any. Two zero arguments give infinity.
+    hardly any. Where x and y are so small that it would take many, the logarithm is exact. Two zero
+    arguments give infinity.
     """
     if x + y <= 0.0 or y + z <= 0.0 or z + x <= 0.0:
         return math.inf
+    if x + y < LOGARITHM_LIMIT * z:
+        return rf_near_logarithm(math.sqrt(x), math.sqrt(y), z)
     a = (x + y + z) * (1.0 / 3.0)
     dx = a - x
     dy = a - y
