@@ -17,6 +17,7 @@ from vibro_cli.mechanics.system import Body
 from vibro_cli.scenario import any_scenario_of
 from vibro_cli.systems.springs.build import build
 from vibro_cli.systems.springs.phase_plane import spring_periods
+from vibro_cli.systems.springs.portrait import springs_trajectory
 from vibro_cli.systems.springs.scenario import SpringsScenario
 from vibro_cli.systems.springs.system import Spring, separatrix_speed, singular_points
 
@@ -73,6 +74,18 @@ def test_at_rest_in_a_centre_or_a_saddle_a_body_stays() -> None:
         final = run.sample([20.0])
         assert abs(final["x"][0] - place) <= 1e-12
         assert abs(final["speed"][0]) <= 1e-12
+
+
+@pytest.mark.parametrize("size", [1e-3, 1e-5, 1e-7, 1e-9, 1e-40, 1e-150])
+def test_phase_curves_of_small_swings_are_ellipses(size: float) -> None:
+    """About a stressed centre: x² + (v/ω)² = a² with ω² = ω₀² (1 − l/b), off by terms in x²."""
+    rate = math.sqrt(6.0 / 1.5 * (1.0 - 0.5))
+    run = solve(springs([disk(size, 0.3 * size * rate, spring(6.0, 1.0, 2.0, 0.0))], time=1.7))
+    (branches,) = springs_trajectory(run, 1).branches
+    radius = np.hypot(branches.position, branches.rate / rate) / (size * math.hypot(1.0, 0.3))
+    assert len(radius[0]) > 100
+    assert np.ptp(branches.position) > size
+    assert np.max(np.abs(radius - 1.0)) < size**2 + 1e-14
 
 
 @pytest.mark.parametrize("height", [1e-10, 1e-13, 1e-16, 1e-30])

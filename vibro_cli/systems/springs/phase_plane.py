@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,8 +71,6 @@ def springs_record(system: SpringsSystem, index: int) -> dict[str, Any]:
 
 Array = NDArray[np.float64]
 
-_HALVINGS = 80
-"""Of an interval with a turning point, until nothing is left of it but rounding."""
 _SCANNED = 4096
 """Intervals in which places without force are looked for, where springs act together."""
 _QUADRATURE = 128
@@ -81,6 +79,15 @@ _FINE = 4096
 """... and of one for the period of a motion of many of them."""
 _SUB = 8
 """Points of the sum that gives the time from one point of a motion to the next."""
+
+
+class Level(NamedTuple):
+    """The energy of motions by one state of each, since differences of energies lose small ones."""
+
+    place: Array
+    """A displacement (m)."""
+    square: Array
+    """The square of the speed there (m²/s²)."""
 
 
 @dataclass(frozen=True)
@@ -152,37 +159,51 @@ class SpringsLandscape:
         """Return the energy over the mass, v²/2 + U (m²/s²)."""
         return 0.5 * speed**2 + self.potential(q)
 
-    def reaches(self, q: Array, energy: Array) -> tuple[Array, Array]:
+    def square(self, q: Array, level: Level) -> Array:
+        """Return v² at places (m²/s²), negative where motions of an energy do not come.
+
+        v² = v₀² − Σ c/Σκm (s − s₀)(s + s₀ − 2 l), where s − s₀ = (q − q₀)(q + q₀ + 2 d)/(s + s₀).
+        """
+        total = level.square + np.zeros(np.shape(q))
+        for spring, offset in zip(self.springs, self.offsets, strict=True):
+            x, start = q + offset, level.place + offset
+            length, first = np.hypot(spring.height, x), np.hypot(spring.height, start)
+            longer = (q - level.place) * (x + start) / (length + first)
+            stretch = (length - spring.length) + (first - spring.length)
+            total = total - spring.stiffness / self.mass * longer * stretch
+        return total
+
+    def reaches(self, q: Array, level: Level) -> tuple[Array, Array]:
         """Return the turning points to the left and to the right of places, at given energies."""
-        left, right = (self._turning(q, energy, side) for side in (-1.0, 1.0))
+        left, right = (self._turning(q, level, side) for side in (-1.0, 1.0))
         return np.minimum(left, q), np.maximum(right, q)
 
-    def _turning(self, q: Array, energy: Array, side: float) -> Array:
+    def _turning(self, q: Array, level: Level, side: float) -> Array:
         """Return where bodies that go to one side (-1 left, 1 right) from places turn."""
-        barred = self._bound(energy, side)
+        barred = self._bound(level, side)
         passed = q.copy()
-        places = self.level_places[:: int(side)]
-        heights = self.potential(places)
         free = np.ones(len(q), dtype=np.bool_)
-        for place, height in zip(places, heights, strict=True):
+        for place in self.level_places[:: int(side)]:
             ahead = free & (side * (place - q) > 0.0)
-            stopped = ahead & (height > energy)
+            stopped = ahead & (self.square(place, level) < 0.0)
             barred = np.where(stopped, place, barred)
             free &= ~stopped
             passed = np.where(ahead & ~stopped, place, passed)
-        for _ in range(_HALVINGS):
+        while True:
             middle = 0.5 * (passed + barred)
-            beyond = self.potential(middle) > energy
+            between = np.minimum(passed, barred) < middle, middle < np.maximum(passed, barred)
+            if not np.any(between[0] & between[1]):
+                return passed
+            beyond = self.square(middle, level) < 0.0
             passed, barred = np.where(beyond, passed, middle), np.where(beyond, middle, barred)
-        return passed
 
-    def _bound(self, energy: Array, side: float) -> Array:
+    def _bound(self, level: Level, side: float) -> Array:
         """Return a place beyond every turning point: one spring alone would take the energy."""
-        bounds = []
-        for spring, offset in zip(self.springs, self.offsets, strict=True):
-            longest = spring.length + np.sqrt(2.0 * self.mass / spring.stiffness * energy)
-            square = np.maximum(longest**2 - spring.height**2, 0.0)
-            bounds.append(np.sqrt(square) - side * offset)
+        double = level.square + 2.0 * self.potential(level.place)
+        bounds = [
+            spring.length + np.sqrt(self.mass / spring.stiffness * double) - side * offset
+            for spring, offset in zip(self.springs, self.offsets, strict=True)
+        ]
         bound: Array = side * np.min(bounds, axis=0)
         return bound
 
@@ -192,8 +213,10 @@ class SpringsLandscape:
         `count` points in each part between turning points and crests, dense towards their ends.
         """
         bottoms = self.level_places[::2]
-        reached = bottoms[self.potential(bottoms) <= energy]
-        low, high = self.reaches(reached, np.full(len(reached), energy))
+        heights = self.potential(bottoms)
+        reached, lowest = bottoms[heights <= energy], np.argmin(heights)
+        level = Level(bottoms[lowest], 2.0 * (energy - heights[lowest]))
+        low, high = self.reaches(reached, level)
         spans = dict.fromkeys(zip(low.tolist(), high.tolist(), strict=True))
         curves = []
         for left, right in spans:
@@ -202,14 +225,14 @@ class SpringsLandscape:
             bend = 0.5 - 0.5 * np.cos(np.linspace(0.0, math.pi, count))
             parts = [one + (other - one) * bend for one, other in pairwise(ends)]
             q = np.concatenate([parts[0], *(part[1:] for part in parts[1:])])
-            speed = np.sqrt(np.maximum(2.0 * (energy - self.potential(q)), 0.0))
+            speed = np.sqrt(np.maximum(self.square(q, level), 0.0))
             speed[0] = speed[-1] = 0.0
             curves.append((q, speed))
         return curves
 
     def period(self, q: Array, speed: Array) -> Array:
         """Return the periods (s) of motions through given states; infinite at rest."""
-        return _Loops.of(self, q, self.energy(q, speed)).period
+        return _Loops.of(self, q, speed).period
 
     def branches(
         self, start: tuple[Array, Array], end: tuple[Array, Array], duration: Array, count: int
@@ -221,7 +244,7 @@ class SpringsLandscape:
         is constant along each; a motion of several periods gives its closed curve once, and on to
         its end. An end that is not known is NaN.
         """
-        loops = _Loops.of(self, start[0], self.energy(*start))
+        loops = _Loops.of(self, *start)
         first, sweep = loops.swept(start, end, duration)
         whole = np.floor(sweep / loops.round)
         shown = sweep - np.maximum(whole - 1.0, 0.0) * loops.round
@@ -240,7 +263,7 @@ class SpringsLandscape:
         exactly, the times to a small part of a period.
         """
         states = [(np.array([place]), np.array([speed])) for place, speed in (start, end)]
-        loops = _Loops.of(self, states[0][0], self.energy(*states[0]), _FINE)
+        loops = _Loops.of(self, *states[0], _FINE)
         first, sweep = loops.swept(states[0], states[1], np.array([duration]))
         if not math.isfinite(end[1]):
             sweep = loops.reached(first, duration)
@@ -266,7 +289,8 @@ class _Loops:
     """
 
     landscape: SpringsLandscape
-    energy: Array
+    level: Level
+    """Of shape (loops, 1) each."""
     nodes: Array
     """Turning points and the crests between them, shape (loops, nodes); others at the ends."""
     marks: Array
@@ -276,15 +300,16 @@ class _Loops:
 
     @staticmethod
     def of(
-        landscape: SpringsLandscape, q: Array, energy: Array, quadrature: int = _QUADRATURE
+        landscape: SpringsLandscape, q: Array, speed: Array, quadrature: int = _QUADRATURE
     ) -> _Loops:
-        low, high = landscape.reaches(q, energy)
+        low, high = landscape.reaches(q, Level(q, speed**2))
         inner = np.clip(landscape.crests[None, :], low[:, None], high[:, None])
         nodes = np.column_stack([low, inner, high])
         parts = np.where(np.diff(nodes, axis=1) > 0.0, 1.0, 0.0)
         parts[:, 0] += np.where(np.sum(parts, axis=1) == 0.0, 1.0, 0.0)  # a body at rest
         marks = np.column_stack([np.zeros(len(q)), np.cumsum(parts, axis=1)])
-        return _Loops(landscape, energy, nodes, marks, quadrature)
+        level = Level(q[:, None], speed[:, None] ** 2)
+        return _Loops(landscape, level, nodes, marks, quadrature)
 
     @property
     def round(self) -> Array:
@@ -331,7 +356,7 @@ class _Loops:
     def states(self, phase: Array) -> tuple[Array, Array]:
         """Return places (m) and speeds (m/s) at phases of shape (loops, points)."""
         q, _ = self._places(phase)
-        square = 2.0 * (self.energy[:, None] - self.landscape.potential(q))
+        square = self.landscape.square(q, self.level)
         turn = np.mod(phase, self.round[:, None])
         back = turn > 0.5 * self.round[:, None]
         speed = np.where(back, -1.0, 1.0) * np.sqrt(np.maximum(square, 0.0))
@@ -367,7 +392,7 @@ class _Loops:
     @cached_property
     def period(self) -> Array:
         """The time of a whole turn (s); infinite at rest."""
-        time = self._time(np.zeros(len(self.energy)), self.round)
+        time = self._time(np.zeros(len(self.nodes)), self.round)
         return np.where(time > 0.0, time, math.inf)
 
     def _time(self, first: Array, sweep: Array) -> Array:
@@ -379,7 +404,7 @@ class _Loops:
     def paces(self, phase: Array) -> Array:
         """Return the times per phase (s) at phases of shape (loops, points)."""
         q, rate = self._places(phase)
-        square = 2.0 * (self.energy[:, None] - self.landscape.potential(q))
+        square = self.landscape.square(q, self.level)
         speed = np.sqrt(np.maximum(square, 0.0))
         return np.divide(rate, speed, out=np.zeros_like(rate), where=speed > 0.0)
 
