@@ -13,6 +13,7 @@ from collections.abc import Iterable, Sequence
 from itertools import combinations
 from typing import Any, TypeAlias
 
+from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.mechanics import initial_conditions, reachability
 from vibro_cli.mechanics.potential import Turning
 from vibro_cli.mechanics.system import (
@@ -349,8 +350,12 @@ def _check_order(
             findings.add(path, found, "bodies that do not overlap")
             continue
         gaps.append(gap - 2.0 * rounding)
-    goes_round = trace.closed and len(bodies) > 2
-    if goes_round and len(gaps) == len(bodies) and findings.refuse(sum(gaps) <= 0.0):
+    if trace.closed and len(bodies) == 2 and len(trace.pieces) == 1:
+        # Opposite each other in one circle, their centres are 2 R − r_1 − r_2 apart.
+        touching = bodies[0].radius + bodies[1].radius
+        rounding = initial_conditions.GAP_ROUNDING * EPSILON * touching
+        gaps.append(trace.pieces[0].radius - touching - rounding)
+    if trace.closed and len(gaps) == len(bodies) > 1 and findings.refuse(sum(gaps) <= 0.0):
         found = "bodies that touch one another all around the closed trace"
         findings.add("balls", found, "room between two of them")
 

@@ -186,6 +186,21 @@ def test_bodies_that_fill_a_circle_up_to_rounding_are_refused(share: float) -> N
         build_system(scenario_of(circle_with_room(share, 1.0)))
 
 
+@pytest.mark.parametrize(("radius", "fills"), [(0.7, True), (0.7 - 1e-15, True), (0.69, False)])
+def test_two_bodies_as_wide_as_their_circle_are_refused(radius: float, fills: bool) -> None:
+    document = circle_with_room(0.0, 1.0)
+    document["trace"]["arcs"][0]["radius"] = 1.0
+    document["balls"] = [
+        {"radius": 0.3, "mass": 1.0, "arc": 1, "angle": -1.5, "rate": 0.3},
+        {"radius": radius, "mass": 2.0, "arc": 1, "angle": np.pi - 1.5},
+    ]
+    if not fills:
+        assert len(build_system(scenario_of(document)).bodies) == 2
+        return
+    with pytest.raises(ScenarioError, match="touch one another all around the closed trace"):
+        build_system(scenario_of(document))
+
+
 @pytest.mark.usefixtures("no_hang")
 def test_translational_closes_where_its_impacts_end() -> None:
     path = CASES / "translational_closes_by_its_momentum.toml"
