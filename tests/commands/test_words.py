@@ -7,10 +7,9 @@ from typing import Any, get_args
 import pytest
 
 from tests.fake_run import FakeRun
-from vibro_cli.commands import help
 from vibro_cli.commands.shared.terminal import END_CAUSES, size, summary_text
 from vibro_cli.kernels.impact.laws import LAW_NAMES
-from vibro_cli.report import words
+from vibro_cli.mechanics.laws import LAWS
 from vibro_cli.scenario.models import Law
 
 
@@ -112,7 +111,7 @@ def test_a_run_that_is_not_possible_is_one_line() -> None:
 
 
 def test_every_law_has_its_words() -> None:
-    for named in (get_args(get_args(Law)[0]), help.LAWS, words.LAWS):
+    for named in (get_args(get_args(Law)[0]), LAWS):
         assert set(named) == set(LAW_NAMES)
 
 

@@ -5,18 +5,23 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mpmath import MPContext
 
 from vibro_cli.kernels.impact.laws import (
     HEDRIH,
+    LAW_NAMES,
     NORMAL_IMPULSE,
     TRANSLATIONAL,
+    balances_mass,
     impact_of_pair,
     separation_speed,
 )
 from vibro_cli.kernels.world import BodyData
+from vibro_cli.mechanics.laws import LAWS, law_keeps_energy
 
 SETTINGS = settings(deadline=None, derandomize=True, max_examples=300)
 EPSILON = 2.0**-52
@@ -128,6 +133,48 @@ def test_equal_radii_on_one_piece(a: BodyData, b: BodyData, va: float, vb: float
     assert math.isclose(one[1], other[1], rel_tol=0.0, abs_tol=32 * EPSILON * scale)
     tolerance = 64 * EPSILON * a.kappa * (a.mass + b.mass) * scale**2
     assert math.isclose(one[2], other[2], rel_tol=1e-12, abs_tol=tolerance)
+
+
+def body_of(radius: float, mass: float, kappa: float) -> BodyData:
+    body = BodyData()
+    body.radius, body.mass, body.kappa, body.rolling_mass = radius, mass, kappa, kappa * mass
+    return body
+
+
+@pytest.mark.parametrize("name", LAW_NAMES)
+def test_what_is_declared_of_a_law_is_what_its_impacts_do(name: str) -> None:
+    law, declared = LAW_NAMES.index(name), LAWS[name]
+    assert bool(balances_mass(law)) == declared.balances_mass
+    rng = np.random.default_rng(5)
+    parting: dict[str, list[float]] = {"lines": [], "arcs": []}
+    for _ in range(2000):
+        a, b = (body_of(*rng.uniform([0.05, 0.2, 1.0], [0.2, 3.0, 2.0])) for _ in range(2))
+        va = float(rng.uniform(-1.0, 1.0))
+        for place, slopes in (("lines", [0.8, 0.8]), ("arcs", rng.uniform(0.5, 1.0, 2))):
+            ca, cb = map(float, slopes)
+            vb = va * ca / cb - float(rng.uniform(1e-3, 1.0))  # they approach
+            wa, wb, loss = impact_of_pair(law, 1.0, a, b, ca, cb, va, vb)
+            parting[place].append(separation_speed(ca, cb, wa, wb))
+            masses = [one.mass if declared.balances_mass else one.rolling_mass for one in (a, b)]
+            if place == "lines" and declared.separates_on_lines:
+                assert abs(masses[0] * (wa - va) + masses[1] * (wb - vb)) < 1e-14
+            if bool(law_keeps_energy(name, [a.kappa, b.kappa])):
+                assert abs(loss) < 1e-14
+            b.kappa, b.rolling_mass = a.kappa, a.kappa * b.mass
+            assert bool(law_keeps_energy(name, [a.kappa, b.kappa]))
+            assert abs(impact_of_pair(law, 1.0, a, b, ca, cb, va, vb)[2]) < 1e-14
+    assert (min(parting["lines"]) > 0.0) == declared.separates_on_lines
+    assert (min(parting["arcs"]) > 0.0) == declared.separates_on_arcs
+
+
+def test_unequal_inertia_takes_energy_under_a_law_that_balances_mass() -> None:
+    _, _, loss = impact_of_pair(
+        TRANSLATIONAL, 1.0, body_of(0.1, 1.0, 1.4), body_of(0.1, 1.0, 1.5), 1.0, 1.0, 1.0, 0.0
+    )
+    assert loss != 0.0
+    assert not law_keeps_energy("translational", [1.4, 1.5])
+    kappas = [np.array([1.4, 1.4]), np.array([1.5, 1.4])]
+    assert law_keeps_energy("translational", kappas).tolist() == [False, True]
 
 
 @SETTINGS

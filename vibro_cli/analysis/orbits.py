@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from vibro_cli.errors import VibroError
 from vibro_cli.mechanics import initial_conditions
+from vibro_cli.mechanics.laws import LAWS
 from vibro_cli.mechanics.system import InitialState, TraceSystem, neighbours
 from vibro_cli.numerics.elementwise import Floats
 from vibro_cli.systems.run import Run
@@ -226,7 +227,7 @@ def _shares(system: TraceSystem) -> Floats:
     first body's: for equal kappa this is the energy.
     """
     kappa = np.array([body.kappa for body in system.bodies])
-    return kappa[0] / kappa if system.law == "translational" else np.ones(len(kappa))
+    return kappa[0] / kappa if LAWS[system.law].balances_mass else np.ones(len(kappa))
 
 
 def energy_of(system: TraceSystem, state: Floats) -> float:

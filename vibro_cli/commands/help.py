@@ -159,20 +159,11 @@ def grid_file() -> str:
     return _GRID + _table_of_keys(schema)
 
 
-LAWS = {
-    "hedrih": "the papers' law: the moments of momentum about the contact points, J_Pa ω_a + "
-    "J_Pb ω_b with J_P = κ m r², are conserved, and ω_b⁺ − ω_a⁺ = k (ω_a⁻ − ω_b⁻)",
-    "normal-impulse": "an impulse along the line of centres, Newton's restitution on the speed of "
-    "approach, rolling kept; it always separates the bodies, and equals `hedrih` for equal radii "
-    "on one piece of the trace",
-    "translational": "the classical central impact: as `hedrih`, with m for J_P and v for ω; with "
-    "bodies of unequal κ it does not conserve the energy of rolling, not even at k = 1",
-}
-
-
 def laws() -> str:
     """The impact laws, and what happens at an impact that they do not allow."""
-    rows = [(f"`{name}`", text) for name, text in LAWS.items()]
+    from vibro_cli.mechanics.laws import LAWS
+
+    rows = [(f"`{name}`", law.statement) for name, law in LAWS.items()]
     return f"""Two neighbours collide when their centres are r_a + r_b apart and approach.
 `collision.law` is one of these, `collision.k` the coefficient of restitution from 0 to 1; ⁻ is
 before the impact, ⁺ after it, ω the angular velocity of rolling, v the speed of the centre,

@@ -10,6 +10,7 @@ from itertools import pairwise
 from typing import Any
 
 from vibro_cli.kernels.numerics.constants import EPSILON
+from vibro_cli.mechanics.laws import LAWS, law_keeps_energy
 from vibro_cli.mechanics.potential import Turning
 from vibro_cli.mechanics.trace import Piece, Trace
 from vibro_cli.numerics import elementwise
@@ -201,18 +202,19 @@ def law_warnings(
     system: TraceSystem | ImpactSystem, pairs: Sequence[tuple[Body, Body]], arcs: bool = False
 ) -> list[str]:
     """Return what is doubtful about a law between the bodies that can meet, perhaps on arcs."""
-    law, warnings = system.law, []
+    law, warnings = LAWS[system.law], []
     unequal_kappa = any(a.kappa != b.kappa for a, b in pairs)
-    if law == "translational" and unequal_kappa:
+    if law.balances_mass and unequal_kappa:
         warnings.append(
-            "the translational law does not conserve the energy of rolling at k = 1"
+            f"the {system.law} law does not conserve the energy of rolling at k = 1"
             " between bodies of unequal J_C/(m r^2)"
         )
     unequal_radii = any(a.radius != b.radius for a, b in pairs)
-    if unequal_radii and (law == "hedrih" or (law == "translational" and arcs)):
+    separates = law.separates_on_arcs if arcs else law.separates_on_lines
+    if unequal_radii and not separates:
         then = "the run stops there" if system.inadmissible == "stop" else "normal-impulse is used"
         warnings.append(
-            f"the {law} law between bodies of unequal radii can be inadmissible"
+            f"the {system.law} law between bodies of unequal radii can be inadmissible"
             f" (they would go through one another): {then}"
         )
     return warnings
@@ -245,8 +247,8 @@ class ImpactSystem(ABC):
 
     @property
     def law_keeps_energy(self) -> bool:
-        """Whether impacts with k = 1 take no energy: the translational law needs equal κ."""
-        return self.law != "translational" or len({body.kappa for body in self.bodies}) == 1
+        """Whether impacts with k = 1 take no energy of rolling."""
+        return bool(law_keeps_energy(self.law, [body.kappa for body in self.bodies]))
 
     @abstractmethod
     def keeps_energy(self, clock: Mapping[str, Any]) -> bool:

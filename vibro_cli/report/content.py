@@ -11,12 +11,12 @@ import numpy as np
 
 from vibro_cli.assemble import warnings_of
 from vibro_cli.figures.source import first_of, made
+from vibro_cli.mechanics.laws import LAWS
 from vibro_cli.mechanics.system import Body, TraceSystem, mechanics_warnings
 from vibro_cli.report.html import GENERATOR, figures_of_run, rendered
 from vibro_cli.report.papers import analogy, series_rows
 from vibro_cli.report.words import (
     END_CAUSES,
-    LAWS,
     cell,
     flat,
     link,
@@ -183,7 +183,7 @@ def _setting_of_trace(run: StoredRun) -> list[tuple[str, str]]:
         ("Trace", f"{kind}, {system.surface}, length {number(system.trace.length, 'm')}"),
         *_rotation(system),
         ("Gravity", number(system.gravity, "m/s²")),
-        ("Impact law", f"{system.law}: {LAWS[system.law]}"),
+        ("Impact law", f"{system.law}: {LAWS[system.law].summary}"),
         ("Coefficient of restitution k", ", ".join(number(k) for k in system.restitution) or "–"),
         ("Inadmissible impacts", system.inadmissible),
         ("Stop", " or ".join(text for text in limits if text not in ("", "–"))),
@@ -232,7 +232,7 @@ def _setting(run: StoredRun) -> list[tuple[str, str]]:
     if len(system.bodies) > 1:
         restitution = flat(data["collision"]["k"]).values()  # of every pair, or of each
         found += [
-            ("Impact law", f"{system.law}: {LAWS[system.law]}"),
+            ("Impact law", f"{system.law}: {LAWS[system.law].summary}"),
             ("Coefficient of restitution k", ", ".join(map(number, restitution))),
             ("Inadmissible impacts", system.inadmissible),
         ]

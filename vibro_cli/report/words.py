@@ -34,13 +34,6 @@ STATES = {
     "invalid": "The scenario is not possible.",
     "failed": "The run failed.",
 }
-LAWS = {
-    "hedrih": "moments of momentum about the contact points and the coefficient of restitution "
-    "on the angular velocities: A (3), B (15)–(16), C (3)",
-    "normal-impulse": "an impulse along the line of centres, rolling kept, the coefficient of "
-    "restitution on the speed of approach",
-    "translational": "classical central impact of bodies in translation: B (1)–(12)",
-}
 REFERENCES = {
     "A": "K. R. (Stevanović) Hedrih: Vibro-impact dynamics of two rolling balls along curvilinear "
     "trace. Procedia Engineering 199 (2017) 663–668. "

@@ -24,6 +24,7 @@ from vibro_cli.kernels.statistics.impact_columns import (
 )
 from vibro_cli.kernels.statistics.run_statistics import FinalState, Outcome, Results, tally
 from vibro_cli.kernels.world import END_NAMES, RUNNING, Flight, ImpactRow, World
+from vibro_cli.mechanics.laws import law_keeps_energy
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.numerics.elementwise import Floats
 from vibro_cli.systems.columns import (
@@ -377,9 +378,7 @@ def conserves_energy(
     ends = (system.left_end, system.right_end)
     walls = [places.of_rows(end.restitution) for end in ends if end is not None]
     lossy = sum((wall < 1.0 for wall in walls), start=np.False_)
-    equal = np.all(places.kappa == places.kappa[0], axis=0)
-    law_keeps = equal | (system.law != "translational")
-    keeps = law_keeps & np.all(restitution == 1.0, axis=1)
+    keeps = law_keeps_energy(system.law, places.kappa) & np.all(restitution == 1.0, axis=1)
     kept: np.ndarray[Any, np.dtype[np.bool_]] = np.where(outcomes["impacts"] > 0, keeps, True)
     kept &= ~(lossy & (outcomes["walls"] > 0))
     return kept
