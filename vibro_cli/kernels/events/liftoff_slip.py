@@ -253,6 +253,8 @@ def _add_limits(world: World, search: Search) -> bool:
     span = search.spans[now.span]
     if world.log[span.row].grouped == 1:
         place, lifts, slips = _look_at_group(world, search)
+    elif world.log[span.row].at_rest == 1:
+        return _look_at_rest(world, search)
     else:
         place = world.settings[0].bodies
         lifts, slips = look_at_one(world, span, now.friction, search.flights[0])
@@ -336,6 +338,18 @@ def _look_at_group(world: World, search: Search) -> tuple[int, bool, bool]:
 
 
 @kernel
+def _look_at_rest(world: World, search: Search) -> bool:
+    """Set the forces on a body alone that rests: they stay as they are, and no limit is passed."""
+    now = search.progress[0]
+    span = search.spans[now.span]
+    flight = search.flights[0]
+    recall_flight(world, world.log[span.row], span.row, flight)
+    set_ends(world, span.row, span.duration, flight)
+    set_sides(span, world.forces[world.settings[0].bodies], now.friction)
+    return True
+
+
+@kernel
 def look_at_one(world: World, span: Span, friction: float, flight: Flight) -> tuple[bool, bool]:
     """Set the forces on a body alone, if it may pass a limit; which ones it may."""
     row = world.log[span.row]
@@ -360,7 +374,7 @@ def look_at_one(world: World, span: Span, friction: float, flight: Flight) -> tu
     most = 2.0 * math.sqrt(max(widest * (1.0 - widest), 0.0)) * (1.0 - 1.0 / body.kappa)
     lifts = least <= CAUTION * (a + b)
     slips = friction >= 0.0 and most >= friction * least - CAUTION * (a + b)
-    if row.at_rest == 0 and not lifts and not slips:
+    if not lifts and not slips:
         return False, False
     recall_flight(world, row, span.row, flight)
     s, c, p = flow(flight, 0.0)

@@ -18,7 +18,13 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from vibro_cli.compile.kernel import kernel, struct
-from vibro_cli.kernels.cluster.trace_forces import AT_TIME, fit_forces, is_pendulum, set_forces
+from vibro_cli.kernels.cluster.trace_forces import (
+    AT_TIME,
+    bodies_of,
+    fit_forces,
+    is_pendulum,
+    set_forces,
+)
 from vibro_cli.kernels.contact.contact_kinematics import centre_position
 from vibro_cli.kernels.flow.flow import (
     energy_of_row,
@@ -259,8 +265,8 @@ def _tally_flights(
             before = world.log[final.latest]
             duration = (row.t - before.t) + (row.t_low - before.t_low)
             end = (row.before_s, row.before_c, row.before_p)
-            # Of several launches of a group at one instant only the last one lasts.
-            if before.grouped == 0 or duration > 0.0:
+            # Of several launches at one instant only the last one lasts.
+            if duration > 0.0:
                 _tally_forces(world, final.latest, duration, end, outcome, scratch)
         final.latest = number
 
@@ -294,8 +300,9 @@ def _tally_forces(
     A group in lasting contact is counted with the flight of its first body.
     """
     row = world.log[number]
-    if row.grouped != 0:
-        if row.group_first == row.body:
+    if row.grouped == 1 or row.at_rest == 1:
+        first, _, _ = bodies_of(world, row)
+        if first == row.body:
             least, demand = group_extremes(world, number, duration, end, scratch)
             outcome.least_force = min(outcome.least_force, least)
             outcome.most_demand = max(outcome.most_demand, demand)
@@ -416,7 +423,7 @@ def group_extremes(
     end: tuple[float, float, float],
     scratch: Flight,
 ) -> tuple[float, float]:
-    """Least normal force (N) and greatest demand of friction of a group on one of its motions.
+    """Least normal force (N) and greatest demand of friction of a group, or of a body at rest.
 
     ``number`` is the row of the flight of its first body, whose state after the duration (s) is
     ``end``.
@@ -444,11 +451,12 @@ def group_extremes(
 
 @kernel
 def _counted_in(world: World, row: FlightRow, least: float, demand: float) -> tuple[float, float]:
-    """Count in the forces on the bodies of a group at one instant."""
-    for place in range(row.group_count):
-        one = world.forces[place]
+    """Count in the forces on the bodies of a motion at one instant."""
+    first, count, base = bodies_of(world, row)
+    for place in range(count):
+        one = world.forces[base + place]
         least = min(least, one.normal)
-        if world.bodies[number_along(world, row.group_first, place)].kappa > 1.0:
+        if world.bodies[number_along(world, first, place)].kappa > 1.0:
             demand = max(demand, friction_demand(one.friction, one.normal))
     return least, demand
 

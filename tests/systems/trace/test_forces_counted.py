@@ -1,0 +1,97 @@
+"""What counts as a force of a run, against statics and formulas."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from vibro_cli.api import simulate
+from vibro_cli.scenario import scenario_of
+from vibro_cli.systems.run import Run
+
+GRAVITY, RADIUS = 10.0, 0.1
+STEEP, FLAT = 1.0, 0.2  # slopes of the two ends of an arc (rad)
+
+
+def run_of(
+    arc: dict[str, Any], start: float, balls: list[dict[str, Any]], **keys: Any
+) -> tuple[Run, dict[str, Any]]:
+    """A run on one piece, and its summary."""
+    trace = {"start_slope": start, "arcs": [arc], **keys.pop("trace", {})}
+    document = {"gravity": GRAVITY, "trace": trace, "balls": balls, **keys}
+    run = simulate(scenario_of(document), "python")
+    return run, run.summary_record()
+
+
+def arc_of(shape: str) -> tuple[dict[str, Any], float, dict[str, float], float, float]:
+    """A piece, its slope at the left end, a place at its right wall, and slope and x there."""
+    if shape == "line":
+        slope = -0.5
+        x = 0.9 * math.cos(slope) - RADIUS * math.sin(slope)
+        return {"shape": "line", "length": 1.0}, slope, {"position": 0.9}, slope, x
+    sign = 1.0 if shape == "valley" else -1.0
+    start, end = (-STEEP, -FLAT) if shape == "valley" else (FLAT, -STEEP)
+    rho = 1.0 - sign * RADIUS
+    slope = end - sign * math.asin(RADIUS / rho)
+    x = sign * (rho * math.sin(slope) - math.sin(start))
+    arc = {"shape": shape, "radius": 1.0, "end_slope": end}
+    return arc, start, {"angle": sign * slope}, slope, x
+
+
+@pytest.mark.parametrize("rate", [None, 0.5])
+@pytest.mark.parametrize("shape", ["line", "valley", "hump"])
+def test_a_body_that_rests_at_a_wall_needs_no_friction(shape: str, rate: float | None) -> None:
+    arc, start, place, slope, x = arc_of(shape)
+    ball = {"body": "hoop", "radius": RADIUS, "mass": 1.0, "arc": 1, **place}
+    turning = {} if rate is None else {"turning": {"x": 0.0, "rate": rate}}
+    run, summary = run_of(
+        arc,
+        start,
+        [ball],
+        trace=turning,
+        ends={"right": {"wall": 0.3}},
+        stop={"time": 1.0},
+        output={"friction": 0.01},
+    )
+    assert run.end_cause == "time"
+    outwards = 0.0 if rate is None else rate * rate * x
+    normal = GRAVITY * math.cos(slope) + outwards * math.sin(slope)
+    assert summary["min_normal_force"] == pytest.approx(normal, rel=1e-12)
+    assert summary["max_friction_demand"] == 0.0
+    assert "slip" not in run.events["event"].tolist()
+
+
+@pytest.mark.parametrize("rate", [None, 1e-6])
+def test_speeds_that_last_no_time_have_no_forces(rate: float | None) -> None:
+    """A heavy disk hits a light one that another one stops: so fast it would leave the hump."""
+    balls = [
+        {"body": "disk", "radius": RADIUS, "mass": mass, "arc": 1, **place}
+        for mass, place in (
+            (1.0, {"angle": -0.2, "speed": 1.9}),
+            (0.1, {"touching": "previous"}),
+            (1.0, {"touching": "previous"}),
+        )
+    ]
+    turning = {} if rate is None else {"turning": {"x": 1.0, "rate": rate}}
+    run, summary = run_of(
+        {"shape": "hump", "radius": 1.0, "end_slope": -STEEP},
+        STEEP,
+        balls,
+        trace=turning,
+        collision={"law": "normal-impulse", "k": 1.0},
+        stop={"time": 0.01},
+    )
+    impacts = run.collisions
+    assert set(impacts["t"]) == {0.0}
+    rho = 1.0 + RADIUS
+    assert max(impacts["speed_b_post"]) ** 2 > GRAVITY * rho
+    motion = run.sample(np.linspace(0.0, 0.01, 2001))
+    masses = np.tile([1.0, 0.1, 1.0], 2001)
+    sine, cosine = np.sin(motion["angle"]), np.cos(motion["angle"])
+    normal = masses * (GRAVITY * cosine - motion["speed"] ** 2 / rho)
+    demand = masses * GRAVITY * abs(sine) / 3.0 / normal
+    assert summary["min_normal_force"] == pytest.approx(normal.min(), rel=1e-6)
+    assert summary["max_friction_demand"] == pytest.approx(demand.max(), rel=1e-6)
