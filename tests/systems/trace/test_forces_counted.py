@@ -95,3 +95,19 @@ def test_speeds_that_last_no_time_have_no_forces(rate: float | None) -> None:
     demand = masses * GRAVITY * abs(sine) / 3.0 / normal
     assert summary["min_normal_force"] == pytest.approx(normal.min(), rel=1e-6)
     assert summary["max_friction_demand"] == pytest.approx(demand.max(), rel=1e-6)
+
+
+@pytest.mark.parametrize("kappa", [1.0, 1.4, 1.5, 2.0])
+def test_a_body_leaves_a_hump_once(kappa: float) -> None:
+    ball = {"inertia_ratio": kappa - 1.0, "radius": RADIUS, "mass": 1.0, "arc": 1}
+    for start in np.linspace(0.01, 0.3, 30):
+        run, _ = run_of(
+            {"shape": "hump", "radius": 1.0, "end_slope": -1.5},
+            STEEP,
+            [ball | {"angle": float(start)}],
+            trace={"surface": "one-sided"},
+            stop={"time": 10.0},
+        )
+        assert run.events["event"].tolist() == ["lift_off"]
+        angle = math.acos(2.0 * math.cos(start) / (2.0 + kappa))
+        assert run.events["s"] - 1.0 * STEEP == pytest.approx([angle], rel=1e-12)

@@ -92,7 +92,7 @@ class Events:
         if cause in (END_OF_TRACE, END_LIFT_OFF) and ball >= 0:
             last = _end(paths, cause, ball)
             # The normal force that vanishes at the end of the run is this event and no other.
-            rows = joined([chosen(rows, ~_same(rows, last)), last])
+            rows = joined([chosen(rows, rows["name"] != last["name"]), last])
         return _in_order(rows)
 
     def _rows(self, paths: Paths, world: World, touches: Any, known: int, ended: int) -> Rows:
@@ -196,11 +196,6 @@ def event_columns(rows: Rows) -> dict[str, Any]:
         values = rows[name].copy()
         table[name] = np.ma.MaskedArray(values, mask=values == 0)
     return table | {name: rows[name].copy() for name in ("s", "speed", "value")}
-
-
-def _same(rows: Rows, one: Rows) -> Any:
-    """Flags of the rows that tell of the same event of the same body at the same time."""
-    return (rows["t"] == one["t"]) & (rows["name"] == one["name"]) & (rows["ball"] == one["ball"])
 
 
 def _rows(count: int) -> Rows:
