@@ -1,4 +1,4 @@
-"""What counts as a force of a run, against statics and formulas."""
+"""What counts as a force of a run, and energies beside walls, against statics and formulas."""
 
 from __future__ import annotations
 
@@ -111,3 +111,33 @@ def test_a_body_leaves_a_hump_once(kappa: float) -> None:
         assert run.events["event"].tolist() == ["lift_off"]
         angle = math.acos(2.0 * math.cos(start) / (2.0 + kappa))
         assert run.events["s"] - 1.0 * STEEP == pytest.approx([angle], rel=1e-12)
+
+
+@pytest.mark.parametrize("shape", ["line", "hump"])
+@pytest.mark.parametrize("rate", [1e-9, 1.3])
+def test_energies_beside_a_wall_count_from_the_end_of_the_trace(shape: str, rate: float) -> None:
+    """As on a trace at rest, whose walls do not change them."""
+    arc, start, place, slope, _ = arc_of(shape)
+    key, value = next(iter(place.items()))
+    ball = {"body": "hoop", "radius": RADIUS, "mass": 1.0, "arc": 1, key: value - 0.3}
+    _, summary = run_of(
+        arc,
+        start,
+        [ball],
+        trace={"turning": {"x": 0.0, "rate": rate}},
+        ends={"right": {"wall": 0.3}},
+        stop={"time": 0.01},
+    )
+
+    def potential(along: float) -> float:
+        if shape == "line":
+            x = along * math.cos(slope) - RADIUS * math.sin(slope)
+            y = along * math.sin(slope) + RADIUS * math.cos(slope)
+        else:
+            x = math.sin(start) + (1.0 + RADIUS) * math.sin(along)
+            y = (1.0 + RADIUS) * math.cos(along)
+        return GRAVITY * y - 0.5 * (rate * x) ** 2
+
+    end = 1.0 if shape == "line" else STEEP
+    energy = potential(value - 0.3) - potential(end)
+    assert summary["energy_start"] == pytest.approx(energy, rel=1e-12)

@@ -83,9 +83,11 @@ def _set_line(
     square = track.line_growth * track.line_growth
     ends = (track.left_s, track.right_s)
     track.gravity_rate = max(abs(track.line_acceleration + square * s) for s in ends)
-    # The potential is concave along a line: its least value is at an end.
+    # The potential is concave along a line: its least value is at an end, whatever wall is there.
     factor = kappa / system.gravity
-    heights = [-factor * (track.line_acceleration + 0.5 * square * s) * s for s in ends]
+    heights = [
+        -factor * (track.line_acceleration + 0.5 * square * s) * s for s in (0.0, piece.length)
+    ]
     return track.bottom + min(heights)
 
 
@@ -97,21 +99,29 @@ def _set_arc(
     track.tilt, track.spread = pull.tilt, pull.spread
     away = piece.center[0] - turning.x
     track.bottom -= 0.5 * turning.square / system.gravity * away * away
-    low = 2.0 * math.atan2(track.left_s, track.left_c)
-    high = 2.0 * math.atan2(track.right_s, track.right_c)
-    if high < low:
-        low -= 2.0 * math.tau
+    low, high = _span((track.left_s, track.left_c), (track.right_s, track.right_c))
     _set_bounds(track, pull, low, high)
     _set_force_bounds(track, pull, piece.sign, system.bodies[number].kappa, (low, high))
-    return track.bottom + track.twice_radius * track.lowest_potential
+    ends = half_angle(piece, piece.angle_start), half_angle(piece, piece.angle_end)
+    return track.bottom + track.twice_radius * min(_lows(pull, *_span(*ends)))
+
+
+def _span(left: tuple[float, float], right: tuple[float, float]) -> tuple[float, float]:
+    """Angles f (rad) between two places ``(S, C)``."""
+    low, high = 2.0 * math.atan2(*left), 2.0 * math.atan2(*right)
+    return (low, high) if low <= high else (low - 2.0 * math.tau, high)
+
+
+def _lows(pull: Pull, low: float, high: float) -> list[float]:
+    """Values of the potential between two angles f (rad) of which one is the least."""
+    return [pull.potential(angle) for angle in [low, high, *inside(pull.equilibria(), low, high)]]
 
 
 def _set_bounds(track: TrackData, pull: Pull, low: float, high: float) -> None:
     """Crests between two angles f (rad), and bounds of what pulls a body there."""
     equilibria = pull.equilibria()
     here = inside(equilibria, low, high)
-    values = [pull.potential(angle) for angle in [low, high, *here]]
-    track.lowest_potential = min(values)
+    track.lowest_potential = min(_lows(pull, low, high))
     track.highest_potential = max(pull.potential(angle) for angle in equilibria)
     w2 = track.frequency * track.frequency
     track.most_angular = CAUTION * w2 * pull.greatest(0, low, high)
