@@ -9,12 +9,15 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pyarrow as pa
 import pytest
 
 from tests.commands.conftest import ByHand, Outcome, Vibro
+from tests.grids.kill import content
 from tests.two_balls import SCENARIO
+from vibro_cli import api, interface
 from vibro_cli.api import NotRecalled
 from vibro_cli.commands.shared.error_handling import Terminated
 from vibro_cli.errors import NoLibrary
@@ -480,6 +483,47 @@ def test_a_run_that_is_continued_has_the_same_kinds_of_figures(
     assert (to(4, "--figures", "motion"), drawn()) == (0, ["motion"])
     assert (to(5, "--no-figures"), drawn()) == (0, [])
     assert (to(6), drawn()) == (0, [])
+
+
+@pytest.mark.parametrize("early", [False, True])
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_a_signal_does_not_wait_for_figures_and_loses_no_table(
+    vibro: Vibro,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    number: signal.Signals,
+    code: int,
+    early: bool,
+) -> None:
+    """It comes while figures are drawn, or before: then none is begun."""
+    begun = 0
+
+    def figures_of(*_: object) -> dict[str, bytes]:
+        nonlocal begun
+        begun += 1
+        os.kill(os.getpid(), number)
+        return {}
+
+    def simulate_streamed(*given: Any, **more: Any) -> Any:
+        os.kill(os.getpid(), number)
+        return real(*given, **more)
+
+    real = api.simulate_streamed
+    monkeypatch.setattr(interface, "figures_of", figures_of)
+    if early:
+        monkeypatch.setattr(api, "simulate_streamed", simulate_streamed)
+    path, few = GALLERY / "springs/two_disks.toml", ("--set", "stop.collisions=2")
+    outcome = vibro("run", path, *few, "--figures", "portrait,energy", "-o", "run")
+    assert outcome.code == code
+    assert outcome.err.endswith("; what was finished is kept, two_disks without figures\n")
+    assert begun == (not early)
+    monkeypatch.undo()
+    monkeypatch.chdir(tmp_path)
+    assert vibro("verify", "run").code == 0
+    more = ("--set", "stop.collisions=3", "-q")
+    assert vibro("run", "--continue", "run", *more).code == 0
+    assert vibro("run", path, *more, "--figures", "portrait,energy", "-o", "whole").code == 0
+    assert content(tmp_path / "run") == content(tmp_path / "whole")
 
 
 def test_an_unknown_figure_is_refused_before_anything_runs(vibro: Vibro, tmp_path: Path) -> None:

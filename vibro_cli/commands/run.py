@@ -18,6 +18,7 @@ import typer
 from vibro_cli.commands.shared.error_handling import (
     DONE,
     FAILED,
+    INTERRUPTED,
     MISUSED,
     NOT_STRICT,
     CommandError,
@@ -256,7 +257,7 @@ def _warn(scenario: "AnyScenario", system: "AnySystem") -> None:
 
 
 def _kinds_drawn(earlier: Path | None) -> str:
-    """The kinds of figures that an earlier run has, as `--figures` takes them."""
+    """The kinds of figures that an earlier run has, or was to have, as `--figures` takes them."""
     if earlier is None:
         return "default"
     from vibro_cli.interface import kinds_in
@@ -265,7 +266,7 @@ def _kinds_drawn(earlier: Path | None) -> str:
     manifest = read_manifest(earlier)
     if manifest is None:
         return "default"
-    return ",".join(kinds_in(manifest["files"])) or "0"
+    return ",".join(manifest.get("undrawn") or kinds_in(manifest["files"])) or "0"
 
 
 def overrides_told(texts: Sequence[str]) -> dict[str, Any]:
@@ -322,6 +323,8 @@ class Interruption:
 
     def __init__(self) -> None:
         self.number: int | None = None
+        self.left = "what was finished is kept"
+        """What is on the disk then."""
 
     def __bool__(self) -> bool:
         return self.number is not None
@@ -335,7 +338,8 @@ class Interruption:
     def passed_on(self) -> None:
         """Raise what the signal would have raised, now that the tables are written."""
         if self.number is not None:
-            raise _exception(self.number)
+            with leaving(self.left):
+                raise _exception(self.number)
 
 
 def _exception(number: int) -> BaseException:
@@ -387,7 +391,12 @@ def stream_run(
                 raise CommandError(refusal) from error
             refusal += f"; the run until then, without figures, is kept in {target}"
         if folder is not None:
-            folder.finish(result, {} if refusal else _figures(wishes, scenario, result, folder))
+            names = [] if refusal else wishes.kinds_of(scenario.system)
+            figures = _figures(wishes, scenario, result, folder, names, interruption)
+            undrawn = names if interruption else []
+            folder.finish(result, figures, undrawn)
+            if undrawn:
+                interruption.left = f"what was finished is kept, {scenario.name} without figures"
     interruption.passed_on()
     if refusal:
         raise CommandError(refusal)
@@ -443,18 +452,29 @@ def _standard_output(form: str, scenario: "AnyScenario") -> "Iterator[Sink]":
 
 
 def _figures(
-    wishes: RunCommand, scenario: "AnyScenario", result: "Streamed", folder: "StreamedFolder"
+    wishes: RunCommand,
+    scenario: "AnyScenario",
+    result: "Streamed",
+    folder: "StreamedFolder",
+    names: Sequence[str],
+    interruption: Interruption,
 ) -> dict[str, bytes]:
-    """The figures of the run, which is solved again for them; tells of those that show nothing."""
-    names = wishes.kinds_of(scenario.system)
-    if not names:
+    """The figures of the run, which is solved again for them; tells of those that show nothing.
+
+    There are none of a run that is interrupted, before or now: its tables are not lost by that.
+    """
+    if not names or interruption:
         return {}
     from vibro_cli.interface import figures_of, nothing_shown
     from vibro_cli.storage.stored import StoredRun
 
     written, summary = folder.end_tables(), result.summary_record()
     run = StoredRun(written, scenario, {}, summary, result.checkpoint())
-    files = figures_of(run, names)
+    try:
+        files = figures_of(run, names)
+    except (KeyboardInterrupt, Terminated) as end:
+        interruption.number = getattr(end, "exit_code", INTERRUPTED) - 128
+        return {}
     if (wishes.figures or "all").strip().lower() not in ("all", *_DEFAULT):
         for text in nothing_shown(names, files):
             say(f"{scenario.name}: {text}", "warning", scenario=scenario.name)

@@ -6,7 +6,7 @@ Each has its tables and numbers, the scenario where there is one, and its figure
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
 from functools import partial
@@ -134,8 +134,13 @@ class StreamedFolder:
         self._files.close()
         return self._folder.path
 
-    def finish(self, run: Streamed | Run, figures: Mapping[str, bytes]) -> None:
-        """Write all that is not written yet; else as :meth:`add`."""
+    def finish(
+        self, run: Streamed | Run, figures: Mapping[str, bytes], undrawn: Sequence[str] = ()
+    ) -> None:
+        """Write all that is not written yet; else as :meth:`add`.
+
+        `undrawn` are kinds of figures that a signal did not wait for: a continuation draws them.
+        """
         self.end_tables()
         summary = table_named("summary", list(run.summary), self._system)
         files = {
@@ -149,9 +154,8 @@ class StreamedFolder:
             if name != SCENARIO_NAME:  # there since the start
                 self._folder.write(name, content)
             self._entries[name] = entry(content)
-        self._folder.write(
-            MANIFEST_NAME, json_bytes(manifest_of("run", self._entries, {"engine": run.engine}))
-        )
+        details = {"engine": run.engine} | ({"undrawn": list(undrawn)} if undrawn else {})
+        self._folder.write(MANIFEST_NAME, json_bytes(manifest_of("run", self._entries, details)))
 
     def close(self) -> None:
         """Close what is open."""
