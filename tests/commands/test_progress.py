@@ -84,3 +84,20 @@ def test_the_time_left_is_that_to_the_nearer_stop(monkeypatch: pytest.MonkeyPatc
     endless = terminal.RunProgress("name", None, None)
     endless.tell(0.0, 0)
     assert endless._line(1.5, 3, 1.0) == "name: t = 1.5 s  3 impacts  3 impacts/s"
+
+
+def test_what_is_drawn_is_told_on_a_terminal(folder: Path) -> None:
+    few = ["--set", "stop.collisions=3", "-o", "run", "--figures", "portrait"]
+    code, seen = processes.on_terminal(folder, ["run", "small.toml", *few])
+    assert code == 0
+    line = rb"\r\x1b\[Kdrawing: "
+    figures = [f"Phase portrait of body {ball}".encode() for ball in (1, 2)]
+    assert re.findall(line + rb"([^\r]*)", seen) == figures
+    assert re.search(line + figures[1] + rb"\r\x1b\[Ksmall: ended at t = ", seen)
+    film = ["--animate", "film.gif", "--span", "0:0.1", "--fps", "50", "--pace", "0.1"]
+    code, seen = processes.on_terminal(folder, ["report", "run", *film])
+    assert code == 0
+    told = [words.decode() for words in re.findall(line + rb"([^\r]*)", seen)]
+    assert told.count("Phase portrait of body 1") == 2  # for screens of either width
+    assert told[-1] == "frame 51 of 51"
+    assert b"drawing" not in processes.call(folder, "report", "run").stderr

@@ -13,7 +13,7 @@ import typer
 from vibro_cli import __version__
 from vibro_cli.commands.shared.error_handling import DONE, CommandError
 from vibro_cli.commands.shared.options import json_option, output_option, repeatable
-from vibro_cli.commands.shared.terminal import json_text, say
+from vibro_cli.commands.shared.terminal import drawing_told, json_text, say
 
 if TYPE_CHECKING:
     from vibro_cli.figures.kinds import Drawn
@@ -169,7 +169,8 @@ def _report(wishes: ReportCommand) -> int:
     # Figures are collected again and again, and what is there by now stays.
     gc.freeze()
     gc.set_threshold(50_000, 4, 2)
-    content = _page(subject, Path.cwd() if printed else target.parent, wishes.maps)
+    with drawing_told():
+        content = _page(subject, Path.cwd() if printed else target.parent, wishes.maps)
     if printed:
         sys.stdout.buffer.write(content)
         sys.stdout.buffer.flush()
@@ -278,7 +279,8 @@ def _write_pdf(subject: "Subject", target: Path, wishes: ReportCommand) -> None:
     from vibro_cli.storage.files import write_file
 
     drawn = _drawn(subject, wishes.width, wishes.maps)
-    write_file(target, render_pages(one.figure for _, one in drawn))
+    with drawing_told():
+        write_file(target, render_pages(one.figure for _, one in drawn))
     say(f"figures in {target}")
 
 
@@ -289,7 +291,9 @@ def _write_figures(subject: "Subject", target: Path, wishes: ReportCommand) -> N
     from vibro_cli.storage.folders import write_results
 
     drawn = _drawn(subject, wishes.width, wishes.maps)
-    write_results("figures", target, pictures(((stem, one.figure) for stem, one in drawn), FORMATS))
+    with drawing_told():
+        files = pictures(((stem, one.figure) for stem, one in drawn), FORMATS)
+    write_results("figures", target, files)
     say(f"figures in {target}")
 
 
@@ -324,5 +328,6 @@ def _write_film(run: "StoredRun", target: Path, wishes: ReportCommand) -> None:
 
     end = float(run.summary["end_time"])
     start, stop = wishes.bounds(end)
-    write_film(run, run.scenario.name, target, (start, stop), wishes.pace, wishes.fps)
+    with drawing_told():
+        write_film(run, run.scenario.name, target, (start, stop), wishes.pace, wishes.fps)
     say(f"film of {start:g} s to {stop:g} s (the run ends at {end:g} s) in {target}")

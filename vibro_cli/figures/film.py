@@ -29,6 +29,7 @@ from vibro_cli.errors import VibroError
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import body_look, limits_around, number_plane
 from vibro_cli.figures.source import Array, made
+from vibro_cli.figures.told import tell
 
 
 @dataclass(frozen=True)
@@ -336,6 +337,8 @@ class Film(Stage):
 
     def picture(self, frame: int) -> NDArray[np.uint8]:
         """Return a frame, shape (height, width, 3)."""
+        if not frame % _TOLD_EVERY:
+            tell(f"frame {frame + 1:,} of {len(self.frames.time):,}")
         self.canvas.restore_region(self._still)
         self._clock.set_text(f"$t = {self.frames.time[frame]:.3f}$ s")
         with style.journal():
@@ -382,6 +385,7 @@ class _Moving(NamedTuple):
 FORMS = ("gif", "mp4")
 _DPI = {"mp4": 200.0, "gif": 100.0}
 _COLOURS = 64
+_TOLD_EVERY = 25
 # One thread and nothing of time or machine in the file: equal input gives equal bytes.
 _ENCODING = [
     *("-an", "-c:v", "libx264", "-preset", "medium", "-crf", "18", "-pix_fmt", "yuv420p"),

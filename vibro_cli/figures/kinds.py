@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Generic, TypeVar
 
@@ -27,6 +27,7 @@ from vibro_cli.figures.over_axis import (
 from vibro_cli.figures.runs.over_impacts import exponents, intervals
 from vibro_cli.figures.style import width_of
 from vibro_cli.figures.ticks import symbol_of
+from vibro_cli.figures.told import tell
 from vibro_cli.scenario.base import checked
 from vibro_cli.scenario.quantities import Count
 
@@ -59,6 +60,7 @@ class Kind(Generic[Source]):
 
     def drawn(self, name: str, run: Source, width: str) -> Iterator[Drawn]:
         """Draw it, if it shows anything."""
+        tell(self.title)
         figure = self.draw(run, width)
         if figure is not None:
             yield Drawn(name, self.title, self.caption, figure)
@@ -81,8 +83,10 @@ class KindOfBody:
 
     def of(self, name: str, run: Any, ball: int, width: str) -> Drawn:
         """Draw it of one body (from 1)."""
+        title = f"{self.title} {ball}"
+        tell(title)
         figure = self.draw(run, ball, width)
-        return Drawn(f"{name}_{ball}", f"{self.title} {ball}", self.caption, figure)
+        return Drawn(f"{name}_{ball}", title, self.caption, figure)
 
 
 PORTRAIT = "portrait"
@@ -306,9 +310,7 @@ def draw_grid(grid: Swept, width: str = "double", columns: Sequence[str] = ()) -
             partial(column_map, name=column), column.replace("_", " ").capitalize(), caption
         )
     for name, kind in kinds.items():
-        figure = kind.draw(grid, width)
-        if figure is None:
-            continue
-        shown = lattice(grid, kind.dimensions, numbers_first=kind.dimensions == 1)
-        held = f" Held: {shown.held}." if shown is not None and shown.fixed else ""
-        yield Drawn(name, kind.title, kind.caption + held, figure)
+        for drawn in kind.drawn(name, grid, width):
+            shown = lattice(grid, kind.dimensions, numbers_first=kind.dimensions == 1)
+            held = f" Held: {shown.held}." if shown is not None and shown.fixed else ""
+            yield replace(drawn, caption=drawn.caption + held)

@@ -463,6 +463,28 @@ class Progress(_Line):
         )
 
 
+class _Drawing(_Line):
+    """What is being drawn."""
+
+    def tell(self, what: str) -> None:
+        """Say what is drawn next."""
+        if self._shown:
+            self._write(f"drawing: {printable(what)}")
+
+
+@contextlib.contextmanager
+def drawing_told() -> Iterator[None]:
+    """Tell what is drawn in the block: figures, or frames of a film."""
+    from vibro_cli.figures.told import told_to
+
+    line = _Drawing()
+    try:
+        with told_to(line.tell):
+            yield
+    finally:
+        line.end()
+
+
 class RunProgress(_Line):
     """Simulated time (s) of a run, its impacts, their rate and the time left to the nearer stop."""
 

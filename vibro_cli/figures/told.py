@@ -1,0 +1,26 @@
+"""What is being drawn, told to whoever waits for it."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+
+Listener = Callable[[str], None]
+
+_listener: ContextVar[Listener | None] = ContextVar("listener", default=None)
+
+
+@contextmanager
+def told_to(listener: Listener) -> Iterator[None]:
+    """Have a listener told, in words, what is drawn in the block, before it is drawn."""
+    token = _listener.set(listener)
+    try:
+        yield
+    finally:
+        _listener.reset(token)
+
+
+def tell(what: str) -> None:
+    """Tell the listener, if there is one, what is drawn next."""
+    listener = _listener.get()
+    if listener is not None:
+        listener(what)
