@@ -75,7 +75,7 @@ def on_terminal(
     process, terminal = pty.fork()
     if process == 0:
         os.chdir(folder)
-        os.execve(sys.executable, [*VIBRO, *arguments], environment(**changes))
+        os.execve(sys.executable, [*VIBRO, *arguments], environment(**{"TERM": "xterm", **changes}))
     output = b""
     while True:
         while typed and not select.select([terminal], [], [], 0.3)[0]:

@@ -10,7 +10,10 @@ from tests.scenario.texts import parse_scenario
 from tests.two_balls import SCENARIO
 from vibro_cli.api import simulate
 from vibro_cli.commands.shared import terminal
+from vibro_cli.figures.kinds import draw_all
+from vibro_cli.figures.told import told_to
 from vibro_cli.scenario import load_any
+from vibro_cli.systems.trace.figures import FIGURES
 from vibro_cli.systems.wanted import watched_by
 
 pytestmark = pytest.mark.long
@@ -87,17 +90,24 @@ def test_the_time_left_is_that_to_the_nearer_stop(monkeypatch: pytest.MonkeyPatc
 
 
 def test_what_is_drawn_is_told_on_a_terminal(folder: Path) -> None:
-    few = ["--set", "stop.collisions=3", "-o", "run", "--figures", "portrait"]
-    code, seen = processes.on_terminal(folder, ["run", "small.toml", *few])
-    assert code == 0
-    line = rb"\r\x1b\[Kdrawing: "
-    figures = [f"Phase portrait of body {ball}".encode() for ball in (1, 2)]
-    assert re.findall(line + rb"([^\r]*)", seen) == figures
-    assert re.search(line + figures[1] + rb"\r\x1b\[Ksmall: ended at t = ", seen)
-    film = ["--animate", "film.gif", "--span", "0:0.1", "--fps", "50", "--pace", "0.1"]
+    few = ["--set", "stop.collisions=3", "-o", "run", "--no-figures"]
+    assert processes.call(folder, "run", "small.toml", *few).returncode == 0
+    film = ["--animate", "film.gif", "--span", "0:5", "--fps", "50"]
     code, seen = processes.on_terminal(folder, ["report", "run", *film])
     assert code == 0
-    told = [words.decode() for words in re.findall(line + rb"([^\r]*)", seen)]
-    assert told.count("Phase portrait of body 1") == 2  # for screens of either width
-    assert told[-1] == "frame 51 of 51"
+    told = [words.decode() for words in re.findall(rb"\r\x1b\[Kdrawing: ([^\r]*)", seen)]
+    assert set(told) & {kind.title for kind in FIGURES.values()}
+    assert told[-1] == "frame 101 of 125"
+    # The line is removed before anything else is said.
+    for word in (b"report in", b"film of"):
+        assert re.search(rb"drawing: [^\r]*\r\x1b\[K" + word, seen)
     assert b"drawing" not in processes.call(folder, "report", "run").stderr
+
+
+def test_each_figure_is_told_before_it_is_drawn() -> None:
+    run = simulate(load_any(GALLERY / "springs/two_disks.toml", ["stop.collisions=3"]))
+    told: list[str] = []
+    with told_to(told.append):
+        for drawn in draw_all(run, ["portrait", "energy"]):
+            assert told[-1] == drawn.title
+    assert told == [*(f"Phase portrait and energies of body {n}" for n in (1, 2)), "Energies"]

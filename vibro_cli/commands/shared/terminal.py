@@ -411,7 +411,8 @@ class _Line:
     def __init__(self) -> None:
         self._begin = time.monotonic()
         self._told = self._begin
-        self._shown = sys.stderr.isatty() and is_said("info", as_text=True)
+        able = sys.stderr.isatty() and os.environ.get("TERM") != "dumb"  # to remove what it shows
+        self._shown = able and is_said("info", as_text=True)
         self._drawn = False
 
     def end(self) -> None:
@@ -464,12 +465,31 @@ class Progress(_Line):
 
 
 class _Drawing(_Line):
-    """What is being drawn."""
+    """What is being drawn, if that takes a while: one figure may take all of it."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._what = ""
+        self._begun = threading.Timer(_EVERY, self._begin_to_show)
+        self._begun.daemon = True
+        if self._shown:
+            self._begun.start()
 
     def tell(self, what: str) -> None:
-        """Say what is drawn next."""
+        """Take down what is drawn next."""
+        self._what = f"drawing: {printable(what)}"
+        if self._drawn:
+            self._write(self._what)
+
+    def _begin_to_show(self) -> None:
+        self._write(self._what)
+
+    def end(self) -> None:
+        """Remove the line, if there was time for one."""
+        self._begun.cancel()
         if self._shown:
-            self._write(f"drawing: {printable(what)}")
+            self._begun.join()
+        super().end()
 
 
 @contextlib.contextmanager
