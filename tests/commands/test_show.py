@@ -12,6 +12,7 @@ import pytest
 from tests.commands.conftest import Vibro
 from tests.fake_run import columns_of
 from vibro_cli.commands import show
+from vibro_cli.storage import tables
 from vibro_cli.storage.tables import Origin, parquet_bytes, read_parquet, to_arrow
 from vibro_cli.systems.trace import tables as of_trace
 
@@ -85,6 +86,41 @@ def test_other_forms_have_all_rows_unless_told(vibro: Vibro, table: Path, tmp_pa
     copy = tmp_path / "copy.parquet"
     copy.write_bytes(vibro("show", table, "--format", "parquet").out)
     assert copy.read_bytes() == table.read_bytes()
+
+
+@pytest.mark.parametrize("form", ["csv", "jsonl", "json"])
+@pytest.mark.parametrize("rows", ["all", "8:33", "15:15", "60:70"])
+def test_of_a_long_table_no_more_than_a_group_of_rows_is_there(
+    vibro: Vibro, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, form: str, rows: str
+) -> None:
+    data = pa.table({"n": range(50), "x": [n / 7 for n in range(50)]})
+    pq.write_table(data, tmp_path / "long.parquet", row_group_size=10)
+    read: list[int] = []
+
+    def read_groups(file: Any, groups: Any, columns: Any) -> pa.Table:
+        read.append(len(groups))
+        return real(file, groups, columns)
+
+    real = tables._of_groups
+    monkeypatch.setattr(tables, "_of_groups", read_groups)
+    options = ["--json"] if form == "json" else ["--format", form]
+    outcome = vibro("show", "long.parquet", "--rows", rows, *options)
+    assert outcome.code == 0
+    chosen = {"all": slice(0, 50), "8:33": slice(7, 33), "15:15": slice(14, 15)}
+    expected = data.to_pylist()[chosen.get(rows, slice(0))]
+    if form == "json":
+        empty = {"unit": "", "description": ""}
+        columns = [{"name": name, **empty} for name in ("n", "x")]
+        assert outcome.text == json.dumps({"columns": columns, "rows": expected}) + "\n"
+    elif form == "jsonl":
+        assert outcome.lines == expected
+    else:
+        lines = outcome.text.splitlines()
+        assert lines[0] == '"n","x"'
+        found = [line.split(",") for line in lines[1:]]
+        assert [{"n": int(n), "x": float(x)} for n, x in found] == expected
+    assert max(read) == (rows != "60:70")
+    assert len(read) == {"all": 5, "8:33": 4}.get(rows, 1)
 
 
 def test_a_wide_table_is_cut_into_blocks_that_fit(table: Path) -> None:

@@ -3,6 +3,7 @@
 import shutil
 import sys
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -25,6 +26,9 @@ if TYPE_CHECKING:
 
 _ROWS = "20"
 _DIGITS = 9
+_JSON_ROWS = 4096
+_WHOLE = ("arrow", "parquet")
+"""Forms with parts of their own, which are those of the whole table."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,15 +69,17 @@ class ShowCommand:
     def __call__(self) -> int:
         """Print the chosen rows and columns of a table in the chosen form."""
         names = None if self.columns is None else [name.strip() for name in self.columns.split(",")]
-        chosen, first, total = _read(self.file, _row_range(self._rows), names)
+        given = self.file, _row_range(self._rows), names
         if self.form is not None or self.as_json:
             try:
-                _print_whole(chosen, self.form)
+                _print_whole(_parts(*given, self.form), self.form)
             except (TypeError, ValueError) as error:  # of a table that is not one of ours
                 text = f"cannot be shown as {self.form or 'json'}: {' '.join(str(error).split())}"
                 text = f"{self.file}: {text} (choose columns with --columns)"
                 raise CommandError(text) from error
-        elif total == chosen.num_rows == 1 and names is None:
+            return DONE
+        chosen, first, total = _read(*given)
+        if total == chosen.num_rows == 1 and names is None:
             print("\n".join(_listed(chosen)))
         else:
             width = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
@@ -104,15 +110,18 @@ def _row_range(text: str) -> tuple[int | None, int | None]:
     return (0, number) if number >= 0 else (number, None)
 
 
-def _print_whole(data: "pyarrow.Table", form: TableFormat | None) -> None:
+def _print_whole(parts: "Iterator[pyarrow.Table]", form: TableFormat | None) -> None:
     """Print every row in a form for programs, as JSON if none is named."""
-    if form is None:
-        print(json_text(_as_json(data)))
-        return
-    from vibro_cli.storage.tables import stream
+    from vibro_cli.storage.tables import stream, stream_parts
 
-    stream(data, form, sys.stdout.buffer)
-    sys.stdout.buffer.flush()
+    if form is None:
+        for text in _as_json(parts):
+            sys.stdout.write(text)
+    elif form in _WHOLE:
+        stream(next(parts), form, sys.stdout.buffer)
+    else:
+        stream_parts(parts, form, sys.stdout.buffer)
+    sys.stdout.flush()
 
 
 def _read(
@@ -120,18 +129,46 @@ def _read(
 ) -> "tuple[pyarrow.Table, int, int]":
     """Some rows and columns of a file, the first row's number (from 0), and how many there are.
 
+    Raises as `_readable`.
+    """
+    from vibro_cli.storage.tables import read_rows
+
+    with _readable(file, columns):
+        return read_rows(file, slice(*rows), columns)
+
+
+def _parts(
+    file: Path,
+    rows: tuple[int | None, int | None],
+    columns: Sequence[str] | None,
+    form: TableFormat | None,
+) -> "Iterator[pyarrow.Table]":
+    """The rows of `_read` for a form, as they are read, where the form has no parts of its own."""
+    from vibro_cli.storage.tables import rows_by_group
+
+    if form in _WHOLE:
+        yield _read(file, rows, columns)[0]
+        return
+    with _readable(file, columns):
+        yield from rows_by_group(file, slice(*rows), columns)
+
+
+@contextmanager
+def _readable(file: Path, columns: Sequence[str] | None) -> Iterator[None]:
+    """Read columns of a file in the block.
+
     Raises `CommandError` when the file is not there, no parquet, or damaged, or lacks a column.
     """
     import pyarrow
 
-    from vibro_cli.storage.tables import read_rows, schema_of
+    from vibro_cli.storage.tables import schema_of
 
     if file.is_dir():
         raise CommandError(f"{file}: found a folder, expected {_file_like(file)}")
     try:
         if columns is not None:
             _check_columns(file, columns, schema_of(file).names)
-        return read_rows(file, slice(*rows), columns)
+        yield
     except FileNotFoundError as error:
         beside = {path.name: path for path in file.parent.glob("*.parquet")}
         close = similar(file.name, beside)
@@ -173,19 +210,24 @@ def _meta(data: "pyarrow.Table", name: str, key: bytes) -> str:
     return ((data.schema.field(name).metadata or {}).get(key) or b"").decode(errors="replace")
 
 
-def _as_json(data: "pyarrow.Table") -> dict[str, Any]:
-    """Columns with their units and meanings, and the rows."""
-    return {
-        "columns": [
-            {
-                "name": name,
-                "unit": _meta(data, name, b"unit"),
-                "description": _meta(data, name, b"description"),
-            }
-            for name in data.column_names
-        ],
-        "rows": data.to_pylist(),
-    }
+def _as_json(parts: "Iterator[pyarrow.Table]") -> Iterator[str]:
+    """Columns with their units and meanings, and the rows, as the text of a JSON object."""
+    part = next(parts)
+    columns = [
+        {
+            "name": name,
+            "unit": _meta(part, name, b"unit"),
+            "description": _meta(part, name, b"description"),
+        }
+        for name in part.column_names
+    ]
+    before = json_text({"columns": columns, "rows": []})[:-2]
+    while part is not None:
+        for batch in filter(len, part.to_batches(max_chunksize=_JSON_ROWS)):
+            yield before + json_text(batch.to_pylist())[1:-1]
+            before = ", "
+        part = next(parts, None)
+    yield "]}\n" if before == ", " else f"{before}]}}\n"
 
 
 def _text(value: Any) -> str:

@@ -14,7 +14,7 @@ import hashlib
 import json
 import math
 from collections import Counter
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -318,14 +318,40 @@ def read_rows(
     and held to their checksums; raises as `read_parquet`.
     """
     with pq.ParquetFile(source, page_checksum_verification=True) as file:
-        sizes = [file.metadata.row_group(n).num_rows for n in range(file.num_row_groups)]
-        ends = np.cumsum([0, *sizes])
         first, last, _ = rows.indices(file.metadata.num_rows)
-        groups = np.flatnonzero((ends[:-1] < last) & (ends[1:] > first)).tolist()
-        found = once_each(file.read_row_groups(groups, columns))
-    wanted = found if columns is None else found.select(list(columns))
-    start = first - int(ends[groups[0]]) if groups else 0
-    return wanted.slice(start, max(last - first, 0)), first, int(ends[-1])
+        begins = _groups_of(file, first, last)
+        found = _of_groups(file, list(begins), columns)
+        start = first - next(iter(begins.values()), first)
+        return found.slice(start, max(last - first, 0)), first, file.metadata.num_rows
+
+
+def rows_by_group(
+    source: Path, rows: slice, columns: Sequence[str] | None = None
+) -> Iterator[pa.Table]:
+    """Yield the rows of :func:`read_rows` as they are read, group by group; one table at least."""
+    with pq.ParquetFile(source, page_checksum_verification=True) as file:
+        first, last, _ = rows.indices(file.metadata.num_rows)
+        begins = _groups_of(file, first, last)
+        if not begins:
+            yield _of_groups(file, [], columns)
+        for group, begin in begins.items():
+            start = max(first - begin, 0)
+            yield _of_groups(file, [group], columns).slice(start, max(last - begin - start, 0))
+
+
+def _groups_of(file: pq.ParquetFile, first: int, last: int) -> dict[int, int]:
+    """The groups that have rows from `first` to before `last`, with the first row of each."""
+    sizes = [file.metadata.row_group(n).num_rows for n in range(file.num_row_groups)]
+    ends = np.cumsum([0, *sizes])
+    groups = np.flatnonzero((ends[:-1] < last) & (ends[1:] > first)).tolist()
+    return {group: int(ends[group]) for group in groups}
+
+
+def _of_groups(
+    file: pq.ParquetFile, groups: Sequence[int], columns: Sequence[str] | None
+) -> pa.Table:
+    found = once_each(file.read_row_groups(groups, columns))
+    return found if columns is None else found.select(list(columns))
 
 
 def schema_of(path: Path) -> pa.Schema:
@@ -442,8 +468,16 @@ def stream(data: pa.Table, form: str, sink: BinaryIO) -> None:
     if form == "parquet":
         sink.write(parquet_bytes(data))
         return
-    writer = _RowWriter(sink, form, data.schema)
-    writer.write(data)
+    stream_parts(iter([data]), form, sink)
+
+
+def stream_parts(parts: Iterator[pa.Table], form: str, sink: BinaryIO) -> None:
+    """Write rows that come in parts, one at least, as csv, jsonl or arrow: as :func:`stream`."""
+    part = next(parts)
+    writer = _RowWriter(sink, form, part.schema)
+    while part is not None:
+        writer.write(part)
+        part = next(parts, None)
     writer.close()
 
 
