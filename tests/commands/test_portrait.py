@@ -29,6 +29,21 @@ def test_portraits_and_their_table_are_written(vibro: Vibro) -> None:
     assert vibro("portrait", THREE_ARCS).code == 0  # ours: replaced
 
 
+def test_very_many_equal_bodies_have_a_name_of_a_file(vibro: Vibro, tmp_path: Path) -> None:
+    """Their numbers alone would be more than file systems take."""
+    ball = "[[balls]]\nbody = 'particle'\nradius = 0.001\nmass = 1.0\narc = 1\nangle = {}\n"
+    trace = "arcs = [{shape = 'valley', radius = 1.0, end_slope = '80 deg'}]\n"
+    many = "".join(ball.format(-1.0 + 0.01 * number) for number in range(100))
+    (tmp_path / "many.toml").write_text(
+        f"gravity = 9.81\n[trace]\nstart_slope = '-80 deg'\n{trace}{many}"
+        "[collision]\nlaw = 'normal-impulse'\nk = 1.0\n[stop]\ncollisions = 1\n"
+    )
+    assert vibro("portrait", "many.toml", "-o", "many", "-q").code == 0
+    assert (
+        sorted(path.stem for path in Path("many").glob("*.p*")) == ["portrait_1_and_99_others"] * 2
+    )
+
+
 def test_quiet_prints_nothing_and_json_all_the_same(vibro: Vibro) -> None:
     outcome = vibro("portrait", THREE_ARCS, "-q")
     assert (outcome.code, outcome.text, outcome.err) == (0, "", "")

@@ -52,9 +52,14 @@ def pictures(
 ) -> dict[str, bytes]:
     """Return the files of figures, which are given by their stems, by their names."""
     from vibro_cli.figures.style import render
+    from vibro_cli.figures.told import tell
 
-    pairs = figures.items() if isinstance(figures, Mapping) else figures
-    return {f"{stem}.{form}": render(figure, form) for stem, figure in pairs for form in forms}
+    files = {}
+    for stem, figure in figures.items() if isinstance(figures, Mapping) else figures:
+        for form in forms:
+            tell(f"{stem}.{form}")
+            files[f"{stem}.{form}"] = render(figure, form)
+    return files
 
 
 def figures_of(run: Any, kinds: Sequence[str]) -> dict[str, bytes]:

@@ -49,6 +49,7 @@ from vibro_cli.figures.portraits.trajectory import (
 )
 from vibro_cli.figures.source import Array, Integers, made
 from vibro_cli.figures.style import width_of
+from vibro_cli.figures.told import tell
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.springs.phase_plane import (
     TYPES,
@@ -362,7 +363,10 @@ def portrait(
     """Return the singular points of each body, and a figure of each."""
     balls = range(1, len(system.bodies) + 1)
     bodies = [springs_record(system, ball - 1) for ball in balls]
-    figures = {f"portrait_{n}": springs_structure(system, n, width) for n in balls if drawn}
+    figures = {}
+    for name, ball in ((f"portrait_{ball}", ball) for ball in balls if drawn):
+        tell(name)
+        figures[name] = springs_structure(system, ball, width)
     return {"system": "springs", "bodies": bodies}, figures
 
 
