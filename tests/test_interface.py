@@ -682,6 +682,33 @@ def test_figures_of_tables_alone_need_no_solving(
         assert (tmp_path / "opened.png").read_bytes() == (tmp_path / "run.png").read_bytes()
 
 
+def test_columns_of_a_run_in_a_folder_are_read_as_they_are_asked_for(
+    tmp_path: Path, run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read: list[list[str]] = []
+
+    def watched(self: Any, columns: Any = None, own: Any = pq.ParquetFile.read, **more: Any) -> Any:
+        read.append(columns)
+        return own(self, columns, **more)
+
+    folder = run.save(tmp_path / "run", figures=False)
+    monkeypatch.setattr(pq.ParquetFile, "read", watched)
+    table = open_run(folder).collisions
+    assert (table.rows, table.keys()) == (run.collisions.rows, run.collisions.keys())
+    assert "<table>" in table._repr_html_()
+    assert read == []
+    for _ in range(2):
+        np.testing.assert_array_equal(table["t"], run.collisions["t"])
+        assert read == [["t"]]
+    # The file that was opened is read on, whatever takes its place.
+    shutil.copy(folder / "collisions.parquet", tmp_path / "kept.parquet")
+    (folder / "collisions.parquet").rename(tmp_path / "moved.parquet")
+    (folder / "collisions.parquet").write_bytes(b"something else")
+    for one in (table, copy.deepcopy(table), pickle.loads(pickle.dumps(table))):
+        assert one.to_arrow().equals(pq.read_table(tmp_path / "kept.parquet"), check_metadata=True)
+        np.testing.assert_array_equal(one["law"], run.collisions["law"])
+
+
 def test_a_folder_that_has_gone_is_told(tmp_path: Path, run: Run) -> None:
     opened = open_run(run.save(tmp_path / "run", figures=False))
     grid = sweep(run.scenario, {"collision.k": [0.8, 0.9]}, tmp_path / "grid", collisions=True)

@@ -21,7 +21,7 @@ from vibro_cli.storage.files import available_cores
 from vibro_cli.storage.frame import Table
 from vibro_cli.storage.stored import StoredColumns, as_if_stored
 from vibro_cli.storage.stored import open_run as open_stored_run
-from vibro_cli.storage.tables import read_parquet, table_named, to_arrow, units_of_numbers
+from vibro_cli.storage.tables import AnyTable, FileTable, table_named, to_arrow, units_of_numbers
 from vibro_cli.systems import system_named
 from vibro_cli.systems.driver import CannotContinue
 from vibro_cli.systems.wanted import CHANGEABLE
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
     from typing import Any
 
-    import pyarrow
     from numpy.typing import ArrayLike
 
     from vibro_cli.grids.dataset import Verdict
@@ -54,7 +53,7 @@ class Run:
     """The run as the solver made it, with all its logs; None for one from a folder."""
     stored: StoredRun | None = field(default=None, repr=False)
     """As it was read from its folder, if it was."""
-    _made: dict[str, pyarrow.Table | None] = field(default_factory=dict, repr=False, compare=False)
+    _made: dict[str, AnyTable | None] = field(default_factory=dict, repr=False, compare=False)
 
     @property
     def solved(self) -> api.Run:
@@ -98,14 +97,14 @@ class Run:
         data = self._made[name]
         return None if data is None else Table(name, data)
 
-    def _data(self, name: str) -> pyarrow.Table | None:
+    def _data(self, name: str) -> AnyTable | None:
         if name not in {table.file for table in self._kind.tables()}:
             return None
         if self.stored is None or self.folder is None:
             return folders.run_table(self.solved, name, self.scenario)
         self.folder.stat()  # raises where it is gone
         file = f"{name}.parquet"
-        return read_parquet(self.folder / file) if file in self.stored.manifest["files"] else None
+        return FileTable(self.folder / file) if file in self.stored.manifest["files"] else None
 
     @property
     def _kind(self) -> System:

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     import pandas
     import polars
 
+    from vibro_cli.storage.tables import AnyTable
+
 
 class UnreadableTable(VibroError):
     """A file that is no table, or cannot be read; the message says why."""
@@ -88,10 +90,11 @@ class Table:
     name
         That of its file, without the suffix.
     data
-        The table of pyarrow, with units and descriptions in the metadata of its fields.
+        The table of pyarrow, with units and descriptions in the metadata of its fields, or that of
+        a file, of which columns are read as they are asked for.
     """
 
-    def __init__(self, name: str, data: pa.Table) -> None:
+    def __init__(self, name: str, data: AnyTable) -> None:
         self.name = name
         self._data = data
 
@@ -115,16 +118,16 @@ class Table:
 
     def __getitem__(self, name: str) -> NDArray[Any]:
         """Return a column; raises ``KeyError`` with the names there are."""
-        if name not in self._data.column_names:
-            names = ", ".join(self._data.column_names)
+        if name not in self:
+            names = ", ".join(self)
             raise KeyError(f"{self.name} has no column {name!r}, but {names}")
-        return _as_array(self._data[name])
+        return _as_array(self._data.select([name])[name])
 
     # Not a collections.abc.Mapping: polars would take its arrays, without what is missing in them.
 
     def keys(self) -> list[str]:
         """Return the names of the columns."""
-        return list(self._data.column_names)
+        return list(self._data.schema.names)
 
     def values(self) -> list[NDArray[Any]]:
         """Return the columns."""
@@ -135,36 +138,36 @@ class Table:
         return [(name, self[name]) for name in self]
 
     def __contains__(self, name: object) -> bool:
-        return name in self._data.column_names
+        return name in self._data.schema.names
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self._data.column_names)
+        return iter(self.keys())
 
     def __len__(self) -> int:
         """Return the number of columns, as of a dictionary; ``rows`` is that of the rows."""
-        return int(self._data.num_columns)
+        return len(self._data.schema)
 
     def to_arrow(self) -> pa.Table:
         """Return the table of pyarrow."""
-        return self._data
+        return self._data.select(self._data.schema.names)
 
     def __arrow_c_schema__(self) -> object:
         return self._data.schema.__arrow_c_schema__()
 
     def __arrow_c_stream__(self, requested_schema: object | None = None) -> object:
-        return self._data.__arrow_c_stream__(requested_schema)
+        return self.to_arrow().__arrow_c_stream__(requested_schema)
 
     def to_pandas(self) -> pandas.DataFrame:
         """Return a data frame of pandas; raises ``ImportError`` where it is not installed."""
         _check_installed("pandas")
-        return self._data.to_pandas()
+        return self.to_arrow().to_pandas()
 
     def to_polars(self) -> polars.DataFrame:
         """Return a data frame of polars; raises ``ImportError`` where it is not installed."""
         _check_installed("polars")
         import polars
 
-        return polars.DataFrame(self._data)
+        return polars.DataFrame(self.to_arrow())
 
     def __repr__(self) -> str:
         return f"<Table {self.name}: {self.rows} rows, {len(self)} columns>"

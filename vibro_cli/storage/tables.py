@@ -13,12 +13,13 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import threading
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple
+from typing import Any, BinaryIO, NamedTuple, TypeAlias
 
 import numpy as np
 import pyarrow as pa
@@ -337,6 +338,44 @@ def rows_by_group(
         for group, begin in begins.items():
             start = max(first - begin, 0)
             yield _of_groups(file, [group], columns).slice(start, max(last - begin - start, 0))
+
+
+class FileTable:
+    """The table of a parquet file, of which columns are read when they are asked for, and kept.
+
+    The file stays open: another one that takes its place is not mixed in. It has what is asked of a
+    table of pyarrow here, and its copies are such tables. Raises as `read_parquet`.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._file = pq.ParquetFile(path, page_checksum_verification=True)
+        self._columns: dict[str, pa.ChunkedArray] = {}
+        self._lock = threading.Lock()
+        self.schema = once_each(self._file.schema_arrow.empty_table()).schema
+        self.num_rows = self._file.metadata.num_rows
+
+    def select(self, names: Sequence[str]) -> pa.Table:
+        """Return a table of some columns."""
+        with self._lock:
+            missing = [name for name in names if name not in self._columns]
+            if missing:
+                found = self._file.read(missing)
+                self._columns.update(zip(found.column_names, found.columns, strict=True))
+        schema = pa.schema([self.schema.field(name) for name in names], self.schema.metadata)
+        return pa.table([self._columns[name] for name in names], schema)
+
+    def slice(self, first: int, count: int) -> pa.Table:
+        """Return some rows."""
+        with self._lock:
+            begins = _groups_of(self._file, first, first + count)
+            found = _of_groups(self._file, list(begins), None)
+        return found.slice(first - next(iter(begins.values()), first), count)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return pa.Table.from_batches, (self.select(self.schema.names).to_batches(), self.schema)
+
+
+AnyTable: TypeAlias = pa.Table | FileTable
 
 
 def _groups_of(file: pq.ParquetFile, first: int, last: int) -> dict[int, int]:
