@@ -6,6 +6,7 @@ import sys
 import tomllib
 from collections import Counter
 from collections.abc import Collection, Iterator
+from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
 
@@ -95,9 +96,14 @@ def layer(path: Path) -> str:
     return parts[0].removesuffix(".py")
 
 
+@cache
+def tree_of(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
 def imports(path: Path, at_module_level_only: bool = False) -> Iterator[str]:
     """Full names of what a file imports; imports for type checking only do not count as loading."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
+    tree = tree_of(path)
     for node in _loaded_at_import(tree) if at_module_level_only else ast.walk(tree):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
@@ -246,7 +252,7 @@ def test_nobody_asks_for_a_system_by_name_or_type(path: Path) -> None:
     """What differs from one system to another is an attribute of its object."""
     own = [f"vibro_cli.{home}.{name}." for name in NAMES[1:] for home in ("systems", "kernels")]
     assert not [name for name in imports(path) if f"{name}.".startswith(tuple(own))]
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in ast.walk(tree_of(path)):
         if isinstance(node, ast.Compare) and "system" in ast.unparse(node.left):
             sides = [ast.unparse(one) for one in node.comparators]
             assert not [one for one in sides for name in NAMES if f"'{name}'" in one], node.lineno
@@ -317,14 +323,14 @@ def _is_of_the_kernels(node: ast.stmt) -> bool:
 
 @pytest.mark.parametrize("path", KERNELS, ids=str)
 def test_kernels_hold_nothing_but_kernels_and_structs(path: Path) -> None:
-    for node in ast.parse(path.read_text(encoding="utf-8")).body:
+    for node in tree_of(path).body:
         assert _is_of_the_kernels(node), f"{path}:{node.lineno}"
 
 
 @pytest.mark.parametrize("path", SOURCES, ids=lambda path: str(path.relative_to(PACKAGE)))
 def test_functions_fit_a_screen(path: Path) -> None:
     """At most 40 lines without the docstring, and at most 8 parameters."""
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in ast.walk(tree_of(path)):
         if isinstance(node, ast.FunctionDef):
             first = node.body[0]
             is_text = ast.get_docstring(node) is not None

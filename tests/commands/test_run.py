@@ -5,6 +5,7 @@ import errno
 import io
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -520,6 +521,10 @@ def test_a_signal_does_not_wait_for_figures_and_loses_no_table(
     monkeypatch.undo()
     monkeypatch.chdir(tmp_path)
     assert vibro("verify", "run").code == 0
+    shutil.copytree("run", "ended")
+    assert vibro("run", "--continue", "ended", "-q").code == 0
+    assert vibro("run", path, *few, "-q", "--figures", "portrait,energy", "-o", "drawn").code == 0
+    assert content(tmp_path / "ended") == content(tmp_path / "drawn")
     more = ("--set", "stop.collisions=3", "-q")
     assert vibro("run", "--continue", "run", *more).code == 0
     assert vibro("run", path, *more, "--figures", "portrait,energy", "-o", "whole").code == 0

@@ -134,7 +134,8 @@ def check_names(scenarios: Sequence["AnyScenario"]) -> None:
 def read_earlier(folder: Path, overrides: Sequence[str]) -> "tuple[Path, EarlierRun | None]":
     """The scenario that goes on, and what a folder keeps of its run.
 
-    That is None where a run was killed on its way there: it is solved from its start.
+    That is None where the run is solved from its start: it was killed on its way there, or has
+    come to its end and lacks its figures alone.
 
     Raises `NotContinuable` when it holds no run that can be continued, and `CommandError` for
     overrides that would make it another run.
@@ -153,4 +154,5 @@ def read_earlier(folder: Path, overrides: Sequence[str]) -> "tuple[Path, Earlier
     if killed is not None:
         return killed, None
     found = read_earlier_run(folder)
-    return found.scenario, found
+    has_ended = found.checkpoint["end_cause"] != "interrupted" and not overrides
+    return found.scenario, None if has_ended and "undrawn" in found.manifest else found
