@@ -60,8 +60,9 @@ LAWS: Mapping[str, ImpactLaw] = {
 
 
 def law_keeps_energy(law: str, kappa: Any) -> Any:
-    """Return whether impacts with k = 1 take no energy of rolling: of Σ m v with equal κ only.
+    """Return whether impacts with k = 1 take no energy of rolling.
 
+    Those of a law that balances Σ m v take none of bodies of equal κ only.
     `kappa` has a number for each body, or an array, for which the result is an array too.
     """
     return reduce(and_, [one == kappa[0] for one in kappa]) | (not LAWS[law].balances_mass)
