@@ -88,6 +88,28 @@ def test_phase_curves_of_small_swings_are_ellipses(size: float) -> None:
     assert np.max(np.abs(radius - 1.0)) < size**2 + 1e-14
 
 
+def test_phase_curves_after_several_impacts_at_one_instant() -> None:
+    """A third disk strikes two that are pressed together: C (7) with the last speed it leaves."""
+    coming = disk(2.9, -1.5, spring(8.0, 0.5, 1.0, 0.0), mass=0.7)
+    pair = [PRESSED[0], disk(-0.2, 0.0, spring(8.0, 0.5, 1.0, -0.3), mass=1.5)]
+    run = solve(springs([*pair, coming], [0.3, 0.3], time=3.0))
+    rows = run.collisions
+    (branches,) = springs_trajectory(run, 1).branches
+    checked = 0
+    free = ~branches.contact
+    curves = branches.time[free], branches.position[free], branches.rate[free]
+    for time, x, v in zip(*curves, strict=True):
+        mine = np.flatnonzero((rows["t"] == time) & (rows["ball_a"] == 1))
+        if len(mine) == 0:
+            continue
+        at, left = rows["displacement_a"][mine[-1]], rows["speed_a_post"][mine[-1]]
+        longer = np.hypot(1.0, x) - math.hypot(1.0, at)
+        square = left**2 - 5.0 / 1.5 * (x**2 - at**2 - 2.0 * 0.5 * longer)
+        assert np.max(np.abs(v**2 - square)) < 1e-12
+        checked += int(np.sum(rows["t"] == time) > 1)
+    assert checked > 0
+
+
 @pytest.mark.parametrize("height", [1e-10, 1e-13, 1e-16, 1e-30])
 def test_a_body_passes_its_foot_however_near_the_line_that_is(height: float) -> None:
     """With the foot on the line |x| - l swings harmonically, from each passage to the next."""

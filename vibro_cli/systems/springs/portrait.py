@@ -91,9 +91,10 @@ class Motions:
 def motions(run: Run, body: int) -> Motions:
     """Return what a body (from 0) does between events, in the order of time."""
     motion: Any = run.trajectory
-    rows, times = motion.states, motion.times
+    final = np.append(np.diff(motion.times) > 0.0, True)  # what an instant of several events leaves
+    rows, times = motion.states[final], motion.times[final]
     first, last = _groups(rows["held"], body)
-    arriving = _arriving(run, first, last)
+    arriving = _arriving(run, times, first, last)
     changed = np.append(True, (np.diff(first) != 0) | (np.diff(last) != 0))
     begins = np.flatnonzero(changed | np.isfinite(arriving))
     x, v = rows["x"][:, body], rows["v"][:, body]
@@ -120,16 +121,15 @@ def _groups(held: Any, body: int) -> tuple[Integers, Integers]:
     return first, last
 
 
-def _arriving(run: Run, first: Integers, last: Integers) -> Array:
-    """Return the speed with which a body comes to each event that is an impact of it or its group.
+def _arriving(run: Run, times: Array, first: Integers, last: Integers) -> Array:
+    """Return the speed with which a body comes to each time that has an impact of it or its group.
 
-    NaN at other events. Of several impacts at one instant the first has the speed. One that is not
+    NaN at other times. Of several impacts at one instant the first has the speed. One that is not
     made is no event.
     """
     table = run.collisions
     speeds = np.full(len(first), math.nan)
-    motion: Any = run.trajectory
-    event: Any = np.searchsorted(motion.times, table["t"], side="left")
+    event: Any = np.searchsorted(times, table["t"], side="left")
     before = np.maximum(event - 1, 0)
     struck = {side: np.asarray(table[f"ball_{side}"], dtype=np.int64) - 1 for side in "ab"}
     own = [(body >= first[before]) & (body <= last[before]) for body in struck.values()]
