@@ -5,6 +5,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -212,21 +213,20 @@ def _meta(data: "pyarrow.Table", name: str, key: bytes) -> str:
 
 def _as_json(parts: "Iterator[pyarrow.Table]") -> Iterator[str]:
     """Columns with their units and meanings, and the rows, as the text of a JSON object."""
-    part = next(parts)
+    begin = next(parts)
     columns = [
         {
             "name": name,
-            "unit": _meta(part, name, b"unit"),
-            "description": _meta(part, name, b"description"),
+            "unit": _meta(begin, name, b"unit"),
+            "description": _meta(begin, name, b"description"),
         }
-        for name in part.column_names
+        for name in begin.column_names
     ]
     before = json_text({"columns": columns, "rows": []})[:-2]
-    while part is not None:
+    for part in chain([begin], parts):
         for batch in filter(len, part.to_batches(max_chunksize=_JSON_ROWS)):
             yield before + json_text(batch.to_pylist())[1:-1]
             before = ", "
-        part = next(parts, None)
     yield "]}\n" if before == ", " else f"{before}]}}\n"
 
 

@@ -18,6 +18,7 @@ from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
+from itertools import chain
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple, TypeAlias
 
@@ -320,10 +321,7 @@ def read_rows(
     """
     with pq.ParquetFile(source, page_checksum_verification=True) as file:
         first, last, _ = rows.indices(file.metadata.num_rows)
-        begins = _groups_of(file, first, last)
-        found = _of_groups(file, list(begins), columns)
-        start = first - next(iter(begins.values()), first)
-        return found.slice(start, max(last - first, 0)), first, file.metadata.num_rows
+        return _rows_of(file, first, last, columns), first, file.metadata.num_rows
 
 
 def rows_by_group(
@@ -367,9 +365,7 @@ class FileTable:
     def slice(self, first: int, count: int) -> pa.Table:
         """Return some rows."""
         with self._lock:
-            begins = _groups_of(self._file, first, first + count)
-            found = _of_groups(self._file, list(begins), None)
-        return found.slice(first - next(iter(begins.values()), first), count)
+            return _rows_of(self._file, first, first + count, None)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return pa.Table.from_batches, (self.select(self.schema.names).to_batches(), self.schema)
@@ -384,6 +380,14 @@ def _groups_of(file: pq.ParquetFile, first: int, last: int) -> dict[int, int]:
     ends = np.cumsum([0, *sizes])
     groups = np.flatnonzero((ends[:-1] < last) & (ends[1:] > first)).tolist()
     return {group: int(ends[group]) for group in groups}
+
+
+def _rows_of(
+    file: pq.ParquetFile, first: int, last: int, columns: Sequence[str] | None
+) -> pa.Table:
+    begins = _groups_of(file, first, last)
+    start = first - next(iter(begins.values()), first)
+    return _of_groups(file, list(begins), columns).slice(start, max(last - first, 0))
 
 
 def _of_groups(
@@ -512,11 +516,10 @@ def stream(data: pa.Table, form: str, sink: BinaryIO) -> None:
 
 def stream_parts(parts: Iterator[pa.Table], form: str, sink: BinaryIO) -> None:
     """Write rows that come in parts, one at least, as csv, jsonl or arrow: as :func:`stream`."""
-    part = next(parts)
-    writer = _RowWriter(sink, form, part.schema)
-    while part is not None:
+    begin = next(parts)
+    writer = _RowWriter(sink, form, begin.schema)
+    for part in chain([begin], parts):
         writer.write(part)
-        part = next(parts, None)
     writer.close()
 
 

@@ -154,5 +154,6 @@ def read_earlier(folder: Path, overrides: Sequence[str]) -> "tuple[Path, Earlier
     if killed is not None:
         return killed, None
     found = read_earlier_run(folder)
-    has_ended = found.checkpoint["end_cause"] != "interrupted" and not overrides
-    return found.scenario, None if has_ended and "undrawn" in found.manifest else found
+    has_ended = found.checkpoint["end_cause"] != "interrupted"
+    lacks_figures = has_ended and "undrawn" in found.manifest and not overrides
+    return found.scenario, None if lacks_figures else found

@@ -364,7 +364,8 @@ def portrait(
     balls = range(1, len(system.bodies) + 1)
     bodies = [springs_record(system, ball - 1) for ball in balls]
     figures = {}
-    for name, ball in ((f"portrait_{ball}", ball) for ball in balls if drawn):
+    for ball in balls if drawn else ():
+        name = f"portrait_{ball}"
         tell(name)
         figures[name] = springs_structure(system, ball, width)
     return {"system": "springs", "bodies": bodies}, figures

@@ -100,10 +100,12 @@ def _set_arc(
     away = piece.center[0] - turning.x
     track.bottom -= 0.5 * turning.square / system.gravity * away * away
     low, high = _span((track.left_s, track.left_c), (track.right_s, track.right_c))
-    _set_bounds(track, pull, low, high)
+    equilibria = pull.equilibria()
+    track.lowest_potential = _lowest_potential(pull, equilibria, low, high)
+    _set_bounds(track, pull, equilibria, (low, high))
     _set_force_bounds(track, pull, piece.sign, system.bodies[number].kappa, (low, high))
     ends = half_angle(piece, piece.angle_start), half_angle(piece, piece.angle_end)
-    return track.bottom + track.twice_radius * min(_lows(pull, *_span(*ends)))
+    return track.bottom + track.twice_radius * _lowest_potential(pull, equilibria, *_span(*ends))
 
 
 def _span(left: tuple[float, float], right: tuple[float, float]) -> tuple[float, float]:
@@ -112,16 +114,16 @@ def _span(left: tuple[float, float], right: tuple[float, float]) -> tuple[float,
     return (low, high) if low <= high else (low - 2.0 * math.tau, high)
 
 
-def _lows(pull: Pull, low: float, high: float) -> list[float]:
-    """Values of the potential between two angles f (rad) of which one is the least."""
-    return [pull.potential(angle) for angle in [low, high, *inside(pull.equilibria(), low, high)]]
+def _lowest_potential(pull: Pull, equilibria: list[float], low: float, high: float) -> float:
+    """The least potential between two angles f (rad)."""
+    return min(pull.potential(angle) for angle in [low, high, *inside(equilibria, low, high)])
 
 
-def _set_bounds(track: TrackData, pull: Pull, low: float, high: float) -> None:
+def _set_bounds(
+    track: TrackData, pull: Pull, equilibria: list[float], span: tuple[float, float]
+) -> None:
     """Crests between two angles f (rad), and bounds of what pulls a body there."""
-    equilibria = pull.equilibria()
-    here = inside(equilibria, low, high)
-    track.lowest_potential = min(_lows(pull, low, high))
+    low, high = span
     track.highest_potential = max(pull.potential(angle) for angle in equilibria)
     w2 = track.frequency * track.frequency
     track.most_angular = CAUTION * w2 * pull.greatest(0, low, high)
@@ -129,7 +131,7 @@ def _set_bounds(track: TrackData, pull: Pull, low: float, high: float) -> None:
     track.most_bending = CAUTION * w2 * pull.greatest(2, low, high)
     track.steepest = CAUTION * w2 * pull.steepest_fall(low, high)
     track.gravity_rate = track.path_radius * track.most_angular
-    crests = [angle for angle in here if pull.stiffness(angle) >= 0.0]
+    crests = [angle for angle in inside(equilibria, low, high) if pull.stiffness(angle) >= 0.0]
     track.crests = len(crests)
     halves = [(math.sin(0.5 * angle), math.cos(0.5 * angle)) for angle in crests]
     if halves:
