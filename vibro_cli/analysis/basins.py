@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter, minimum_filter
 
 from vibro_cli.errors import VibroError
 from vibro_cli.numerics.elementwise import Floats
@@ -192,6 +191,9 @@ def _in_boxes(which: NDArray[np.bool_]) -> NDArray[np.int64]:
 
 def _uncertain(cells: Codes, reach: int) -> float:
     """Share of the cells with another outcome among those up to a number of cells away."""
+    # Here, since the figures of every run import this module, and this takes 0.2 s.
+    from scipy.ndimage import maximum_filter, minimum_filter
+
     inner = tuple(slice(reach, size - reach) for size in cells.shape)
     window = 2 * reach + 1
     differs = maximum_filter(cells, window) != minimum_filter(cells, window)

@@ -201,6 +201,7 @@ def place_numbers(
     already. Greedy, in the order of the texts; None where texts and the frame leave no room.
     """
     taken = [*reserved]
+    obstacles = obstacles[np.argsort(obstacles[:, 0])]
     places: list[tuple[float, float] | None] = []
     for number, (text, points) in enumerate(zip(texts, anchors, strict=True)):
         half = 0.5 * _CHARACTER * len(text) + 0.15
@@ -257,13 +258,17 @@ def _nearest(places: Array, points: Array) -> Array:
 
 
 def _covered(candidates: Array, half: float, obstacles: Array) -> Array:
-    reach = np.array([half, 0.5 * _HIGH])
-    low, high = candidates.min(axis=0) - reach, candidates.max(axis=0) + reach
-    obstacles = obstacles[((obstacles >= low) & (obstacles <= high)).all(axis=1)]
-    across = np.abs(candidates[:, 0, None] - obstacles[None, :, 0]) < half
-    along = np.abs(candidates[:, 1, None] - obstacles[None, :, 1]) < 0.5 * _HIGH
-    covered: Array = (across & along).sum(axis=1).astype(np.float64)
-    return covered
+    """Return how many obstacles a text covers at each place; those in order of x."""
+    x, y = obstacles.T
+    first = np.searchsorted(x, candidates[:, 0] - half, "left")
+    last = np.searchsorted(x, candidates[:, 0] + half, "right")
+    covered = [
+        np.count_nonzero(
+            (np.abs(x[low:high] - place[0]) < half) & (np.abs(y[low:high] - place[1]) < 0.5 * _HIGH)
+        )
+        for low, high, place in zip(first, last, candidates, strict=True)
+    ]
+    return np.array(covered, dtype=np.float64)
 
 
 def _inside(candidates: Array, half: float, size: tuple[float, float]) -> Flags:
