@@ -206,14 +206,16 @@ def bounce(world: World, ball: int) -> int:
     speed = math.sqrt(state.square)
     row.grazing = 1 if closing <= 64.0 * RESOLVED * speed else 0
     k = wall.restitution
-    # The normal is of length 1 but for rounding, which would add up bounce after bounce.
-    share = closing / (to.normal_x * to.normal_x + to.normal_y * to.normal_y)
+    # The normal is of length 1 but for rounding, which would add up bounce after bounce; so would
+    # that of its square, since doubles are twice as dense below 1 as above.
+    excess = (to.normal_x * to.normal_x - 0.5) + (to.normal_y * to.normal_y - 0.5)
+    share = closing - closing * excess
     taken = (1.0 - k) * (1.0 + k) * closing * share
     row.loss = 0.5 * world.bodies[ball].rolling_mass * taken
     vx = state.vx - (1.0 + k) * share * to.normal_x
     vy = state.vy - (1.0 + k) * share * to.normal_y
     state.square = max(state.square - taken, 0.0)
-    row.vx_post, row.vy_post = _kept(world, ball, vx, vy)
+    row.vx_post, row.vy_post = _kept(world, ball, vx, vy, taken)
     _set_velocity(world, ball, row.vx_post, row.vy_post)
     # Where k < 1 bounces along a concave wall come ever faster, until the ball stays there.
     concave = wall.kind == CONIC and wall.side > 0.0
@@ -223,15 +225,19 @@ def bounce(world: World, ball: int) -> int:
 
 
 @kernel
-def _kept(world: World, ball: int, vx: float, vy: float) -> tuple[float, float]:
-    """Give a velocity the speed that it has by the law; what that takes or gives is added up."""
+def _kept(world: World, ball: int, vx: float, vy: float, taken: float) -> tuple[float, float]:
+    """Give a velocity the speed that it has by the law; what that takes or gives is added up.
+
+    Where a bounce has taken more (of the square of the speed) than it left, what is left is the
+    difference of large terms, and the velocity tells it better.
+    """
     state = world.balls[ball]
     found = vx * vx + vy * vy
-    if found == 0.0 or state.square == 0.0:
+    if found == 0.0 or taken > state.square:
         return vx, vy
     surplus = (found - state.square) / found
     if abs(surplus) > SMALL_SURPLUS:
-        return vx, vy  # the difference of large terms, k near 0: not to be told from the loss
+        return vx, vy
     half_mass = 0.5 * world.bodies[ball].rolling_mass
     world.clock[0].energy_correction += half_mass * abs(found - state.square)
     return vx - 0.5 * surplus * vx, vy - 0.5 * surplus * vy

@@ -115,8 +115,10 @@ def _root(wall: WallData, offset: float, px: float, py: float, fx: float, fy: fl
         if turning > 0.0:
             step = -0.5 * (1.0 + t * t) * away / turning
         size = abs(step)
-        if size <= EPSILON or (last < SETTLED and size >= 0.5 * last):
+        if last < SETTLED and size >= 0.5 * last:
             return t  # as near as the rounding of the distance allows
+        if size <= EPSILON:
+            return t + step
         last = size
         t += step
         if not low < t < high:
