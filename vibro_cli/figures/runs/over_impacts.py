@@ -53,10 +53,12 @@ def impact_map(run: Recorded, width: str = "single") -> Figure | None:
     arc, trace = _only_arc(run), run.system.trace
     if arc is None:
         junctions = [piece.start_s for piece in trace.pieces[1:]]
-        return speed_map(run.collisions, "s_a", ("$s$", "m"), 0.05 * trace.length, width, junctions)
+        named = "$s$ of the left body", "m"
+        return speed_map(run.collisions, "s_a", named, 0.05 * trace.length, width, junctions)
     symbol = r"$\varphi$" if arc.shape == VALLEY else r"$\psi$"
     extent = arc.angle_end - arc.angle_start
-    return speed_map(run.collisions, "angle_a", (symbol, "rad"), 0.05 * extent, width)
+    named = f"{symbol} of the left body", "rad"
+    return speed_map(run.collisions, "angle_a", named, 0.05 * extent, width)
 
 
 def speed_map(
@@ -74,7 +76,7 @@ def speed_map(
     table
         The impacts, at least one.
     column, named
-        Of the place of the left body; its symbol and its unit.
+        Of the places; what they are, in words or as a symbol, and their unit.
     room
         Left on both sides where all places are one.
     width
@@ -101,9 +103,8 @@ def speed_map(
         low, high = float(np.min(place)) - room, float(np.max(place)) + room
         axes.set_xlim(low, high)
         ticked = angle_ticks if named[1] == "rad" else number_ticks
-        symbol, unit = named
         ticks = ticked(low, high, panel_size(axes)[0])
-        label_axis(axes.xaxis, ticks, f"{symbol} of the left body", unit)
+        label_axis(axes.xaxis, ticks, *named)
         for at in lines:
             axes.axvline(at, color=style.LEVEL_GREY, linewidth=0.4, zorder=0.8)
         if len(number) > MOST_VECTOR_POINTS:

@@ -119,7 +119,7 @@ def springs_impact_map(run: Run, width: str = "single") -> Figure | None:
     """Return approach speed against place of every impact, None with fewer than two."""
     if len(run.collisions["n"]) < 2:
         return None
-    return speed_map(run.collisions, "x_a", ("$x$", "m"), 0.5, width)
+    return speed_map(run.collisions, "x_a", ("$x$ of the left body", "m"), 0.5, width)
 
 
 def springs_energy(run: Run, ball: int, until: float) -> tuple[Array, Array]:
