@@ -65,6 +65,14 @@ def test_what_a_one_sided_trace_would_do_is_said_of_others_only() -> None:
         assert ("would lose them" in " ".join(text.split())) == said
 
 
+def test_a_system_need_not_count_anything_but_impacts() -> None:
+    record = FakeRun().summary_record()
+    for counted in ("crossings", "contacts"):
+        del record[counted]
+    text = re.sub(r"\n {4}\s*", " ", summary_text("name", record, None)).splitlines()
+    assert text[1] == "  impacts    3, from t = 0.25 s to 59.5 s"
+
+
 @pytest.mark.parametrize("cause", sorted(END_CAUSES))
 def test_every_end_cause_has_its_words(cause: str) -> None:
     assert lines(end_cause=cause)[0].endswith(END_CAUSES[cause])

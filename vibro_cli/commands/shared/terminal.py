@@ -225,6 +225,13 @@ def _ending(record: Mapping[str, Any]) -> str:
     return f"ended at t = {quantity(record['end_time'], 's')}: {cause}"
 
 
+_ALSO_COUNTED = {
+    "crossings": ("crossing", "crossings"),
+    "contacts": ("lasting contact", "lasting contacts"),
+}
+"""Columns of a summary that count something beside impacts, where there are any, in words."""
+
+
 def _impacts(record: Mapping[str, Any]) -> str:
     impacts = f"{record['collisions']:,}"
     if record["collisions"]:
@@ -235,12 +242,10 @@ def _impacts(record: Mapping[str, Any]) -> str:
         impacts += ", the last one inadmissible and not made"
     if "bounces" in record:
         return f"{impacts}; {count(record['bounces'], 'impact', 'impacts')} on the wall"
-    contacts = count(record["contacts"], "lasting contact", "lasting contacts")
+    told = [count(record[name], *words) for name, words in _ALSO_COUNTED.items() if name in record]
     quiet = record.get("quiet_from")
     ending = "" if quiet is None else f"; none possible after t = {quantity(quiet, 's')}"
-    if "crossings" in record:
-        contacts = f"{count(record['crossings'], 'crossing', 'crossings')}, {contacts}"
-    return f"{impacts}; {contacts}{ending}"
+    return f"{'; '.join(filter(None, (impacts, ', '.join(told))))}{ending}"
 
 
 def _energy(record: Mapping[str, Any]) -> str:
