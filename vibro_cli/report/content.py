@@ -30,6 +30,7 @@ from vibro_cli.scenario.base import BodyTable
 from vibro_cli.storage.stored import StoredRun
 from vibro_cli.storage.tables import table_named
 from vibro_cli.systems.columns import Column
+from vibro_cli.systems.describe import own_settings
 
 FIRST_ROWS = 100
 """Rows of the table of impacts that stand in the report."""
@@ -126,7 +127,7 @@ def section(run: StoredRun, name: str, beside: Path) -> dict[str, Any]:
     notes = warnings_of(run.scenario, run.system)
     return {
         **_section(run, name, notes, "Largest distance left at an impact"),
-        "setting": _setting(run),
+        "setting": setting(run),
         "tables": [_bodies(run, name)],
         "series": [],
         "sides": [],
@@ -225,11 +226,15 @@ def _body(run: StoredRun, index: int) -> list[str]:
     ]
 
 
-def _setting(run: StoredRun) -> list[tuple[str, str]]:
+def setting(run: StoredRun) -> list[tuple[str, str]]:
+    """Return what is solved, of a system besides the trace, as labels and values with units."""
     data, system = run.scenario.resolved(), run.system
     found: list[tuple[str, str]] = [("System", run.scenario.system)]
-    found += _settings(run, "wall", data.get("wall", {}))
-    if len(system.bodies) > 1:
+    for table, values in own_settings(data).items():
+        found += _settings(run, table, values)
+    if "law" not in data["collision"]:  # nothing to choose between
+        found += _settings(run, "collision", data["collision"])
+    elif len(system.bodies) > 1:
         restitution = flat(data["collision"]["k"]).values()  # of every pair, or of each
         found += [
             ("Impact law", f"{system.law}: {LAWS[system.law].summary}"),
@@ -240,11 +245,12 @@ def _setting(run: StoredRun) -> list[tuple[str, str]]:
 
 
 def _settings(run: StoredRun, table: str, values: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """The settings of a table of the scenario, in the words of their keys."""
+    """The settings of a table of the scenario, or outside tables, in the words of their keys."""
     found = []
     for key, value in flat(values).items():
         words, unit = named(table, key, type(run.scenario))
-        found.append((f"{table.capitalize()}, {words}", number(value, unit)))
+        label = f"{table.capitalize()}, {words}" if table else words.capitalize()
+        found.append((label, number(value, unit.replace("^2", "²").replace("^3", "³"))))
     return found
 
 

@@ -56,7 +56,10 @@ def analogy(system: Any, table: Mapping[str, Any]) -> dict[str, Any] | None:
     """Return the tables of the impacts that rolling bodies made; None without one.
 
     Those that were solved with others at one instant are left out: no form of two bodies is theirs.
+    Nor is there one where a row names no pair, as of a body and what is driven.
     """
+    if "ball_a" not in table:
+        return None
     rows = [
         row
         for row in np.flatnonzero(made(table))[: 10 * _MOST].tolist()

@@ -53,9 +53,9 @@ REFERENCES = {
 def named(table: str, key: str, root: Model) -> tuple[str, str]:
     """Return the words of a key of a scenario's table, itself where it has none, and its unit.
 
-    `root` is the model of the scenario.
+    `table` is empty for a key outside tables; `root` is the model of the scenario.
     """
-    path = parsed_path(f"{table}.{key}")
+    path = parsed_path(f"{table}.{key}" if table else key)
     field = None if isinstance(path[-1], int) else field_at(path, root)
     return (field and field.title) or key, unit_at(path, root)
 

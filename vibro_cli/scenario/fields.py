@@ -226,7 +226,8 @@ def json_schema(system: str = "trace") -> dict[str, Any]:
     for table, key in (("", "name"), ("", "collision"), ("Collision", "k")):
         part = schema["$defs"].get(table) if table else schema
         if part is not None:
-            del part["properties"][key]["default"]  # these depend on the file and on its bodies
+            # It depends on the file and on its bodies, where there is one.
+            part["properties"][key].pop("default", None)
     head = {"$schema": DIALECT, "$id": identifier(system)}
     return {**head, **schema, **SCHEMA_KEY, "title": "vibro scenario"}
 

@@ -13,6 +13,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from importlib import import_module
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol
 
 if TYPE_CHECKING:
@@ -151,6 +152,10 @@ class System(ABC):
         """Return a module of the system's folder."""
         return import_module(f"vibro_cli.systems.{self.name}.{module}")
 
+    def has_part(self, module: str) -> bool:
+        """Whether there is a module in the system's folder."""
+        return find_spec(f"vibro_cli.systems.{self.name}.{module}") is not None
+
     # From what a user wrote to what is solved: scenario/, build/.
 
     @property
@@ -241,7 +246,12 @@ class System(ABC):
 
     @property
     def timed_scenes(self) -> Mapping[str, TimedScene]:
-        """Scenes by name whose run time is measured: ``TIMED_SCENES`` of ``timed_scenes.py``."""
+        """Scenes by name whose run time is measured: ``TIMED_SCENES`` of ``timed_scenes.py``.
+
+        None without that module.
+        """
+        if not self.has_part("timed_scenes"):
+            return {}
         scenes: Mapping[str, TimedScene] = self.part("timed_scenes").TIMED_SCENES
         return scenes
 
@@ -366,12 +376,17 @@ class System(ABC):
 
     # Reports and `vibro check`: report/, commands/.
 
-    papers: ClassVar[tuple[str, ...]]
+    papers: ClassVar[tuple[str, ...]] = ()
     """Letters of the papers that the system is from, see report/words.py."""
 
     @property
     def shown_of_papers(self) -> ShownOfPapers:
-        """What of the papers is shown by which command: ``SHOWN`` of ``papers.py``."""
+        """What of the papers is shown by which command: ``SHOWN`` of ``papers.py``.
+
+        Nothing without that module.
+        """
+        if not self.has_part("papers"):
+            return ShownOfPapers({})
         shown: ShownOfPapers = self.part("papers").SHOWN
         return shown
 
@@ -428,6 +443,8 @@ class System(ABC):
 
         It is from ``portrait`` of ``portrait.py``. Raises `NoPortrait` where there is none.
         """
+        if not self.has_part("portrait"):
+            raise NoPortrait(f'found system = "{self.name}", expected a system that has portraits')
         found: tuple[dict[str, Any], dict[str, Figure]]
         found = self.part("portrait").portrait(system, width, drawn)
         return found

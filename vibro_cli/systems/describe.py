@@ -53,14 +53,15 @@ def lines_of(found: dict[str, Any], settings: Settings, body_lines: BodyLines) -
     scenario = found["scenario"]
     yield f"{found['name']}: valid"
     yield f"  system {scenario['system']}"
-    for key, value in scenario.items():
-        if isinstance(value, Mapping) and key not in _TOLD_BELOW:
-            yield f"  {key} {settings(value, (key,))}"
+    for table, values in own_settings(scenario).items():
+        path = (table,) if table else ()
+        yield "  " + f"{table} {settings(values, path)}".lstrip()
     for body, given in zip(found["bodies"], scenario["balls"], strict=True):
         start = {key: value for key, value in given.items() if key not in _OF_THE_BODY}
         yield f"{body_line(body)}; {settings(start, ('balls', 0))}"
         yield from body_lines(body)
-    yield f"  law {found['law']}; inadmissible impacts: {found['inadmissible']}"
+    if "law" in scenario["collision"]:
+        yield f"  law {found['law']}; inadmissible impacts: {found['inadmissible']}"
     if "k" in scenario["collision"]:
         k = scenario["collision"]["k"]
         yield f"  k = {', '.join(f'{one:g}' for one in (k if isinstance(k, list) else [k]))}"
@@ -69,6 +70,17 @@ def lines_of(found: dict[str, Any], settings: Settings, body_lines: BodyLines) -
         yield f"  warning: {warning}"
 
 
+def own_settings(scenario: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
+    """Return the tables that only scenarios of this system have, with their values.
+
+    Under an empty name first the keys outside tables, where there are any.
+    """
+    own = {key: value for key, value in scenario.items() if key not in _OF_EVERY_SYSTEM}
+    tables = {key: value for key, value in own.items() if isinstance(value, Mapping)}
+    outside = {key: value for key, value in own.items() if key not in tables}
+    return ({"": outside} if outside else {}) | tables
+
+
 # What is told in words of its own, and what says nothing of the motion.
-_TOLD_BELOW = ("collision", "stop", "output", "analysis")
+_OF_EVERY_SYSTEM = ("name", "system", "balls", "collision", "stop", "output", "analysis")
 _OF_THE_BODY = ("body", "radius", "mass", "density", "inertia_ratio", "thickness")
