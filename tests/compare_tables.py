@@ -23,12 +23,12 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from vibro_cli.commands.app import run_command_line
+from vibro_cli.systems import NAMES
 
 HERE = Path(__file__).parent
 FOLDERS = (
     HERE.parent / "scenarios",
-    HERE.parent / "scenarios" / "table",
-    HERE.parent / "scenarios" / "springs",
+    *(HERE.parent / "scenarios" / name for name in NAMES[1:]),
     HERE / "hard_cases",
     HERE / "systems" / "hard_cases",
     HERE / "scenes",

@@ -34,7 +34,7 @@ from vibro_cli.mechanics.reachability import contact_angle
 from vibro_cli.report import content as report_content
 from vibro_cli.report.papers import time_between, turning_points
 from vibro_cli.scenario import load_any
-from vibro_cli.systems import system_named
+from vibro_cli.systems import NAMES, system_named
 from vibro_cli.systems.springs.phase_plane import spring_periods, springs_record
 
 FOLDER = ROOT / "scenarios"
@@ -487,9 +487,7 @@ def test_the_page_shows_every_picture() -> None:
 
 
 def test_figures_that_are_named_exist() -> None:
-    known = {
-        name for system in ("trace", "table", "springs") for name in system_named(system).figures
-    }
+    known = {name for system in NAMES for name in system_named(system).figures}
     named = {
         kind
         for command in commands()

@@ -13,6 +13,7 @@ from tests.commands.conftest import Vibro
 from tests.two_balls import SCENARIO
 from vibro_cli.grids.document import load_grid
 from vibro_cli.storage import tables
+from vibro_cli.systems import NAMES
 from vibro_cli.systems.trace import tables as of_trace
 
 GALLERY = Path(__file__).parents[2] / "scenarios"
@@ -171,7 +172,7 @@ def test_schema_tables_describes_every_column(vibro: Vibro) -> None:
 
 
 def test_schema_describes_grids_over_every_system(vibro: Vibro) -> None:
-    for system in ("trace", "table", "springs"):
+    for system in NAMES:
         found = json.loads(vibro("schema", "grid", "--system", system).text)
         assert found["$id"] == f"urn:vibro:schema:grid-{system}"
         assert {"base", "scenario", "axes", "keep"} <= set(found["properties"])

@@ -10,11 +10,12 @@ import pytest
 from pyarrow import parquet
 
 from tests.commands.conftest import Vibro
+from vibro_cli.systems import NAMES
 
 pytestmark = pytest.mark.long
 
 GALLERY = Path(__file__).parents[2] / "scenarios"
-SCENARIOS = sorted([*GALLERY.glob("table/*.toml"), *GALLERY.glob("springs/*.toml")])
+SCENARIOS = sorted(path for name in NAMES[1:] for path in GALLERY.glob(f"{name}/*.toml"))
 TABLES = {
     "table": {"collisions", "bounces", "summary"},
     "springs": {"collisions", "events", "summary"},

@@ -6,7 +6,7 @@ import pytest
 from matplotlib.mathtext import MathTextParser
 
 from vibro_cli.figures.ticks import symbol_of
-from vibro_cli.systems import system_named
+from vibro_cli.systems import NAMES, system_named
 
 
 @pytest.mark.parametrize(
@@ -26,12 +26,9 @@ def test_symbols(column: str, symbol: str) -> None:
     assert symbol_of(column) == symbol
 
 
-SYSTEMS = ("trace", "table", "springs")
-
-
 def test_every_column_has_words_or_a_formula() -> None:
     parser = MathTextParser("agg")
-    tables = [table for system in SYSTEMS for table in system_named(system).tables()]
+    tables = [table for system in NAMES for table in system_named(system).tables()]
     for table in tables:
         for column in table.columns:
             symbol = symbol_of(column.name)

@@ -20,6 +20,7 @@ from vibro_cli.figures import style
 from vibro_cli.figures.chart import body_look
 from vibro_cli.figures.kinds import draw_all
 from vibro_cli.scenario.loading import load_any
+from vibro_cli.systems import NAMES
 from vibro_cli.systems.springs.figures import springs_place, springs_scene
 from vibro_cli.systems.springs.portrait import motions, springs_portrait, springs_structure
 from vibro_cli.systems.table.figures import table_energies
@@ -29,7 +30,7 @@ from vibro_cli.systems.table.portrait import has_wall_portrait, wall_portrait
 pytestmark = pytest.mark.long
 
 FOLDER = Path(__file__).parents[2] / "scenarios"
-PATHS = sorted([*FOLDER.glob("springs/*.toml"), *FOLDER.glob("table/*.toml")])
+PATHS = sorted(path for name in NAMES[1:] for path in FOLDER.glob(f"{name}/*.toml"))
 LONG = {
     "two_disks": ("stop.time=6000",),
     "common_origin": ("stop.time=200", "collision.k=1"),
