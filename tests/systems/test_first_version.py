@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
@@ -78,6 +80,18 @@ class MODEL(AnyScenario):
     def prepared(cls, data):
         return data
 '''
+TABLES = f'''
+from vibro_cli.systems.columns import Table, impact_head, number, summary_head
+from vibro_cli.systems.contract import ImpactLog
+
+COLLISIONS = Table("{NAME}.collisions", "one impact", tuple(impact_head()))
+IMPACT_LOGS = {{"collisions": ImpactLog("impacts", COLLISIONS, object, object)}}
+OTHER_TABLES = ()
+SUMMARY = Table("{NAME}.summary", "one run", tuple(summary_head("time")))
+
+def final_state(ball):
+    yield number(f"x_{{ball}}", "m", "final place")
+'''
 DATA: dict[str, Any] = {
     "name": "one",
     "system": NAME,
@@ -92,15 +106,18 @@ BODY = {"ball": 1, "body": "ball", "radius": 0.1, "mass": 1.0, "kappa": 1.4}
 
 
 @pytest.fixture
-def kind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> System:
-    """A system that has an object and a model, and no other module."""
+def kind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[System]:
+    """A system that has an object, a model and tables, and no other module."""
     folder = tmp_path / NAME
     folder.mkdir()
     (folder / "__init__.py").write_text(OBJECT, encoding="utf-8")
     (folder / "scenario.py").write_text(MODEL, encoding="utf-8")
+    (folder / "tables.py").write_text(TABLES, encoding="utf-8")
     monkeypatch.setattr(systems, "__path__", [*systems.__path__, str(tmp_path)])
     monkeypatch.setattr(systems, "NAMES", (*systems.NAMES, NAME))
-    return systems.system_named(NAME)
+    yield systems.system_named(NAME)
+    for module in [name for name in sys.modules if name.startswith(f"vibro_cli.systems.{NAME}")]:
+        del sys.modules[module]
 
 
 def test_it_is_of_no_paper_and_has_no_timed_scene_and_no_portrait(kind: System) -> None:
@@ -109,6 +126,14 @@ def test_it_is_of_no_paper_and_has_no_timed_scene_and_no_portrait(kind: System) 
     assert kind.timed_scenes == {}
     with pytest.raises(NoPortrait, match=f'found system = "{NAME}", expected a system that has'):
         kind.portrait(None, "single", drawn=False)
+
+
+def test_without_tangent_maps_its_tables_have_no_exponents(kind: System) -> None:
+    assert kind.exponents == 0
+    names = {table.file: [one.name for one in table.columns] for table in kind.tables()}
+    assert list(names) == ["collisions", "summary"]
+    assert names["collisions"] == ["n", "t", "t_low", "dt"]
+    assert names["summary"] == ["status", "reason", "end_cause", "end_time", "x_i"]
 
 
 def test_its_collision_may_be_required(kind: System) -> None:

@@ -267,9 +267,11 @@ class System(ABC):
         """
         from vibro_cli.systems.columns import converging, with_growth
 
-        impacts = [with_growth(self.impact_table(name)) for name in self.impact_tables]
+        impacts = [self.impact_table(name) for name in self.impact_tables]
         others = self.part("tables").OTHER_TABLES
-        return (*impacts, *others, self.summary_of("i", "i"), converging("i"))
+        if not self.exponents:
+            return (*impacts, *others, self.summary_of("i", 0))
+        return (*map(with_growth, impacts), *others, self.summary_of("i", "i"), converging("i"))
 
     def summary(self, bodies: int, grown: bool = False) -> Table:
         """Return the summary of runs with so many bodies, `grown` with exponents."""
