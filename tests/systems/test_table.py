@@ -356,6 +356,26 @@ def test_no_ball_escapes_in_a_million_bounces(wall: Document) -> None:
     assert np.all(np.diff(run.bounces["t"]) > 0.0)
 
 
+@pytest.mark.parametrize(("body", "share"), [("particle", 0.0), ("ball", 0.2)])
+def test_contacts_with_a_narrow_ellipse_are_on_the_path(body: str, share: float) -> None:
+    """Even where the normal turns ten thousand times as fast as on a circle."""
+    rng, b = np.random.default_rng(1), 1e-4
+    for _ in range(10):
+        x, y = rng.uniform(-0.5, 0.5, 2) * (1.0, b)
+        turn = rng.uniform(0.0, 2.0 * math.pi)
+        vx, vy = math.cos(turn), math.sin(turn)
+        start = ball(x, y, vx, vy, body=body, radius=share * b * b)
+        run = solve(table([start], ellipse(1.0, b), bounces=50), "compiled")
+        names = ("x", "y", "velocity_x_pre", "velocity_y_pre")
+        place_x, place_y, u, v = (run.bounces[name] for name in names)
+        across = np.diff(place_x, prepend=x) * v - np.diff(place_y, prepend=y) * u
+        assert np.max(np.abs(across)) <= EPSILON
+        normal = run.bounces["normal_angle"]
+        foot_x = place_x + share * b * b * np.cos(normal)
+        foot_y = place_y + share * b * b * np.sin(normal)
+        assert np.max(np.abs(foot_x**2 + (foot_y / b) ** 2 - 1.0)) <= 8.0 * EPSILON / b
+
+
 @pytest.mark.parametrize("radius", [0.0, 1e-3, 0.1, 0.4])
 @pytest.mark.parametrize("side", ["inside", "outside"])
 def test_the_contact_with_an_ellipse_is_the_first(radius: float, side: str) -> None:

@@ -8,6 +8,7 @@ balls) the centres that touch enclose a convex region, left once by a straight l
 ``n u > 0`` for its direction u, and entered once, where ``n u < 0``. On either half the distance
 ``u x (c - p)`` of c from the line grows or falls throughout: its one root is bracketed, and
 Newton's steps that leave the bracket are replaced by its middle. So the contact found is the first.
+A particle, r = 0, meets the wall itself, in closed form.
 """
 
 from __future__ import annotations
@@ -23,6 +24,8 @@ from vibro_cli.kernels.world import BodyData
 MOST_STEPS = 200
 # Once steps are below this share of the half turn, they shrink until rounding decides them.
 SETTLED = 1.0e-6
+# A step below it is taken along the tangent: what it misses there is its square.
+STRAIGHT = 1.0e-10
 # Components of a velocity across a wall below this share of it are rounding, not approach; of the
 # greatest speed in its last impact, for at k = 0 little of it may be left.
 RESOLVED = 4.0 * EPSILON
@@ -82,8 +85,7 @@ def _meet_conic(
     offset = wall.side * radius
     if wall.side < 0.0 and not _crosses(wall, offset, px, py, fx, fy):
         return NEVER
-    t = _root(wall, offset, px, py, fx, fy)
-    cx, cy, nx, ny, _ = _touch(wall, offset, fx, fy, t)
+    cx, cy, nx, ny = _contact(wall, offset, px, py, fx, fy)
     ahead = (cx - px) * ux + (cy - py) * uy
     if wall.side < 0.0:
         if ahead < -8.0 * EPSILON * (wall.a + wall.b + abs(px) + abs(py)):
@@ -93,19 +95,25 @@ def _meet_conic(
     if ahead < 0.0:
         # By rounding it is beyond the wall: it touches where it is, not where it came through,
         # which along the wall may be far behind.
-        t = _root(wall, offset, px, py, nx, ny)
-        cx, cy, nx, ny, _ = _touch(wall, offset, nx, ny, t)
+        cx, cy, nx, ny = _contact(wall, offset, px, py, nx, ny)
     _note(to, wall.x + cx, wall.y + cy, wall.side * nx, wall.side * ny)
     return max(ahead, 0.0)
 
 
 @kernel
-def _root(wall: WallData, offset: float, px: float, py: float, fx: float, fy: float) -> float:
-    """Tangent of half the angle from f to the normal where the line through p along f is met."""
+def _contact(
+    wall: WallData, offset: float, px: float, py: float, fx: float, fy: float
+) -> tuple[float, float, float, float]:
+    """Centre that touches, and the normal there, where the line through p along f is met."""
+    if offset == 0.0:  # the wall itself, in closed form
+        x, y = _left_at(wall.a, wall.b, px, py, fx, fy)
+        slope = wall.a / wall.b * y
+        length = math.sqrt(x * x + slope * slope)
+        return wall.a * x, wall.b * y, x / length, slope / length
     low, high, last = -1.0, 1.0, 2.0
     t = _first_guess(wall, offset, px, py, fx, fy)
     for _ in range(MOST_STEPS):
-        cx, cy, _, _, turning = _touch(wall, offset, fx, fy, t)
+        cx, cy, nx, ny, turning = _touch(wall, offset, fx, fy, t)
         away = fx * (cy - py) - fy * (cx - px)
         if away < 0.0:
             low = t
@@ -113,20 +121,23 @@ def _root(wall: WallData, offset: float, px: float, py: float, fx: float, fy: fl
             high = t
         step = 2.0
         if turning > 0.0:
-            step = -0.5 * (1.0 + t * t) * away / turning
+            turn = away * (1.0 / turning)  # a quotient that need not wait for `away`
+            step = -0.5 * (1.0 + t * t) * turn
         size = abs(step)
+        if size <= STRAIGHT:
+            slip = away * ((1.0 + t * t) / (1.0 - t * t))
+            return cx + slip * ny, cy - slip * nx, nx + turn * ny, ny - turn * nx
         if last < SETTLED and size >= 0.5 * last:
-            return t  # as near as the rounding of the distance allows
-        if size <= EPSILON:
-            return t + step
+            return cx, cy, nx, ny  # as near as the rounding of the distance allows
         last = size
         t += step
         if not low < t < high:
             t = 0.5 * (low + high)
             last = 2.0
             if not low < t < high:
-                return t
-    return t
+                break
+    cx, cy, nx, ny, _ = _touch(wall, offset, fx, fy, t)
+    return cx, cy, nx, ny
 
 
 @kernel
@@ -171,20 +182,25 @@ def _first_guess(
     """Guess of the contact, from the ellipse whose semi-axes are shorter (longer) by r."""
     a = wall.a - offset
     b = wall.b - offset
+    x, y = _left_at(a, b, px, py, fx, fy)
+    # Of both components, for f is of length 1 but for rounding.
+    dot = fx * x / a + fy * y / b
+    cross = fx * y / b - fy * x / a
+    if dot <= 0.0:
+        return 0.0
+    return cross / (dot + math.sqrt(dot * dot + cross * cross))
+
+
+@kernel
+def _left_at(a: float, b: float, px: float, py: float, fx: float, fy: float) -> tuple[float, float]:
+    """Where the line through p along f leaves an ellipse, in units of its semi-axes."""
     qx, qy, gx, gy = px / a, py / b, fx / a, fy / b
     square = gx * gx + gy * gy
     along = qx * gx + qy * gy
     across = qx * gy - qy * gx
     root = math.sqrt(max(square - across * across, 0.0))
     ahead = (root - along) / square
-    nx = (qx + ahead * gx) / a
-    ny = (qy + ahead * gy) / b
-    length = math.sqrt(nx * nx + ny * ny)
-    cosine = (nx * fx + ny * fy) / length
-    sine = (fx * ny - fy * nx) / length
-    if cosine <= 0.0:
-        return 0.0
-    return sine / (1.0 + cosine)
+    return qx + ahead * gx, qy + ahead * gy
 
 
 @kernel
