@@ -23,7 +23,7 @@ from tests.figures.runs import (
     on_many_arcs,
     on_three_arcs,
 )
-from vibro_cli import example, simulate
+from vibro_cli import Scenario, example, simulate
 from vibro_cli.analysis.levels import Landscape
 from vibro_cli.analysis.singular import singular_points
 from vibro_cli.figures import style
@@ -379,3 +379,37 @@ def test_numbers_of_impacts_are_clear_of_centres_and_saddles() -> None:
     for text in axes.texts:
         box = text.get_window_extent().padded(1.0)
         assert not any(box.contains(*mark) for mark in marks)
+
+
+def resting(system: str, size: float) -> Any:
+    """A run of a body that stays at rest, on a trace or a spring of a size (m)."""
+    body: dict[str, Any] = {"radius": 0.1 * size, "mass": 1.0}
+    scenario: dict[str, Any]
+    if system == "springs":
+        spring = {"stiffness": 10.0, "length": 0.6 * size, "height": size, "foot": 0.0}
+        scenario = {"system": "springs", "balls": [body | {"position": 0.0, "spring": spring}]}
+    else:
+        arc = {"shape": "valley", "radius": size, "end_slope": "90 deg"}
+        trace = {"start_slope": "-90 deg", "arcs": [arc]}
+        scenario = {"gravity": 9.81, "trace": trace, "balls": [body | {"arc": 1, "angle": 0.0}]}
+    return simulate(Scenario.from_dict(scenario | {"stop": {"time": 5.0}}))
+
+
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
+@pytest.mark.parametrize(
+    ("system", "kind"),
+    [("trace", "portrait"), ("trace", "energy_portrait"), ("springs", "portrait")],
+)
+def test_a_body_that_stays_at_rest_is_seen_among_level_curves(
+    system: str, kind: str, size: float
+) -> None:
+    """Its motion has no range: the axes are those of the portrait without a run."""
+    figure = resting(system, size).figure(kind, body=1).figure
+    upper = figure.axes[0]
+    places, rates = np.concatenate(lines(figure, 0, 1.0)).T
+    for limits, reached in ((upper.get_xlim(), places), (upper.get_ylim(), rates)):
+        assert 0.5 < np.ptp(reached) / np.ptp(limits) < 2.0
+    if len(figure.axes) > 1:
+        energies = np.asarray(figure.axes[1].lines[0].get_ydata())
+        bottom, top = figure.axes[1].get_ylim()
+        assert 0.5 * (top - bottom) < np.ptp(energies) < top - bottom

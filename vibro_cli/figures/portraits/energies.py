@@ -21,8 +21,18 @@ from vibro_cli.figures.labels import Rows, draw_legend, room_for
 from vibro_cli.figures.portraits import layers
 from vibro_cli.figures.portraits.layers import Background, coloured_until
 from vibro_cli.figures.portraits.panels import Panel, Symbols, Window, plane, straight
-from vibro_cli.figures.portraits.portrait import draw_motion, greatest_rate, legend_rows, seen
-from vibro_cli.figures.portraits.trace_phase_plane import behind_along, draw_junctions
+from vibro_cli.figures.portraits.portrait import (
+    draw_motion,
+    greatest_rate,
+    legend_rows,
+    seen,
+    stays_at_rest,
+)
+from vibro_cli.figures.portraits.trace_phase_plane import (
+    behind_along,
+    draw_junctions,
+    highest_energy,
+)
 from vibro_cli.figures.portraits.trajectory import Branches, Jumps, Trajectory, trajectory
 from vibro_cli.figures.source import Array, Recorded
 from vibro_cli.figures.style import line
@@ -120,7 +130,8 @@ def energy_portrait(run: Recorded, ball: int, width: str = "single") -> Figure:
         draw_energies(lower, path, energies, coloured_until(path))
         for panel in (upper, lower):
             draw_junctions(panel, landscape.trace)
-        limit_energies(lower, *_limits(energies, below, 1e-3 * float(np.max(values))))
+        limits = _limits(energies, below, 1e-3 * float(np.max(values)))
+        limit_energies(lower, *((highest_energy(portrait),) if stays_at_rest(path) else limits))
         draw_legend(figure, rows, bar)
     return figure
 
@@ -211,7 +222,8 @@ def _limits(energies: Array, potential: Array, least: float) -> tuple[float, flo
 def _window(trace: Trace, path: Trajectory, behind: Background) -> Window:
     """Return the whole trace, as high as the motion and the separatrices.
 
-    Of a motion on a small part of it, that part, with room on both sides.
+    Of a motion on a small part of it, that part, with room on both sides; of a body that stays at
+    rest as high as the level curves.
     """
     (branches,), reached = path.branches, greatest_rate(path, [0])
     through = max((float(np.max(curve.rate)) for curve in behind.separatrices), default=0.0)
@@ -220,4 +232,5 @@ def _window(trace: Trace, path: Trajectory, behind: Background) -> Window:
         low = max(low, float(np.min(branches.position)) - _BESIDE * extent)
         high = min(high, float(np.max(branches.position)) + _BESIDE * extent)
         through = 0.0
-    return straight(*limits_apart(low, high), _MARGIN * (max(reached, through) or 1.0))
+    levels = max((float(np.max(curve.rate)) for curve in behind.levels), default=1.0)
+    return straight(*limits_apart(low, high), _MARGIN * (max(reached, through) or levels))

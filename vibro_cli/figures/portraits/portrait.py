@@ -9,11 +9,13 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from vibro_cli.analysis.levels import Landscape, LevelCurve
+from vibro_cli.analysis.singular import portrait_of
 from vibro_cli.figures import style
 from vibro_cli.figures.labels import Bar, Entry, draw_legend, rows_of
 from vibro_cli.figures.portraits import layers
 from vibro_cli.figures.portraits.layers import Background, background, coloured_until, legend_of
 from vibro_cli.figures.portraits.panels import RIGHT, Panel, Window, label, lay_out
+from vibro_cli.figures.portraits.trace_phase_plane import highest_energy, highest_place
 from vibro_cli.figures.portraits.trajectory import Trajectory, trajectory
 from vibro_cli.figures.source import Array, Recorded
 from vibro_cli.figures.style import width_of
@@ -127,6 +129,11 @@ def greatest_rate(path: Trajectory, members: Sequence[int]) -> float:
     return _highest([*(path.branches[n].rate for n in members), *jumps])
 
 
+def stays_at_rest(path: Trajectory) -> bool:
+    """Return whether the body never moves, so that its motion gives the axes no range."""
+    return greatest_rate(path, range(len(path.branches))) == 0.0
+
+
 def _separatrix(behind: Background, members: Sequence[int]) -> float:
     """Return the greatest rate of the trace's separatrices on some pieces."""
     return _highest([curve.rate for curve in behind.separatrices if curve.piece in members])
@@ -170,8 +177,14 @@ def legend_rows(
 
 
 def _behind(run: Recorded, ball: int, path: Trajectory) -> Background:
-    """Return the background: level curves, separatrices and singular points."""
+    """Return the background: level curves, separatrices and singular points.
+
+    Of a body that stays at rest that of its portrait without a run: its energy has no level curve.
+    """
     landscape = Landscape.of(run.system, ball)
+    if stays_at_rest(path):
+        whole = portrait_of(landscape)
+        return background(landscape, highest_energy(whole), highest_place(whole))
     highest = max(
         float(np.max(landscape.energy(piece, branches.position[:, 0], branches.rate[:, 0])))
         for piece, branches in zip(run.system.trace.pieces, path.branches, strict=True)

@@ -112,7 +112,7 @@ def structure(portrait: Portrait, width: str = "single", bodies: str = "") -> Fi
 def _behind(portrait: Portrait) -> Background:
     """Return curves and points of a portrait piece by piece, figure eights apart."""
     landscape, eights = portrait.landscape, _eight_triggers(portrait)
-    behind = background(landscape, highest_energy(portrait), _highest_place(portrait))
+    behind = background(landscape, highest_energy(portrait), highest_place(portrait))
     on_eight = [one.saddle for one in eights]
     others = [point for point in portrait.points if point.kind == SADDLE and point not in on_eight]
     found = [
@@ -178,10 +178,10 @@ def highest_energy(portrait: Portrait) -> float:
     """Return the energy (J) up to which level curves are drawn."""
     landscape = portrait.landscape
     scale = landscape.weight * landscape.trace.length
-    return _ABOVE * _highest_place(portrait) or 0.1 * scale or landscape.body.mass
+    return _ABOVE * highest_place(portrait) or 0.1 * scale or landscape.body.mass
 
 
-def _highest_place(portrait: Portrait) -> float:
+def highest_place(portrait: Portrait) -> float:
     """Return the greatest potential (J) on the trace: where there is no saddle that of an end.
 
     A curve has to pass it, or there may be none on the pieces beside it.
@@ -209,7 +209,7 @@ def behind_along(portrait: Portrait, count: int = 97) -> Background:
     others = tuple(
         curve for curve in singular if not any(_same(curve, eight) for eight in on_eight)
     )
-    highest, passed = highest_energy(portrait), _highest_place(portrait)
+    highest, passed = highest_energy(portrait), highest_place(portrait)
     levels = level_energies(portrait.points, highest, passed)
     return Background(
         levels=_curves_along(landscape, levels, count),

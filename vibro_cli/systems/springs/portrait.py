@@ -37,7 +37,12 @@ from vibro_cli.figures.portraits.layers import (
     saddle_energies,
 )
 from vibro_cli.figures.portraits.panels import Panel, Symbols, Window, straight
-from vibro_cli.figures.portraits.portrait import draw_motion, greatest_rate, legend_rows
+from vibro_cli.figures.portraits.portrait import (
+    draw_motion,
+    greatest_rate,
+    legend_rows,
+    stays_at_rest,
+)
 from vibro_cli.figures.portraits.trajectory import (
     MOST_BRANCHES,
     Branches,
@@ -201,15 +206,22 @@ def springs_portrait(run: Run, ball: int, width: str = "single") -> Figure:
     (branches,) = path.branches
     hills = SpringsLandscape.of(run.system, ball - 1, ball - 1)
     energies = hills.mass * hills.energy(branches.position, branches.rate)
-    behind = springs_background(run.system, ball - 1, float(np.max(energies)))
-    window = _around(path, behind)
+    highest = float(np.max(energies))
+    if stays_at_rest(path):  # of which nothing has a range: as without a run
+        behind = _at_rest(run.system, ball - 1)
+        window = _whole(behind, path.start[1])
+        spring = run.system.springs[ball - 1]
+        highest = max(highest, *(spring.energy(end) for end in (window.low, window.high)))
+    else:
+        behind = springs_background(run.system, ball - 1, highest)
+        window = _around(path, behind)
     with style.journal():
         rows, bar = legend_rows(path, behind, width, [("spring's energy", POTENTIAL)])
         figure, upper, lower = panels_over(width, window, rows, _symbols(ball))
         draw_motion([upper], path, behind)
         _draw_spring_energy(lower, run.system, ball - 1, window)
         draw_energies(lower, path, energies, coloured_until(path))
-        limit_energies(lower, 1.15 * float(np.max(energies)))
+        limit_energies(lower, 1.15 * highest)
         draw_legend(figure, rows, bar)
     return figure
 
@@ -312,11 +324,11 @@ def _around(path: Trajectory, behind: Background) -> Window:
     return _window(low, high, reached)
 
 
-def _whole(behind: Background) -> Window:
-    """Return the window on all level curves."""
+def _whole(behind: Background, *places: float) -> Window:
+    """Return the window on all level curves, and on places beside them."""
     curves = (*behind.levels, *behind.eights)
-    low = min(float(curve.position[0]) for curve in curves)
-    high = max(float(curve.position[-1]) for curve in curves)
+    low = min([*places, *(float(curve.position[0]) for curve in curves)])
+    high = max([*places, *(float(curve.position[-1]) for curve in curves)])
     return _window(low, high, max(float(np.max(curve.rate)) for curve in curves))
 
 
