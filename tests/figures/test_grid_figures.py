@@ -307,6 +307,18 @@ def test_curves_have_the_values_of_the_summary(made: Any) -> None:
         np.testing.assert_allclose(offsets[:, 1], values)
 
 
+@pytest.mark.parametrize("most", [1, 2, 5, 8, 9, 14, 40])
+def test_impacts_over_an_axis_are_counted_in_whole_numbers(made: Any, most: int) -> None:
+    grid = made(ONE)
+    grid.summary["collisions"] = np.linspace(0.0, most, 5).astype(int)
+    figure = curves(grid)
+    assert figure is not None
+    assert figure.axes[0].get_ylabel() == "impacts"
+    ticks = np.asarray(figure.axes[0].get_yticks())
+    assert len(ticks) > 1
+    np.testing.assert_array_equal(ticks, np.round(ticks))
+
+
 def test_of_a_run_without_energy_at_its_start_no_share_is_left(made: Any) -> None:
     """Not 0, as if all of it were lost."""
     grid = made(ONE)

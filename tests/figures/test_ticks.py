@@ -9,12 +9,14 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from vibro_cli.figures.chart import Sheet, plane_axes
 from vibro_cli.figures.maps import Coordinate
 from vibro_cli.figures.ticks import (
     Ticks,
     angle_ticks,
     axis_words,
     decimals,
+    in_one_unit,
     limits_apart,
     log_ticks,
     number_ticks,
@@ -137,6 +139,23 @@ def test_long_numbers_of_a_horizontal_axis_get_a_power_of_ten() -> None:
     assert axis_words("s", "m", small) == "s [$10^{-3}$ m]"
     assert axis_words("s", "m", number_ticks(0.0, 4.0, 60.0)) == "s [m]"
     assert axis_words("share", "", large) == "share [$10^{6}$]"
+
+
+@pytest.mark.parametrize("size", [1e-6, 1e-3, 0.02, 0.5, 1.0, 2e3, 5e4, 1e6])
+def test_both_axes_of_a_plane_have_one_unit(size: float) -> None:
+    """Places beside one another are read in the same powers of ten, and lie where they say."""
+    for flat in (0.02, 0.1, 0.5, 1.0):
+        across = number_ticks(-size, size, 60.0)
+        along = vertical_ticks(-flat * size, flat * size, 60.0 * flat + 10.0)
+        pair = in_one_unit(across, along)
+        assert len({ticks.power for ticks in pair}) == 1
+        for ticks, first in zip(pair, (across, along), strict=True):
+            assert ticks.places == first.places
+            said = [float(text.replace("−", "-")) * 10.0**ticks.power for text in ticks.labels]
+            assert said == pytest.approx(ticks.places)
+        axes = Sheet(85.0, 100.0).panel(12.0, 12.0, 60.0, 60.0 * flat + 10.0)
+        plane_axes(axes, np.array([-size, -flat * size]), np.array([size, flat * size]))
+        assert axes.get_xlabel().replace("x", "y") == axes.get_ylabel()
 
 
 def test_impacts_are_counted_in_whole_numbers() -> None:

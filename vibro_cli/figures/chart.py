@@ -21,6 +21,7 @@ from vibro_cli.figures.style import MM, Look, line, panel_size, width_of
 from vibro_cli.figures.ticks import (
     CHARACTER,
     Ticks,
+    in_one_unit,
     label_axis,
     limits_apart,
     number_ticks,
@@ -190,14 +191,20 @@ def count_axis(axes: Axes, numbers: Any, labelled: bool = True) -> None:
     label_axis(axes.xaxis, ticks, "impact $n$", "", labelled)
 
 
-def value_axis(axes: Axes, values: ArrayLike, symbol: str, unit: str) -> None:
+def value_axis(axes: Axes, values: ArrayLike, symbol: str, unit: str, whole: bool = False) -> None:
     """Set a vertical axis that shows values, with round numbers; those not finite do not count.
 
-    In units of a power of ten where the numbers are long; angles (rad) have parts of π.
+    In units of a power of ten where the numbers are long; angles (rad) have parts of π, what is
+    counted (`whole`) whole numbers.
     """
-    axes.set_ylim(limits_around(values))
-    ticked = vertical_angle_ticks if unit == "rad" else vertical_ticks
-    label_axis(axes.yaxis, ticked(*axes.get_ylim(), panel_size(axes)[1]), symbol, unit)
+    low, high = limits_around(values)
+    axes.set_ylim(low, high)
+    height = panel_size(axes)[1]
+    if unit == "rad":
+        ticks = vertical_angle_ticks(low, high, height)
+    else:
+        ticks = vertical_ticks(low, high, height, whole)
+    label_axis(axes.yaxis, ticks, symbol, unit)
 
 
 def limits_around(values: ArrayLike) -> tuple[float, float]:
@@ -218,12 +225,16 @@ def limits_around(values: ArrayLike) -> tuple[float, float]:
 def plane_axes(axes: Axes, low: Array, high: Array, labelled: bool = True, after: str = "") -> None:
     """Set both axes of a plane in m, from the corner `low` to `high`.
 
-    Without `labelled` the horizontal axis has ticks, but no numbers and no name, behind which
-    `after` is said.
+    Both have one unit. Without `labelled` the horizontal axis has ticks, but no numbers and no
+    name, behind which `after` is said.
     """
     axes.set_xlim(low[0], high[0])
     axes.set_ylim(low[1], high[1])
-    number_plane(axes, ("$x$", "m"), ("$y$", "m"), labelled, after)
+    wide, tall = panel_size(axes)
+    across = number_ticks(*axes.get_xlim(), wide)
+    across, along = in_one_unit(across, vertical_ticks(*axes.get_ylim(), tall))
+    label_axis(axes.xaxis, across, "$x$", "m", labelled, after)
+    label_axis(axes.yaxis, along, "$y$", "m")
 
 
 def number_plane(

@@ -129,7 +129,8 @@ def _value(axes: Axes, values: Array, symbol: str, unit: str) -> None:
     if 0.0 < WIDE_RANGE * np.min(finite) < np.max(finite):
         log_axis(axes, finite, symbol, unit)
     else:
-        value_axis(axes, values if unit else np.append(values, 0.0), symbol, unit)
+        shown = values if unit else np.append(values, 0.0)
+        value_axis(axes, shown, symbol, unit, whole=symbol in COUNTED.values())
 
 
 def place_column(grid: Swept) -> tuple[str, str, str] | None:

@@ -173,6 +173,19 @@ def vertical_ticks(low: float, high: float, height: float, whole: bool = False) 
     return Ticks(ticks.places, decimals([place / 10.0**power for place in ticks.places]), power)
 
 
+def in_one_unit(one: Ticks, other: Ticks) -> tuple[Ticks, Ticks]:
+    """Return the ticks of two axes of one quantity in units of one power of ten, the larger."""
+    powers = {one.power, other.power} - {0}
+    if not powers or one.offset or other.offset:
+        return one, other
+    power = max(powers)
+    first, second = (
+        Ticks(ticks.places, decimals([place / 10.0**power for place in ticks.places]), power)
+        for ticks in (one, other)
+    )
+    return first, second
+
+
 def log_ticks(low: float, high: float, length: float, vertical: bool) -> Ticks:
     """Return ticks of a logarithmic axis between limits of one sign, `length` mm long.
 
