@@ -205,6 +205,21 @@ def test_flat_bodies_have_contact_points_from_the_side_only(
     assert not any("T_{1" in text for text in shown)
 
 
+def test_a_contact_point_at_a_right_angle_lies_on_the_axis() -> None:
+    """Ball 2 is struck while it passes at 90 degrees to the line of centres."""
+    ball = {"radius": 0.05, "mass": 1.0}
+    balls = [
+        ball | {"x": -1.0, "y": 0.0, "velocity_x": 1.0},
+        ball | {"x": 0.0, "y": -0.9, "velocity_y": 1.0},
+    ]
+    data = {"system": "table", "balls": balls, "collision": {"k": 1.0}, "stop": {"time": 2.0}}
+    run = simulate(any_scenario_of(data))
+    assert run.collisions["arrival_angle_b"][0] == pytest.approx(0.5 * np.pi, abs=1e-12)
+    (drawn,) = draw_all(run, ["contact_points"], "single")
+    shown = [text.get_text() for text in texts(drawn.figure)]
+    assert r"$\alpha$ = 90°, to the axis 0 m" in shown
+
+
 def test_a_trace_that_turns_has_its_axis_on_the_scene() -> None:
     run = run_of("turning_circle")
     figure, turning = scene(run, "single"), run.system.turning

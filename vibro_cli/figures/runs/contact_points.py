@@ -55,6 +55,7 @@ POINTS_CAPTION = (
 _HIGH = 36.0
 _WORDS = 7.4
 _GAP, _TOP, _BOTTOM = 2.0, 5.0, 2.0
+_ROUNDING = 1e-12
 _AROUND = 2.05
 """Half the width of a panel, in radii of its body."""
 _LONGEST = 1.15
@@ -242,7 +243,9 @@ def _draw_plan(axes: Axes, one: Rolling, scale: float) -> None:
     ]
     axes.plot(*np.transpose([*points, (0.0, 0.0)]), zorder=4.0, **style.POINT)
     write_names(axes, named, np.concatenate(drawn))
-    reach = short_number(radius * math.cos(one.aside) * one.body.radius, 3)
+    share = math.cos(one.aside)
+    share = share if share > _ROUNDING else 0.0  # at 90 degrees
+    reach = short_number(radius * share * one.body.radius, 3)
     write_over(axes, 0.0, 1, "from above")
     write_over(axes, 0.0, 0, rf"$\alpha$ = {short_number(aside, 3)}°, to the axis {reach} m")
 
