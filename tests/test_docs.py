@@ -1,10 +1,14 @@
 """The pages for developers name only what there is."""
 
 import re
+import shlex
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
+
+from tests.pages import pages
 
 ROOT = Path(__file__).parents[1]
 PAGES = [*sorted((ROOT / "docs").rglob("*.md")), ROOT / "CONTRIBUTING.md"]
@@ -18,8 +22,8 @@ NOT_IN_THE_TREE = {
     "fit.json",
     "grid.json",
     "basins.json",
+    "bowl.toml",
     "manifest.json",
-    "mine.toml",
     "scenario.json",
     "summary.json",
 }
@@ -76,3 +80,34 @@ def test_every_page_can_be_reached() -> None:
     index = (ROOT / "docs/index.md").read_text(encoding="utf-8")
     linked |= {f"docs/{name}.md" for name in re.findall(r"^([\w/-]+)$", index, re.MULTILINE)}
     assert {str(page.relative_to(ROOT)) for page in PAGES} <= linked | {"docs/index.md"}
+
+
+def runs_written(text: str) -> Iterator[tuple[str, tuple[str, ...]]]:
+    """The folders into which a page has runs written, each with all that says what they are."""
+    for command in re.findall(r"vibro run ([^`|<>\n]*)", text):
+        words = shlex.split(command)
+        if {"--json", "--format", "-"} & set(words) or "$" in command:
+            continue
+        pairs = list(pairwise(words))
+        sources = [word for word in words if word.endswith(".toml")]
+        changes = [value for name, value in pairs if name == "--set"]
+        named = [value for name, value in pairs if name in ("-o", "--continue")]
+        named += [f"outputs/{Path(source).stem}" for source in sources]
+        if named:
+            yield named[0], (*sources, *changes)
+    for folder in re.findall(r"""run\.save\("([^"]*)\"""", text):
+        yield folder, ("saved",)
+
+
+def test_no_page_has_a_run_written_over_one_of_another_page() -> None:
+    """Whoever follows the pages one after the other is not refused: a folder is of one scenario."""
+    found: dict[str, dict[tuple[tuple[str, ...], ...], str]] = {}
+    for page in pages():
+        own: dict[str, list[tuple[str, ...]]] = {}
+        for folder, what in runs_written(page.read_text(encoding="utf-8")):
+            if what not in own.setdefault(folder, []):
+                own[folder].append(what)
+        for folder, kinds in own.items():
+            found.setdefault(folder, {})[tuple(kinds)] = page.name
+    assert len(found) > 20
+    assert [(folder, pages) for folder, pages in found.items() if len(pages) > 1] == []
