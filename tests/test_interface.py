@@ -269,8 +269,9 @@ def test_save_writes_what_the_command_writes(tmp_path: Path, run: Run) -> None:
 def test_a_run_of_other_parameters_is_not_replaced(tmp_path: Path, run: Run) -> None:
     folder = run.save(tmp_path / "run", figures=False)
     other = simulate(run.scenario.replace({"collision.k": 0.5}))
-    with pytest.raises(FolderRefused, match=r"collision.k\[1\]: 0.9 -> 0.5"):
+    with pytest.raises(FolderRefused, match=r"collision.k\[1\]: 0.9 -> 0.5") as refused:
         other.save(folder, figures=False)
+    assert str(refused.value).endswith("\n(force=True replaces it)")  # no option of a command
     other.save(folder, figures=False, force=True)
     assert open_run(folder).summary == other.summary
 

@@ -84,6 +84,9 @@ def test_files_of_others_are_left_alone(vibro: Vibro) -> None:
         assert "left as it is" in outcome.err
     assert Path("mine.html").read_text() == "<p>keep</p>"
     assert Path("mine.pdf").read_text() == "keep"
+    outcome = vibro("report", "outputs/one_circle", "--figures", "outputs/one_circle")
+    assert outcome.code == 2
+    assert outcome.err.endswith("it is left as it is (choose another folder)\n")  # -o is the page
 
 
 @pytest.mark.parametrize("option", ["-o", "--pdf", "--animate"])

@@ -225,7 +225,8 @@ class Run:
         files = figures_of(self._shown, kinds)
         for text in nothing_shown(kinds, files) if are_named else ():
             _LOG.warning("%s: %s", self.name, text)
-        folders.write_run(self.solved, self.scenario, target, files, force)
+        hint = "force=True replaces it"
+        folders.write_run(self.solved, self.scenario, target, files, force, hint)
         return target
 
     @property

@@ -366,13 +366,13 @@ def check_replaceable(folder: Path, kind: str) -> None:
     found = read_manifest(folder)
     if found is None or not found["schema"].startswith(f"vibro-{kind}/"):
         raise FolderRefused(
-            f"{folder} exists and is no vibro {kind}; it is left as it is (choose another with -o)"
+            f"{folder} exists and is no vibro {kind}; it is left as it is (choose another folder)"
         )
     foreign = sorted(names - set(found["files"]) - {MANIFEST_NAME})
     if foreign:
         raise FolderRefused(
             f"{folder} holds {foreign[0]}, which vibro did not write; it is left as it is "
-            "(move that file, or choose another folder with -o)"
+            "(move that file, or choose another folder)"
         )
 
 

@@ -42,10 +42,16 @@ SCENARIO_NAME = "scenario.json"
 CHECKPOINT_NAME = "checkpoint.json"
 
 
-def check_run_folder(folder: Path, scenario: AnyScenario, force: bool = False) -> None:
+BY_OPTIONS = "--force replaces it, -o names another folder"
+
+
+def check_run_folder(
+    folder: Path, scenario: AnyScenario, force: bool = False, hint: str = BY_OPTIONS
+) -> None:
     """Raise `FolderRefused` unless the results of a scenario may take the place of a folder.
 
-    They may where there is nothing or a run of the same scenario; with `force`, a run of any.
+    They may where there is nothing or a run of the same scenario; with `force`, a run of any. The
+    `hint` says how to go on where they may not.
     """
     check_replaceable(folder, "run")
     if force or read_manifest(folder) is None:
@@ -56,7 +62,7 @@ def check_run_folder(folder: Path, scenario: AnyScenario, force: bool = False) -
         raise FolderRefused(
             f"{folder} holds a run with other parameters; found there and wanted now:\n"
             + "\n".join(lines)
-            + "\n(--force replaces it, -o names another folder)"
+            + f"\n({hint})"
         )
 
 
@@ -87,13 +93,14 @@ def write_run(
     target: Path,
     figures: Mapping[str, bytes],
     force: bool = False,
+    hint: str = BY_OPTIONS,
 ) -> None:
     """Write the folder of a run, whole or not at all; `figures` are files' names and contents.
 
     Raises `FolderRefused` when `target` is there and is no run of ours, or one of another scenario
-    (which `force` allows), and `OSError` when it cannot be written.
+    (which `force` allows, as the `hint` says), and `OSError` when it cannot be written.
     """
-    with streamed_folder(scenario, target, force) as folder:
+    with streamed_folder(scenario, target, force, hint) as folder:
         for table in run.kind.tables():
             rows = None if table.file == "summary" else run.table(table.file)
             if rows is not None:
@@ -165,13 +172,15 @@ class StreamedFolder:
 
 
 @contextmanager
-def streamed_folder(scenario: AnyScenario, target: Path, force: bool) -> Iterator[StreamedFolder]:
+def streamed_folder(
+    scenario: AnyScenario, target: Path, force: bool, hint: str = BY_OPTIONS
+) -> Iterator[StreamedFolder]:
     """Make the folder of a run, whole or not at all: the block fills it.
 
     Raises as :func:`write_run`. The scenario is there first, so that a part that is left of a
     process that was killed tells what is to be solved.
     """
-    check = partial(check_run_folder, scenario=scenario, force=force)
+    check = partial(check_run_folder, scenario=scenario, force=force, hint=hint)
     first = {SCENARIO_NAME: json_bytes(scenario.resolved())}
     with (
         new_folder(target, check, first) as folder,
