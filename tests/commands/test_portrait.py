@@ -136,6 +136,9 @@ def test_bodies_are_compared_on_one_trace(vibro: Vibro) -> None:
     assert heights[0] == pytest.approx(heights[1], abs=1e-14)
     assert heights[0] == pytest.approx(heights[2], abs=1e-14)
     assert Path("compared/comparison.pdf").read_bytes().startswith(b"%PDF-")
+    lines = vibro("portrait", source, "--compare", compare, "--no-figures").text.splitlines()
+    assert "  disk: κ = 1.5; centre, saddle, centre; figure eight" in lines
+    assert "    C1: E/(m g) = 0 m, ω = 2.69568 1/s" in lines
 
 
 @pytest.mark.parametrize(

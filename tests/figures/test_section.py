@@ -71,6 +71,10 @@ def test_it_is_said_how_many_runs_of_a_grid_are_shown(
     assert run_command_line([*arguments, "--transient", str(counts.max())]) == 2
     most = f"after the first {counts.max()}; the most that a run has are {counts.max()}\n"
     assert capsys.readouterr().err.endswith(most)
+    few = {"stop.collisions": [1, 2, 3]}
+    sweep(example("one_circle"), few, tmp_path / "few", collisions=True)
+    assert run_command_line(["section", str(tmp_path / "few"), "--transient", "1"]) == 0
+    assert "2 of 3 runs have more than 1 impact; --transient 0" in capsys.readouterr().err
 
 
 def test_a_run_shows_one_column_over_another(

@@ -245,5 +245,6 @@ def _runs_shown(grid: Grid, pair: tuple[int, int] | None, transient: int | None)
     if least == 0 or shown == len(impacts):
         return ""
     have = "has" if shown == 1 else "have"
-    more = f"{shown:,} of {len(impacts):,} runs {have} more than {least} impacts"
+    most = "1 impact" if least == 1 else f"{least} impacts"
+    more = f"{shown:,} of {len(impacts):,} runs {have} more than {most}"
     return f"{more}; --transient 0 shows every impact"

@@ -186,13 +186,13 @@ def family_lines(family: dict[str, Any]) -> Iterator[str]:
 
 
 def comparison_lines(comparison: dict[str, Any]) -> Iterator[str]:
-    """A few members side by side as text: κ, the values of the points, their natural rates w."""
+    """A few members side by side as text: κ, the values of the points, their natural rates ω."""
     yield f"{comparison['path']}, portrait of ball {comparison['ball']}:"
     for member in comparison["members"]:
-        yield f"  {member['value']}: kappa = {member['kappa']:.6g}; {member['type']}"
+        yield f"  {member['value']}: κ = {member['kappa']:.6g}; {member['type']}"
         for point in member["points"]:
             rate = point["natural_rate"]
-            own = "" if rate is None else f", w = {rate:.6g} 1/s"
+            own = "" if rate is None else f", ω = {rate:.6g} 1/s"
             yield f"    {point['name']}: E/(m g) = {point['height']:.6g} m{own}"
 
 
