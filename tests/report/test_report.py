@@ -22,6 +22,7 @@ from vibro_cli.report.html import is_report
 from vibro_cli.report.papers import analogy, forms
 from vibro_cli.report.words import number
 from vibro_cli.scenario import any_scenario_of, load_scenario
+from vibro_cli.scenario.loading import load_any
 from vibro_cli.storage.folders import write_run
 from vibro_cli.storage.stored import StoredRun, open_run
 
@@ -250,6 +251,13 @@ def test_numbers_in_words(value: float | None, text: str) -> None:
     assert number(value, "m") == text
 
 
+def test_degrees_stand_at_their_number(page: Page) -> None:
+    assert number(-120.0, "°") == "−120°"
+    (body,) = page.all("body")
+    assert "−120°" in body.text
+    assert " °" not in body.text
+
+
 def test_colours_can_be_told_apart_in_light_and_dark() -> None:
     """Contrast of WCAG 2: at least 7 for words, 4.5 for links and what is less important."""
     style = (files("vibro_cli.report") / "templates" / "report.css").read_text()
@@ -312,3 +320,15 @@ def test_the_first_impact_stands_in_both_forms(run: StoredRun, page: Page) -> No
     text = page.with_id("run1-analogy").text
     assert "The run used that of rolling." in text
     assert text.count(number(rolling.loss, "J")) == 3  # directly, by Carnot, and of all impacts
+    assert "left body first" in text
+    assert "along the line of centres" not in text
+
+
+def test_a_skew_impact_stands_in_both_forms_with_its_normal_parts(tmp_path: Path) -> None:
+    """Not with the whole speeds: what is beside the line of centres stays."""
+    scenario = load_any(GALLERY / "table/skew_impact.toml", ["balls[1].y=0.08"])
+    write_run(simulate(scenario), scenario, tmp_path / "run", {})
+    page = Page(report_html([open_run(tmp_path / "run")], tmp_path, "1.2.3"))
+    text = page.with_id("run1-analogy").text
+    assert "All is of the components along the line of centres" in text
+    assert "body a first" in text

@@ -47,9 +47,12 @@ def forms(system: Any, table: Mapping[str, Any], row: int) -> tuple[CentralImpac
     )
 
 
+_NORMAL = "normal_speed"
+
+
 def _speed_of(table: Mapping[str, Any]) -> str:
     """How columns of the speeds begin on which the laws act."""
-    return "normal_speed" if "normal_speed_a_pre" in table else "speed"
+    return _NORMAL if f"{_NORMAL}_a_pre" in table else "speed"
 
 
 def analogy(system: Any, table: Mapping[str, Any]) -> dict[str, Any] | None:
@@ -76,6 +79,7 @@ def analogy(system: Any, table: Mapping[str, Any]) -> dict[str, Any] | None:
         "impact": str(int(table["n"][row])),
         "law": law,
         "used": _USED.get(law, "neither"),
+        "of_normal_parts": _speed_of(table) == _NORMAL,
         "rows": [
             [label, describe(translation, _UNITS[0]), describe(rolling, _UNITS[1])]
             for label, describe in _ROWS

@@ -66,7 +66,10 @@ def method_of(kind: System, scenario: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def number(value: float | None, unit: str = "", digits: int = 6) -> str:
-    """Return a number with its unit, the minus sign a minus and powers of ten as such."""
+    """Return a number with its unit, the minus sign a minus and powers of ten as such.
+
+    The sign of degrees stands without a space, unlike all other units.
+    """
     if value is None or (isinstance(value, float) and math.isnan(value)):
         return "–"
     if isinstance(value, bool | str):
@@ -77,7 +80,7 @@ def number(value: float | None, unit: str = "", digits: int = 6) -> str:
         text = (
             f"{mantissa}·10{_raised(int(power))}" if mantissa != "1" else f"10{_raised(int(power))}"
         )
-    return f"{text.replace('-', '−')} {unit}".rstrip()
+    return f"{text.replace('-', '−')}{'' if unit == '°' else ' '}{unit}".rstrip()
 
 
 def _raised(power: int) -> str:
