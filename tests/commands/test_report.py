@@ -147,6 +147,12 @@ def test_the_motion_can_be_had_as_a_film(vibro: Vibro) -> None:
         assert outcome.code == 2
         assert "is no film" in outcome.err
         assert Path(name).read_text() == "mine"
+    said = [
+        vibro("report", "outputs/one_circle", "--animate", f"{pace}.gif", *options, "--pace", pace)
+        for pace in ("1", "10")
+    ]
+    warning = "vibro: warning: the film has one frame; a smaller --pace has more\n"
+    assert [warning in one.err for one in said] == [False, True]
 
 
 def test_a_film_that_cannot_be_is_refused(vibro: Vibro) -> None:

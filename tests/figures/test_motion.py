@@ -19,7 +19,8 @@ from vibro_cli import Run as Solved
 from vibro_cli import example
 from vibro_cli import simulate as solved
 from vibro_cli.api import Run, simulate
-from vibro_cli.figures.film import Film, Frames, NoFilm, Stage, frame_times, movie
+from vibro_cli.figures.film import Film, Frames, NoFilm, Stage, clock_digits, frame_times, movie
+from vibro_cli.report.film_page import film_html
 from vibro_cli.scenario import load_scenario
 from vibro_cli.systems.trace.figures import film as film_on_trace
 
@@ -47,6 +48,27 @@ def test_times_of_frames() -> None:
     np.testing.assert_array_equal(frame_times(1.0, 1.2, 0.5, 10), 1.0 + 0.05 * np.arange(5))
     assert len(frame_times(0.0, 8.0, 1.0, RATE)) == 8 * RATE + 1
     assert frame_times(0.0, 60.0, 7.0, 3)[-1] <= 60.0
+
+
+@pytest.mark.parametrize("pace", [1e-6, 5e-4, 0.02, 0.025, 1.0, 60.0])
+@pytest.mark.parametrize("rate", [10, RATE, 50])
+def test_the_clock_of_a_film_tells_its_frames_apart(pace: float, rate: int) -> None:
+    times = frame_times(0.0, 20 * pace / rate, pace, rate)
+    digits = clock_digits(times)
+    assert len({f"{time:.{digits}f}" for time in times}) == len(times) == 21
+    assert digits == 3 or (digits > 3 and pace / rate < 1e-3)
+    assert clock_digits(times[:1]) == 3
+
+
+def test_the_clock_is_drawn_with_its_decimals() -> None:
+    """Within a thousandth of a second one frame was like another."""
+    run = run_of("three_arcs")
+    close = film_on_trace(run, frame_times(1.0, 1.0002, 0.0005, RATE))
+    drawn = Film(close, 50.0)
+    drawn.picture(1)
+    assert "$t = 1.00002$ s" in [text.get_text() for text in drawn.figure.texts]
+    page = film_html(close, RATE, "close", "1.2.3").decode()
+    assert '"digits": 5' in page.replace('":5', '": 5')
 
 
 def test_a_frame_is_on_the_flight_of_its_time() -> None:

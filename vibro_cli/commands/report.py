@@ -331,3 +331,5 @@ def _write_film(run: "StoredRun", target: Path, wishes: ReportCommand) -> None:
     with drawing_told():
         write_film(run, run.scenario.name, target, (start, stop), wishes.pace, wishes.fps)
     say(f"film of {start:g} s to {stop:g} s (the run ends at {end:g} s) in {target}")
+    if (stop - start) / wishes.pace * wishes.fps < 1.0:
+        say("vibro: warning: the film has one frame; a smaller --pace has more", "warning")

@@ -147,6 +147,13 @@ def frame_times(start: float, end: float, pace: float, rate: int) -> Array:
     return times
 
 
+def clock_digits(times: Array) -> int:
+    """Return the decimals of the clock (s): three, or as many as tell the frames apart."""
+    if len(times) < 2:
+        return 3
+    return max(3, -math.floor(math.log10(times[1] - times[0])))
+
+
 def times_between(times: Array, step: float, span: float) -> Array:
     """Return times (s) before each frame, `step` apart and as far back as `span`.
 
@@ -315,6 +322,7 @@ class Film(Stage):
             self._moving = [self._body(n) for n in range(len(self.ground.radii))]
             size = _LARGER * style.TEXT
             self._clock = self.figure.text(0.02, 0.95, "", fontsize=size, va="center")
+        self._digits = clock_digits(frames.time)
 
     def _body(self, body: int) -> _Moving:
         colour, dashes = body_look(body + 1)["color"], body_look(body + 1)["linestyle"]
@@ -340,7 +348,7 @@ class Film(Stage):
         if not frame % _TOLD_EVERY:
             tell(f"frame {frame + 1:,} of {len(self.frames.time):,}")
         self.canvas.restore_region(self._still)
-        self._clock.set_text(f"$t = {self.frames.time[frame]:.3f}$ s")
+        self._clock.set_text(f"$t = {self.frames.time[frame]:.{self._digits}f}$ s")
         with style.journal():
             for body, moving in enumerate(self._moving):
                 self._move(frame, body, moving)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from vibro_cli.figures.chart import body_look
-from vibro_cli.figures.film import SIZE, TRAIL, Frames, Stage
+from vibro_cli.figures.film import SIZE, TRAIL, Frames, Stage, clock_digits
 from vibro_cli.figures.source import Array
 from vibro_cli.figures.style import render
 from vibro_cli.report.html import rendered
@@ -40,6 +40,7 @@ def film_html(frames: Frames, rate: int, name: str, version: str) -> bytes:
         "data": {
             "rate": rate,
             "time": frames.time.tolist(),
+            "digits": clock_digits(frames.time),
             "plan": stage.place(stage.plan),
             "plane": stage.place(stage.plane),
             "past": TRAIL,

@@ -62,7 +62,7 @@ const show = (frame) => {
     point.setAttribute("cy", along);
     trail.setAttribute("d", path(body.trail, from, film.time[frame]));
   }
-  clock.textContent = `t = ${film.time[frame].toFixed(3)} s`;
+  clock.textContent = `t = ${film.time[frame].toFixed(film.digits)} s`;
   slider.value = frame;
   slider.setAttribute("aria-valuetext", clock.textContent);
 };
