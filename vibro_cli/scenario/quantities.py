@@ -414,6 +414,7 @@ _FACTOR = re.compile(
     r"(?P<power>[+-]?\d{1,2})|(?P<raised>[⁺⁻]?[⁰¹²³⁴⁵⁶⁷⁸⁹]{1,2}))?"
 )
 _RAISED = str.maketrans("⁺⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "+-0123456789")
+_PRINTED_MINUS = "\N{MINUS SIGN}"
 _MOST_DIGITS = 60
 _LARGEST_EXPONENT = 400
 
@@ -437,6 +438,8 @@ def exact(text: str, dimension: str) -> Fraction:
     is no number with a known unit, or its dimension (a key of `DIMENSIONS`) is another one.
     """
     match = _QUANTITY.fullmatch(text) if len(text) <= 200 else None
+    if match is None and _PRINTED_MINUS in text:  # as it is copied from a paper, or a report
+        raise UnitError("the sign − (U+2212)", " with - as minus")
     if match is None:
         raise UnitError
     number, unit_text = match.groups()
