@@ -108,6 +108,50 @@ def test_a_start_whose_motion_soon_is_another_one_is_good_enough() -> None:
     assert np.max(np.abs(found.residuals)) < 1e-6
 
 
+def _on_a_level_line(masses: Any, count: int) -> Any:
+    """Instants of elastic impacts of three balls on a level line between walls."""
+    x, v, radius = np.array([0.2, 0.5, 1.2]), np.array([1.0, 0.0, 0.0]), 0.05
+    t, found = 0.0, []
+    while len(found) < count:
+        closing = [v[0] - v[1], v[1] - v[2], -v[0], v[2]]
+        room = [
+            x[1] - x[0] - 2 * radius,
+            x[2] - x[1] - 2 * radius,
+            x[0] - radius,
+            2.0 - radius - x[2],
+        ]
+        waits = [way / u if u > 0.0 else np.inf for way, u in zip(room, closing, strict=True)]
+        a = int(np.argmin(waits))
+        t, x = t + waits[a], x + v * waits[a]
+        if a >= 2:
+            ball = 0 if a == 2 else 2
+            v[ball] = -v[ball]
+            continue
+        common = (masses[a] * v[a] + masses[a + 1] * v[a + 1]) / (masses[a] + masses[a + 1])
+        v[a : a + 2] = 2.0 * common - v[a : a + 2]
+        found.append(t)
+    return np.array(found)
+
+
+def test_a_number_that_only_later_impacts_show_is_fitted() -> None:
+    """The first impacts are of the two others: fitted alone, they do not depend on its mass."""
+    line = {"start_slope": 0.0, "arcs": [{"shape": "line", "length": 2.0}]}
+    balls = [
+        {"radius": 0.05, "mass": mass, "arc": 1, "position": x, "speed": speed}
+        for mass, x, speed in ((1.0, 0.2, 1.0), (20.0, 0.5, 0.0), (3.2, 1.2, 0.0))
+    ]
+    document = scene(line, balls, 1.0, collisions=14)
+    document["ends"] = {"left": {"wall": 1.0}, "right": {"wall": 1.0}}
+    exact, step = _on_a_level_line([1.0, 20.0, 3.0], 14), 1e-4
+    found = fit(scenario_of(document), exact, ["balls[3].mass"], SIGMA)
+    late = [_on_a_level_line([1.0, 20.0, 3.0 + sign * step], 14) for sign in (1.0, -1.0)]
+    derivative = (late[0] - late[1]) / (2.0 * step)
+    assert np.all(derivative[:4] == 0.0)
+    assert np.any(derivative[4:] != 0.0)
+    assert found.values[0] == pytest.approx(3.0, abs=1e-9)
+    assert found.errors[0] == pytest.approx(SIGMA / np.linalg.norm(derivative), rel=1e-6)
+
+
 @pytest.mark.parametrize(
     ("change", "measured", "free", "words"),
     [

@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import qr
 from scipy.optimize import least_squares
 from scipy.stats import chi2, t
 
@@ -320,6 +321,18 @@ def check_noise(name: str, noise: Any) -> None:
         raise ValueError(f"{name}: found {noise!r}, expected seconds, greater than 0")
 
 
+def _independent(jacobian: Floats) -> NDArray[np.int64]:
+    """Of the numbers those that instants tell apart, from the one that shows most on."""
+    sizes = np.linalg.norm(jacobian, axis=0)
+    shown = np.flatnonzero(sizes > 0.0)
+    if not len(shown):
+        return shown
+    upper, order = qr(jacobian[:, shown] / sizes[shown], mode="r", pivoting=True)
+    shares = np.abs(np.diag(upper))
+    told = shares >= LEAST_INDEPENDENT * shares[0]
+    return np.sort(shown[order[: len(shares)][told]])
+
+
 class _Problem:
     def __init__(
         self, scenario: Scenario, measured: Measured, free: tuple[Free, ...], noise: float | None
@@ -435,26 +448,36 @@ class _Problem:
         return found
 
     def solved(self, values: Floats, rows: int) -> Floats:
-        """The numbers that suit the first rows best."""
+        """The numbers that suit the first rows best; those that do not show there stay."""
+        # What the numbers before miss is told as it is.
+        jacobian = self._late(values, rows)[1]
+        last = rows == len(self._measured.t)
+        if last:
+            self._check_told(jacobian)
+        shown = np.arange(len(values)) if last else _independent(jacobian)
+        if not len(shown):
+            return values
 
-        def late(trial: Floats) -> Floats:
+        def whole(some: Floats) -> Floats:
+            found = values.copy()
+            found[shown] = some
+            return found
+
+        def late(some: Floats) -> Floats:
             try:
-                return self._late(trial, rows)[0]
+                return self._late(whole(some), rows)[0]
             except NoFit:  # the step is made shorter
                 return np.full(rows, np.nan)
 
-        # What the numbers before miss is told as it is.
-        self._check_told(self._late(values, rows)[1])
-        bounds = ([one.low for one in self._free], [one.high for one in self._free])
-        last = rows == len(self._measured.t)
+        bounds = ([self._free[n].low for n in shown], [self._free[n].high for n in shown])
         found = least_squares(
-            late, values, jac=lambda trial: self._late(trial, rows)[1], bounds=bounds,
-            x_scale="jac", xtol=TOLERANCE if last else 1e-6, ftol=TOLERANCE if last else 1e-6,
-            gtol=None, max_nfev=200,
+            late, values[shown], jac=lambda some: self._late(whole(some), rows)[1][:, shown],
+            bounds=bounds, x_scale="jac", xtol=TOLERANCE if last else 1e-6,
+            ftol=TOLERANCE if last else 1e-6, gtol=None, max_nfev=200,
         )  # fmt: skip
         if last and not found.success:
             raise NoFit(f"the method does not arrive: {found.message}")
-        return np.asarray(found.x, dtype=np.float64)
+        return whole(found.x)
 
     def _check_told(self, jacobian: Floats) -> None:
         """Raise ``NoFit`` if a number, or a combination of them, does not show in the instants."""
