@@ -325,6 +325,25 @@ def test_lasting_contact_takes_two_directions(k: float, turns: bool) -> None:
     np.testing.assert_allclose(found.matrix, _by_neighbours(system, 2.0, 1e-6), atol=1e-8)
 
 
+def test_a_wall_without_a_bounce_takes_one_direction() -> None:
+    """A ball rolls up to it, stops there, and rolls down: only when it starts can change."""
+    slope, up, end = -0.3, -2.2, 1.5
+    line = {"start_slope": slope, "arcs": [{"shape": "line", "length": 3.0}]}
+    body = {"radius": 0.1, "mass": 1.0, "arc": 1, "position": 0.5, "speed": up}
+    system = system_of(_with(scene(line, [body], time=end), ends={"left": {"wall": 0.0}}))
+    pull = system.gravity / 1.4 * math.sin(-slope)
+    speed = -math.sqrt(up * up - 2.0 * pull * 0.4)
+    t = (speed - up) / pull
+    later = -np.array([1.0, t]) / speed
+    exact = np.outer([-pull * (end - t), -pull], later)
+    found = follow_system(system, end, None)
+    np.testing.assert_allclose(found.matrix, exact, rtol=1e-13)
+    tau = float(time_scale(system))
+    growth = math.hypot(pull * (end - t), tau * pull) / -speed
+    assert found.sums[0] == pytest.approx(math.log(growth), abs=1e-13)
+    assert found.sums[1] == -math.inf
+
+
 @pytest.mark.parametrize("k", [0.0, 0.3])
 @pytest.mark.parametrize("third", [False, True])
 def test_contact_of_unequal_kinds_closes_by_the_mass_that_translational_keeps(

@@ -421,11 +421,15 @@ def _rebound(world: World, tangents: Tangents, ball: int) -> None:
     speed = tangents.arriving[ball, 0]
     pull = tangents.arriving[ball, 1]
     restitution = settings.right_wall if speed > 0.0 else settings.left_wall
+    if restitution == 0.0:
+        tangents.state[0].lost = 1
     for column in range(len(tangents.frame)):
         delay = tangents.delay[0, column]
         way = tangents.frame[2 * ball, column]
         rate = tangents.frame[2 * ball + 1, column]
-        tangents.frame[2 * ball, column] = way + (1.0 + restitution) * speed * delay
+        # A body without a bounce starts from the wall, whatever rounding leaves of its way.
+        moved = way + (1.0 + restitution) * speed * delay
+        tangents.frame[2 * ball, column] = 0.0 if restitution == 0.0 else moved
         tangents.frame[2 * ball + 1, column] = (
             -restitution * rate - (1.0 + restitution) * pull * tau * delay
         )
