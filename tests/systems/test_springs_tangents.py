@@ -6,6 +6,7 @@ import cmath
 import math
 from typing import Any
 
+import mpmath
 import numpy as np
 import pytest
 
@@ -187,6 +188,24 @@ def test_at_a_singular_point_the_map_is_that_of_a_linear_oscillator(
     tolerance = 1e-13 * np.max(np.abs(exact))
     np.testing.assert_allclose(found.matrix(), exact, rtol=0.0, atol=tolerance)
     assert np.sum(found.sums) == pytest.approx(0.0, abs=1e-13)
+
+
+def test_over_the_foot_of_a_spring_without_stress_the_map_agrees_with_30_digits() -> None:
+    """There l = b and x = 0: the pull and its first two derivatives vanish."""
+    held, speed, end = spring(6.0, 1.5, 1.5, 0.25), 0.8, 0.7
+    with mpmath.workdps(30):
+        square = mpmath.mpf(6) / mpmath.mpf("1.5")  # c/(kappa m) of a disk of 1 kg
+
+        def flow(_: Any, y: Any) -> Any:
+            length = mpmath.sqrt(y[0] ** 2 + mpmath.mpf("2.25"))
+            slope = -square * (1 - mpmath.mpf("1.5") * mpmath.mpf("2.25") / length**3)
+            pull = -square * y[0] * (length - mpmath.mpf("1.5")) / length
+            return [y[1], pull, y[3], slope * y[2], y[5], slope * y[4]]
+
+        found = mpmath.odefun(flow, 0, [0, mpmath.mpf(speed), 1, 0, 0, 1], tol=1e-22)(end)
+        exact = np.array([[found[2], found[4]], [found[3], found[5]]], dtype=np.float64)
+    ours, _, _ = follow(springs([disk(0.25, speed, held)], time=end))
+    np.testing.assert_allclose(ours.matrix(), exact, rtol=0, atol=1e-14)
 
 
 @pytest.mark.parametrize(("length", "time"), [(5.0, 3.0), (0.5, 20.0)], ids=["saddle", "centre"])

@@ -100,7 +100,8 @@ def _expand(
     """Set the series of a group and of changes; return the power of the last terms needed.
 
     ``time`` is the step in units (s), and a speed of 1 is one of 1 m in a unit.
-    Two in succession have to be small, since every second one vanishes where a body is at rest.
+    Two in succession have to be small, since every second one vanishes where a body is at rest. The
+    first does not count: over the foot of a spring without stress there, the first two vanish.
     """
     mass = mass_of_group(world, first, count)
     place = first * BODY_ROWS + PLACE
@@ -121,7 +122,7 @@ def _expand(
         way, speed = _next_changes(series, k, unit)
         power *= time
         size = abs(way) * time + abs(speed) + abs(world.series[place + k + 2]) * time / height
-        small = small + 1 if size * power < REST else 0
+        small = small + 1 if k > 0 and size * power < REST else 0
         if small == 2:
             return k + 2
     return ORDER
