@@ -111,7 +111,8 @@ def test_a_start_whose_motion_soon_is_another_one_is_good_enough() -> None:
 def _on_a_level_line(masses: Any, count: int) -> Any:
     """Instants of elastic impacts of three balls on a level line between walls."""
     x, v, radius = np.array([0.2, 0.5, 1.2]), np.array([1.0, 0.0, 0.0]), 0.05
-    t, found = 0.0, []
+    t = 0.0
+    found: list[float] = []
     while len(found) < count:
         closing = [v[0] - v[1], v[1] - v[2], -v[0], v[2]]
         room = [
