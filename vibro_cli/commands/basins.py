@@ -12,7 +12,7 @@ import typer
 
 from vibro_cli.commands.shared.error_handling import DONE, CommandError
 from vibro_cli.commands.shared.options import json_option, output_option, repeatable
-from vibro_cli.commands.shared.terminal import json_text, print_found, say
+from vibro_cli.commands.shared.terminal import count, json_text, print_found, say
 
 if TYPE_CHECKING:
     from vibro_cli.analysis.basins import Basins, Estimate
@@ -245,6 +245,6 @@ def _runs_shown(grid: Grid, pair: tuple[int, int] | None, transient: int | None)
     if least == 0 or shown == len(impacts):
         return ""
     have = "has" if shown == 1 else "have"
-    most = "1 impact" if least == 1 else f"{least} impacts"
+    most = count(least, "impact", "impacts")
     more = f"{shown:,} of {len(impacts):,} runs {have} more than {most}"
     return f"{more}; --transient 0 shows every impact"

@@ -141,6 +141,11 @@ class ReportCommand:
             )
         return start, stop
 
+    def frames(self, end: float) -> float:
+        """How long the film of a run that ends at `end` (s) lasts, in frames."""
+        start, stop = self.bounds(end)
+        return (stop - start) / self.pace * self.fps
+
     @property
     def target(self) -> Path:
         """Where the page goes."""
@@ -303,8 +308,7 @@ def _check_film(run: "StoredRun", target: Path, wishes: ReportCommand) -> None:
     from vibro_cli.report.html import is_report
     from vibro_cli.storage.files import first_bytes
 
-    start, stop = wishes.bounds(float(run.summary["end_time"]))
-    number = (stop - start) / wishes.pace * wishes.fps
+    number = wishes.frames(float(run.summary["end_time"]))
     if number > MOST_FRAMES:
         raise CommandError(
             f"vibro: a film of {number:.0f} frames, expected at most {MOST_FRAMES}; "
@@ -331,5 +335,5 @@ def _write_film(run: "StoredRun", target: Path, wishes: ReportCommand) -> None:
     with drawing_told():
         write_film(run, run.scenario.name, target, (start, stop), wishes.pace, wishes.fps)
     say(f"film of {start:g} s to {stop:g} s (the run ends at {end:g} s) in {target}")
-    if (stop - start) / wishes.pace * wishes.fps < 1.0:
+    if wishes.frames(end) < 1.0:
         say("vibro: warning: the film has one frame; a smaller --pace has more", "warning")

@@ -225,16 +225,12 @@ def limits_around(values: ArrayLike) -> tuple[float, float]:
 def plane_axes(axes: Axes, low: Array, high: Array, labelled: bool = True, after: str = "") -> None:
     """Set both axes of a plane in m, from the corner `low` to `high`.
 
-    Both have one unit. Without `labelled` the horizontal axis has ticks, but no numbers and no
-    name, behind which `after` is said.
+    Without `labelled` the horizontal axis has ticks, but no numbers and no name, behind which
+    `after` is said.
     """
     axes.set_xlim(low[0], high[0])
     axes.set_ylim(low[1], high[1])
-    wide, tall = panel_size(axes)
-    across = number_ticks(*axes.get_xlim(), wide)
-    across, along = in_one_unit(across, vertical_ticks(*axes.get_ylim(), tall))
-    label_axis(axes.xaxis, across, "$x$", "m", labelled, after)
-    label_axis(axes.yaxis, along, "$y$", "m")
+    number_plane(axes, ("$x$", "m"), ("$y$", "m"), labelled, after)
 
 
 def number_plane(
@@ -247,13 +243,16 @@ def number_plane(
 ) -> None:
     """Write numbers and names at both axes of a plane whose limits are set.
 
-    `across` and `along` are symbols and units, `after` is said behind the first; letters are
-    `larger` than in print by this factor.
+    `across` and `along` are symbols and units, `after` is said behind the first; two axes in one
+    unit have one power of ten. Letters are `larger` than in print by this factor.
     """
     wide, high = panel_size(axes)
     across_ticks = number_ticks(*axes.get_xlim(), wide / larger)
+    along_ticks = vertical_ticks(*axes.get_ylim(), high / larger)
+    if across[1] == along[1]:
+        across_ticks, along_ticks = in_one_unit(across_ticks, along_ticks)
     label_axis(axes.xaxis, across_ticks, *across, labelled, after)
-    label_axis(axes.yaxis, vertical_ticks(*axes.get_ylim(), high / larger), *along)
+    label_axis(axes.yaxis, along_ticks, *along)
 
 
 def positive_axis(axes: Axes, values: Array, symbol: str, unit: str) -> None:

@@ -170,7 +170,7 @@ def vertical_ticks(low: float, high: float, height: float, whole: bool = False) 
     if max(map(len, ticks.labels), default=0) <= _LONGEST:
         return ticks
     power = _power(max(map(abs, ticks.places)))
-    return Ticks(ticks.places, decimals([place / 10.0**power for place in ticks.places]), power)
+    return _in_powers(ticks.places, power)
 
 
 def in_one_unit(one: Ticks, other: Ticks) -> tuple[Ticks, Ticks]:
@@ -179,11 +179,7 @@ def in_one_unit(one: Ticks, other: Ticks) -> tuple[Ticks, Ticks]:
     if not powers or one.offset or other.offset:
         return one, other
     power = max(powers)
-    first, second = (
-        Ticks(ticks.places, decimals([place / 10.0**power for place in ticks.places]), power)
-        for ticks in (one, other)
-    )
-    return first, second
+    return _in_powers(one.places, power), _in_powers(other.places, power)
 
 
 def log_ticks(low: float, high: float, length: float, vertical: bool) -> Ticks:
@@ -279,6 +275,10 @@ def _round_numbers(
     locator = MaxNLocator(nbins=bins, steps=[1, 2, 2.5, 5, 10], integer=whole)
     values = locator.tick_values(low, high)
     places = tuple(float(value) for value in values if low <= value <= high)
+    return _in_powers(places, power)
+
+
+def _in_powers(places: tuple[float, ...], power: int) -> Ticks:
     return Ticks(places, decimals([place / 10.0**power for place in places]), power)
 
 

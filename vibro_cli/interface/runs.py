@@ -225,8 +225,7 @@ class Run:
         files = figures_of(self._shown, kinds)
         for text in nothing_shown(kinds, files) if are_named else ():
             _LOG.warning("%s: %s", self.name, text)
-        hint = "force=True replaces it"
-        folders.write_run(self.solved, self.scenario, target, files, force, hint)
+        folders.write_run(self.solved, self.scenario, target, files, force)
         return target
 
     @property

@@ -27,6 +27,7 @@ from vibro_cli.report.words import (
     versions,
 )
 from vibro_cli.scenario.base import BodyTable
+from vibro_cli.scenario.fields import written
 from vibro_cli.storage.stored import StoredRun
 from vibro_cli.storage.tables import table_named
 from vibro_cli.systems.columns import Column
@@ -250,7 +251,7 @@ def _settings(run: StoredRun, table: str, values: Mapping[str, Any]) -> list[tup
     for key, value in flat(values).items():
         words, unit = named(table, key, type(run.scenario))
         label = f"{table.capitalize()}, {words}" if table else words.capitalize()
-        found.append((label, number(value, unit.replace("^2", "²").replace("^3", "³"))))
+        found.append((label, number(value, written(unit))))
     return found
 
 

@@ -205,7 +205,12 @@ def _with_unit(value: Any, unit: str) -> str:
     if unit == "rad":
         return f"{math.degrees(value):.6g}°"
     text = f"{value:.6g}" if isinstance(value, float) else str(value)
-    return f"{text} {unit}".replace("^2", "²").replace("^3", "³").rstrip()
+    return f"{text} {written(unit)}".rstrip()
+
+
+def written(unit: str) -> str:
+    """Return a unit as it is written in words: m/s² for m/s^2."""
+    return unit.replace("^2", "²").replace("^3", "³")
 
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"

@@ -93,14 +93,13 @@ def write_run(
     target: Path,
     figures: Mapping[str, bytes],
     force: bool = False,
-    hint: str = BY_OPTIONS,
 ) -> None:
     """Write the folder of a run, whole or not at all; `figures` are files' names and contents.
 
     Raises `FolderRefused` when `target` is there and is no run of ours, or one of another scenario
-    (which `force` allows, as the `hint` says), and `OSError` when it cannot be written.
+    (which `force` allows), and `OSError` when it cannot be written.
     """
-    with streamed_folder(scenario, target, force, hint) as folder:
+    with streamed_folder(scenario, target, force, "force=True replaces it") as folder:
         for table in run.kind.tables():
             rows = None if table.file == "summary" else run.table(table.file)
             if rows is not None:

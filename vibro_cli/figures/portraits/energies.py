@@ -130,8 +130,10 @@ def energy_portrait(run: Recorded, ball: int, width: str = "single") -> Figure:
         draw_energies(lower, path, energies, coloured_until(path))
         for panel in (upper, lower):
             draw_junctions(panel, landscape.trace)
-        limits = _limits(energies, below, 1e-3 * float(np.max(values)))
-        limit_energies(lower, *((highest_energy(portrait),) if stays_at_rest(path) else limits))
+        if stays_at_rest(path):
+            limit_energies(lower, highest_energy(portrait))
+        else:
+            limit_energies(lower, *_limits(energies, below, 1e-3 * float(np.max(values))))
         draw_legend(figure, rows, bar)
     return figure
 
