@@ -434,6 +434,7 @@ WRONG: dict[str, tuple[Callable[[Run], object], str]] = {
         "times: found .*, expected numbers",
     ),
     "file": (lambda run: run.report(cast("str", 5)), "file: found 5, expected the path of a file"),
+    "page": (lambda run: run.report("a.docx"), "file: found 'a.docx', expected a file .html"),
     "film": (lambda run: run.film(cast("str", None)), "file: found null, expected the path of a"),
     "picture": (
         lambda run: run.figure("energy").save(cast("str", 5)),

@@ -1,6 +1,8 @@
 """The line that tells how far a long run is: on a terminal, and nowhere else."""
 
 import re
+import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -11,10 +13,10 @@ from tests.two_balls import SCENARIO
 from vibro_cli.api import simulate
 from vibro_cli.commands.shared import terminal
 from vibro_cli.figures.kinds import draw_all
-from vibro_cli.figures.told import told_to
 from vibro_cli.scenario import load_any
 from vibro_cli.systems.trace.figures import FIGURES
 from vibro_cli.systems.wanted import watched_by
+from vibro_cli.told import tell, told_to
 
 pytestmark = pytest.mark.long
 
@@ -102,6 +104,26 @@ def test_what_is_drawn_is_told_on_a_terminal(folder: Path) -> None:
     for word in (b"report in", b"film of"):
         assert re.search(rb"drawing: [^\r]*\r\x1b\[K" + word, seen)
     assert b"drawing" not in processes.call(folder, "report", "run").stderr
+
+
+def test_what_is_measured_is_told_until_each_result_comes(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(terminal, "_EVERY", 0.0)
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
+    monkeypatch.setenv("TERM", "xterm")
+
+    def results() -> Iterator[int]:
+        for number in (1, 2):
+            tell(f"part {number}")
+            time.sleep(0.1)  # so that there is time for a line
+            tell(f"rest of part {number}")
+            yield number
+
+    for number in terminal.each_as_told("measuring", results()):
+        shown = capfd.readouterr().err
+        assert f"measuring: rest of part {number}" in shown
+        assert shown.endswith("\r\x1b[K")  # nothing is left before the result is printed
 
 
 def test_each_figure_is_told_before_it_is_drawn() -> None:

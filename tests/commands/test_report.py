@@ -33,6 +33,8 @@ def test_several_runs_have_one_page_and_a_pdf(vibro: Vibro) -> None:
     page = str(Path("report.html").resolve())
     assert written == {"page": page, "pdf": "figures.pdf", "figures": None, "film": None}
     assert vibro("report", "one", "-o", "-", "--json").code == 2
+    refused = vibro("report", "one", "-o", "page.pdf")
+    assert (refused.code, "found 'page.pdf', expected a file .html" in refused.err) == (2, True)
     assert b"collision.k" in Path("report.html").read_bytes()
     pdf = Path("figures.pdf").read_bytes()
     assert pdf.startswith(b"%PDF-")

@@ -13,7 +13,7 @@ import typer
 
 from vibro_cli.commands.shared.error_handling import DONE, FAILED, CommandError
 from vibro_cli.commands.shared.options import json_option, output_option, repeatable
-from vibro_cli.commands.shared.terminal import print_found, say
+from vibro_cli.commands.shared.terminal import each_as_told, print_found, say
 
 if TYPE_CHECKING:
     from vibro_cli.benchmark.measurement import Row
@@ -76,7 +76,7 @@ def _measure(wishes: BenchCommand, form: str) -> int:
     rows: list[Row] = []
     target = Path(wishes.output)
     check_replaceable(target, "benchmark")
-    for found in suite.run(PLANS[form], tuple(wishes.scene)):
+    for found in each_as_told("measuring", suite.run(PLANS[form], tuple(wishes.scene))):
         rows += found
         for row in found:
             print_found(vars(row), [_line(row)], wishes.as_json)
@@ -182,7 +182,7 @@ class StressCommand:
         findings = []
         if folder is not None:
             check_replaceable(folder, "stress")
-        for finding in run(plan, tuple(self.only)):
+        for finding in each_as_told("checking", run(plan, tuple(self.only))):
             findings.append(finding)
             print_found(record_of(finding), [line_of(finding)], self.as_json)
         if folder is not None:

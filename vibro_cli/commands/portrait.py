@@ -13,7 +13,7 @@ import typer
 
 from vibro_cli.commands.shared.error_handling import DONE, CommandError
 from vibro_cli.commands.shared.options import Overrides, json_option, output_option
-from vibro_cli.commands.shared.terminal import drawing_told, print_found, say
+from vibro_cli.commands.shared.terminal import print_found, say, work_told
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -255,7 +255,7 @@ class PortraitCommand:
         if self.figures or self.output is not None:
             folder = Path(self.output or Path("outputs") / f"{scenario.name}-portrait")
             check_replaceable(folder, "portrait")
-        with drawing_told():
+        with work_told():
             found, drawn = _analysed(self, scenario, system)
         if folder is not None:
             write_results("portrait", folder, drawn, scenario, found)

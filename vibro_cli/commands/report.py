@@ -13,7 +13,7 @@ import typer
 from vibro_cli import __version__
 from vibro_cli.commands.shared.error_handling import DONE, CommandError
 from vibro_cli.commands.shared.options import json_option, output_option, repeatable
-from vibro_cli.commands.shared.terminal import drawing_told, json_text, say
+from vibro_cli.commands.shared.terminal import json_text, say, work_told
 
 if TYPE_CHECKING:
     from vibro_cli.figures.kinds import Drawn
@@ -162,11 +162,16 @@ class ReportCommand:
 
 def _report(wishes: ReportCommand) -> int:
     from vibro_cli.report.html import is_report
+    from vibro_cli.scenario.base import checked_page
     from vibro_cli.storage.files import first_bytes, write_file
 
     _check(wishes)
     target = wishes.target
     printed = wishes.output == "-"
+    try:
+        checked_page("--output", target)
+    except ValueError as error:
+        raise CommandError(f"vibro: {error}") from error
     if not printed and target.exists() and not is_report(first_bytes(target, _HEAD)):
         raise CommandError(f"vibro: {target} exists and is no vibro report; it is left as it is")
     subject = _subject(wishes)
@@ -174,7 +179,7 @@ def _report(wishes: ReportCommand) -> int:
     # Figures are collected again and again, and what is there by now stays.
     gc.freeze()
     gc.set_threshold(50_000, 4, 2)
-    with drawing_told():
+    with work_told():
         content = _page(subject, Path.cwd() if printed else target.parent, wishes.maps)
     if printed:
         sys.stdout.buffer.write(content)
@@ -284,7 +289,7 @@ def _write_pdf(subject: "Subject", target: Path, wishes: ReportCommand) -> None:
     from vibro_cli.storage.files import write_file
 
     drawn = _drawn(subject, wishes.width, wishes.maps)
-    with drawing_told():
+    with work_told():
         write_file(target, render_pages(one.figure for _, one in drawn))
     say(f"figures in {target}")
 
@@ -296,7 +301,7 @@ def _write_figures(subject: "Subject", target: Path, wishes: ReportCommand) -> N
     from vibro_cli.storage.folders import write_results
 
     drawn = _drawn(subject, wishes.width, wishes.maps)
-    with drawing_told():
+    with work_told():
         files = pictures(((stem, one.figure) for stem, one in drawn), FORMATS)
     write_results("figures", target, files)
     say(f"figures in {target}")
@@ -332,7 +337,7 @@ def _write_film(run: "StoredRun", target: Path, wishes: ReportCommand) -> None:
 
     end = float(run.summary["end_time"])
     start, stop = wishes.bounds(end)
-    with drawing_told():
+    with work_told():
         write_film(run, run.scenario.name, target, (start, stop), wishes.pace, wishes.fps)
     say(f"film of {start:g} s to {stop:g} s (the run ends at {end:g} s) in {target}")
     if wishes.frames(end) < 1.0:

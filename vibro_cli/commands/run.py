@@ -36,7 +36,7 @@ from vibro_cli.commands.shared.options import (
     output_option,
     scenario_argument,
 )
-from vibro_cli.commands.shared.terminal import RunProgress, drawing_told, json_text, say
+from vibro_cli.commands.shared.terminal import RunProgress, json_text, say, work_told
 from vibro_cli.systems import PLURALS
 
 if TYPE_CHECKING:
@@ -471,7 +471,7 @@ def _figures(
     written, summary = folder.end_tables(), result.summary_record()
     run = StoredRun(written, scenario, {}, summary, result.checkpoint())
     try:
-        with drawing_told():
+        with work_told():
             files = figures_of(run, names)
     except (KeyboardInterrupt, Terminated) as end:
         interruption.number = getattr(end, "exit_code", INTERRUPTED) - 128

@@ -29,7 +29,7 @@ from vibro_cli.errors import VibroError
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import body_look, limits_around, number_plane
 from vibro_cli.figures.source import Array, made
-from vibro_cli.figures.told import tell
+from vibro_cli.told import tell
 
 
 @dataclass(frozen=True)

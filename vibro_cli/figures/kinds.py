@@ -27,9 +27,9 @@ from vibro_cli.figures.over_axis import (
 from vibro_cli.figures.runs.over_impacts import exponents, intervals
 from vibro_cli.figures.style import width_of
 from vibro_cli.figures.ticks import symbol_of
-from vibro_cli.figures.told import tell
 from vibro_cli.scenario.base import checked
 from vibro_cli.scenario.quantities import Count
+from vibro_cli.told import tell
 
 Source = TypeVar("Source")
 

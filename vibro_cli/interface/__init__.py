@@ -52,7 +52,7 @@ def pictures(
 ) -> dict[str, bytes]:
     """Return the files of figures, which are given by their stems, by their names."""
     from vibro_cli.figures.style import render
-    from vibro_cli.figures.told import tell
+    from vibro_cli.told import tell
 
     files = {}
     for stem, figure in figures.items() if isinstance(figures, Mapping) else figures:

@@ -18,7 +18,14 @@ from vibro_cli import __version__
 from vibro_cli.grids.document import grid_of, load_grid
 from vibro_cli.grids.workers import solve_into
 from vibro_cli.interface import Drawing
-from vibro_cli.scenario.base import Texts, check_scenario, checked, checked_path, plain
+from vibro_cli.scenario.base import (
+    Texts,
+    check_scenario,
+    checked,
+    checked_page,
+    checked_path,
+    plain,
+)
 from vibro_cli.scenario.loading import Document
 from vibro_cli.scenario.quantities import Count, Dictionary
 from vibro_cli.storage.frame import Table
@@ -186,14 +193,14 @@ class Grid:
         return mapped_basins(self.stored, columns)
 
     def report(self, file: str | Path, maps: Sequence[str] = ()) -> Path:
-        """Write the page that explains the grid, as ``vibro report`` does; return its path.
+        """Write the page that explains the grid (.html), as ``vibro report`` does; return its path.
 
         ``maps`` are columns of the summary that are shown over two axes too.
         """
         from vibro_cli.report.grid_content import grid_html
         from vibro_cli.storage.files import write_file
 
-        target = checked_path("file", file)
+        target = checked_page("file", file)
         columns = checked("maps", maps, Texts("columns of the summary"))
         write_file(target, grid_html(self.stored, target.parent, __version__, columns))
         return target

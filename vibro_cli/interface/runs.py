@@ -14,7 +14,7 @@ from vibro_cli import __version__, api
 from vibro_cli.assemble import warnings_of
 from vibro_cli.grids.dataset import verify as verify_folder
 from vibro_cli.interface import Drawing, figures_of, nothing_shown
-from vibro_cli.scenario.base import Texts, check_scenarios, checked, checked_path
+from vibro_cli.scenario.base import Texts, check_scenarios, checked, checked_page, checked_path
 from vibro_cli.scenario.quantities import Count, Dictionary, Quantity
 from vibro_cli.storage import folders
 from vibro_cli.storage.files import available_cores
@@ -324,7 +324,7 @@ class Run:
         pace: float = 1.0,
         fps: int = 25,
     ) -> Path:
-        """Write the motion of a run on a trace as a film, exact at every frame's time.
+        """Write the motion as a film, exact at every frame's time.
 
         Parameters
         ----------
@@ -365,11 +365,11 @@ class Run:
         return target
 
     def report(self, file: str | Path) -> Path:
-        """Write the page that explains the run, as ``vibro report`` does; return its path."""
+        """Write the page (.html) that explains the run, as ``vibro report``; return its path."""
         from vibro_cli.report.content import report_html
         from vibro_cli.storage.files import write_file
 
-        target = checked_path("file", file)
+        target = checked_page("file", file)
         stored = self.stored
         if stored is None:
             tables = {name: dict(table) for name, table in self.tables.items()}

@@ -325,6 +325,14 @@ def checked_path(name: str, value: Any, meaning: str = "file") -> Path:
     raise ValueError(f"{name}: found {shown(value)}, expected {expected}")
 
 
+def checked_page(name: str, value: Any) -> Path:
+    """Return an argument that is the path of a page; raises ``ValueError`` for other suffixes."""
+    path = checked_path(name, value)
+    if path.suffix.lower() not in ("", ".htm", ".html"):
+        raise ValueError(f"{name}: found {str(value)!r}, expected a file .html")
+    return path
+
+
 def system_of(data: Any) -> str:
     """Return the system of the data of a scenario; without one that there is, `trace`."""
     system = data.get("system") if isinstance(data, Mapping) else None

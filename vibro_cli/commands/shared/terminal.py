@@ -17,7 +17,11 @@ import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import groupby
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any, TextIO, TypeVar
+
+from vibro_cli.told import told_to
+
+_Result = TypeVar("_Result")
 
 LEVELS = ("detail", "info", "warning", "error")
 """How much words matter: details are said with -v only, errors even with -q."""
@@ -469,20 +473,20 @@ class Progress(_Line):
         )
 
 
-class _Drawing(_Line):
-    """What is being drawn, if that takes a while: one figure may take all of it."""
+class _Work(_Line):
+    """What is being drawn or measured, if that takes a while: one figure may take all of it."""
 
-    def __init__(self) -> None:
+    def __init__(self, verb: str) -> None:
         super().__init__()
-        self._what = ""
+        self._verb, self._what = verb, ""
         self._begun = threading.Timer(_EVERY, self._begin_to_show)
         self._begun.daemon = True
         if self._shown:
             self._begun.start()
 
     def tell(self, what: str) -> None:
-        """Take down what is drawn next."""
-        self._what = f"drawing: {printable(what)}"
+        """Take down what is done next."""
+        self._what = f"{self._verb}: {printable(what)}"
         if self._drawn:
             self._write(self._what)
 
@@ -498,16 +502,26 @@ class _Drawing(_Line):
 
 
 @contextlib.contextmanager
-def drawing_told() -> Iterator[None]:
-    """Tell what is drawn in the block: figures, or frames of a film."""
-    from vibro_cli.figures.told import told_to
-
-    line = _Drawing()
+def work_told(verb: str = "drawing") -> Iterator[None]:
+    """Tell what is drawn in the block, figures or frames of a film; or measured."""
+    line = _Work(verb)
     try:
         with told_to(line.tell):
             yield
     finally:
         line.end()
+
+
+def each_as_told(verb: str, results: Iterable[_Result]) -> Iterator[_Result]:
+    """Yield results as they come; until each does, tell what is done for it."""
+    coming = iter(results)
+    while True:
+        with work_told(verb):
+            try:
+                found = next(coming)
+            except StopIteration:
+                return
+        yield found
 
 
 class RunProgress(_Line):

@@ -99,7 +99,7 @@ _BESIDE = 0.4
 """... with this share of its extent on both sides."""
 _HIGH_UP = 0.7
 """Share of the highest energy below which the axis of energies begins with 0."""
-POTENTIAL = line(style.GREEN, 1.0)
+POTENTIAL = line(style.BLACK, 1.0)
 
 
 def energy_portrait(run: Recorded, ball: int, width: str = "single") -> Figure:

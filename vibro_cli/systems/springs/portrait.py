@@ -54,7 +54,6 @@ from vibro_cli.figures.portraits.trajectory import (
 )
 from vibro_cli.figures.source import Array, Integers, made
 from vibro_cli.figures.style import width_of
-from vibro_cli.figures.told import tell
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.springs.phase_plane import (
     TYPES,
@@ -64,6 +63,7 @@ from vibro_cli.systems.springs.phase_plane import (
     springs_record,
 )
 from vibro_cli.systems.springs.system import SpringsSystem, singular_points
+from vibro_cli.told import tell
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 from vibro_cli.analysis.levels import Landscape
 from vibro_cli.analysis.singular import as_record, portrait_of
 from vibro_cli.figures.portraits.trace_phase_plane import family, structure
-from vibro_cli.figures.told import tell
 from vibro_cli.mechanics.system import TraceSystem
+from vibro_cli.told import tell
 
 _LONGEST_NAME = 240
 """Characters of a file's name for the numbers of bodies; file systems take 255 in all."""

@@ -1,4 +1,4 @@
-"""What is being drawn, told to whoever waits for it."""
+"""What is being drawn or measured, told to whoever waits for it."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -11,7 +11,7 @@ _listener: ContextVar[Listener | None] = ContextVar("listener", default=None)
 
 @contextmanager
 def told_to(listener: Listener) -> Iterator[None]:
-    """Have a listener told, in words, what is drawn in the block, before it is drawn."""
+    """Have a listener told, in words, what is done in the block, before it is."""
     token = _listener.set(listener)
     try:
         yield
@@ -20,7 +20,7 @@ def told_to(listener: Listener) -> Iterator[None]:
 
 
 def tell(what: str) -> None:
-    """Tell the listener, if there is one, what is drawn next."""
+    """Tell the listener, if there is one, what is done next."""
     listener = _listener.get()
     if listener is not None:
         listener(what)
