@@ -6,6 +6,7 @@ import json
 import math
 import shutil
 import subprocess
+from dataclasses import replace
 from functools import cache
 from io import BytesIO
 from pathlib import Path
@@ -184,6 +185,23 @@ def test_gif_has_the_frames_and_the_bodies_where_they_are(name: str) -> None:
             x = a + b * (all_frames.x[frame, body] - reach * math.sin(turn))
             y = c + d * (all_frames.y[frame, body] - reach * math.cos(turn))
             assert np.max(np.abs(picture[int(y), int(x)] - colour)) < 40
+
+
+def test_every_frame_of_a_gif_is_its_picture_and_has_its_time() -> None:
+    """Nothing of the frames before is left, and frames in which nothing moves are there."""
+    _, moving = shown("three_arcs", 0.6)
+    rows = [0, 1, 1, *range(2, len(moving.time))]
+    names = ("time", "x", "y", "turn", "across", "up")
+    all_frames = replace(moving, **{name: getattr(moving, name)[rows] for name in names})
+    film = Image.open(BytesIO(movie(all_frames, RATE, "gif")))
+    drawn = Film(all_frames, 100.0)
+    assert film.n_frames == len(rows)  # type: ignore[attr-defined]
+    for frame in range(len(rows)):
+        film.seek(frame)
+        assert film.info["duration"] == 1000 // RATE
+        picture = np.asarray(film.convert("RGB"), dtype=np.int64)
+        # So coarse are 63 colours; a body or a line too many is off by twice as much.
+        assert np.max(np.abs(picture - drawn.picture(frame))) < 80
 
 
 @pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="there is no ffmpeg")

@@ -12,7 +12,6 @@ import subprocess
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from io import BytesIO
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -392,7 +391,8 @@ class _Moving(NamedTuple):
 
 FORMS = ("gif", "mp4")
 _DPI = {"mp4": 200.0, "gif": 100.0}
-_COLOURS = 64
+_COLOURS = 63
+"""Of a GIF; one more is clear."""
 _TOLD_EVERY = 25
 # One thread and nothing of time or machine in the file: equal input gives equal bytes.
 _ENCODING = [
@@ -420,23 +420,31 @@ def movie(frames: Frames, rate: int, form: str) -> bytes:
 
 
 def _gif(film: Film, rate: int) -> bytes:
+    """Return a GIF, made frame by frame: Pillow's writer of several would hold them all."""
     from PIL import Image
+    from PIL.GifImagePlugin import getdata, getheader
 
     first = Image.fromarray(film.picture(0)).quantize(_COLOURS)
-    rest = (
-        Image.fromarray(film.picture(frame)).quantize(palette=first, dither=Image.Dither.NONE)
-        for frame in range(1, len(film.frames.time))
-    )
-    content = BytesIO()
-    first.save(
-        content,
-        format="GIF",
-        save_all=True,
-        append_images=rest,
-        duration=round(1000 / rate),
-        loop=0,
-    )
-    return content.getvalue()
+    # What does not change is clear, the colour after the last.
+    look: dict[str, Any] = {"duration": round(1000 / rate), "transparency": _COLOURS}
+    parts = [*getheader(first.copy(), info={"loop": 0})[0], *getdata(first, **look)]
+    before = np.asarray(first)
+    for frame in range(1, len(film.frames.time)):
+        shown = Image.fromarray(film.picture(frame))
+        now = np.asarray(shown.quantize(palette=first, dither=Image.Dither.NONE))
+        left, upper, right, lower = _box(now != before)
+        changes = np.where(now == before, np.uint8(_COLOURS), now)[upper:lower, left:right]
+        parts += getdata(Image.fromarray(changes), (left, upper), **look)
+        before = now
+    return b"".join([*parts, b";"])
+
+
+def _box(changed: NDArray[np.bool_]) -> tuple[int, int, int, int]:
+    """Return left, upper, right and lower edge of what changed; of one pixel if nothing did."""
+    rows, columns = (np.flatnonzero(np.any(changed, axis=axis)) for axis in (1, 0))
+    if not len(rows):
+        return 0, 0, 1, 1
+    return int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1
 
 
 def _mp4(film: Film, rate: int) -> bytes:
