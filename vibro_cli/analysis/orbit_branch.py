@@ -9,8 +9,8 @@ Numerantium* 30 (1981) 265.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from functools import lru_cache
+from dataclasses import dataclass, field, replace
+from functools import lru_cache, partial
 from itertools import pairwise
 
 import numpy as np
@@ -20,6 +20,7 @@ from vibro_cli.analysis.orbits import (
     CLOSED,
     MOST_STEPS,
     NEARLY_CLOSED,
+    PARTED,
     NoOrbit,
     Orbit,
     admitted,
@@ -33,6 +34,7 @@ from vibro_cli.analysis.orbits import (
     started,
 )
 from vibro_cli.assemble import build_system
+from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.numerics.elementwise import Floats
 from vibro_cli.scenario.models import Scenario
@@ -53,6 +55,8 @@ _CHANGE = 1.0e-6
 # Of the range: what is nearer to an end of it is there.
 _ROUNDING = 1.0e-12
 _BISECTIONS = 36
+# Events that are closer than this share of the period are at one instant.
+_AT_ONCE = 1.0e-9
 
 SystemAt = Callable[[float], TraceSystem]
 """The system at a value."""
@@ -72,8 +76,10 @@ class Point:
 class Special:
     """Where a branch changes its stability, turns back or ends."""
 
-    kind: str  # fold, doubling, exchange, or how it ends: bound, grazing, junction, …
+    kind: str  # fold, doubling, exchange, torus, or how it ends: bound, grazing, coincidence, …
     point: Point
+    after: int
+    """Index of the last point of the branch that does not lie beyond it"""
 
 
 @dataclass
@@ -82,6 +88,7 @@ class Branch:
 
     points: list[Point]
     special: list[Special]
+    """In their order along the branch, its ends too"""
 
 
 def family_of(scenario: Scenario, found: Orbit, path: str, low: float, high: float) -> Branch:
@@ -116,6 +123,9 @@ def family_of(scenario: Scenario, found: Orbit, path: str, low: float, high: flo
     if path != ENERGY and _restitutions(at(low)) != _restitutions(at(high)):
         expected = "another number: periodic orbits have 1"
         raise NoOrbit(f"{path}: found a coefficient of restitution, expected {expected}")
+    if path != ENERGY and replace(at(low), initial=()) == replace(at(high), initial=()):
+        expected = "one of the trace, the bodies or the impacts"
+        raise NoOrbit(f"{path}: found a number on which no orbit depends, expected {expected}")
     return Family(None if path == ENERGY else at, found, here, low, high).follow()
 
 
@@ -171,19 +181,17 @@ class Family:
 
     def follow(self) -> Branch:
         """Follow the branch both ways from its first orbit, to the ends of the range or its own."""
-        back, ends = self._one_way(-1.0)
-        ahead, more = self._one_way(1.0)
+        back, start = self._one_way(-1.0)
+        ahead, end = self._one_way(1.0)
         points = [*back[::-1], self._first, *ahead]
-        special = [*ends, *more]
-        for before, after in pairwise(points):
-            special += self._between(before, after)
-        for before, here, after in zip(points, points[1:], points[2:], strict=False):
-            if (here.value - before.value) * (after.value - here.value) < 0.0:
-                special.append(Special("fold", here))
-        special.sort(key=lambda one: one.point.value)
-        return Branch(points, special)
+        special = [*self._passed(points), *self._out_of_the_circle(points)]
+        special += _turns(points, {one.after for one in special if one.kind == "fold"})
+        special.sort(key=lambda one: (one.after, _apart(one.point, points[one.after])))
+        last = len(points) - 1
+        ends = Special(start, points[0], 0), Special(end, points[last], last)
+        return Branch(points, [ends[0], *special, ends[1]])
 
-    def _one_way(self, sign: float) -> tuple[list[Point], list[Special]]:
+    def _one_way(self, sign: float) -> tuple[list[Point], str]:
         """Points from the first one on, and how the branch ends there."""
         size = self._units[-1] * self._range
         tangent = np.zeros(len(self._units))
@@ -197,19 +205,19 @@ class Family:
             except NoOrbit as error:
                 step, cause = 0.5 * step, str(error)
                 if step < LEAST_STEP:
-                    return points, [Special(self._ending(here, tangent, size, cause), here)]
+                    return points, self._ending(here, tangent, size, cause)
                 continue
             if across is not tangent:
-                return [*points, new], [Special("bound", new)]
+                return [*points, new], "bound"
             if not self._low <= new.value <= self._high:
                 bound = self._low if new.value < self._low else self._high
                 last = self._at_value(here, new, bound)
-                return [*points, last], [Special("bound", last)]
+                return [*points, last], "bound"
             change = new.along - here.along
             tangent = change / np.linalg.norm(change)
             points.append(new)
             here, step = new, min(1.5 * step, LONGEST_STEP)
-        return points, [Special(cause, here)]
+        return points, cause
 
     def _ahead(self, here: Point, change: Floats, tangent: Floats) -> tuple[Floats, Floats]:
         """A guess beyond a point, and what is across the plane in which the orbit is looked for.
@@ -281,25 +289,46 @@ class Family:
         share = (value - one.value) / (other.value - one.value)
         return self._corrected(one.along + share * (other.along - one.along), self._across())
 
-    def _between(self, one: Point, other: Point) -> list[Special]:
-        """Where multipliers pass -1 or 1 between two points."""
+    def _passed(self, points: list[Point]) -> list[Special]:
+        """Where multipliers pass -1 or 1; at a fold one passes 1."""
         found = []
         for kind, at in (("doubling", -1.0), ("exchange", 1.0)):
-            ends = [_distance(point.orbit, at) for point in (one, other)]
-            if ends[0] * ends[1] < 0.0:
-                found.append(Special(kind, self._zero(one, other, at)))
+            # Of multipliers that stay there the sign is chance.
+            distances = [_distance(point.orbit, at) for point in points]
+            known = [n for n, one in enumerate(distances) if abs(one) > PARTED**2]
+            for n, m in pairwise(known):
+                if distances[n] * distances[m] < 0.0:
+                    one, other = points[n], points[m]
+                    zero = self._change(one, other, partial(_beyond, at))
+                    turns = (zero.value - one.value) * (other.value - zero.value) < 0.0
+                    name = "fold" if turns and kind == "exchange" else kind
+                    found.append(Special(name, zero, m - 1))
         return found
 
-    def _zero(self, one: Point, other: Point, at: float) -> Point:
-        """Where a multiplier passes a number, by bisection along the branch."""
-        start, sign = one, _distance(one.orbit, at)
+    def _out_of_the_circle(self, points: list[Point]) -> list[Special]:
+        """Where a pair of multipliers that are not real leaves the unit circle."""
+        found = []
+        sizes = [abs(point.orbit.multipliers[0]) for point in points]
+        # What is out of it by less may be so by rounding.
+        known = [n for n, p in enumerate(points) if p.orbit.stable or sizes[n] > 1.0 + PARTED]
+        for n, m in pairwise(known):
+            one, other = points[n], points[m]
+            unstable = other if one.orbit.stable else one
+            if one.orbit.stable != other.orbit.stable and unstable.orbit.multipliers[0].imag != 0.0:
+                zero = self._change(one, other, lambda orbit: orbit.stable)
+                found.append(Special("torus", zero, m - 1))
+        return found
+
+    def _change(self, one: Point, other: Point, side: Callable[[Orbit], bool]) -> Point:
+        """Where what differs on both sides changes, by bisection along the branch."""
+        start, first = one, side(one.orbit)
         for _ in range(_BISECTIONS):
             chord = other.along - one.along
             length = float(np.linalg.norm(chord))
             if length < 1e-12 * float(np.linalg.norm(start.along)):
                 break
             middle = self._corrected(one.along + 0.5 * chord, chord / length)
-            if _distance(middle.orbit, at) * sign > 0.0:
+            if side(middle.orbit) == first:
                 one = middle
             else:
                 other = middle
@@ -321,7 +350,30 @@ class Family:
                     time_scale(here.orbit.system)
                 )
                 return "grazing" if weakest < GRAZING * usual else "coincidence"
-        return cause
+        times, period = here.orbit.shot.times, here.orbit.period
+        if np.min(np.diff([*times, times[0] + period])) < _AT_ONCE * period:
+            return "coincidence"
+        # Rounding grows by the greatest multiplier before the orbit closes.
+        grown = EPSILON * abs(here.orbit.multipliers[0])
+        return "rounding" if grown > 0.1 * NEARLY_CLOSED else cause
+
+
+def _turns(points: list[Point], folds: set[int]) -> list[Special]:
+    """Points where the family turns back, without those beside folds that are known."""
+    found = []
+    for n, here in enumerate(points[1:-1], 1):
+        turned = (here.value - points[n - 1].value) * (points[n + 1].value - here.value) < 0.0
+        if turned and not folds & {n - 1, n}:
+            found.append(Special("fold", here, n))
+    return found
+
+
+def _beyond(at: float, orbit: Orbit) -> bool:
+    return _distance(orbit, at) > 0.0
+
+
+def _apart(one: Point, other: Point) -> float:
+    return float(np.linalg.norm(one.along - other.along))
 
 
 def _distance(orbit: Orbit, at: float) -> float:

@@ -312,10 +312,25 @@ def state_at(run: Run, t: float) -> Floats:
     return np.array(found)
 
 
+def gone_through_once(orbit: Orbit) -> Orbit:
+    """Return an orbit over its least period."""
+    word = orbit.shot.word
+    for times in range(len(word), 1, -1):
+        if word != word[: len(word) // times] * times:
+            continue
+        period = orbit.period / times
+        shot = shoot(orbit.system, period)
+        residual = residual_of(orbit.system, shot, orbit.state, None)
+        if residual <= NEARLY_CLOSED:
+            return replace(orbit, period=period, shot=shot, residual=residual)
+    return orbit
+
+
 def begun_between(orbit: Orbit, longest: bool = False) -> Orbit:
     """Return an orbit begun in the middle between two events: those around its start.
 
-    So the start of an orbit of a family is one of its places, and no event comes over it.
+    So the start of an orbit of a family is one of its places, and no event comes over it. One so
+    unstable that rounding lets it close from its old start only is returned as it is.
     ``longest``: between the two that are farthest apart of those where the bodies are in order:
     from one that goes over the seam of a closed trace to the other one they are not.
 
@@ -344,7 +359,8 @@ def begun_between(orbit: Orbit, longest: bool = False) -> Orbit:
         if sorted(shot.word) != sorted(orbit.shot.word):
             raise NoOrbit("the events change")
         residual = residual_of(system, shot, state, None)
-        return Orbit(system, period, state, shot, residual, orbit.energy)
+        if residual <= NEARLY_CLOSED:
+            return Orbit(system, period, state, shot, residual, orbit.energy)
     return orbit
 
 
@@ -471,11 +487,15 @@ def nearest_return(system: TraceSystem, impacts: int | None, longest: float) -> 
     count = 24 if impacts is None else impacts
     run = simulate_system(system, longest, count + 1)
     times = run.collisions["t"]
+    least = impacts or 1
+    if len(times) <= least:
+        told = (
+            f"found {len(times)} until the run ended ({run.end_cause}), expected more than {least}"
+        )
+        raise NoOrbit(f"impacts: {told}")
     wanted = range(1, len(times)) if impacts is None else range(impacts, impacts + 1)
     state, scale, best = state_of(system), scale_of(system), (np.inf, 0.0)
     for number in wanted:
-        if number >= len(times):
-            raise NoOrbit(f"found {len(times)} impacts, expected more than {number}")
         instants = np.linspace(times[number - 1], times[number], 402)[1:-1]
         sample = run.sample(instants)
         positions = _positions(system, sample)
@@ -521,7 +541,7 @@ def find_orbit(
         raise NoOrbit(_LOSSY.format(system.restitution[0]))
     if period is None:
         period = nearest_return(system, impacts, longest)
-    orbit = newton(system, state_of(system), period)
+    orbit = gone_through_once(newton(system, state_of(system), period))
     if not any(word.isdigit() for word in orbit.shot.word):
         raise NoOrbit("the orbit next to this start has no impact")
     return begun_between(orbit, longest=True)

@@ -137,14 +137,12 @@ def orbit_columns(found: Orbit, branch: Branch | None) -> dict[str, Any]:
 
     points: list[tuple[float, Orbit, str]] = [(float("nan"), found, "")]
     if branch is not None:
-        marked = {id(one.point.orbit): one.kind for one in branch.special}
-        points = [(p.value, p.orbit, marked.pop(id(p.orbit), "")) for p in branch.points]
-        for one in branch.special:
-            if id(one.point.orbit) in marked:
-                values = [abs(value - one.point.value) for value, *_ in points]
-                at = int(np.argmin(values))
-                at += points[at][0] < one.point.value
-                points.insert(at, (one.point.value, one.point.orbit, one.kind))
+        points = []
+        for n, point in enumerate(branch.points):
+            here = [one for one in branch.special if one.after == n]
+            if all(one.point is not point for one in here):
+                points.append((point.value, point.orbit, ""))
+            points += [(one.point.value, one.point.orbit, one.kind) for one in here]
     orbits = [orbit for _, orbit, _ in points]
     columns: dict[str, Any] = {
         "value": np.array([value for value, *_ in points]),

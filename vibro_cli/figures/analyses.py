@@ -72,6 +72,7 @@ STABLE = line(style.BLUE, 1.2)
 UNSTABLE = line(style.VERMILLION, 0.9, (3.0, 1.2))
 _MARKS = {
     "doubling": ("s", "doubling"), "fold": ("D", "fold"), "exchange": ("^", "exchange"),
+    "torus": ("v", "torus"),
     "grazing": ("x", "grazing end"), "coincidence": ("+", "two events at once"),
 }  # fmt: skip
 _OTHER = ("o", "end")

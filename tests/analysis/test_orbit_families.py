@@ -1,0 +1,191 @@
+"""What is found along a family of orbits, against extremes, differences and closed forms."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.analysis.test_orbits import FALLING
+from vibro_cli import example, orbit, orbit_family
+from vibro_cli.analysis import orbits
+from vibro_cli.analysis.orbit_branch import Branch, Family, Point
+from vibro_cli.analysis.orbits import (
+    NoOrbit,
+    Orbit,
+    begun_between,
+    find_orbit,
+    newton,
+    scale_of,
+    shoot,
+    started,
+    state_of,
+)
+from vibro_cli.assemble import build_system
+from vibro_cli.commands.app import run_command_line
+from vibro_cli.commands.orbit import orbit_columns
+from vibro_cli.numerics.elementwise import Floats
+from vibro_cli.scenario.loading import scenario_of
+from vibro_cli.stress.scenes import VALLEY, ball, scene, system_of
+from vibro_cli.systems.trace import simulate_system
+
+pytestmark = pytest.mark.long
+
+HOOPS = scene(
+    VALLEY,
+    [
+        ball(0.35645359942878296, body="hoop", mass=1.6890977082453826),
+        ball(0.9842166327467572, body="hoop", mass=0.8687721938006587),
+    ],
+    law="translational",
+    time=30.0,
+)
+
+
+def _differences(found: Orbit) -> Floats:
+    """The tangent map from motions beside an orbit."""
+    columns, change = [], 1e-6
+    for n in range(len(found.state)):
+        beside = np.zeros(len(found.state))
+        beside[n] = change
+        ends = [
+            shoot(started(found.system, found.state + sign * beside), found.period).end
+            for sign in (1.0, -1.0)
+        ]
+        columns.append((ends[0] - ends[1]) / (2.0 * change))
+    return np.column_stack(columns)
+
+
+@pytest.fixture(scope="module")
+def folded() -> tuple[Orbit, Branch]:
+    """The family of two hoops in a valley, which turns back at the least gravity."""
+    first = find_orbit(system_of(HOOPS), 3, None, 30.0)
+    return first, orbit_family(scenario_of(HOOPS), first, "gravity", 9.4, 9.9)
+
+
+def test_a_fold_is_where_the_value_is_least(folded: tuple[Orbit, Branch]) -> None:
+    _, branch = folded
+    assert [one.kind for one in branch.special] == ["bound", "fold", "bound"]
+    fold = branch.special[1]
+    values = np.array([point.value for point in branch.points])
+    assert fold.point.value < values.min()
+    # That of the parabola through the three orbits next to it, over the way along the branch.
+    near = branch.points[fold.after - 1 : fold.after + 3]
+    away = [np.linalg.norm(one.along - fold.point.along) for one in near]
+    away = [-one if n < 2 else one for n, one in enumerate(away)]
+    least = np.polyfit(away, [one.value for one in near], 3)
+    roots = np.roots(np.polyder(least))
+    turn = roots[np.argmin(np.abs(roots))].real
+    assert fold.point.value == pytest.approx(np.polyval(least, turn), abs=1e-5)
+    # There a multiplier is 1, by differences: the trace across the orbit is 2.
+    assert np.trace(_differences(fold.point.orbit)) == pytest.approx(4.0, abs=1e-4)
+
+
+def test_the_table_of_a_folded_family_goes_along_it(folded: tuple[Orbit, Branch]) -> None:
+    columns = orbit_columns(*folded)
+    values, kinds = columns["value"], columns["special"].tolist()
+    turn = kinds.index("fold")
+    assert np.all(np.diff(values[: turn + 1]) < 0.0)
+    assert np.all(np.diff(values[turn:]) > 0.0)
+
+
+def test_multipliers_that_stay_at_minus_one_do_not_pass_it() -> None:
+    """Equal balls that fall have them at every gravity: they only exchange their speeds."""
+    scenario = example("falling_balls").replace({"balls[2].mass": 2.0})
+    family = orbit_family(scenario, orbit(scenario, impacts=1), "gravity", 9.0, 10.0)
+    assert [one.kind for one in family.special] == ["bound", "bound"]
+    for point in family.points:
+        assert point.orbit.verdict == "neutral"
+
+
+def test_an_orbit_has_its_least_period() -> None:
+    """Two impacts from this start are the orbit of one, twice; its period goes as the speed."""
+    scenario = example("falling_balls")
+    once, twice = orbit(scenario, impacts=1), orbit(scenario, impacts=2)
+    assert twice.shot.word == ("12", "1|")
+    assert twice.residual < 1e-12
+    # T = 2u/a with u the speed of the upper ball where they meet; the lower one has u/2 there, and
+    # all that is kept is the energy of both above where they bounce.
+    for one in (once, twice):
+        pull = 9.81 * math.sin(math.radians(30.0))
+        u = 0.5 * one.period * pull
+        # The lower ball falls back to the wall in half the period.
+        way = 0.5 * u * 0.5 * one.period + 0.5 * pull * (0.5 * one.period) ** 2
+        heights = 3.0 * 9.81 * 0.05 * (math.cos(math.radians(30.0)) + 0.5)
+        gap = 2.0 * 0.05
+        energy = heights + 3.0 * pull * way + pull * gap + 0.5 * (2.0 * (0.5 * u) ** 2 + u * u)
+        assert one.energy == pytest.approx(energy, rel=1e-9)
+
+
+def test_multipliers_where_the_law_does_not_keep_the_volume() -> None:
+    """On two pieces `hedrih` separates bodies at another speed than they came: volume grows."""
+    trace = {
+        "start_slope": -1.2,
+        "arcs": [
+            {"shape": "valley", "radius": 1.0, "end_slope": 0.0},
+            {"shape": "line", "length": 1.5},
+            {"shape": "valley", "radius": 0.7, "end_slope": 1.3},
+        ],
+    }
+    places = ((1.2030059398545987, 0.44478756913435685, 1.2965308835706084),
+              (1.95382108740032, 1.1112568843580006, 0.4551221739585616))  # fmt: skip
+    balls = [
+        {"body": "hoop", "radius": 0.1, "arc": 2, "mass": mass, "position": way, "speed": speed}
+        for mass, way, speed in places
+    ]
+    found = find_orbit(system_of(scene(trace, balls, law="hedrih", time=30.0)))
+    rows = simulate_system(found.system, found.period, None).collisions
+    expected = np.prod(rows["separation_speed"] / rows["approach_speed"])
+    assert abs(expected - 1.0) > 1e-3
+    assert np.prod(found.multipliers).real == pytest.approx(expected, rel=1e-9)
+    scale = scale_of(found.system)
+    differences = _differences(found) * scale[:, None] / scale
+    assert np.sum(found.multipliers).real == pytest.approx(np.trace(differences) - 2.0, rel=1e-6)
+
+
+def test_an_orbit_that_closes_from_its_old_start_only_keeps_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    system = build_system(example("falling_balls"))
+    found = newton(system, state_of(system), 0.8)
+    assert begun_between(found) is not found
+    monkeypatch.setattr(orbits, "residual_of", lambda *_: 1e-5)
+    assert begun_between(found) is found
+    assert begun_between(found, longest=True) is found
+
+
+def test_a_family_of_very_unstable_orbits_ends_by_rounding(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    first = find_orbit(system_of(HOOPS), 3, None, 30.0)
+    family = Family(None, first, first.energy, first.energy - 1.0, first.energy + 1.0)
+    here = Point(first.energy, replace(first), family._first.along)
+    still = np.zeros_like(here.along)
+    assert family._ending(here, still, 1.0, "the events change") == "the events change"
+    monkeypatch.setattr(Orbit, "multipliers", np.array([6e5, 1 / 6e5]))
+    here = Point(first.energy, replace(first), family._first.along)
+    assert family._ending(here, still, 1.0, "the events change") == "rounding"
+
+
+def test_a_motion_without_impacts_is_told() -> None:
+    apart = [ball(-0.3), ball(0.3, arc=3)]
+    document = scene(
+        {"start_slope": -1.0, "arcs": [
+            {"shape": "valley", "radius": 1.0, "end_slope": 1.0},
+            {"shape": "hump", "radius": 1.0, "end_slope": -1.0},
+            {"shape": "valley", "radius": 1.0, "end_slope": 1.0},
+        ]}, apart, time=5.0,
+    )  # fmt: skip
+    told = r"found 0 until the run ended \(time\), expected more than {}"
+    for impacts, least in ((None, 1), (3, 3)):
+        with pytest.raises(NoOrbit, match=told.format(least)):
+            find_orbit(system_of(document), impacts, None, 5.0)
+
+
+@pytest.mark.parametrize("path", ["balls[1].position", "balls[2].speed"])
+def test_a_family_over_its_start_is_refused(path: str, capsys: pytest.CaptureFixture[str]) -> None:
+    vary = f"--vary={path}={'0.5:0.7' if 'position' in path else '-2:2'}"
+    assert run_command_line(["orbit", str(FALLING), "--impacts", "1", vary]) == 2
+    assert f"{path}: found a number on which no orbit depends" in capsys.readouterr().err
