@@ -28,7 +28,7 @@ from vibro_cli.commands.app import run_command_line
 from vibro_cli.commands.orbit import orbit_columns
 from vibro_cli.numerics.elementwise import Floats
 from vibro_cli.scenario.loading import scenario_of
-from vibro_cli.stress.scenes import VALLEY, ball, scene, system_of
+from vibro_cli.stress.scenes import VALLEY, ball, scene, system_of, three_arcs
 from vibro_cli.systems.trace import simulate_system
 
 pytestmark = pytest.mark.long
@@ -81,6 +81,25 @@ def test_a_fold_is_where_the_value_is_least(folded: tuple[Orbit, Branch]) -> Non
     assert fold.point.value == pytest.approx(np.polyval(least, turn), abs=1e-5)
     # There a multiplier is 1, by differences: the trace across the orbit is 2.
     assert np.trace(_differences(fold.point.orbit)) == pytest.approx(4.0, abs=1e-4)
+
+
+@pytest.mark.parametrize("law", ["hedrih", "normal-impulse"])
+def test_a_family_goes_on_where_a_body_comes_to_cross_a_junction(law: str) -> None:
+    """From an energy on the left ball rolls up to the hump and back."""
+    balls = [ball(-0.5, arc=3), ball(0.5, arc=3, mass=1.5)]
+    document = scene(three_arcs(100), balls, law=law, time=20.0)
+    first = find_orbit(system_of(document), 1, None, 20.0)
+    family = orbit_family(scenario_of(document), first, "energy", -24.5, -20.0)
+    assert [one.kind for one in family.special] == ["bound", "bound"]
+    words = [point.orbit.shot.word for point in family.points]
+    assert (words[0], words[-1]) == (("12",), ("1>", "12", "1<"))
+    turn = words.index(words[-1])
+    for point in family.points[turn - 2 : turn + 3]:
+        found = point.orbit
+        run = simulate_system(found.system, 5.0 * found.period, None)
+        np.testing.assert_allclose(np.diff(run.collisions["t"]), found.period, rtol=1e-11)
+        trace = float(np.trace(_differences(found)))
+        assert np.sum(found.multipliers).real == pytest.approx(trace - 2.0, abs=1e-5)
 
 
 def test_the_table_of_a_folded_family_goes_along_it(folded: tuple[Orbit, Branch]) -> None:

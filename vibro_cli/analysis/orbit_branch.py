@@ -154,13 +154,14 @@ class Family:
         self._system_at = system_at
         self._system = first.system
         self._low, self._high, self._range = low, high, high - low
-        self._word = first.shot.word
+        self._jumps = first.shot.jumps
         self._energy = first.energy
         scale = scale_of(first.system)
         unit = first.system.gravity * float(time_scale(first.system))
         self._units = np.concatenate(
             [scale, [unit, size_of(first.system, first.state) / self._range]]
         )
+        first = begun_between(first)
         self._first = Point(value, first, self._packed(first.state, first.period, value))
 
     def _packed(self, state: Floats, period: float, value: float) -> Floats:
@@ -245,7 +246,7 @@ class Family:
             system = admitted(self._system_of(value), state)
             energy = self._energy_of(value)
             shot = shoot(system, float(period))
-            if shot.word != self._word:
+            if shot.jumps != self._jumps:
                 raise NoOrbit("the events change")
             before, residual = residual, residual_of(system, shot, state, energy)
             if residual < CLOSED or (residual < NEARLY_CLOSED and residual > 0.5 * before):
@@ -253,7 +254,7 @@ class Family:
                     system, float(period), state, shot, residual, energy_of(system, state)
                 )
                 found = begun_between(found)
-                if found.shot.word != self._word:
+                if found.shot.jumps != self._jumps:
                     raise NoOrbit("the events change")
                 return Point(value, found, self._packed(found.state, found.period, value))
             if residual > 4.0 * before or residual > 1.0:
@@ -278,7 +279,7 @@ class Family:
         for at in values:
             system = started(self._system_of(at), state)
             shot = shoot(system, period)
-            if shot.word != self._word:
+            if shot.jumps != self._jumps:
                 raise NoOrbit("the events change")
             sides.append(equations(system, shot, state, self._energy_of(at))[1])
         found: Floats = (sides[1] - sides[0]) / (values[0] - values[1])
@@ -344,13 +345,13 @@ class Family:
                 )
             except NoOrbit as error:
                 return str(error)
-            if shot.word != self._word:
+            if shot.jumps != self._jumps:
                 weakest = min(shot.approach, here.orbit.shot.approach)
                 usual = size_of(here.orbit.system, here.orbit.state) / float(
                     time_scale(here.orbit.system)
                 )
                 return "grazing" if weakest < GRAZING * usual else "coincidence"
-        times, period = here.orbit.shot.times, here.orbit.period
+        times, period = here.orbit.shot.instants, here.orbit.period
         if np.min(np.diff([*times, times[0] + period])) < _AT_ONCE * period:
             return "coincidence"
         # Rounding grows by the greatest multiplier before the orbit closes.

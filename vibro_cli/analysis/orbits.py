@@ -59,6 +59,11 @@ class Shot:
     """What happened, see :func:`events_of`"""
     times: tuple[float, ...]
     """When, s"""
+    jumps: tuple[str, ...]
+    """Those of its events that a family keeps: all but crossings, after which the motion is as
+    smooth as before; but on a closed trace one may be that of the seam"""
+    instants: tuple[float, ...]
+    """When, s"""
     approach: float
     """Least normal speed of its impacts and at walls, m/s; infinite without any"""
 
@@ -294,11 +299,14 @@ def shoot(system: TraceSystem, period: float) -> Shot:
     if run.summary_record()["contacts"] or not np.all(np.isfinite(matrix)):
         raise NoOrbit("bodies stay in contact")
     events = events_of(run)
+    kept = [(t, word) for t, word, _ in events if system.trace.closed or word[-1] not in "<>"]
     return Shot(
         end=state_at(run, period),
         matrix=matrix,
         word=tuple(word for _, word, _ in events),
         times=tuple(t for t, _, _ in events),
+        jumps=tuple(word for _, word in kept),
+        instants=tuple(t for t, _ in kept),
         approach=min((speed for _, _, speed in events), default=np.inf),
     )
 
@@ -327,11 +335,11 @@ def gone_through_once(orbit: Orbit) -> Orbit:
 
 
 def begun_between(orbit: Orbit, longest: bool = False) -> Orbit:
-    """Return an orbit begun in the middle between two events: those around its start.
+    """Return an orbit begun in the middle between two jumps: those around its start.
 
-    So the start of an orbit of a family is one of its places, and no event comes over it. One so
+    So the start of an orbit of a family is one of its places, and no jump comes over it. One so
     unstable that rounding lets it close from its old start only is returned as it is.
-    ``longest``: between the two that are farthest apart of those where the bodies are in order:
+    ``longest``: between the two events that are farthest apart of those where they are in order:
     from one that goes over the seam of a closed trace to the other one they are not.
 
     Raises
@@ -339,9 +347,10 @@ def begun_between(orbit: Orbit, longest: bool = False) -> Orbit:
     NoOrbit
         If the motion from there has other events.
     """
-    times, period = orbit.shot.times, orbit.period
+    times, period = orbit.shot.instants, orbit.period
     middles = [0.5 * (times[0] + times[-1] - period)]
     if longest:
+        times = orbit.shot.times
         gaps = np.diff([*times, times[0] + period])
         middles = [
             times[after] + 0.5 * float(gaps[after]) for after in np.argsort(-gaps, kind="stable")
@@ -356,7 +365,7 @@ def begun_between(orbit: Orbit, longest: bool = False) -> Orbit:
         except NoOrbit:
             continue
         shot = shoot(system, period)
-        if sorted(shot.word) != sorted(orbit.shot.word):
+        if sorted(shot.jumps) != sorted(orbit.shot.jumps):
             raise NoOrbit("the events change")
         residual = residual_of(system, shot, state, None)
         if residual <= NEARLY_CLOSED:
