@@ -25,7 +25,8 @@ from vibro_cli.analysis.orbits import (
 )
 from vibro_cli.assemble import build_system
 from vibro_cli.commands.app import run_command_line
-from vibro_cli.commands.orbit import orbit_columns
+from vibro_cli.commands.orbit import _axis, orbit_columns
+from vibro_cli.figures.analyses import branch_figure
 from vibro_cli.numerics.elementwise import Floats
 from vibro_cli.scenario.loading import scenario_of
 from vibro_cli.stress.scenes import VALLEY, ball, scene, system_of, three_arcs
@@ -100,6 +101,42 @@ def test_a_family_goes_on_where_a_body_comes_to_cross_a_junction(law: str) -> No
         np.testing.assert_allclose(np.diff(run.collisions["t"]), found.period, rtol=1e-11)
         trace = float(np.trace(_differences(found)))
         assert np.sum(found.multipliers).real == pytest.approx(trace - 2.0, abs=1e-5)
+
+
+def test_a_family_whose_balls_always_bounce_at_once_goes_on() -> None:
+    """Without momentum they come to both walls at one instant, whatever their masses."""
+    line = {"start_slope": 0.0, "arcs": [{"shape": "line", "length": 3.0}]}
+    balls = [
+        {"radius": 0.1, "arc": 1, "mass": mass, "position": way, "speed": speed}
+        for mass, way, speed in ((1.0, 1.0, -1.0), (1.8, 2.0, 0.6))
+    ]
+    walls = {"ends": {"left": {"wall": 1.0}, "right": {"wall": 1.0}}}
+    document = scene(line, balls, law="hedrih", time=20.0) | walls
+    first = find_orbit(system_of(document), 1, None, 20.0)
+    family = orbit_family(scenario_of(document), first, "balls[2].mass", 1.4, 2.2)
+    assert [one.kind for one in family.special] == ["bound", "bound"]
+    for point in family.points:
+        mass = point.value
+        moving = first.energy - (1.0 + mass) * 9.81 * 0.1
+        speed = math.sqrt(2.0 * moving / (1.4 * (1.0 + 1.0 / mass)))
+        # From wall to wall less all radii, there and back.
+        period = 2.0 * 2.6 / (speed * (1.0 + 1.0 / mass))
+        assert point.orbit.period == pytest.approx(period, rel=1e-12)
+        assert point.orbit.verdict == "neutral"
+
+
+def test_the_figure_of_a_family_shows_very_unstable_orbits_by_powers_of_ten() -> None:
+    table = {
+        "value": np.arange(3.0),
+        "stable": np.array([True, False, False]),
+        "special": ["bound", None, "bound"],
+        "period": np.array([1.0, 80.0, 90.0]),
+        "multiplier": np.array([1.0, 30.0, 1700.0]),
+    }
+    label = _axis("gravity")
+    period, multiplier = branch_figure(table, label, "single").axes
+    assert (period.get_yscale(), multiplier.get_yscale()) == ("linear", "log")
+    assert multiplier.get_xlabel().endswith("[m/s²]")
 
 
 def test_the_table_of_a_folded_family_goes_along_it(folded: tuple[Orbit, Branch]) -> None:

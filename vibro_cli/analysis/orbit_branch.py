@@ -50,13 +50,13 @@ LEAST_STEP = 1.0e-7
 MOST_POINTS = 2000
 # An impact that is to vanish has less than this share of the usual speeds.
 GRAZING = 0.02
+# Multipliers grow as one over it: they hide the grazing motions ahead below this share of that.
+_NEARLY_GRAZING = 1.0e-3
 # Change of the value, as a share of the range, for its derivative.
 _CHANGE = 1.0e-6
 # Of the range: what is nearer to an end of it is there.
 _ROUNDING = 1.0e-12
 _BISECTIONS = 36
-# Events that are closer than this share of the period are at one instant.
-_AT_ONCE = 1.0e-9
 
 SystemAt = Callable[[float], TraceSystem]
 """The system at a value."""
@@ -337,6 +337,8 @@ class Family:
 
     def _ending(self, here: Point, tangent: Floats, size: float, cause: str) -> str:
         """Why a branch cannot be followed beyond a point: what the next motion has otherwise."""
+        scale = float(time_scale(here.orbit.system))
+        slow = GRAZING * size_of(here.orbit.system, here.orbit.state) / scale
         for step in (1.0e-6, 1.0e-5, 1.0e-4, 1.0e-3):
             ahead = (here.along + step * size * tangent) / self._units
             try:
@@ -347,13 +349,9 @@ class Family:
                 return str(error)
             if shot.jumps != self._jumps:
                 weakest = min(shot.approach, here.orbit.shot.approach)
-                usual = size_of(here.orbit.system, here.orbit.state) / float(
-                    time_scale(here.orbit.system)
-                )
-                return "grazing" if weakest < GRAZING * usual else "coincidence"
-        times, period = here.orbit.shot.instants, here.orbit.period
-        if np.min(np.diff([*times, times[0] + period])) < _AT_ONCE * period:
-            return "coincidence"
+                return "grazing" if weakest < slow else "coincidence"
+        if here.orbit.shot.approach < _NEARLY_GRAZING * slow:
+            return "grazing"
         # Rounding grows by the greatest multiplier before the orbit closes.
         grown = EPSILON * abs(here.orbit.multipliers[0])
         return "rounding" if grown > 0.1 * NEARLY_CLOSED else cause

@@ -59,11 +59,12 @@ class Shot:
     """What happened, see :func:`events_of`"""
     times: tuple[float, ...]
     """When, s"""
-    jumps: tuple[str, ...]
-    """Those of its events that a family keeps: all but crossings, after which the motion is as
-    smooth as before; but on a closed trace one may be that of the seam"""
+    jumps: tuple[tuple[str, ...], ...]
+    """Of each body the events that a family keeps, in their order: the motion changes smoothly
+    where two that share no body come to one instant, and where one crosses a junction; but on a
+    closed trace it may be the seam"""
     instants: tuple[float, ...]
-    """When, s"""
+    """When, of all bodies, s"""
     approach: float
     """Least normal speed of its impacts and at walls, m/s; infinite without any"""
 
@@ -305,7 +306,10 @@ def shoot(system: TraceSystem, period: float) -> Shot:
         matrix=matrix,
         word=tuple(word for _, word, _ in events),
         times=tuple(t for t, _, _ in events),
-        jumps=tuple(word for _, word in kept),
+        jumps=tuple(
+            tuple(word for _, word in kept if str(body + 1) in word)
+            for body in range(len(system.bodies))
+        ),
         instants=tuple(t for t, _ in kept),
         approach=min((speed for _, _, speed in events), default=np.inf),
     )
@@ -322,9 +326,8 @@ def state_at(run: Run, t: float) -> Floats:
 
 def gone_through_once(orbit: Orbit) -> Orbit:
     """Return an orbit over its least period."""
-    word = orbit.shot.word
-    for times in range(len(word), 1, -1):
-        if word != word[: len(word) // times] * times:
+    for times in range(len(orbit.shot.word), 1, -1):
+        if any(one != one[: len(one) // times] * times for one in orbit.shot.jumps):
             continue
         period = orbit.period / times
         shot = shoot(orbit.system, period)
@@ -365,7 +368,7 @@ def begun_between(orbit: Orbit, longest: bool = False) -> Orbit:
         except NoOrbit:
             continue
         shot = shoot(system, period)
-        if sorted(shot.jumps) != sorted(orbit.shot.jumps):
+        if [*map(sorted, shot.jumps)] != [*map(sorted, orbit.shot.jumps)]:
             raise NoOrbit("the events change")
         residual = residual_of(system, shot, state, None)
         if residual <= NEARLY_CLOSED:
@@ -414,7 +417,7 @@ def newton(system: TraceSystem, state: Floats, period: float) -> Orbit:
         rows, right = equations(system, shot, state, None)
         columns = np.append(1.0 / scale, 1.0 / unit)
         step = np.linalg.lstsq(rows * columns, right, rcond=1e-12)[0] * columns
-        found = _damped(system, state, period, shot.word, step, residual)
+        found = _damped(system, state, period, shot.jumps, step, residual)
         if found is None:
             break
         state, period, shot, residual = found
@@ -464,7 +467,7 @@ def _damped(
     system: TraceSystem,
     state: Floats,
     period: float,
-    word: tuple[str, ...],
+    jumps: tuple[tuple[str, ...], ...],
     step: Floats,
     residual: float,
 ) -> tuple[Floats, float, Shot, float] | None:
@@ -475,7 +478,7 @@ def _damped(
         try:
             shot = shoot(admitted(system, new), longer)
             left = residual_of(system, shot, new, None)
-            if shot.word == word and left < residual * (1.0 - 0.1 * share):
+            if shot.jumps == jumps and left < residual * (1.0 - 0.1 * share):
                 return new, longer, shot, left
         except NoOrbit:
             pass

@@ -19,7 +19,15 @@ from vibro_cli.analysis.basins import (
     outcomes_of,
 )
 from vibro_cli.figures import style
-from vibro_cli.figures.chart import BAND, BAND_KEY, count_axis, log_axis, stacked, value_axis
+from vibro_cli.figures.chart import (
+    BAND,
+    BAND_KEY,
+    WIDE_RANGE,
+    count_axis,
+    log_axis,
+    stacked,
+    value_axis,
+)
 from vibro_cli.figures.labels import Entry
 from vibro_cli.figures.maps import Categories, Lattice, Swept, category_map, ended, lattice
 from vibro_cli.figures.style import Look, line, mark, panel_size
@@ -114,7 +122,8 @@ def branch_figure(found: dict[str, Any], label: str, width: str) -> Figure:
             for kind, x, y in zip(kinds, value, height, strict=True):
                 if kind:
                     axes.plot([x], [y], **_look(_MARKS.get(kind, _OTHER)[0]))
-            value_axis(axes, height, symbol, unit)
+            wide = name == "multiplier" and np.max(height) > WIDE_RANGE * np.min(height)
+            (log_axis if wide else value_axis)(axes, height, symbol, unit)
             low, high = float(np.min(value)), float(np.max(value))
             span = low, high if high > low else low + 1.0
             axes.set_xlim(span)
