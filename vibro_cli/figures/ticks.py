@@ -11,8 +11,6 @@ from fractions import Fraction
 from matplotlib.axis import Axis, YAxis
 from matplotlib.ticker import MaxNLocator
 
-from vibro_cli.scenario.fields import written
-
 _SIDES = {"pre": " before", "post": " after"}
 _SYMBOLS = {
     "t": "t",
@@ -253,7 +251,6 @@ def axis_words(name: str, unit: str, ticks: Ticks) -> str:
     """Return the name of an axis, from what its labels count, and its unit: `s − 1.2 [10⁻⁶ m]`."""
     if ticks.offset:
         name += f" {'−' if ticks.offset > 0.0 else '+'} {abs(ticks.offset):.12g}"
-    unit = written(unit)
     scaled = rf"$10^{{{ticks.power}}}$ {unit}".rstrip() if ticks.power else unit
     return f"{name} [{scaled}]" if scaled else name
 
