@@ -23,6 +23,7 @@ from vibro_cli.analysis.orbits import (
     started,
     state_of,
 )
+from vibro_cli.api import load_scenario
 from vibro_cli.assemble import build_system
 from vibro_cli.commands.app import run_command_line
 from vibro_cli.commands.orbit import _axis, orbit_columns
@@ -204,7 +205,7 @@ def test_multipliers_where_the_law_does_not_keep_the_volume() -> None:
 def test_an_orbit_that_closes_from_its_old_start_only_keeps_it(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    system = build_system(example("falling_balls"))
+    system = build_system(load_scenario(FALLING))
     found = newton(system, state_of(system), 0.8)
     assert begun_between(found) is not found
     monkeypatch.setattr(orbits, "residual_of", lambda *_: 1e-5)
