@@ -41,6 +41,7 @@ LAYERS = (
     "kernels",
     "compile",
     "errors",
+    "told",
 )
 # The stages of the event loop and what is around them, likewise from top to bottom.
 STAGES = (

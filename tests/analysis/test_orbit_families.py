@@ -137,7 +137,7 @@ def test_the_figure_of_a_family_shows_very_unstable_orbits_by_powers_of_ten() ->
     label = _axis("gravity")
     period, multiplier = branch_figure(table, label, "single").axes
     assert (period.get_yscale(), multiplier.get_yscale()) == ("linear", "log")
-    assert multiplier.get_xlabel().endswith("[m/s²]")
+    assert multiplier.get_xlabel().endswith("[m/s$^2$]")
 
 
 def test_the_table_of_a_folded_family_goes_along_it(folded: tuple[Orbit, Branch]) -> None:

@@ -220,13 +220,13 @@ def _axis(path: str) -> str:
     """The label of the axis of a family over the number at a path."""
     from vibro_cli.analysis.orbit_branch import ENERGY
     from vibro_cli.figures.maps import words_of
-    from vibro_cli.scenario.fields import unit_at, written
+    from vibro_cli.figures.ticks import Ticks, axis_words
+    from vibro_cli.scenario.fields import unit_at
     from vibro_cli.scenario.problems import parsed_path
 
     if path == ENERGY:
         return "energy [J]"
-    unit = unit_at(parsed_path(path))
-    return f"{words_of(path)} [{written(unit)}]" if unit else words_of(path)
+    return axis_words(words_of(path), unit_at(parsed_path(path)), Ticks((), ()))
 
 
 def _drawn(columns: dict[str, Any], label: str) -> dict[str, bytes]:

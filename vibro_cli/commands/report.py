@@ -161,19 +161,11 @@ class ReportCommand:
 
 
 def _report(wishes: ReportCommand) -> int:
-    from vibro_cli.report.html import is_report
-    from vibro_cli.scenario.base import checked_page
-    from vibro_cli.storage.files import first_bytes, write_file
+    from vibro_cli.storage.files import write_file
 
     _check(wishes)
     target = wishes.target
     printed = wishes.output == "-"
-    try:
-        checked_page("--output", target)
-    except ValueError as error:
-        raise CommandError(f"vibro: {error}") from error
-    if not printed and target.exists() and not is_report(first_bytes(target, _HEAD)):
-        raise CommandError(f"vibro: {target} exists and is no vibro report; it is left as it is")
     subject = _subject(wishes)
     _check_maps(subject, wishes.maps)
     # Figures are collected again and again, and what is there by now stays.
@@ -260,9 +252,18 @@ def _page(subject: "Subject", beside: Path, maps: Sequence[str]) -> bytes:
 
 def _check(wishes: ReportCommand) -> None:
     """Raise `CommandError` before anything is drawn if some file could not take its place."""
+    from vibro_cli.report.html import is_report
+    from vibro_cli.scenario.base import checked_page
     from vibro_cli.storage.files import check_replaceable, first_bytes
 
-    pdf = wishes.pdf
+    target, pdf = wishes.target, wishes.pdf
+    try:
+        checked_page("--output", target)
+    except ValueError as error:
+        raise CommandError(f"vibro: {error}") from error
+    printed = wishes.output == "-"
+    if not printed and target.exists() and not is_report(first_bytes(target, _HEAD)):
+        raise CommandError(f"vibro: {target} exists and is no vibro report; it is left as it is")
     if pdf is not None and pdf.exists() and first_bytes(pdf, 5) != b"%PDF-":
         raise CommandError(f"vibro: {pdf} exists and is no PDF; it is left as it is")
     if wishes.figures is not None:

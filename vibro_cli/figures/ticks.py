@@ -251,6 +251,7 @@ def axis_words(name: str, unit: str, ticks: Ticks) -> str:
     """Return the name of an axis, from what its labels count, and its unit: `s − 1.2 [10⁻⁶ m]`."""
     if ticks.offset:
         name += f" {'−' if ticks.offset > 0.0 else '+'} {abs(ticks.offset):.12g}"
+    unit = re.sub(r"\^(\d)", r"$^\1$", unit)
     scaled = rf"$10^{{{ticks.power}}}$ {unit}".rstrip() if ticks.power else unit
     return f"{name} [{scaled}]" if scaled else name
 

@@ -19,8 +19,6 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any, TextIO, TypeVar
 
-from vibro_cli.told import told_to
-
 _Result = TypeVar("_Result")
 
 LEVELS = ("detail", "info", "warning", "error")
@@ -504,6 +502,8 @@ class _Work(_Line):
 @contextlib.contextmanager
 def work_told(verb: str = "drawing") -> Iterator[None]:
     """Tell what is drawn in the block, figures or frames of a film; or measured."""
+    from vibro_cli.told import told_to
+
     line = _Work(verb)
     try:
         with told_to(line.tell):
