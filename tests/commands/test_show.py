@@ -2,6 +2,7 @@
 
 import io
 import json
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -88,7 +89,7 @@ def test_other_forms_have_all_rows_unless_told(vibro: Vibro, table: Path, tmp_pa
     assert copy.read_bytes() == table.read_bytes()
 
 
-@pytest.mark.parametrize("form", ["csv", "jsonl", "json"])
+@pytest.mark.parametrize("form", ["csv", "jsonl", "json", "arrow", "parquet", "text"])
 @pytest.mark.parametrize("rows", ["all", "8:33", "15:15", "60:70"])
 def test_of_a_long_table_no_more_than_a_group_of_rows_is_there(
     vibro: Vibro, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, form: str, rows: str
@@ -103,7 +104,7 @@ def test_of_a_long_table_no_more_than_a_group_of_rows_is_there(
 
     real = tables._of_groups
     monkeypatch.setattr(tables, "_of_groups", read_groups)
-    options = ["--json"] if form == "json" else ["--format", form]
+    options = {"json": ["--json"], "text": []}.get(form, ["--format", form])
     outcome = vibro("show", "long.parquet", "--rows", rows, *options)
     assert outcome.code == 0
     chosen = {"all": slice(0, 50), "8:33": slice(7, 33), "15:15": slice(14, 15)}
@@ -114,18 +115,31 @@ def test_of_a_long_table_no_more_than_a_group_of_rows_is_there(
         assert outcome.text == json.dumps({"columns": columns, "rows": expected}) + "\n"
     elif form == "jsonl":
         assert outcome.lines == expected
+    elif form == "arrow":
+        assert pa.ipc.open_stream(outcome.out).read_all().to_pylist() == expected
+    elif form == "parquet":
+        assert pq.read_table(io.BytesIO(outcome.out)).to_pylist() == expected
+    elif form == "text":
+        found = [line.split() for line in outcome.text.splitlines()[1:] if line.strip()]
+        shown = [[str(row["n"] + 1), str(row["n"]), f"{row['x']:.9g}"] for row in expected]
+        assert found == shown
     else:
         lines = outcome.text.splitlines()
         assert lines[0] == '"n","x"'
         found = [line.split(",") for line in lines[1:]]
         assert [{"n": int(n), "x": float(x)} for n, x in found] == expected
     assert max(read) == (rows != "60:70")
-    assert len(read) == {"all": 5, "8:33": 4}.get(rows, 1)
+    # A terminal's table is read for its widths first.
+    assert len(read) == {"all": 5, "8:33": 4}.get(rows, 1) * (1 + (form == "text"))
 
 
 def test_a_wide_table_is_cut_into_blocks_that_fit(table: Path) -> None:
     data = read_parquet(table).slice(0, 3)
-    blocks = "\n".join(show._blocks(data, 0, 40)).split("\n\n")
+
+    def parts(names: Sequence[str] | None) -> Iterator[pa.Table]:
+        yield data.select(names or data.column_names)
+
+    blocks = "\n".join(show._blocks(parts, None, range(3), 40)).split("\n\n")
     assert len(blocks) > 1
     names = [name for block in blocks for name in block.splitlines()[0].split()[1:]]
     assert names == data.column_names

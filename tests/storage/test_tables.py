@@ -21,7 +21,7 @@ from vibro_cli.storage.tables import (
     parquet_bytes,
     read_column,
     read_parquet,
-    read_rows,
+    rows_by_group,
     stream,
     to_arrow,
 )
@@ -138,8 +138,7 @@ def test_rows_are_read_from_the_groups_they_are_in(tmp_path: Path) -> None:
     ):
         first, last, _ = rows.indices(100)
         for columns in (None, ["x", "n"], ["x"]):
-            found, start, total = read_rows(tmp_path / "table.parquet", rows, columns)
-            assert (start, total) == (first, 100)
+            found = pa.concat_tables(rows_by_group(tmp_path / "table.parquet", rows, columns))
             expected = table if columns is None else table.select(columns)
             assert found.equals(expected.slice(first, last - first))
 
@@ -209,7 +208,7 @@ def test_streams_read_back_to_the_same_doubles(form: str) -> None:
     columns = columns_of(table, 10_000)
     columns["t"] = np.random.default_rng(1).standard_normal(10_000) ** 9
     sink = io.BytesIO()
-    stream(to_arrow(table, columns, ORIGIN), form, sink)
+    stream(iter([to_arrow(table, columns, ORIGIN)]), form, sink)
     sink.seek(0)
     if form == "csv":
         rows = csv.DictReader(sink.getvalue().decode().splitlines())
@@ -227,8 +226,8 @@ def test_null_is_an_empty_field_of_csv_and_null_in_json_lines() -> None:
     table = of_trace.EVENTS
     data = to_arrow(table, columns_of(table, 1), ORIGIN)
     commas, lines = io.BytesIO(), io.BytesIO()
-    stream(data, "csv", commas)
-    stream(data, "jsonl", lines)
+    stream(iter([data]), "csv", commas)
+    stream(iter([data]), "jsonl", lines)
     assert next(csv.DictReader(commas.getvalue().decode().splitlines()))["value"] == ""
     assert json.loads(lines.getvalue())["value"] is None
 
@@ -236,7 +235,7 @@ def test_null_is_an_empty_field_of_csv_and_null_in_json_lines() -> None:
 def test_an_unknown_form_is_refused() -> None:
     data = to_arrow(of_trace.MOTION, columns_of(of_trace.MOTION), ORIGIN)
     with pytest.raises(ValueError, match="no form 'xlsx'"):
-        stream(data, "xlsx", io.BytesIO())
+        stream(iter([data]), "xlsx", io.BytesIO())
 
 
 def test_pandas_reads_the_file(tmp_path: Path) -> None:

@@ -1,10 +1,12 @@
 """`vibro show`: a table on the terminal, with units, or in another form."""
 
+import math
 import shutil
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -27,9 +29,7 @@ if TYPE_CHECKING:
 
 _ROWS = "20"
 _DIGITS = 9
-_JSON_ROWS = 4096
-_WHOLE = ("arrow", "parquet")
-"""Forms with parts of their own, which are those of the whole table."""
+_ROWS_AT_ONCE = 4096
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,24 +70,23 @@ class ShowCommand:
     def __call__(self) -> int:
         """Print the chosen rows and columns of a table in the chosen form."""
         names = None if self.columns is None else [name.strip() for name in self.columns.split(",")]
-        given = self.file, _row_range(self._rows), names
+        parts = partial(_parts, self.file, _row_range(self._rows))
         if self.form is not None or self.as_json:
             try:
-                _print_whole(_parts(*given, self.form), self.form)
+                _print_whole(parts(names), self.form)
             except (TypeError, ValueError) as error:  # of a table that is not one of ours
                 text = f"cannot be shown as {self.form or 'json'}: {' '.join(str(error).split())}"
                 text = f"{self.file}: {text} (choose columns with --columns)"
                 raise CommandError(text) from error
             return DONE
-        chosen, first, total = _read(*given)
-        if total == chosen.num_rows == 1 and names is None:
-            print("\n".join(_listed(chosen)))
+        chosen, total = _chosen(self.file, _row_range(self._rows), names)
+        if total == len(chosen) == 1 and names is None:
+            print("\n".join(_listed(next(parts(None)))))
         else:
             width = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
-            print("\n".join(_blocks(chosen, first, width)))
-            shown = (
-                f"rows {first + 1} to {first + chosen.num_rows}" if chosen.num_rows else "no row"
-            )
+            for line in _blocks(parts, names, chosen, width):
+                print(line)
+            shown = f"rows {chosen.start + 1} to {chosen.stop}" if chosen else "no row"
             say(f"{shown} of {total}")
         return DONE
 
@@ -113,43 +112,33 @@ def _row_range(text: str) -> tuple[int | None, int | None]:
 
 def _print_whole(parts: "Iterator[pyarrow.Table]", form: TableFormat | None) -> None:
     """Print every row in a form for programs, as JSON if none is named."""
-    from vibro_cli.storage.tables import stream, stream_parts
+    from vibro_cli.storage.tables import stream
 
     if form is None:
         for text in _as_json(parts):
             sys.stdout.write(text)
-    elif form in _WHOLE:
-        stream(next(parts), form, sys.stdout.buffer)
     else:
-        stream_parts(parts, form, sys.stdout.buffer)
+        stream(parts, form, sys.stdout.buffer)
     sys.stdout.flush()
 
 
-def _read(
+def _chosen(
     file: Path, rows: tuple[int | None, int | None], columns: Sequence[str] | None
-) -> "tuple[pyarrow.Table, int, int]":
-    """Some rows and columns of a file, the first row's number (from 0), and how many there are.
-
-    Raises as `_readable`.
-    """
-    from vibro_cli.storage.tables import read_rows
+) -> tuple[range, int]:
+    """The numbers (from 0) of some rows of a file, and how many it has; raises as `_readable`."""
+    from vibro_cli.storage.tables import count_rows
 
     with _readable(file, columns):
-        return read_rows(file, slice(*rows), columns)
+        total = count_rows(file)
+    return range(total)[slice(*rows)], total
 
 
 def _parts(
-    file: Path,
-    rows: tuple[int | None, int | None],
-    columns: Sequence[str] | None,
-    form: TableFormat | None,
+    file: Path, rows: tuple[int | None, int | None], columns: Sequence[str] | None
 ) -> "Iterator[pyarrow.Table]":
-    """The rows of `_read` for a form, as they are read, where the form has no parts of its own."""
+    """Some rows and columns of a file as they are read; raises as `_readable`."""
     from vibro_cli.storage.tables import rows_by_group
 
-    if form in _WHOLE:
-        yield _read(file, rows, columns)[0]
-        return
     with _readable(file, columns):
         yield from rows_by_group(file, slice(*rows), columns)
 
@@ -223,11 +212,15 @@ def _as_json(parts: "Iterator[pyarrow.Table]") -> Iterator[str]:
         for name in begin.column_names
     ]
     before = json_text({"columns": columns, "rows": []})[:-2]
-    for part in chain([begin], parts):
-        for batch in filter(len, part.to_batches(max_chunksize=_JSON_ROWS)):
-            yield before + json_text(batch.to_pylist())[1:-1]
-            before = ", "
+    for batch in filter(len, _few_rows(chain([begin], parts))):
+        yield before + json_text(batch.to_pylist())[1:-1]
+        before = ", "
     yield "]}\n" if before == ", " else f"{before}]}}\n"
+
+
+def _few_rows(parts: "Iterator[pyarrow.Table]") -> "Iterator[pyarrow.RecordBatch]":
+    """Rows in as many at once as may well be there as text."""
+    return (batch for part in parts for batch in part.to_batches(max_chunksize=_ROWS_AT_ONCE))
 
 
 def _text(value: Any) -> str:
@@ -241,38 +234,83 @@ def _text(value: Any) -> str:
 
 def _listed(data: "pyarrow.Table") -> Iterator[str]:
     """The one row of a table: a line for each column."""
-    names = _aligned([printable(name) for name in data.column_names], False)
-    values = _aligned([_text(data[name][0].as_py()) for name in data.column_names], True)
+    names = _aligned([printable(name) for name in data.column_names])
+    values = _aligned([_text(data[name][0].as_py()) for name in data.column_names], str.rjust)
     for name, value, column in zip(names, values, data.column_names, strict=True):
         unit, meaning = (printable(_meta(data, column, key)) for key in (b"unit", b"description"))
         yield f"{name}  {value}  {unit:8}  {meaning}".rstrip()
 
 
-def _blocks(data: "pyarrow.Table", first: int, width: int | None) -> Iterator[str]:
-    """The table as lines, in blocks of as many columns as fit the width, rows numbered from 1."""
-    number = _aligned(["row", "", *(str(first + 1 + row) for row in range(data.num_rows))], True)
-    block: list[list[str]] = [number]
-    used = len(number[0])
-    for name in data.column_names:
-        values = data[name].to_pylist()
-        head = (printable(name), printable(_meta(data, name, b"unit")))
-        words = any(isinstance(value, str) for value in values)
-        column = _aligned([*head, *map(_text, values)], not words)
-        needed = len(column[0]) + 2
-        if width is not None and used + needed > width and len(block) > 1:
-            yield from _joined(block)
-            yield ""
-            block, used = [number], len(number[0])
-        block.append(column)
-        used += needed
-    yield from _joined(block)
+class _Column:
+    """A column of a terminal's table: numbers end, words begin in one line."""
+
+    def __init__(self, head: Sequence[str]) -> None:
+        self._head = head
+        self.width = max(map(len, head))
+        self._words = False
+
+    def fit(self, values: Sequence[Any]) -> None:
+        """Make it as wide as some of its values."""
+        self.width = max(self.width, *map(len, map(_text, values)), 0)
+        self._words = self._words or any(isinstance(value, str) for value in values)
+
+    def cells(self, values: Sequence[Any] | None) -> list[str]:
+        """Some of its values, or the lines of its head, all as wide as the column."""
+        texts = self._head if values is None else map(_text, values)
+        return [text.ljust(self.width) if self._words else text.rjust(self.width) for text in texts]
 
 
-def _aligned(cells: list[str], right: bool) -> list[str]:
-    """Cells of one column, all as wide as the widest: numbers end, words begin in one line."""
+def _blocks(
+    parts: "Callable[[Sequence[str] | None], Iterator[pyarrow.Table]]",
+    names: Sequence[str] | None,
+    chosen: range,
+    width: int | None,
+) -> Iterator[str]:
+    """The table as lines, in blocks of as many columns as fit the width, rows numbered from 1.
+
+    `parts` reads the chosen rows of some columns: once for the widths, and once for each block.
+    """
+    columns: dict[str, _Column] = {}
+    for part in parts(names):
+        for name in part.column_names:
+            head = printable(name), printable(_meta(part, name, b"unit"))
+            columns.setdefault(name, _Column(head))
+        for rows in _few_rows(iter([part])):
+            for name, column in columns.items():
+                column.fit(rows[name].to_pylist())
+    number = _Column(["row", ""])
+    number.fit([chosen.stop] if chosen else [])
+    for place, block in enumerate(_fitting(columns, number.width, width)):
+        shown = [number, *(columns[name] for name in block)]
+        yield from ([""] if place else [])
+        yield from _lines(shown, [None] * len(shown))
+        row = chosen.start + 1
+        for rows in _few_rows(parts(block)):
+            numbers = range(row, row + rows.num_rows)
+            yield from _lines(shown, [numbers, *(rows[name].to_pylist() for name in block)])
+            row = numbers.stop
+
+
+def _fitting(columns: dict[str, _Column], used: int, width: int | None) -> Iterator[list[str]]:
+    """The names of columns in blocks that fit a width beside what is used of it in each."""
+    block: list[str] = []
+    room = math.inf if width is None else width - used
+    left = room
+    for name, column in columns.items():
+        left -= column.width + 2
+        if left < 0 and block:
+            yield block
+            block, left = [], room - column.width - 2
+        block.append(name)
+    yield block
+
+
+def _lines(columns: Sequence[_Column], values: Sequence[Any]) -> Iterator[str]:
+    cells = [column.cells(some) for column, some in zip(columns, values, strict=True)]
+    return ("  ".join(line).rstrip() for line in zip(*cells, strict=True))
+
+
+def _aligned(cells: list[str], justify: Callable[[str, int], str] = str.ljust) -> list[str]:
+    """Cells, all as wide as the widest."""
     width = max(map(len, cells))
-    return [cell.rjust(width) if right else cell.ljust(width) for cell in cells]
-
-
-def _joined(columns: list[list[str]]) -> Iterator[str]:
-    return ("  ".join(cells).rstrip() for cells in zip(*columns, strict=True))
+    return [justify(cell, width) for cell in cells]

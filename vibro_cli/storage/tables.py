@@ -311,23 +311,20 @@ def units_of_numbers(schema: pa.Schema) -> dict[str, str]:
     }
 
 
-def read_rows(
-    source: Path, rows: slice, columns: Sequence[str] | None = None
-) -> tuple[pa.Table, int, int]:
-    """Some rows of a parquet file, the number of the first (from 0), and how many there are.
-
-    `columns` are those wanted, all by default. Only the groups of rows that they are in are read,
-    and held to their checksums; raises as `read_parquet`.
-    """
-    with pq.ParquetFile(source, page_checksum_verification=True) as file:
-        first, last, _ = rows.indices(file.metadata.num_rows)
-        return _rows_of(file, first, last, columns), first, file.metadata.num_rows
+def count_rows(path: Path) -> int:
+    """Return how many rows a parquet file has; raises as `read_parquet`."""
+    with pq.ParquetFile(path) as file:
+        return int(file.metadata.num_rows)
 
 
 def rows_by_group(
     source: Path, rows: slice, columns: Sequence[str] | None = None
 ) -> Iterator[pa.Table]:
-    """Yield the rows of :func:`read_rows` as they are read, group by group; one table at least."""
+    """Yield some rows of a parquet file as they are read, group by group; one table at least.
+
+    `columns` are those wanted, all by default. Only the groups of rows that they are in are read,
+    and held to their checksums; raises as `read_parquet`.
+    """
     with pq.ParquetFile(source, page_checksum_verification=True) as file:
         first, last, _ = rows.indices(file.metadata.num_rows)
         begins = _groups_of(file, first, last)
@@ -473,7 +470,7 @@ def _flags(bits: Any, chunk: pa.Array) -> np.ndarray[Any, np.dtype[np.bool_]]:
 
 
 class _RowWriter:
-    """Writes rows to an open binary stream as csv, jsonl or arrow (IPC stream)."""
+    """Writes rows to an open binary stream as csv, jsonl, arrow (IPC stream) or parquet."""
 
     def __init__(self, sink: BinaryIO, form: str, schema: pa.Schema) -> None:
         self._sink = sink
@@ -485,6 +482,9 @@ class _RowWriter:
             self._writer = csv.CSVWriter(sink, schema, write_options=options)
         elif form == "arrow":
             self._writer = pa.ipc.new_stream(sink, schema)
+        elif form == "parquet":
+            words, options = words_in(schema), parquet_options(schema)
+            self._writer = pq.ParquetWriter(Counted(sink), schema, use_dictionary=words, **options)
         elif form != "jsonl":
             raise ValueError(f"there is no form {form!r} of a table")
 
@@ -503,19 +503,11 @@ class _RowWriter:
             self._writer.close()
 
 
-def stream(data: pa.Table, form: str, sink: BinaryIO) -> None:
-    """Write an arrow table to an open binary stream as csv, jsonl, arrow (IPC stream) or parquet.
+def stream(parts: Iterator[pa.Table], form: str, sink: BinaryIO) -> None:
+    """Write rows, which come in one part at least, as csv, jsonl, arrow (IPC stream) or parquet.
 
     Numbers of csv and jsonl read back to the same doubles; null is an empty field or `null`.
     """
-    if form == "parquet":
-        sink.write(parquet_bytes(data))
-        return
-    stream_parts(iter([data]), form, sink)
-
-
-def stream_parts(parts: Iterator[pa.Table], form: str, sink: BinaryIO) -> None:
-    """Write rows that come in parts, one at least, as csv, jsonl or arrow: as :func:`stream`."""
     begin = next(parts)
     writer = _RowWriter(sink, form, begin.schema)
     for part in chain([begin], parts):
