@@ -412,9 +412,9 @@ class ContactRow:
     opened: int
     piece_a: int
     piece_b: int
-    b_s: float
-    b_c: float
-    speed: float  # of b's centre, m/s
+    s: float  # state of a when the accumulation ends
+    c: float
+    p: float
 
 
 class World(NamedTuple):

@@ -21,9 +21,10 @@ from __future__ import annotations
 import math
 
 from vibro_cli.compile.kernel import kernel
+from vibro_cli.kernels.flow.flight import state_at
 from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.kernels.numerics.double_double import difference_of_products, time_between
-from vibro_cli.kernels.world import BodyData, PairData, World, flights_of, track_of
+from vibro_cli.kernels.world import BodyData, PairData, World, flights_of
 
 HEDRIH = 0
 TRANSLATIONAL = 1
@@ -235,8 +236,7 @@ def _log_contact(world: World, pair: PairData) -> None:
     row.opened = 1 - pair.held
     row.piece_a = a.piece
     row.piece_b = b.piece
-    row.b_s = b.s
-    row.b_c = b.c
-    row.speed = b.p * track_of(world, pair.b).speed_factor
+    end = pair.change_t + pair.delay
+    row.s, row.c, row.p = state_at(world, pair.a, end, pair.change_t_low)
     clock.contact_rows += 1
     clock.contacts += pair.held

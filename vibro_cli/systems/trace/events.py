@@ -210,8 +210,9 @@ def _boundaries(paths: Paths, known: int) -> Rows:
     caused = (log["cause"] == CROSSING) | (log["cause"] == WALL)
     caused &= paths.number >= known
     # A group is launched anew as a whole: only the body that came to an end of its piece counts.
-    moved = np.append(False, paths.piece[1:] != paths.piece[:-1]) | (log["grouped"] == 0)
-    moved |= log["cause"] == WALL
+    moved = np.append(False, paths.piece[1:] != paths.piece[:-1]) | (log["cause"] == WALL)
+    # A whole turn, at the seam of a circle that is one piece, turns half-angle variables by half.
+    moved |= log["s"] * log["before_s"] + log["c"] * log["before_c"] < 0.0
     at = np.flatnonzero(caused & moved)
     body, piece, before = paths.body[at], paths.piece[at], paths.piece[at - 1]
     rows = _rows(len(at))
@@ -236,9 +237,9 @@ def _contacts(paths: Paths, touches: Any) -> Rows:
     rows["name"] = np.where(opened, NAMES.index("contact_opened"), NAMES.index("contact_closed"))
     rows["ball"], rows["other"] = touches["a"] + 1, touches["b"] + 1
     rows["arc_from"], rows["arc_to"] = touches["piece_a"] + 1, touches["piece_b"] + 1
-    position = places.position(touches["piece_b"], touches["b_s"], touches["b_c"])
-    rows["s"] = places.arc_length(touches["piece_b"], position)
-    rows["speed"] = touches["speed"]
+    position = places.position(touches["piece_a"], touches["s"], touches["c"])
+    rows["s"] = places.arc_length(touches["piece_a"], position)
+    rows["speed"] = places.speed_factor(touches["a"], touches["piece_a"]) * touches["p"]
     rows["value"] = np.where(opened, np.nan, touches["delay"])
     rows["sort"], rows["place"] = 1, np.arange(len(touches))
     return rows

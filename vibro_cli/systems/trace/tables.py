@@ -69,8 +69,9 @@ _ENERGY = (
 _VALUE = (
     "turning: the angle there in rad (on a line the position in m); wall: the speed before in "
     "m/s; contact_closed: how long the bounces before it lasted in s; slip: the coefficient of "
-    "friction; lift_off: the normal force in N; else null"
+    "friction; lift_off: the normal force in N, null where it ends the run; else null"
 )
+_ITS = " (of a lasting contact that of the other body)"
 _REGIME = "oscillating, or progressive: it would come to an end of the trace, or round a closed one"
 _EIGHT = (
     "side of the first figure eight from the left it is within: left loop, right loop, on it, "
@@ -127,7 +128,7 @@ EVENTS = Table(
         count("ball", "body it happens to, from 1", nullable=True),
         count("other", "other body of the pair, from 1", nullable=True),
         count("arc_from", "piece of the trace before the event, from 1", nullable=True),
-        count("arc_to", "piece of the trace after the event, from 1", nullable=True),
+        count("arc_to", f"piece of the trace after the event, from 1{_ITS}", nullable=True),
         number("s", "m", "arc length from the trace's left end to the contact point", True),
         number("speed", "m/s", "signed speed of the body's centre after the event", True),
         number("value", "", _VALUE, True),

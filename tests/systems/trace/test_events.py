@@ -1,0 +1,51 @@
+"""Rows of the table of events against the motion that the same run gives on both sides of them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from vibro_cli.api import load_scenario, simulate
+
+HARD = Path(__file__).parents[2] / "hard_cases"
+# Groups that part as one of them crosses, or that come over the seam of a circle together.
+NAMES = (
+    "bounces_across_lower_than_rounding", "group_crosses_the_seam_of_a_circle",
+    "group_passes_a_seam_that_misses", "level_lines_1388", "parting_from_a_group_across",
+    "row_of_three_rests_and_one_comes", "three_on_a_circle_held", "turning_group_on_a_level_line",
+    "turning_whole_turns", "two_held_over_the_seam_of_a_circle",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_each_body_crosses_where_its_piece_changes_and_nowhere_else(name: str) -> None:
+    scenario = load_scenario(HARD / f"{name}.toml")
+    run = simulate(scenario)
+    events = run.events
+    crosses = events["event"] == "crossing"
+    assert crosses.sum() == run.summary_record()["crossings"] > 0
+    start = run.sample([0.0], "before")
+    arc = dict(zip(start["ball"].tolist(), start["arc"].tolist(), strict=True))
+    pieces = len(run.system.trace.pieces)
+    for row in np.flatnonzero(crosses):
+        ball = int(events["ball"][row])
+        assert events["arc_from"][row] == arc[ball]
+        arc[ball] = int(events["arc_to"][row])
+        # From a piece to itself there is only the seam of a circle.
+        assert (events["arc_from"][row] == arc[ball]) == (pieces == 1)
+    last = run.sample([run.end_time])
+    assert last["arc"].tolist() == [arc[ball] for ball in last["ball"].tolist()]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_lasting_contact_begins_and_ends_where_its_left_body_is(name: str) -> None:
+    run = simulate(load_scenario(HARD / f"{name}.toml"))
+    events = run.events
+    rows = np.flatnonzero(np.isin(events["event"], ["contact_closed", "contact_opened"]))
+    for row in rows:
+        motion = run.sample([events["t"][row]])
+        ball = motion["ball"] == events["ball"][row]
+        assert events["s"][row] == pytest.approx(motion["s"][ball][0], abs=1e-12)
+        assert events["speed"][row] == pytest.approx(motion["speed"][ball][0], abs=1e-12)
