@@ -308,3 +308,20 @@ def test_periods_against_quadrature_in_sixty_digits(
         cuts |= {slow + sign * mp.mpf(10) ** -n for n in range(12) for sign in (-1, 1)}
         known = 2 * mp.quad(pace, sorted(cut for cut in cuts if abs(cut) <= mp.pi / 2))
     assert abs(own - known) <= 1e-13 * known
+
+
+@pytest.mark.parametrize("engine", ["compiled", "python"])
+def test_many_pairs_that_collide_at_one_instant(engine: str) -> None:
+    """Equal bodies exchange their speeds until these ascend: once for each pair out of order."""
+    count = 60
+    held = [spring(4.0, 1.0, 0.7, 0.04 * place) for place in range(count)]
+    balls = [
+        {"radius": 0.02, "mass": 1.0, "speed": 1.0 - 2.0 * (place % 2), "spring": one}
+        | ({"touching": "previous"} if place else {"position": 0.0})
+        for place, one in enumerate(held)
+    ]
+    run = solve(springs(balls, 1.0, time=1e-3), engine)
+    assert len(run.collisions["n"]) == 30 * 31 // 2
+    assert set(run.collisions["t"]) == {0.0}
+    speeds = run.sample([0.0])["speed"]
+    assert speeds.tolist() == [-1.0] * 30 + [1.0] * 30

@@ -75,30 +75,40 @@ def approach_of(world: World, pair: int) -> float:
 
 @kernel
 def collide_approaching(world: World) -> int:
-    """Carry out the impacts of all pairs in contact that approach now.
+    """Carry out the impacts of all pairs in contact that approach now, of one run with each call.
 
-    Returns COLLIDED, RUNNING if no pair approaches, or the end that an impact brings.
+    Of pairs that are no neighbours each logs the states of all bodies: the log has no room for
+    those of all runs. Returns COLLIDED, RUNNING if no pair approaches, or the end that an impact
+    brings.
     """
     last = len(world.bodies) - 1
+    first = first_closing(world)
+    if first == last:
+        for pair in range(last):
+            closing = is_in_contact(world, pair) and approach_of(world, pair) > 0.0
+            world.pairs[pair].closing = 1 if closing else 0
+        first = first_closing(world)
+    count = 0
+    while first + count < last and world.pairs[first + count].closing == 1:
+        world.pairs[first + count].closing = 0
+        count += 1
+    if count == 0:
+        return RUNNING
+    if count == 1 and touches_no_other(world, first):
+        ended = _collide_alone(world, first)
+    else:
+        ended = _collide_jointly(world, first, count)
+    return COLLIDED if ended == RUNNING else ended
+
+
+@kernel
+def first_closing(world: World) -> int:
+    """Return the first pair whose impact of the present round is to come, or how many pairs."""
+    last = len(world.bodies) - 1
     for pair in range(last):
-        closing = is_in_contact(world, pair) and approach_of(world, pair) > 0.0
-        world.pairs[pair].closing = 1 if closing else 0
-    cause = RUNNING
-    first = 0
-    while first < last:
-        count = 0
-        while first + count < last and world.pairs[first + count].closing == 1:
-            count += 1
-        if count > 0:
-            if count == 1 and touches_no_other(world, first):
-                ended = _collide_alone(world, first)
-            else:
-                ended = _collide_jointly(world, first, count)
-            if ended != RUNNING:
-                return ended
-            cause = COLLIDED
-        first += count + 1
-    return cause
+        if world.pairs[pair].closing == 1:
+            return pair
+    return last
 
 
 @kernel

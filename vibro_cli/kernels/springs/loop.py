@@ -10,6 +10,7 @@ from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.numerics.double_double import add_to_time
 from vibro_cli.kernels.springs.impacts import (
     collide_approaching,
+    first_closing,
     open_contact,
     settle_contacts,
     touches_at_start,
@@ -161,7 +162,9 @@ def _settle(world: World) -> int:
     """Do the next thing for bodies in contact at the present instant; RUNNING or the run's end."""
     clock = world.clock[0]
     if clock.unsettled == IMPACTS:
-        if clock.collisions < world.settings[0].stop_collisions:
+        # Impacts at one instant are carried out beyond the last that is asked for.
+        begun = first_closing(world) < len(world.bodies) - 1
+        if begun or clock.collisions < world.settings[0].stop_collisions:
             cause = collide_approaching(world)
             if cause != RUNNING:
                 return RUNNING if cause == COLLIDED else cause

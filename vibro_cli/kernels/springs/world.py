@@ -64,7 +64,7 @@ class SpringPair(ChainRow):
     restitution: float
     held: int  # 1: in lasting contact
     known: int  # FREE, PARTING, RESTING or RELEASED
-    closing: int  # scratch of an instant: takes part in a joint impact
+    closing: int  # 1: its impact of the present round is to come
     stays: int  # scratch of an instant: STAYS, MAY or 0
     needed: float  # and the acceleration (m/s^2) that has to press it together for that
 
