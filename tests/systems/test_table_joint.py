@@ -228,3 +228,31 @@ def test_an_inadmissible_group_stops_or_is_substituted() -> None:
     assert np.all(run.collisions["separation_speed"][:2] >= 0.0)
     final = run.sample([run.end_time])
     assert final["velocity_x"][1] == final["velocity_x"][2]
+
+
+@pytest.mark.parametrize(("rings", "seed"), [(3, 2), (4, 3), (5, 1)])
+def test_a_pack_that_collapses_plastically_against_a_projection(rings: int, seed: int) -> None:
+    """Contacts are redundant there: the velocities are those before, projected by numpy."""
+    span = range(-rings, rings + 1)
+    cells = [(q, r) for q in span for r in span if abs(q + r) <= rings]
+    places = [(2.0 * R * (q + r / 2.0), math.sqrt(3.0) * R * r) for q, r in cells]
+    shaken = np.random.default_rng(seed).normal(0.0, 0.1, (len(places), 2))
+    before = shaken - np.array(places)
+    balls = [ball(*place, *speed) for place, speed in zip(places, before.tolist(), strict=True)]
+    document = table(balls, k=0.0, collisions=1)
+    rows = solve(document, "compiled").collisions
+    assert rows["admissible"].all()
+    gaps = np.zeros((len(rows["n"]), 2 * len(balls)))
+    for row, (a, b) in enumerate(zip(rows["ball_a"] - 1, rows["ball_b"] - 1, strict=True)):
+        normal = np.array(
+            [math.cos(rows["normal_angle"][row]), math.sin(rows["normal_angle"][row])]
+        )
+        gaps[row, 2 * a : 2 * a + 2], gaps[row, 2 * b : 2 * b + 2] = -normal, normal
+    speeds = before.ravel()
+    assert ((gaps @ speeds) < 0.0).all()
+    impulses = np.linalg.lstsq(gaps @ gaps.T, -gaps @ speeds, rcond=1e-10)[0]
+    after = (speeds + gaps.T @ impulses).reshape(-1, 2)
+    for end in "ab":
+        for axis, name in enumerate("xy"):
+            found = rows[f"velocity_{name}_{end}_post"]
+            assert found == pytest.approx(after[rows[f"ball_{end}"] - 1, axis], abs=2e-14)

@@ -91,6 +91,7 @@ class Touch:
     approach: float  # the law's relative speed
     impulse: float  # in two doubles
     impulse_low: float
+    best: float  # impulse that has left least so far
     left: float  # of the right-hand side, in two doubles
     left_low: float
     direction: float  # of the next step
