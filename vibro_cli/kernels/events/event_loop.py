@@ -40,6 +40,7 @@ from vibro_cli.kernels.flow.flight import (
     is_same_instant,
     place_at,
     project,
+    state_at,
 )
 from vibro_cli.kernels.impact.chattering import FORCED
 from vibro_cli.kernels.impact.impulse_chain import (
@@ -53,10 +54,9 @@ from vibro_cli.kernels.impact.laws import (
     NORMAL_IMPULSE,
     do_part,
     impact_of_pair,
-    log_contacts,
     log_impact,
 )
-from vibro_cli.kernels.numerics.constants import NEVER
+from vibro_cli.kernels.numerics.constants import EPSILON, NEVER
 from vibro_cli.kernels.numerics.double_double import time_between
 from vibro_cli.kernels.world import (
     COLLISION,
@@ -566,3 +566,46 @@ def _first_exit(world: World) -> int:
             t = flight.exit_t
             t_low = flight.exit_t_low
     return first
+
+
+# Times closer than this share of themselves are one instant.
+SAME_INSTANT = 64.0 * EPSILON
+
+
+@kernel
+def log_contacts(world: World, t: float, t_low: float) -> None:
+    """Log the contacts that have closed or opened for good before the next event at ``t``.
+
+    Within one instant, or one accumulation, a contact may open and close many times.
+    """
+    clock = world.clock[0]
+    clock.unlogged = 0
+    for j in range(world.settings[0].pairs):
+        pair = world.pairs[j]
+        if pair.held == pair.logged:
+            continue
+        later = time_between(t, t_low, pair.change_t, pair.change_t_low)
+        if later > pair.delay + SAME_INSTANT * abs(t):
+            _log_contact(world, pair)
+            pair.logged = pair.held
+        else:
+            clock.unlogged = 1
+
+
+@kernel
+def _log_contact(world: World, pair: PairData) -> None:
+    clock = world.clock[0]
+    row = world.touches[clock.contact_rows]
+    a, b = flights_of(world, pair)
+    row.t = pair.change_t
+    row.t_low = pair.change_t_low
+    row.delay = pair.delay
+    row.a = pair.a
+    row.b = pair.b
+    row.opened = 1 - pair.held
+    row.piece_a = a.piece
+    row.piece_b = b.piece
+    end = pair.change_t + pair.delay
+    row.s, row.c, row.p = state_at(world, pair.a, end, pair.change_t_low)
+    clock.contact_rows += 1
+    clock.contacts += pair.held

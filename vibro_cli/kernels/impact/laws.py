@@ -21,10 +21,9 @@ from __future__ import annotations
 import math
 
 from vibro_cli.compile.kernel import kernel
-from vibro_cli.kernels.flow.flight import state_at
 from vibro_cli.kernels.numerics.constants import EPSILON
-from vibro_cli.kernels.numerics.double_double import difference_of_products, time_between
-from vibro_cli.kernels.world import BodyData, PairData, World, flights_of
+from vibro_cli.kernels.numerics.double_double import difference_of_products
+from vibro_cli.kernels.world import BodyData, World, flights_of
 
 HEDRIH = 0
 TRANSLATIONAL = 1
@@ -142,9 +141,6 @@ def separation_speed(normal_a: float, normal_b: float, speed_a: float, speed_b: 
 # A parting speed above -this (relative) is zero up to rounding.
 SPEED_ROUNDING = 8.0 * EPSILON
 
-# Times closer than this share of themselves are one instant.
-SAME_INSTANT = 64.0 * EPSILON
-
 
 @kernel
 def do_part(normal_a: float, normal_b: float, wa: float, wb: float, size: float) -> bool:
@@ -201,42 +197,3 @@ def hold(world: World, j: int, held: int, delay: float) -> None:
     pair.change_t = clock.t
     pair.change_t_low = clock.t_low
     pair.delay = delay
-
-
-@kernel
-def log_contacts(world: World, t: float, t_low: float) -> None:
-    """Log the contacts that have closed or opened for good before the next event at ``t``.
-
-    Within one instant, or one accumulation, a contact may open and close many times.
-    """
-    clock = world.clock[0]
-    clock.unlogged = 0
-    for j in range(world.settings[0].pairs):
-        pair = world.pairs[j]
-        if pair.held == pair.logged:
-            continue
-        later = time_between(t, t_low, pair.change_t, pair.change_t_low)
-        if later > pair.delay + SAME_INSTANT * abs(t):
-            _log_contact(world, pair)
-            pair.logged = pair.held
-        else:
-            clock.unlogged = 1
-
-
-@kernel
-def _log_contact(world: World, pair: PairData) -> None:
-    clock = world.clock[0]
-    row = world.touches[clock.contact_rows]
-    a, b = flights_of(world, pair)
-    row.t = pair.change_t
-    row.t_low = pair.change_t_low
-    row.delay = pair.delay
-    row.a = pair.a
-    row.b = pair.b
-    row.opened = 1 - pair.held
-    row.piece_a = a.piece
-    row.piece_b = b.piece
-    end = pair.change_t + pair.delay
-    row.s, row.c, row.p = state_at(world, pair.a, end, pair.change_t_low)
-    clock.contact_rows += 1
-    clock.contacts += pair.held
