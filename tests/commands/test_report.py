@@ -135,6 +135,16 @@ def test_a_damaged_table_is_named(vibro: Vibro, name: str) -> None:
     assert not Path("outputs/one_circle-report.html").exists()
 
 
+def test_a_system_without_films_is_named(vibro: Vibro, monkeypatch: pytest.MonkeyPatch) -> None:
+    vibro(*RUN)
+    monkeypatch.delattr("vibro_cli.systems.trace.figures.film")
+    outcome = vibro("report", "outputs/one_circle", "--animate", "film.gif")
+    assert outcome.code == 2
+    expected = 'found system = "trace", expected a system that has films'
+    assert outcome.err == f"vibro: outputs/one_circle: {expected}\n"
+    assert not Path("outputs/one_circle-report.html").exists()
+
+
 def test_the_motion_can_be_had_as_a_film(vibro: Vibro) -> None:
     vibro(*RUN)
     options = ("--span", "0.5:1", "--fps", "10")

@@ -332,3 +332,13 @@ def test_a_skew_impact_stands_in_both_forms_with_its_normal_parts(tmp_path: Path
     text = page.with_id("run1-analogy").text
     assert "All is of the components along the line of centres" in text
     assert "body a first" in text
+
+
+def test_a_system_of_no_paper_needs_no_forms_of_the_papers(
+    run: StoredRun, beside: Path, content: bytes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nor the columns and the restitution that they are made of."""
+    monkeypatch.setattr(type(run.kind), "papers", ())
+    monkeypatch.setattr("vibro_cli.report.papers.forms", None)
+    assert b'id="run1-analogy"' not in report_html([run], beside, "1.2.3")
+    assert b'id="run1-analogy"' in content

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import runpy
 import sys
 from collections.abc import Iterator
 from functools import partial
@@ -9,13 +10,15 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
+import numpy as np
 import pytest
 
-from vibro_cli import systems
+from vibro_cli import NoFilm, systems
 from vibro_cli.report.content import setting
 from vibro_cli.report.papers import analogy
 from vibro_cli.scenario.fields import json_schema, settings
 from vibro_cli.storage.stored import StoredRun
+from vibro_cli.stress import suite
 from vibro_cli.systems.contract import NoPortrait, System
 from vibro_cli.systems.describe import lines_of, own_settings
 
@@ -92,6 +95,11 @@ SUMMARY = Table("{NAME}.summary", "one run", tuple(summary_head("time")))
 def final_state(ball):
     yield number(f"x_{{ball}}", "m", "final place")
 '''
+FIGURES = """
+from vibro_cli.figures.kinds import INTERVALS
+
+FIGURES = {"intervals": INTERVALS}
+"""
 DATA: dict[str, Any] = {
     "name": "one",
     "system": NAME,
@@ -107,12 +115,13 @@ BODY = {"ball": 1, "body": "ball", "radius": 0.1, "mass": 1.0, "kappa": 1.4}
 
 @pytest.fixture
 def kind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[System]:
-    """A system that has an object, a model and tables, and no other module."""
+    """A system that has an object, a model, tables and a figure, and no other module."""
     folder = tmp_path / NAME
     folder.mkdir()
     (folder / "__init__.py").write_text(OBJECT, encoding="utf-8")
     (folder / "scenario.py").write_text(MODEL, encoding="utf-8")
     (folder / "tables.py").write_text(TABLES, encoding="utf-8")
+    (folder / "figures.py").write_text(FIGURES, encoding="utf-8")
     monkeypatch.setattr(systems, "__path__", [*systems.__path__, str(tmp_path)])
     monkeypatch.setattr(systems, "NAMES", (*systems.NAMES, NAME))
     yield systems.system_named(NAME)
@@ -126,6 +135,18 @@ def test_it_is_of_no_paper_and_has_no_timed_scene_and_no_portrait(kind: System) 
     assert kind.timed_scenes == {}
     with pytest.raises(NoPortrait, match=f'found system = "{NAME}", expected a system that has'):
         kind.portrait(None, "single", drawn=False)
+
+
+def test_it_has_no_films(kind: System) -> None:
+    with pytest.raises(NoFilm, match=f'found system = "{NAME}", expected a system that has films'):
+        kind.film(cast(StoredRun, None), np.zeros(1))
+
+
+def test_the_stress_suite_has_no_check_of_it(kind: System) -> None:
+    assert NAME in systems.NAMES
+    names = runpy.run_path(str(suite.__file__))["NAMES"]
+    assert names == suite.NAMES
+    assert {"table", "springs"} <= set(names)
 
 
 def test_without_tangent_maps_its_tables_have_no_exponents(kind: System) -> None:

@@ -310,10 +310,15 @@ def _write_figures(subject: "Subject", target: Path, wishes: ReportCommand) -> N
 
 def _check_film(run: "StoredRun", target: Path, wishes: ReportCommand) -> None:
     """Raise `CommandError` before anything is drawn if the film cannot be or take its place."""
+    from vibro_cli.figures.film import NoFilm
     from vibro_cli.report.film_page import GENERATOR
     from vibro_cli.report.html import is_report
     from vibro_cli.storage.files import first_bytes
 
+    try:
+        run.kind.check_film()
+    except NoFilm as error:
+        raise CommandError(f"vibro: {run.folder}: {error}") from error
     number = wishes.frames(float(run.summary["end_time"]))
     if number > MOST_FRAMES:
         raise CommandError(

@@ -324,7 +324,7 @@ class Run:
         pace: float = 1.0,
         fps: int = 25,
     ) -> Path:
-        """Write the motion as a film, exact at every frame's time.
+        """Write the motion of a run as a film, exact at every frame's time.
 
         Parameters
         ----------
@@ -342,7 +342,7 @@ class Run:
         ValueError
             For another suffix, pace or number of frames, and times outside the run.
         NoFilm
-            If ffmpeg is not there, or fails.
+            If ffmpeg is not there, or fails; of a system that has no films.
         """
         from vibro_cli.figures.film import FORMS
 

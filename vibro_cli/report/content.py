@@ -144,7 +144,8 @@ def _section(run: StoredRun, name: str, notes: Sequence[str], gap: str) -> dict[
     return {
         "key_figures": key_figures(run),
         "figures": list(figures_of_run(run, name)),
-        "analogy": analogy(run.system, run.collisions),
+        # The forms side by side are those of paper B, with its speeds and one k for each pair.
+        "analogy": analogy(run.system, run.collisions) if "B" in run.kind.papers else None,
         "energy": energy_balance(run),
         "validity": validity(run.summary, rolls, refused, notes),
         "accuracy": _labelled(run, ((gap, "max_gap", "m"), *_ACCURACY)),

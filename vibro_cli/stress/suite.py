@@ -24,7 +24,8 @@ from vibro_cli.systems.columns import Column, Table
 from vibro_cli.told import tell
 
 # The function ``check_NAME`` of each is in this module beside this one; the quick ones first. Those
-# of a system are ``check`` in the module ``stress`` of its folder.
+# of a system are ``check`` in the module ``stress`` of its folder, where there is one.
+OF_SYSTEMS = tuple(name for name in SYSTEMS[1:] if system_named(name).has_part("stress"))
 HOMES = {
     "elliptic": "elliptic",
     "crest": "impacts",
@@ -35,7 +36,7 @@ HOMES = {
     "extremes": "extremes",
     "limits": "extremes",
     "energy": "impact_laws",
-    **dict.fromkeys(SYSTEMS[1:], ""),
+    **dict.fromkeys(OF_SYSTEMS, ""),
     "turning": "impacts",
     "tangent": "digits",
     "drawn": "physics",
@@ -55,14 +56,14 @@ class MissingLibrary(VibroError):
 def findings_of(name: str, plan: Plan) -> list[Finding]:
     """What one check finds."""
     check: Callable[[Plan], list[Finding]]
-    if name in SYSTEMS:
-        check = import_module(f"vibro_cli.systems.{name}.stress").check
+    if name in OF_SYSTEMS:
+        check = system_named(name).part("stress").check
     else:
         check = getattr(import_module(f"vibro_cli.stress.{HOMES[name]}"), f"check_{name}")
     findings = check(plan)
     if name == "tangent":
-        for system in (one for one in SYSTEMS[1:] if system_named(one).exponents):
-            findings += import_module(f"vibro_cli.systems.{system}.stress").check_tangent(plan)
+        for kind in map(system_named, OF_SYSTEMS):
+            findings += kind.part("stress").check_tangent(plan) if kind.exponents else []
     for finding in findings:
         finding.check = name
     return findings

@@ -367,8 +367,19 @@ class System(ABC):
     default_figures: ClassVar[tuple[str, ...]]
     """Those that are drawn where nothing is said."""
 
+    def check_film(self) -> None:
+        """Raise `NoFilm` where ``figures.py`` has no ``film``."""
+        if not hasattr(self.part("figures"), "film"):
+            from vibro_cli.figures.film import NoFilm
+
+            raise NoFilm(f'found system = "{self.name}", expected a system that has films')
+
     def film(self, run: StoredRun, times: NDArray[np.float64]) -> Frames:
-        """Return what a film shows of a run at the times (s) of its frames, see ``figures.py``."""
+        """Return what a film shows of a run at the times (s) of its frames, see ``figures.py``.
+
+        Raises `NoFilm` where there is none.
+        """
+        self.check_film()
         frames: Frames = self.part("figures").film(run, times)
         return frames
 
