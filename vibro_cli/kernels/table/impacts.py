@@ -34,7 +34,7 @@ from vibro_cli.kernels.impact.laws import (
 from vibro_cli.kernels.numerics.constants import EPSILON, NEVER
 from vibro_cli.kernels.numerics.double_double import pair_plus, pair_times
 from vibro_cli.kernels.table.walls import RESOLVED, present_place, touching_distance
-from vibro_cli.kernels.table.world import CONIC, PairRow, World
+from vibro_cli.kernels.table.world import POLYGON, PairRow, World
 from vibro_cli.kernels.world import END_INADMISSIBLE, END_WALL_CONTACT, RUNNING
 
 # Below this share of the speed a bounce cannot be told from rolling along: the rounding of the
@@ -218,7 +218,7 @@ def bounce(world: World, ball: int) -> int:
     row.vx_post, row.vy_post = _kept(world, ball, vx, vy, taken)
     _set_velocity(world, ball, row.vx_post, row.vy_post)
     # Where k < 1 bounces along a concave wall come ever faster, until the ball stays there.
-    concave = wall.kind == CONIC and wall.side > 0.0
+    concave = wall.kind != POLYGON and wall.side > 0.0
     if concave and k * closing <= ALONG_THE_WALL * speed:
         return END_WALL_CONTACT
     return RUNNING

@@ -19,7 +19,8 @@ import math
 from vibro_cli.compile.kernel import kernel
 from vibro_cli.kernels.numerics.double_double import time_between
 from vibro_cli.kernels.table.impacts import impulses_for, set_weights
-from vibro_cli.kernels.table.world import CONIC, BounceRow, World
+from vibro_cli.kernels.table.walls import touch_curve
+from vibro_cli.kernels.table.world import POLYGON, BounceRow, World
 from vibro_cli.kernels.tangent.frame import (
     Tangents,
     begin_frame,
@@ -164,17 +165,14 @@ def _reflect(world: World, tangents: Tangents, row: BounceRow, closing: float) -
 def _bend(world: World, row: BounceRow) -> float:
     """By how much the normal at a contact turns, in rad, as the centre moves on by 1 m along it.
 
-    The normal is that towards the wall, and the centre's curve has the radius of curvature
-    ``a^2 b^2/H^3 - s r`` along a conic, r about a corner.
+    The normal is that towards the wall; the centre's curve about a corner has the radius r.
     """
     wall = world.wall[0]
     radius = world.bodies[row.ball].radius
-    if wall.kind == CONIC:
-        ax = wall.a * row.normal_x
-        by = wall.b * row.normal_y
-        size = math.sqrt(ax * ax + by * by)
-        ratio = wall.a * wall.b / size
-        return wall.side / (ratio * ratio / size - wall.side * radius)
+    if wall.kind != POLYGON:
+        fx, fy = wall.side * row.normal_x, wall.side * row.normal_y
+        _, _, _, _, curvature_radius = touch_curve(wall, wall.side * radius, fx, fy, 0.0)
+        return wall.side / curvature_radius
     edge = world.edges[row.edge]
     if row.normal_x == edge.normal_x and row.normal_y == edge.normal_y:
         return 0.0

@@ -18,7 +18,7 @@ import math
 from vibro_cli.compile.kernel import kernel
 from vibro_cli.kernels.numerics.constants import EPSILON, NEVER
 from vibro_cli.kernels.numerics.double_double import difference_of_products, time_between
-from vibro_cli.kernels.table.world import CONIC, Ball, Edge, Meeting, WallData, World
+from vibro_cli.kernels.table.world import POLYGON, Ball, Edge, Meeting, WallData, World
 from vibro_cli.kernels.world import BodyData
 
 MOST_STEPS = 200
@@ -44,9 +44,9 @@ def meet_wall(world: World, body: BodyData, ball: Ball, x: float, y: float, to: 
     speed = math.sqrt(ball.vx * ball.vx + ball.vy * ball.vy)
     if speed < SLOWEST:
         return NEVER
-    if wall.kind == CONIC:
+    if wall.kind != POLYGON:
         least = RESOLVED * ball.fastest / speed
-        way = _meet_conic(wall, body.radius, x, y, ball.vx / speed, ball.vy / speed, least, to)
+        way = _meet_curve(wall, body.radius, x, y, ball.vx / speed, ball.vy / speed, least, to)
         return way / speed if way < NEVER else NEVER
     best = NEVER
     for index in range(len(world.edges)):
@@ -61,7 +61,7 @@ def meet_wall(world: World, body: BodyData, ball: Ball, x: float, y: float, to: 
 
 
 @kernel
-def _meet_conic(
+def _meet_curve(
     wall: WallData,
     radius: float,
     x: float,
@@ -113,7 +113,7 @@ def _contact(
     low, high, last = -1.0, 1.0, 2.0
     t = _first_guess(wall, offset, px, py, fx, fy)
     for _ in range(MOST_STEPS):
-        cx, cy, nx, ny, turning = _touch(wall, offset, fx, fy, t)
+        cx, cy, nx, ny, turning = touch_curve(wall, offset, fx, fy, t)
         away = fx * (cy - py) - fy * (cx - px)
         if away < 0.0:
             low = t
@@ -136,15 +136,18 @@ def _contact(
             last = 2.0
             if not low < t < high:
                 break
-    cx, cy, nx, ny, _ = _touch(wall, offset, fx, fy, t)
+    cx, cy, nx, ny, _ = touch_curve(wall, offset, fx, fy, t)
     return cx, cy, nx, ny
 
 
 @kernel
-def _touch(
+def touch_curve(
     wall: WallData, offset: float, fx: float, fy: float, t: float
 ) -> tuple[float, float, float, float, float]:
-    """Centre that touches, normal there, and how fast the centre leaves the line as it turns."""
+    """Centre that touches, normal there, and how fast the centre leaves the line as it turns.
+
+    At t = 0, where f is the normal, the last is the radius of curvature of the centre's curve.
+    """
     cosine = (1.0 - t * t) / (1.0 + t * t)
     sine = 2.0 * t / (1.0 + t * t)
     nx = fx * cosine - fy * sine
@@ -168,8 +171,8 @@ def _note(to: Meeting, x: float, y: float, nx: float, ny: float) -> None:
 @kernel
 def _crosses(wall: WallData, offset: float, px: float, py: float, fx: float, fy: float) -> bool:
     """Whether the line through p along f crosses the region of centres that touch or overlap."""
-    first_x, first_y, _, _, _ = _touch(wall, offset, fx, fy, -1.0)
-    last_x, last_y, _, _, _ = _touch(wall, offset, fx, fy, 1.0)
+    first_x, first_y, _, _, _ = touch_curve(wall, offset, fx, fy, -1.0)
+    last_x, last_y, _, _, _ = touch_curve(wall, offset, fx, fy, 1.0)
     first = fx * (first_y - py) - fy * (first_x - px)
     last = fx * (last_y - py) - fy * (last_x - px)
     return first < 0.0 and last > 0.0
