@@ -224,6 +224,14 @@ class PairRows(ImpactRows):
         return self.inclined * (self.along("b", "post") - self.along("a", "post"))
 
     @property
+    def impulse_moment(self) -> Any:
+        """J_Pb (ω_b⁺ - ω_b⁻), N m s; 0 for a point."""
+        change = self.along("b", "post") - self.along("b", "pre")
+        values = self.of_body(self.bodies.rolling_inertias, self.body("b")) * change
+        radii = self.of_body(self.bodies.radii, self.body("b"))
+        return np.divide(values, radii, out=np.zeros_like(values), where=radii > 0.0)
+
+    @property
     def impulse(self) -> Any:
         """On body b (N s), under the law of translation; nan under others, B (6)."""
         change = self.along("b", "post") - self.along("b", "pre")

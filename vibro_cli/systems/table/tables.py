@@ -71,15 +71,6 @@ class Collisions(PairRows):
         """Its component along the line of centres (m/s), `pre` or `post`."""
         return self[f"normal_{end}_{when}"]
 
-    @property
-    def impulse_moment(self) -> Any:
-        """J_Pb (ω_b⁺ - ω_b⁻), N m s; 0 for a point."""
-        values = self.of_body(self.bodies.rolling_inertias, self["b"]) * (
-            self["normal_b_post"] - self["normal_b_pre"]
-        )
-        radii = self.of_body(self.bodies.radii, self["b"])
-        return np.divide(values, radii, out=np.zeros_like(values), where=radii > 0.0)
-
     def tangential_speed(self, ball: str) -> Any:
         """Across the line of centres (m/s), of ball `a` or `b`."""
         across = self[f"vy_{ball}_pre"] * self["normal_x"]
