@@ -157,7 +157,8 @@ class StressCommand:
         typer.Option(
             metavar="N",
             min=1,
-            help="How many scenes the checks drawn and digits draw [default: as many as each has].",
+            help="How many scenes the checks drawn, digits and tangent draw [default: as many as "
+            "each has].",
         ),
     ] = None
     as_json: Annotated[bool, json_option(help="Print it as JSON, a line for each finding.")] = False
