@@ -9,11 +9,14 @@ import numpy as np
 import pytest
 
 from vibro_cli.commands.app import run_command_line
+from vibro_cli.kernels.impact.laws import LAW_NAMES
 from vibro_cli.scenario import scenario_of
 from vibro_cli.storage.tables import read_parquet
-from vibro_cli.stress import suite
+from vibro_cli.stress import impact_laws, physics, suite
 from vibro_cli.stress.extremes import swings, unequal
-from vibro_cli.stress.scenes import VALLEY, Finding, Plan, ball, fault_of, scene
+from vibro_cli.stress.oracles.arrangement import Laws, Touch
+from vibro_cli.stress.oracles.scene import mp, scene_of_system, speed_changes
+from vibro_cli.stress.scenes import VALLEY, Finding, Plan, ball, fault_of, scene, system_of
 from vibro_cli.stress.suite import line_of, record_of, write
 
 pytestmark = pytest.mark.long
@@ -112,3 +115,21 @@ def test_a_missed_mark_is_exit_code_1(monkeypatch: pytest.MonkeyPatch) -> None:
     missed = Finding("error", "cases", 1.0, check="elliptic", worst=2.0)
     monkeypatch.setattr(suite, "run", lambda plan, names: iter([missed]))
     assert run_command_line(["stress", "-q"]) == 1
+
+
+def test_no_judge_takes_a_law_that_it_does_not_know_for_another_one() -> None:
+    system = system_of(scene(VALLEY, [ball(-0.5), ball(0.5)], time=1.0))
+    one, two = system.bodies
+    pair = (mp.one, mp.one)
+    touch = Touch((0, 1), {0: -mp.one, 1: mp.one}, mp.one, 0)
+    row = {f"speed_{end}_{when}": [1.0] for end in "ab" for when in ("pre", "post")}
+    for judge in (
+        lambda law: speed_changes(law, mp.one, (mp.one, mp.zero), pair, pair, pair),
+        lambda law: Laws(scene_of_system(system), law).solve([touch], [mp.one, mp.zero], law),
+        lambda law: impact_laws._factors(law, mp.one, one, two),
+        lambda law: physics._against_law(row | {"law": [law]}, 0, one, two),
+    ):
+        for law in LAW_NAMES:
+            judge(law)
+        with pytest.raises(KeyError, match="another"):
+            judge("another")

@@ -287,15 +287,15 @@ def impacts(run: Run) -> list[Fault]:
 def _against_law(table: Any, row: int, one: Any, two: Any) -> float:
     """How far (relative) an impact is from keeping what its law keeps."""
     law = str(table["law"][row])
+    if law == "normal-impulse":
+        return 0.0
     change_a = table["speed_a_post"][row] - table["speed_a_pre"][row]
     change_b = table["speed_b_post"][row] - table["speed_b_pre"][row]
-    if law == "translational":
-        given, taken = one.mass * change_a, two.mass * change_b
-    elif law == "hedrih":
-        given = one.kappa * one.mass * one.radius * change_a
-        taken = two.kappa * two.mass * two.radius * change_b
-    else:
-        return 0.0
+    own = [
+        {"translational": body.mass, "hedrih": body.kappa * body.mass * body.radius}[law]
+        for body in (one, two)
+    ]
+    given, taken = own[0] * change_a, own[1] * change_b
     before = abs(table["speed_a_pre"][row]) + abs(table["speed_b_pre"][row])
     most = max(abs(one.kappa * one.mass * before), abs(two.kappa * two.mass * before), 1e-300)
     return float(abs(given + taken) / (abs(given) + abs(taken) + most))

@@ -71,7 +71,8 @@ class Laws:
                 row[n] = sign[n] / body.radius
                 change[n] = sign[n] / (body.kappa * body.mass * body.radius)
             else:
-                row[n], change[n] = mp.mpf(sign[n]), sign[n] / body.mass
+                inertia = {"translational": body.mass}[law]
+                row[n], change[n] = mp.mpf(sign[n]), sign[n] / inertia
         return row, change
 
     def act_along(self, touch: Touch) -> bool:

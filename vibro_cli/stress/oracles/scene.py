@@ -37,7 +37,7 @@ def speed_changes(
         ja, jb = (mass * r**2 for mass, r in zip(rolling, radii, strict=True))
         slip = speeds[0] / radii[0] - speeds[1] / radii[1]
         return -more * slip * jb / (ja + jb) * radii[0], more * slip * ja / (ja + jb) * radii[1]
-    a, b = masses if law == "translational" else rolling
+    a, b = {"translational": masses, "normal-impulse": rolling}[law]
     approach = speeds[0] - speeds[1]
     return -more * approach * b / (a + b), more * approach * a / (a + b)
 
