@@ -1,26 +1,34 @@
-"""What is being drawn or measured, told to whoever waits for it."""
+"""What goes on in long work, told to whoever waits for it."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-
-Listener = Callable[[str], None]
-
-_listener: ContextVar[Listener | None] = ContextVar("listener", default=None)
+from typing import Any
 
 
-@contextmanager
-def told_to(listener: Listener) -> Iterator[None]:
-    """Have a listener told, in words, what is done in the block, before it is."""
-    token = _listener.set(listener)
-    try:
-        yield
-    finally:
-        _listener.reset(token)
+class Told:
+    """One kind of news: of what is done in a thread, for a listener of the same thread."""
+
+    def __init__(self, name: str) -> None:
+        self._listener: ContextVar[Callable[..., None] | None] = ContextVar(name, default=None)
+
+    @contextmanager
+    def to(self, listener: Callable[..., None]) -> Iterator[None]:
+        """Have a listener told in the block."""
+        token = self._listener.set(listener)
+        try:
+            yield
+        finally:
+            self._listener.reset(token)
+
+    def tell(self, *news: Any) -> None:
+        """Tell the listener, if there is one."""
+        listener = self._listener.get()
+        if listener is not None:
+            listener(*news)
 
 
-def tell(what: str) -> None:
-    """Tell the listener, if there is one, what is done next."""
-    listener = _listener.get()
-    if listener is not None:
-        listener(what)
+WORK = Told("work")
+"""What is drawn or measured next, in words."""
+RUN = Told("run")
+"""How far a run is, each time a log is full: simulated time (s) and the number of impacts."""

@@ -15,8 +15,7 @@ from vibro_cli.commands.shared import terminal
 from vibro_cli.figures.kinds import draw_all
 from vibro_cli.scenario import load_any
 from vibro_cli.systems.trace.figures import FIGURES
-from vibro_cli.systems.wanted import watched_by
-from vibro_cli.told import tell, told_to
+from vibro_cli.told import RUN, WORK
 
 pytestmark = pytest.mark.long
 
@@ -70,7 +69,7 @@ def test_nothing_is_drawn_where_nobody_looks(folder: Path) -> None:
 )
 def test_runs_of_every_system_tell_how_far_they_are(name: str) -> None:
     told: list[tuple[float, int]] = []
-    with watched_by(lambda time, impacts: told.append((time, impacts))):
+    with RUN.to(lambda time, impacts: told.append((time, impacts))):
         run = simulate(load_any(GALLERY / name))
     assert told == sorted(told)
     record = run.summary_record()
@@ -115,9 +114,9 @@ def test_what_is_measured_is_told_until_each_result_comes(
 
     def results() -> Iterator[int]:
         for number in (1, 2):
-            tell(f"part {number}")
+            WORK.tell(f"part {number}")
             time.sleep(0.1)  # so that there is time for a line
-            tell(f"rest of part {number}")
+            WORK.tell(f"rest of part {number}")
             yield number
 
     for number in terminal.each_as_told("measuring", results()):
@@ -129,7 +128,7 @@ def test_what_is_measured_is_told_until_each_result_comes(
 def test_each_figure_is_told_before_it_is_drawn() -> None:
     run = simulate(load_any(GALLERY / "springs/two_disks.toml", ["stop.collisions=3"]))
     told: list[str] = []
-    with told_to(told.append):
+    with WORK.to(told.append):
         for drawn in draw_all(run, ["portrait", "energy"]):
             assert told[-1] == drawn.title
     assert told == [*(f"Phase portrait and energies of body {n}" for n in (1, 2)), "Energies"]

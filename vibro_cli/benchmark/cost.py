@@ -47,7 +47,7 @@ from vibro_cli.systems.run import Run
 from vibro_cli.systems.trace import simulate_system
 from vibro_cli.systems.trace.ensemble import Batch, empty_results, points_of
 from vibro_cli.systems.wanted import Limits, Wanted
-from vibro_cli.told import tell
+from vibro_cli.told import WORK
 
 _IMPACTS = 20_000
 _DENSITY = (7800.0, 2700.0)
@@ -102,13 +102,13 @@ def chain_of_arcs(count: int) -> Scene:
 
 def measure_growth(plan: Plan) -> Iterator[list[Row]]:
     """Measure how cost and memory grow; give the rows of each kind as they come."""
-    tell("more and more bodies")
+    WORK.tell("more and more bodies")
     yield _measure_scenes(plan, "bodies", {count: row_of_bodies(count) for count in plan.bodies})
-    tell("more and more arcs")
+    WORK.tell("more and more arcs")
     yield _measure_scenes(plan, "arcs", {count: chain_of_arcs(count) for count in plan.arcs})
-    tell("more and more scenarios")
+    WORK.tell("more and more scenarios")
     yield _measure_batches(plan)
-    tell("memory")
+    WORK.tell("memory")
     yield _measure_memory(plan)
 
 

@@ -52,7 +52,7 @@ from vibro_cli.systems.contract import Document, TimedScene
 from vibro_cli.systems.trace.ensemble import Batch, empty_results
 from vibro_cli.systems.trace.grid_solver import Logged, LogSpace, Task, impact_columns
 from vibro_cli.systems.trace.system_template import Setting
-from vibro_cli.told import tell
+from vibro_cli.told import WORK
 
 ROWS, SUMMARIES = "every impact", "summaries only"
 _SCENE = "three_arcs"
@@ -215,7 +215,7 @@ COMMANDS: dict[str, TimedScene] = {
 def measure_command(plan: Plan) -> Iterator[list[Row]]:
     """Measure scene by scene, without figures; the event loop by turns with the command."""
     for name, scene in COMMANDS.items():
-        tell(f"commands, {name}")
+        WORK.tell(f"commands, {name}")
         rows = []
         for size in SIZES[plan.form]:
             impacts = size // scene.share

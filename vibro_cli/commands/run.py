@@ -306,11 +306,11 @@ def solve(wishes: RunCommand, scenario: "AnyScenario", earlier: "EarlierRun | No
 def followed(wishes: RunCommand, scenario: "AnyScenario") -> Iterator[None]:
     """Tell how far a run in the block is, and say why it cannot go on."""
     from vibro_cli.systems.driver import CannotContinue
-    from vibro_cli.systems.wanted import watched_by
+    from vibro_cli.told import RUN
 
     progress = RunProgress(scenario.name, scenario.stop.time, scenario.stop.collisions)
     try:
-        with watched_by(progress.tell):
+        with RUN.to(progress.tell):
             yield
     except CannotContinue as error:
         raise CommandError(f"vibro: {wishes.earlier} cannot be continued: {error}") from error

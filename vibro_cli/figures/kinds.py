@@ -29,7 +29,7 @@ from vibro_cli.figures.style import width_of
 from vibro_cli.figures.ticks import symbol_of
 from vibro_cli.scenario.base import checked
 from vibro_cli.scenario.quantities import Count
-from vibro_cli.told import tell
+from vibro_cli.told import WORK
 
 Source = TypeVar("Source")
 
@@ -60,7 +60,7 @@ class Kind(Generic[Source]):
 
     def drawn(self, name: str, run: Source, width: str) -> Iterator[Drawn]:
         """Draw it, if it shows anything."""
-        tell(self.title)
+        WORK.tell(self.title)
         figure = self.draw(run, width)
         if figure is not None:
             yield Drawn(name, self.title, self.caption, figure)
@@ -84,7 +84,7 @@ class KindOfBody:
     def of(self, name: str, run: Any, ball: int, width: str) -> Drawn:
         """Draw it of one body (from 1)."""
         title = f"{self.title} {ball}"
-        tell(title)
+        WORK.tell(title)
         figure = self.draw(run, ball, width)
         return Drawn(f"{name}_{ball}", title, self.caption, figure)
 

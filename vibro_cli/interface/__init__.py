@@ -52,12 +52,12 @@ def pictures(
 ) -> dict[str, bytes]:
     """Return the files of figures, which are given by their stems, by their names."""
     from vibro_cli.figures.style import render
-    from vibro_cli.told import tell
+    from vibro_cli.told import WORK
 
     files = {}
     for stem, figure in figures.items() if isinstance(figures, Mapping) else figures:
         for form in forms:
-            tell(f"{stem}.{form}")
+            WORK.tell(f"{stem}.{form}")
             files[f"{stem}.{form}"] = render(figure, form)
     return files
 

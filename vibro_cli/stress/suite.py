@@ -21,7 +21,7 @@ from vibro_cli.stress.scenes import Finding, Plan
 from vibro_cli.systems import NAMES as SYSTEMS
 from vibro_cli.systems import system_named
 from vibro_cli.systems.columns import Column, Table
-from vibro_cli.told import tell
+from vibro_cli.told import WORK
 
 # The function ``check_NAME`` of each is in this module beside this one; the quick ones first. Those
 # of a system are ``check`` in the module ``stress`` of its folder, where there is one.
@@ -81,14 +81,14 @@ def run(plan: Plan, names: Sequence[str]) -> Iterator[Finding]:
     chosen = [name for name in NAMES if not names or name in names]
     if not plan.full or len(chosen) == 1:
         for name in chosen:
-            tell(name)
+            WORK.tell(name)
             yield from findings_of(name, plan)
         return
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(WORKERS, mp_context=context) as workers:
         found = workers.map(findings_of, chosen, [plan] * len(chosen))
         for name in chosen:
-            tell(name)
+            WORK.tell(name)
             yield from next(found)
 
 

@@ -1,14 +1,11 @@
-"""What a run is asked for, whatever the system: where it stops, what is computed, who is told.
+"""What a run is asked for, whatever the system: where it stops and what is computed.
 
-Motion is asked for at instants that the run has come to, and at no others; how far a run is can be
-told to whoever wants to know while it goes on.
+Motion is asked for at instants that the run has come to, and at no others.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from contextvars import ContextVar
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -160,26 +157,3 @@ def many_samples(step: float | None, end: float | None, bodies: int) -> Iterator
     if step is not None and end is not None and bodies * end / step > MANY_SAMPLES:
         rows = f"{bodies * end / step:.0e} rows of motion until stop.time"
         yield f"output.step = {step:g} s asks for {rows}"
-
-
-Watcher = Callable[[float, int], None]
-"""Called with the simulated time (s) and the number of impacts so far."""
-
-_watcher: ContextVar[Watcher | None] = ContextVar("watcher", default=None)
-
-
-@contextmanager
-def watched_by(watcher: Watcher) -> Iterator[None]:
-    """Have the runs of this thread tell a watcher how far they are, each time a log is full."""
-    token = _watcher.set(watcher)
-    try:
-        yield
-    finally:
-        _watcher.reset(token)
-
-
-def tell(time: float, impacts: float) -> None:
-    """Tell the watcher of this thread, if there is one, how far its run is."""
-    watcher = _watcher.get()
-    if watcher is not None:
-        watcher(time, int(impacts))

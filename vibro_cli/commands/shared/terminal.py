@@ -502,11 +502,11 @@ class _Work(_Line):
 @contextlib.contextmanager
 def work_told(verb: str = "drawing") -> Iterator[None]:
     """Tell what is drawn in the block, figures or frames of a film; or measured."""
-    from vibro_cli.told import told_to
+    from vibro_cli.told import WORK
 
     line = _Work(verb)
     try:
-        with told_to(line.tell):
+        with WORK.to(line.tell):
             yield
     finally:
         line.end()

@@ -63,7 +63,7 @@ from vibro_cli.systems.springs.phase_plane import (
     springs_record,
 )
 from vibro_cli.systems.springs.system import SpringsSystem, singular_points
-from vibro_cli.told import tell
+from vibro_cli.told import WORK
 
 
 @dataclass(frozen=True)
@@ -378,7 +378,7 @@ def portrait(
     figures = {}
     for ball in balls if drawn else ():
         name = f"portrait_{ball}"
-        tell(name)
+        WORK.tell(name)
         figures[name] = springs_structure(system, ball, width)
     return {"system": "springs", "bodies": bodies}, figures
 
