@@ -12,10 +12,10 @@ from vibro_cli.api import load_scenario, simulate
 HARD = Path(__file__).parents[2] / "hard_cases"
 # Groups that part as one of them crosses, or that come over the seam of a circle together.
 NAMES = (
-    "bounces_across_lower_than_rounding", "group_crosses_the_seam_of_a_circle",
-    "group_passes_a_seam_that_misses", "level_lines_1388", "parting_from_a_group_across",
-    "row_of_three_rests_and_one_comes", "three_on_a_circle_held", "turning_group_on_a_level_line",
-    "turning_whole_turns", "two_held_over_the_seam_of_a_circle",
+    "bounces_across_lower_than_rounding", "contact_opens_at_a_seam",
+    "group_crosses_the_seam_of_a_circle", "group_passes_a_seam_that_misses", "level_lines_1388",
+    "parting_from_a_group_across", "row_of_three_rests_and_one_comes", "three_on_a_circle_held",
+    "turning_group_on_a_level_line", "turning_whole_turns", "two_held_over_the_seam_of_a_circle",
 )  # fmt: skip
 
 

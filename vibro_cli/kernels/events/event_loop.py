@@ -57,7 +57,7 @@ from vibro_cli.kernels.impact.laws import (
     log_impact,
 )
 from vibro_cli.kernels.numerics.constants import EPSILON, NEVER
-from vibro_cli.kernels.numerics.double_double import time_between
+from vibro_cli.kernels.numerics.double_double import add_to_time, time_between
 from vibro_cli.kernels.world import (
     COLLISION,
     CROSSING,
@@ -597,15 +597,17 @@ def _log_contact(world: World, pair: PairData) -> None:
     clock = world.clock[0]
     row = world.touches[clock.contact_rows]
     a, b = flights_of(world, pair)
-    row.t = pair.change_t
-    row.t_low = pair.change_t_low
+    # What launched them anew at the same instant came first, where rounding has it later too.
+    late_a = time_between(a.t, a.t_low, pair.change_t, pair.change_t_low) - pair.delay
+    late_b = time_between(b.t, b.t_low, pair.change_t, pair.change_t_low) - pair.delay
+    late = max(0.0, max(late_a, late_b))
+    row.t, row.t_low = add_to_time(pair.change_t, pair.change_t_low, late)
     row.delay = pair.delay
     row.a = pair.a
     row.b = pair.b
     row.opened = 1 - pair.held
     row.piece_a = a.piece
     row.piece_b = b.piece
-    end = pair.change_t + pair.delay
-    row.s, row.c, row.p = state_at(world, pair.a, end, pair.change_t_low)
+    row.s, row.c, row.p = state_at(world, pair.a, row.t + pair.delay, row.t_low)
     clock.contact_rows += 1
     clock.contacts += pair.held
