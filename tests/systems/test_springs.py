@@ -325,3 +325,22 @@ def test_many_pairs_that_collide_at_one_instant(engine: str) -> None:
     assert set(run.collisions["t"]) == {0.0}
     speeds = run.sample([0.0])["speed"]
     assert speeds.tolist() == [-1.0] * 30 + [1.0] * 30
+
+
+@pytest.mark.parametrize("engine", ["compiled", "python"])
+def test_many_pairs_that_stay_together_at_one_instant(engine: str) -> None:
+    """Rows of three far apart, more than the log at first has room for: each as if alone."""
+    balls = [
+        {
+            "radius": 0.02,
+            "mass": 1.0,
+            "speed": (1.0, -1.0, 0.0)[place % 3],
+            "spring": spring(4.0, 0.5, 0.7, 10.0 * (place // 3)),
+        }
+        | ({"touching": "previous"} if place % 3 else {"position": 10.0 * (place // 3) - 0.04})
+        for place in range(60)
+    ]
+    three = solve(springs(balls[:3], 0.0, time=1e-3), engine).collisions["contact"]
+    assert three.tolist() == [True]
+    run = solve(springs(balls, 0.0, time=1e-3), engine)
+    assert run.collisions["contact"].tolist() == [True] * 20

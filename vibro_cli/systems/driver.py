@@ -32,6 +32,8 @@ COMPILED_ROWS = 16384
 FIRST_ROWS = 256
 # Where rows are dropped, the logs stay in the processor's cache.
 DROPPED_ROWS = 64
+# So long grow logs that are to hold a whole instant.
+ROWS_AT_ONCE = 500_000
 # So many rows of a log without an impact are more than it is worth: the run is refused.
 QUIET_ROWS = 2_000_000
 # Nor are so many steps of the search for one.
@@ -85,6 +87,9 @@ class EventLoop:
     """The cause with which the loop gives up for want of impacts, and among what in words."""
     quiet_details: Callable[[Any], str] | None = None
     """What of the world may be the reason for it, in words."""
+    unsettled: str | None = None
+    """A field of the clock that is not 0 within an instant: its rows are to be in one log, if that
+    need not hold more than ``ROWS_AT_ONCE``."""
     finishes: bool = False
     """Whether the loop is to go on from its last step to a stop by time, as
     ``settings.finishing`` asks."""
@@ -197,6 +202,27 @@ class Driver:
         self._advance()
 
     def _advance(self) -> int:
+        cause, within = self._called(), self._loop.unsettled
+        while cause == LOG_FULL and within is not None and self.clock_value(within) != 0.0:
+            if _get(self.world.settings, "room") >= ROWS_AT_ONCE:
+                break
+            self._grow()
+            cause = self._called()
+        return cause
+
+    def _grow(self) -> None:
+        """Make the logs twice as long, with the rows that are in them."""
+        world, loop = self.world, self._loop
+        _set(world.settings, "room", 2 * int(_get(world.settings, "room")))
+        for name in loop.logs:
+            rows, record = getattr(world, name), loop.records[name]
+            if self.engine == "compiled":
+                grown = np.concatenate([rows, zeros(len(rows), record)])
+                self.world = self.world._replace(**{name: grown})
+            else:
+                rows.extend([record() for _ in rows])
+
+    def _called(self) -> int:
         loop = self._loop
         if self.engine != "compiled":
             return engine.interpreted(loop.advance, self._overrides)(self.world)
