@@ -139,7 +139,7 @@ def _run(world: World) -> int:
     settings = world.settings[0]
     while True:
         clock.work += 1
-        # The rows of one instant are wanted together, as long as there is room for them at all.
+        # The rows of one instant are wanted together: the driver makes room for them, if it can.
         room = settings.room
         if clock.unsettled != SETTLED:
             room = 2 * (settings.room - len(world.bodies))
