@@ -77,9 +77,9 @@ class CentralImpact:
 
     @property
     def carnot(self) -> float:
-        """The same (J) by Carnot's theorem: (1 − k)/(1 + k) Σ ½ I (Δu)²; B (23)."""
-        terms = zip(self.inertia, self.before, self.after, strict=True)
-        lost = sum(0.5 * inertia * (u - after) ** 2 for inertia, u, after in terms)
+        """The same (J) by Carnot's theorem: (1 − k)/(1 + k) Σ ½ I (Δu)², I Δu = ∓P; B (23)."""
+        # Bodies may be so much faster than Δu that the difference of their velocities is rounding.
+        lost = sum(0.5 * self.impulse**2 / inertia for inertia in self.inertia)
         return (1.0 - self.restitution) / (1.0 + self.restitution) * lost
 
     def with_restitution(self, restitution: float) -> CentralImpact:
