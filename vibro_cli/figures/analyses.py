@@ -22,8 +22,8 @@ from vibro_cli.figures import style
 from vibro_cli.figures.chart import (
     BAND,
     BAND_KEY,
-    WIDE_RANGE,
     count_axis,
+    is_wide,
     log_axis,
     stacked,
     value_axis,
@@ -122,8 +122,8 @@ def branch_figure(found: dict[str, Any], label: str, width: str) -> Figure:
             for kind, x, y in zip(kinds, value, height, strict=True):
                 if kind:
                     axes.plot([x], [y], **_look(_MARKS.get(kind, _OTHER)[0]))
-            wide = name == "multiplier" and np.max(height) > WIDE_RANGE * np.min(height)
-            (log_axis if wide else value_axis)(axes, height, symbol, unit)
+            logarithmic = name == "multiplier" and is_wide(height)
+            (log_axis if logarithmic else value_axis)(axes, height, symbol, unit)
             low, high = float(np.min(value)), float(np.max(value))
             span = low, high if high > low else low + 1.0
             axes.set_xlim(span)

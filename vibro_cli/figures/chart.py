@@ -261,10 +261,15 @@ def positive_axis(axes: Axes, values: Array, symbol: str, unit: str) -> None:
     Else from 0.
     """
     positive = values[np.isfinite(values) & (values > 0.0)]
-    if len(positive) and float(np.max(positive)) > WIDE_RANGE * float(np.min(positive)):
+    if len(positive) and is_wide(positive):
         log_axis(axes, positive, symbol, unit)
     else:
         value_axis(axes, np.append(positive, 0.0), symbol, unit)
+
+
+def is_wide(values: Array) -> bool:
+    """Return whether values are positive and range so widely that their axis is logarithmic."""
+    return bool(0.0 < WIDE_RANGE * np.min(values) < np.max(values))
 
 
 def log_axis(axes: Axes, values: Array, symbol: str, unit: str) -> None:

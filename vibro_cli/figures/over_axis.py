@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import (
     MOST_VECTOR_POINTS,
-    WIDE_RANGE,
     draw_dots,
+    is_wide,
     log_axis,
     stacked,
     value_axis,
@@ -126,7 +126,7 @@ def _dots(axes: Axes, shown: Lattice, values: Array, endings: Endings) -> None:
 
 def _value(axes: Axes, values: Array, symbol: str, unit: str) -> None:
     finite = values[np.isfinite(values)]
-    if 0.0 < WIDE_RANGE * np.min(finite) < np.max(finite):
+    if is_wide(finite):
         log_axis(axes, finite, symbol, unit)
     else:
         shown = values if unit else np.append(values, 0.0)

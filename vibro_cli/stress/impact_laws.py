@@ -133,12 +133,14 @@ def _factors(law: str, size: Real, one: Body, two: Body) -> Factors:
     radii = [mp.mpf(body.radius) for body in (one, two)]
     if law == "translational":
         return (mp.one, 1 / mp.mpf(one.mass)), (mp.one, 1 / mp.mpf(two.mass))
-    paths = [size - radius for radius in radii]
-    beta = 2 * mp.asin(mp.sqrt(radii[0] * radii[1] / (paths[0] * paths[1])))
-    weights = {
-        "hedrih": [1 / radius for radius in radii],
-        "normal-impulse": [path * mp.sin(beta) / sum(radii) for path in reversed(paths)],
-    }[law]
+    if law == "hedrih":
+        weights = [1 / radius for radius in radii]
+    elif law == "normal-impulse":
+        paths = [size - radius for radius in radii]
+        beta = 2 * mp.asin(mp.sqrt(radii[0] * radii[1] / (paths[0] * paths[1])))
+        weights = [path * mp.sin(beta) / sum(radii) for path in reversed(paths)]
+    else:
+        raise KeyError(law)
     left, right = ((q, q / mass) for q, mass in zip(weights, masses, strict=True))
     return left, right
 

@@ -289,12 +289,14 @@ def _against_law(table: Any, row: int, one: Any, two: Any) -> float:
     law = str(table["law"][row])
     if law == "normal-impulse":
         return 0.0
+    if law == "translational":
+        own = [body.mass for body in (one, two)]
+    elif law == "hedrih":
+        own = [body.kappa * body.mass * body.radius for body in (one, two)]
+    else:
+        raise KeyError(law)
     change_a = table["speed_a_post"][row] - table["speed_a_pre"][row]
     change_b = table["speed_b_post"][row] - table["speed_b_pre"][row]
-    own = [
-        {"translational": body.mass, "hedrih": body.kappa * body.mass * body.radius}[law]
-        for body in (one, two)
-    ]
     given, taken = own[0] * change_a, own[1] * change_b
     before = abs(table["speed_a_pre"][row]) + abs(table["speed_b_pre"][row])
     most = max(abs(one.kappa * one.mass * before), abs(two.kappa * two.mass * before), 1e-300)

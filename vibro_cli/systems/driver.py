@@ -202,18 +202,23 @@ class Driver:
         self._advance()
 
     def _advance(self) -> int:
-        cause, within = self._called(), self._loop.unsettled
-        while cause == LOG_FULL and within is not None and self.clock_value(within) != 0.0:
-            if _get(self.world.settings, "room") >= ROWS_AT_ONCE:
-                break
+        cause = self._called()
+        while cause == LOG_FULL and self._is_within_instant() and self._room() < ROWS_AT_ONCE:
             self._grow()
             cause = self._called()
         return cause
 
+    def _is_within_instant(self) -> bool:
+        name = self._loop.unsettled
+        return name is not None and self.clock_value(name) != 0.0
+
+    def _room(self) -> int:
+        return int(_get(self.world.settings, "room"))
+
     def _grow(self) -> None:
         """Make the logs twice as long, with the rows that are in them."""
         world, loop = self.world, self._loop
-        _set(world.settings, "room", 2 * int(_get(world.settings, "room")))
+        _set(world.settings, "room", 2 * self._room())
         for name in loop.logs:
             rows, record = getattr(world, name), loop.records[name]
             if self.engine == "compiled":

@@ -70,9 +70,10 @@ class Laws:
             if law == "hedrih":
                 row[n] = sign[n] / body.radius
                 change[n] = sign[n] / (body.kappa * body.mass * body.radius)
+            elif law == "translational":
+                row[n], change[n] = mp.mpf(sign[n]), sign[n] / body.mass
             else:
-                inertia = {"translational": body.mass}[law]
-                row[n], change[n] = mp.mpf(sign[n]), sign[n] / inertia
+                raise KeyError(law)
         return row, change
 
     def act_along(self, touch: Touch) -> bool:
