@@ -87,9 +87,9 @@ class EventLoop:
     """The cause with which the loop gives up for want of impacts, and among what in words."""
     quiet_details: Callable[[Any], str] | None = None
     """What of the world may be the reason for it, in words."""
-    unsettled: str | None = None
-    """A field of the clock that is not 0 within an instant: its rows are to be in one log, if that
-    need not hold more than ``ROWS_AT_ONCE``."""
+    at_once: str | None = None
+    """The field of the clock that counts the impacts of the present instant: these are to be in
+    one log, if that need not hold more than ``ROWS_AT_ONCE``."""
     finishes: bool = False
     """Whether the loop is to go on from its last step to a stop by time, as
     ``settings.finishing`` asks."""
@@ -209,7 +209,7 @@ class Driver:
         return cause
 
     def _is_within_instant(self) -> bool:
-        name = self._loop.unsettled
+        name = self._loop.at_once
         return name is not None and self.clock_value(name) != 0.0
 
     def _room(self) -> int:

@@ -141,7 +141,7 @@ def _run(world: World) -> int:
         clock.work += 1
         # The rows of one instant are wanted together: the driver makes room for them, if it can.
         room = settings.room
-        if clock.unsettled != SETTLED:
+        if clock.at_once > 0:
             room = 2 * (settings.room - len(world.bodies))
         if clock.impact_rows >= room or clock.state_rows >= room:
             return LOG_FULL
