@@ -296,6 +296,9 @@ CAUSE_NAMES = (
     "segment",
 )
 
+# An event adds at most so many rows to a log, for each body.
+ROWS_OF_EVENT = 8
+
 # Why the event loop of any system came back; all but RUNNING and LOG_FULL are causes of the end.
 RUNNING = 0
 END_TIME = 1

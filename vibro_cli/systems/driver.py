@@ -18,7 +18,7 @@ from vibro_cli.compile.native import compiled
 from vibro_cli.errors import VibroError
 from vibro_cli.kernels.impact.laws import LAW_NAMES
 from vibro_cli.kernels.numerics.elliptic import fill_angles
-from vibro_cli.kernels.world import LOG_FULL, BodyData
+from vibro_cli.kernels.world import LOG_FULL, ROWS_OF_EVENT, BodyData
 from vibro_cli.mechanics.system import Body
 from vibro_cli.systems.wanted import FINAL, UNLIMITED, Limits
 from vibro_cli.told import RUN
@@ -65,8 +65,6 @@ class EventLoop:
     """Logs, and the field of the clock that counts their rows."""
     state: tuple[str, ...]
     """The records that change in a run, which are its state."""
-    rows_of_event: int
-    """An event adds at most so many rows for each body."""
     start: Callable[[Any], None] | None = None
     """A kernel that is called once, before the loop."""
     enter: Callable[[Any, Overrides | None], int] | None = None
@@ -93,10 +91,6 @@ class EventLoop:
     finishes: bool = False
     """Whether the loop is to go on from its last step to a stop by time, as
     ``settings.finishing`` asks."""
-
-    def room(self, rows: int, world: Any) -> int:
-        """Return so many rows, and as many as one event may add."""
-        return rows + self.rows_of_event * len(world.bodies)
 
 
 def records_of(world: type) -> dict[str, type]:
@@ -259,7 +253,7 @@ class Driver:
     def _enlarge(self) -> None:
         """Make more room in the logs, which are empty."""
         settings, loop = self.world.settings, self._loop
-        room, most = int(_get(settings, "room")), loop.room(self._most_rows, self.world)
+        room, most = int(_get(settings, "room")), _room(self._most_rows, self.world)
         if room < most:
             _set(settings, "room", most)
             logs = {name: zeros(2 * most, loop.records[name]) for name in loop.logs}
@@ -293,7 +287,7 @@ class Driver:
 
 
 def _interpreted_logs(loop: EventLoop, world: Any, rows: int) -> Any:
-    room = loop.room(rows, world)
+    room = _room(rows, world)
     world.settings[0].room = room
     logs = {name: [loop.records[name]() for _ in range(2 * room)] for name in loop.logs}
     return world._replace(**logs)
@@ -308,7 +302,7 @@ def compiled_world(
     bodies.
     """
     settings = world.settings[0]
-    room = loop.room(min(rows, _most_rows(settings)), world)
+    room = _room(min(rows, _most_rows(settings)), world)
     settings.room = room
     arrays: dict[str, Any] = {}
     for name, values in world._asdict().items():
@@ -323,6 +317,11 @@ def compiled_world(
             kind = np.float64 if len(values) and isinstance(values[0], float) else np.int64
             arrays[name] = np.array(values, dtype=kind)
     return type(world)(**arrays)
+
+
+def _room(rows: int, world: Any) -> int:
+    """So many rows, and as many as one event may add."""
+    return rows + ROWS_OF_EVENT * len(world.bodies)
 
 
 def _most_rows(settings: Any) -> int:

@@ -92,6 +92,14 @@ def test_scenes_with_lasting_contact(name: str, monkeypatch: pytest.MonkeyPatch)
     assert_told_as_held(scenario, 8, 3, monkeypatch)
 
 
+@pytest.mark.parametrize("rows", [6, 7, 10])
+def test_stretches_end_between_instants(rows: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whether an impact is smooth follows from what comes after it at its instant."""
+    stop = ["analysis.lyapunov=true", "stop.time=6", "stop.collisions=60"]
+    scenario = load_scenario(HARD / "cradle_of_three.toml", stop)
+    assert_told_as_held(scenario, rows, 4, monkeypatch)
+
+
 @pytest.mark.parametrize("name", SYSTEM_SCENES)
 def test_tables_and_springs(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     scenario = load_any(GALLERY / f"{name}.toml", ["output.step=0.01", *SYSTEM_SCENES[name]])

@@ -38,6 +38,7 @@ from vibro_cli.kernels.world import (
     END_QUIET,
     END_TIME,
     LOG_FULL,
+    ROWS_OF_EVENT,
     RUNNING,
 )
 
@@ -142,7 +143,7 @@ def _run(world: World) -> int:
         # The rows of one instant are wanted together: the driver makes room for them, if it can.
         room = settings.room
         if clock.at_once > 0:
-            room = 2 * (settings.room - len(world.bodies))
+            room = 2 * settings.room - ROWS_OF_EVENT * len(world.bodies)
         if clock.impact_rows >= room or clock.state_rows >= room:
             return LOG_FULL
         if clock.work >= 2 * settings.room:  # so that progress is told and interrupts are seen

@@ -26,6 +26,7 @@ from vibro_cli.kernels.world import (
     END_NO_MORE_COLLISIONS,
     END_TIME,
     LOG_FULL,
+    ROWS_OF_EVENT,
     RUNNING,
 )
 
@@ -144,8 +145,13 @@ def advance(world: World) -> int:
             return END_COLLISIONS
         if clock.bounces >= settings.stop_bounces:
             return END_BOUNCES
-        if clock.pair_rows >= settings.room or clock.bounce_rows >= settings.room:
-            return LOG_FULL
+        rows = max(clock.pair_rows, clock.bounce_rows)
+        if rows >= settings.room:
+            # The rows of one instant are wanted together, as far as there is room.
+            meeting = world.meetings[world.tree[1]]
+            later = time_between(meeting.t, meeting.t_low, clock.t, clock.t_low) > 0.0
+            if later or rows > 2 * settings.room - ROWS_OF_EVENT * len(world.balls):
+                return LOG_FULL
         cause = _event(world)
         if cause != RUNNING:
             return cause

@@ -114,7 +114,6 @@ LOOP = EventLoop(
     records=records_of(World),
     logs={"impacts": "impact_rows", "states": "state_rows"},
     state=("clock", "springs", "pairs"),
-    rows_of_event=8,
     at_once="at_once",
     quiet_cause=(END_QUIET, f"{MOST_STEPS:,} steps"),
     quiet_details=_fastest,

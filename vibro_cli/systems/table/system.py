@@ -89,7 +89,6 @@ LOOP = EventLoop(
     records=records_of(World),
     logs={"pair_log": "pair_rows", "bounce_log": "bounce_rows"},
     state=("clock", "balls", "meetings"),  # the tournament follows from them
-    rows_of_event=8,
     quiet_log=("bounce_log", "impacts on the wall"),
     other_stops={"stop_time": NEVER, "stop_bounces": UNLIMITED},
 )

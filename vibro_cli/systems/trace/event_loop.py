@@ -46,7 +46,6 @@ LOOP = driver.EventLoop(
         "segments": "segment_rows",
     },
     state=("clock", "flights", "pairs"),
-    rows_of_event=4,
     start=start,
     enter=enter_advance,
     counted={"log": "flights_before"},
