@@ -95,7 +95,7 @@ def test_scenes_with_lasting_contact(name: str, monkeypatch: pytest.MonkeyPatch)
 @pytest.mark.parametrize("rows", [6, 7, 10])
 def test_stretches_end_between_instants(rows: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Whether an impact is smooth follows from what comes after it at its instant."""
-    stop = ["analysis.lyapunov=true", "stop.time=6", "stop.collisions=60"]
+    stop = ["analysis.lyapunov=true", "output.step=0.1", "stop.time=6", "stop.collisions=60"]
     scenario = load_scenario(HARD / "cradle_of_three.toml", stop)
     assert_told_as_held(scenario, rows, 4, monkeypatch)
 
