@@ -367,3 +367,75 @@ def test_what_ends_an_instant_does_not_depend_on_the_length_of_the_logs(
     assert whole["contact"].sum() > 10
     for name, values in whole.items():
         assert values.tobytes() == short[name].tobytes(), name
+
+
+def _row(speeds: Any, masses: Any, held: Any) -> list[dict[str, Any]]:
+    """Disks of one size that start in contact, each with a spring from ``held``."""
+    return [
+        {"body": "disk", "radius": 0.05, "mass": mass, "speed": speed, "spring": one}
+        | ({"touching": "previous"} if place else {"position": 1.0})
+        for place, (speed, mass, one) in enumerate(zip(speeds, masses, held, strict=True))
+    ]
+
+
+@pytest.mark.parametrize("law", LAW_NAMES)
+def test_pairs_that_meet_at_one_instant_of_a_run_collide_jointly(law: str) -> None:
+    """Linear springs of one frequency: what parts at once is together again after half a period."""
+    masses = np.array([1.0, 0.2, 3.0, 0.5])
+    speeds = np.array([-1.0, -0.2, 0.3, 0.9])
+    held = [spring(6.0 * m, 1e-16, 0.7, 1.0 + 0.1 * i) for i, m in enumerate(masses)]
+    document = springs(_row(speeds, masses, held), 0.8, time=1.8 * math.pi)
+    document["collision"]["law"] = law
+    run = solve(document, "compiled")
+    # Every relative speed is turned, times k, and the momentum is kept.
+    differences = np.diff(np.eye(4), axis=0)
+    equations = np.vstack([differences, masses])
+    rows, after = run.collisions, -speeds
+    for number in range(3):
+        instant = rows["n"][3 * number : 3 * number + 3] - 1
+        np.testing.assert_allclose(rows["t"][instant], (number + 1) * math.pi / 2.0, rtol=1e-15)
+        np.testing.assert_allclose(rows["speed_a_pre"][instant], after[:-1], rtol=1e-13)
+        known = [*(-0.8 * differences @ after), masses @ after]
+        after = np.linalg.solve(equations, known)
+        np.testing.assert_allclose(rows["speed_a_post"][instant], after[:-1], rtol=1e-13)
+        np.testing.assert_allclose(rows["speed_b_post"][instant], after[1:], rtol=1e-13)
+        assert all(rows["simultaneous"][instant])
+        after = -after
+    assert len(rows["n"]) == 9
+
+
+def _nearest_ascending(speeds: Any, masses: Any) -> list[float]:
+    """Of all speeds that ascend the nearest by the kinetic energy: violators are pooled."""
+    pools: list[tuple[float, float, int]] = []
+    for speed, mass in zip(speeds, masses, strict=True):
+        pool = (speed * mass, mass, 1)
+        while pools and pools[-1][0] * pool[1] >= pool[0] * pools[-1][1]:
+            last = pools.pop()
+            pool = (last[0] + pool[0], last[1] + pool[1], last[2] + pool[2])
+        pools.append(pool)
+    return [momentum / mass for momentum, mass, count in pools for _ in range(count)]
+
+
+@pytest.mark.parametrize("law", LAW_NAMES)
+def test_a_row_at_k_0_takes_the_nearest_motion_that_closes_no_contact(law: str) -> None:
+    """Also of light bodies between heavy ones, whose impacts at the instant have no end."""
+    draw = np.random.default_rng(3)
+    cases = [([1.0, -0.5, -0.5], [1.0, 1.0, 1.0]), ([1.0, 0.5, 0.5], [1.0, 1e-6, 1.0])]
+    for _ in range(12):
+        count = int(draw.integers(2, 7))
+        cases.append(
+            (draw.normal(size=count).tolist(), (10 ** draw.uniform(-4, 4, count)).tolist())
+        )
+    for speeds, masses in cases:
+        weak = [spring(1e-9 * mass, 0.3, 0.4, 1.0 + 0.1 * i) for i, mass in enumerate(masses)]
+        document = springs(_row(speeds, masses, weak), 0.0, time=1e-9)
+        document["collision"]["law"] = law
+        run = solve(document, "compiled")
+        assert run.summary["end_cause"] == "time"
+        own = [run.summary[f"speed_{number + 1}"][0] for number in range(len(masses))]
+        np.testing.assert_allclose(own, _nearest_ascending(speeds, masses), atol=1e-10)
+        change = sum(
+            0.75 * m * (v - w) * (v + w) for m, v, w in zip(masses, speeds, own, strict=True)
+        )
+        energy = sum(0.75 * m * v * v for m, v in zip(masses, speeds, strict=True))
+        assert run.collisions["energy_loss"].sum() == pytest.approx(change, abs=1e-10 * energy)

@@ -418,7 +418,7 @@ def _write_back(value: Any, copy: Any) -> None:
             value[place] = tuple(getattr(record, name) for name in value.dtype.names)
 
 
-CHECKPOINT_FORMAT = 4
+CHECKPOINT_FORMAT = 5
 # What stops count, in words.
 COUNTED = {"collisions": "impacts", "bounces": "bounces on the wall"}
 

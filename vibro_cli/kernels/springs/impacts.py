@@ -42,7 +42,6 @@ from vibro_cli.kernels.springs.world import (
     CONTACT_CLOSED,
     CONTACT_OPENED,
     DECISION,
-    FREE,
     IMPACTS,
     MAY,
     PARTING,
@@ -55,12 +54,14 @@ from vibro_cli.kernels.springs.world import (
 )
 from vibro_cli.kernels.world import END_INADMISSIBLE, RUNNING
 
-# Speeds within so much of each other, as a share of their sum, are equal but for rounding; of those
-# before an impact at the same instant, for at k = 0 little of them may be left.
+# Speeds within so much of each other are equal but for rounding, as a share of the greatest at this
+# instant: at k = 0 little of them may be left.
 ROUNDING = 8.0 * EPSILON
 # Bounces that would all be over within this share of 1/w0 are taken as one: what they would still
 # move the bodies by is below the square of it.
 NEARLY_OVER = 1.0e-7
+# So many rounds of impacts of a chain at one instant are taken to contract without end.
+MOST_ROUNDS = 1000
 
 
 @kernel
@@ -69,7 +70,7 @@ def approach_of(world: World, pair: int) -> float:
     one = world.springs[pair]
     other = world.springs[pair + 1]
     speed = one.v - other.v
-    size = max(abs(one.v), one.before) + max(abs(other.v), other.before)
+    size = max(abs(one.v), one.fastest) + max(abs(other.v), other.fastest)
     return speed if abs(speed) > ROUNDING * size else 0.0
 
 
@@ -84,16 +85,13 @@ def collide_approaching(world: World) -> int:
     last = len(world.bodies) - 1
     first = first_closing(world)
     if first == last:
-        for pair in range(last):
-            closing = is_in_contact(world, pair) and approach_of(world, pair) > 0.0
-            world.pairs[pair].closing = 1 if closing else 0
+        _begin_round(world)
         first = first_closing(world)
-    count = 0
-    while first + count < last and world.pairs[first + count].closing == 1:
-        world.pairs[first + count].closing = 0
-        count += 1
+    count = _closing_from(world, first)
     if count == 0:
         return RUNNING
+    for pair in range(first, first + count):
+        world.pairs[pair].closing = 0
     if count == 1 and touches_no_other(world, first):
         ended = _collide_alone(world, first)
     else:
@@ -112,6 +110,76 @@ def first_closing(world: World) -> int:
 
 
 @kernel
+def _closing_from(world: World, first: int) -> int:
+    """Return how many pairs from one on have impacts to come."""
+    count = 0
+    while first + count < len(world.bodies) - 1 and world.pairs[first + count].closing == 1:
+        count += 1
+    return count
+
+
+@kernel
+def _begin_round(world: World) -> None:
+    """Note the pairs in contact that approach; of an endless chain all that its limit needs."""
+    for pair in range(len(world.bodies) - 1):
+        closing = is_in_contact(world, pair) and approach_of(world, pair) > 0.0
+        world.pairs[pair].closing = 1 if closing else 0
+    world.clock[0].rounds += 1
+    while world.clock[0].rounds > MOST_ROUNDS and _widen(world):
+        pass
+
+
+@kernel
+def _widen(world: World) -> bool:
+    """Let those pairs of endless chains collide too which others would close; whether any would.
+
+    So the plastic impact is found that is the limit of all impacts: none is ever to be taken back.
+    """
+    law = _limit_law(world)
+    last = len(world.bodies) - 1
+    for pair in range(last):
+        world.pairs[pair].solution = 0.0
+    first = 0
+    while first < last:
+        count = _closing_from(world, first)
+        if count > 0 and _is_endless(world, first):
+            _solve(world, first, count, law)
+        first += count + 1
+    found = False
+    for pair in range(last):
+        state = world.pairs[pair]
+        if state.closing == 0 and is_in_contact(world, pair) and _is_endless(world, pair):
+            approach = _speed_after(world, pair, law, 0, last)
+            approach -= _speed_after(world, pair + 1, law, 0, last)
+            size = world.springs[pair].fastest + world.springs[pair + 1].fastest
+            if approach > ROUNDING * size:
+                state.closing = 1
+                found = True
+    return found
+
+
+@kernel
+def _is_endless(world: World, pair: int) -> bool:
+    """Whether the impacts of a pair's chain are taken to their limit: without loss they end."""
+    if world.clock[0].rounds <= MOST_ROUNDS:
+        return False
+    while pair > 0 and is_in_contact(world, pair - 1):
+        pair -= 1
+    while pair < len(world.bodies) - 1 and is_in_contact(world, pair):
+        if world.pairs[pair].restitution < 1.0:
+            return True
+        pair += 1
+    return False
+
+
+@kernel
+def _limit_law(world: World) -> int:
+    """Return the law whose plastic impact is the limit of many: what all keep stays the same."""
+    law = world.settings[0].law
+    return law if balances_mass(law) else NORMAL_IMPULSE
+
+
+@kernel
 def touches_no_other(world: World, pair: int) -> bool:
     """Whether the bodies of a pair touch no other ones."""
     if pair > 0 and is_in_contact(world, pair - 1):
@@ -126,7 +194,7 @@ def _collide_alone(world: World, pair: int) -> int:
     row = _new_row(world, pair)
     state = world.pairs[pair]
     apply_law(world, row, world.settings[0].law, state.restitution)
-    if not _parts(row):
+    if not _parts(world, row):
         row.admissible = 0
         if world.settings[0].substitute == 0:
             return END_INADMISSIBLE
@@ -166,7 +234,7 @@ def _collide_jointly(world: World, first: int, count: int) -> int:
     for pair in range(first, first + count):
         row = _new_row(world, pair)
         row.simultaneous = 1 if count > 1 else row.simultaneous
-    law = world.settings[0].law
+    law = _limit_law(world) if _is_endless(world, first) else world.settings[0].law
     if not _impulses(world, start, count, law):
         for number in range(start, start + count):
             world.impacts[number].admissible = 0
@@ -190,12 +258,7 @@ def _collide_jointly(world: World, first: int, count: int) -> int:
 def _impulses(world: World, start: int, count: int, law: int) -> bool:
     """Set the speeds after a joint impact, from row ``start`` on; whether every pair parts."""
     first = world.impacts[start].pair
-    for number in range(start, start + count):
-        row = world.impacts[number]
-        state = world.pairs[row.pair]
-        set_chain_row(world, row.pair, law, first, count)
-        state.right = (1.0 + state.restitution) * approach_before(world, row, law)
-    solve_from_both_ends(world.pairs, len(world.bodies) - 1, first, count)
+    _solve(world, first, count, law)
     for number in range(start, start + count):
         row = world.impacts[number]
         row.law = law
@@ -204,16 +267,37 @@ def _impulses(world: World, start: int, count: int, law: int) -> bool:
     fine = True
     for number in range(start, start + count):
         row = world.impacts[number]
-        fine = fine and _parts(row)
+        fine = fine and _parts(world, row)
         one = world.bodies[row.pair]
         other = world.bodies[row.pair + 1]
         approach = approach_before(world, row, law)
         state = world.pairs[row.pair]
         sum_a = row.v_a_pre + row.v_a_post
         sum_b = row.v_b_pre + row.v_b_post
-        k = state.restitution
+        k = row.restitution
         row.loss = loss_of_impulse(law, k, one, other, state.solution, approach, sum_a, sum_b)
     return fine
+
+
+@kernel
+def _solve(world: World, first: int, count: int, law: int) -> None:
+    """Find the impulses of neighbouring pairs that collide jointly, each with its k."""
+    for pair in range(first, first + count):
+        set_chain_row(world, pair, law, first, count)
+        one = world.bodies[pair]
+        other = world.bodies[pair + 1]
+        c = inclination(one, other)
+        v_a = world.springs[pair].v
+        v_b = world.springs[pair + 1].v
+        k = _restitution_now(world, pair)
+        world.pairs[pair].right = (1.0 + k) * law_approach(law, one, other, c, c, v_a, v_b)
+    solve_from_both_ends(world.pairs, len(world.bodies) - 1, first, count)
+
+
+@kernel
+def _restitution_now(world: World, pair: int) -> float:
+    """Return k of a pair, 0 where the limit of its chain's impacts is taken."""
+    return 0.0 if _is_endless(world, pair) else world.pairs[pair].restitution
 
 
 @kernel
@@ -248,16 +332,23 @@ def set_chain_row(world: World, pair: int, law: int, first: int, count: int) -> 
 
 @kernel
 def _speed_after(world: World, body: int, law: int, first: int, count: int) -> float:
-    """Speed (m/s) of a body after the impulses of the pairs on both of its sides."""
+    """Speed (m/s) of a body after the impulses of the pairs on both of its sides.
+
+    Those on a light body between heavy ones take one another away: what is left is rounded as they
+    are, so that their size counts as one of its speeds at this instant.
+    """
     own = world.bodies[body]
-    change = 0.0
+    spring = world.springs[body]
+    left = 0.0
+    right = 0.0
     if body > first:
         _, h = weight_and_response(law, own, inclination(world.bodies[body - 1], own))
-        change = world.pairs[body - 1].solution * h
+        left = world.pairs[body - 1].solution * h
     if body < first + count:
         _, h = weight_and_response(law, own, inclination(own, world.bodies[body + 1]))
-        change = change - world.pairs[body].solution * h
-    return world.springs[body].v + change
+        right = world.pairs[body].solution * h
+    spring.fastest = max(spring.fastest, max(abs(left), abs(right)))
+    return spring.v + (left - right)
 
 
 @kernel
@@ -277,8 +368,9 @@ def _new_row(world: World, pair: int) -> ImpactRow:
     row.x_b = other.foot + other.x
     row.v_a_pre = one.v
     row.v_b_pre = other.v
-    one.before = abs(one.v)
-    other.before = abs(other.v)
+    one.fastest = max(one.fastest, abs(one.v))
+    other.fastest = max(other.fastest, abs(other.v))
+    row.restitution = _restitution_now(world, pair)
     row.gap = gap_of(world, pair)
     row.admissible = 1
     row.substituted = 0
@@ -291,10 +383,11 @@ def _new_row(world: World, pair: int) -> ImpactRow:
 
 
 @kernel
-def _parts(row: ImpactRow) -> bool:
+def _parts(world: World, row: ImpactRow) -> bool:
     """Whether the law sends the bodies apart, as far as the rounding of all speeds can tell."""
     separating = row.v_b_post - row.v_a_post
-    speeds = abs(row.v_a_post) + abs(row.v_b_post) + abs(row.v_a_pre) + abs(row.v_b_pre)
+    speeds = abs(row.v_a_post) + abs(row.v_b_post)
+    speeds += world.springs[row.pair].fastest + world.springs[row.pair + 1].fastest
     return separating >= -ROUNDING * speeds
 
 
@@ -305,6 +398,7 @@ def apply_law(world: World, row: ImpactRow, law: int, restitution: float) -> Non
     other = world.bodies[row.pair + 1]
     c = inclination(one, other)
     row.law = law
+    row.restitution = restitution
     row.v_a_post, row.v_b_post, row.loss = impact_of_pair(
         law, restitution, one, other, c, c, row.v_a_pre, row.v_b_pre
     )
@@ -522,13 +616,13 @@ def open_contact(world: World, pair: int) -> None:
 
 
 @kernel
-def touches_at_start(world: World) -> None:
-    """Note the pairs that start in contact, as far as rounding can tell."""
+def note_touching(world: World) -> None:
+    """Note the pairs that are in contact at the present instant, as far as rounding can tell."""
     for pair in range(len(world.bodies) - 1):
+        if is_in_contact(world, pair):
+            continue
         one = world.springs[pair]
         other = world.springs[pair + 1]
         size = abs(one.foot + one.x) + abs(other.foot + other.x) + world.pairs[pair].touch
-        state = world.pairs[pair]
-        state.known = FREE
         if abs(gap_of(world, pair)) <= 2.0 * ROUNDING * size:
-            state.known = RESTING if approach_of(world, pair) == 0.0 else PARTING
+            world.pairs[pair].known = RESTING if approach_of(world, pair) == 0.0 else PARTING

@@ -11,9 +11,9 @@ from vibro_cli.kernels.numerics.double_double import add_to_time
 from vibro_cli.kernels.springs.impacts import (
     collide_approaching,
     first_closing,
+    note_touching,
     open_contact,
     settle_contacts,
-    touches_at_start,
 )
 from vibro_cli.kernels.springs.series import expand, gap_of, go_on, log_states, renew_energies
 from vibro_cli.kernels.springs.world import (
@@ -125,7 +125,7 @@ def advance(world: World) -> int:
     if clock.begun == 0:
         clock.begun = 1
         clock.unsettled = IMPACTS
-        touches_at_start(world)
+        note_touching(world)
         renew_energies(world)
         log_states(world, START, 0, 0.0)
     cause = _run(world)
@@ -201,6 +201,7 @@ def _step(world: World) -> int:
             open_contact(world, pair)
         else:
             world.pairs[pair].known = PARTING
+            note_touching(world)
             clock.unsettled = IMPACTS
     return RUNNING
 
@@ -217,8 +218,9 @@ def _go_on(world: World, step: float, unit: float) -> None:
             if world.pairs[pair].held == 0:
                 world.pairs[pair].known = FREE
         for body in range(len(world.bodies)):
-            world.springs[body].before = 0.0
+            world.springs[body].fastest = 0.0
         clock.at_once = 0
+        clock.rounds = 0
 
 
 @kernel

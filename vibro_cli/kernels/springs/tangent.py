@@ -38,7 +38,6 @@ from vibro_cli.kernels.springs.series import (
 )
 from vibro_cli.kernels.springs.world import (
     BODY_ROWS,
-    CONTACT_CLOSED,
     LENGTH,
     ORDER,
     PLACE,
@@ -238,7 +237,7 @@ def _happen(world: World, tangents: Tangents, row: int, impact: int, count: int)
     _carry(world, tangents, world.states[row].t, world.states[row].t_low)
     _note_accelerations(world, tangents, _BEFORE)
     if count > 0:
-        _strike(world, tangents, impact, count, world.states[row].cause == CONTACT_CLOSED)
+        _strike(world, tangents, impact, count)
     closed = _closes(world, row)
     restore(world, row, 1.0)
     _note_accelerations(world, tangents, _AFTER)
@@ -334,16 +333,13 @@ def _spoil(world: World, tangents: Tangents, end: int) -> None:
 
 
 @kernel
-def _strike(world: World, tangents: Tangents, begin: int, count: int, plastic: bool) -> None:
-    """Carry tangent vectors over impacts of neighbouring pairs, solved jointly.
-
-    ``plastic`` where lasting contact begins: all further bounces are one impact with k = 0.
-    """
+def _strike(world: World, tangents: Tangents, begin: int, count: int) -> None:
+    """Carry tangent vectors over impacts of neighbouring pairs, solved jointly."""
     first = world.impacts[begin].pair
     pairs = len(world.bodies) - 1
     for number in range(count):
         row = world.impacts[begin + number]
-        more = 1.0 if plastic else 1.0 + world.pairs[row.pair].restitution
+        more = 1.0 + row.restitution
         if more == 1.0:
             tangents.state[0].lost = 1
         set_chain_row(world, row.pair, row.law, first, count)
@@ -354,7 +350,7 @@ def _strike(world: World, tangents: Tangents, begin: int, count: int, plastic: b
     for column in range(len(tangents.frame)):
         for number in range(count):
             row = world.impacts[begin + number]
-            more = 1.0 if plastic else 1.0 + world.pairs[row.pair].restitution
+            more = 1.0 + row.restitution
             delay = _delay(tangents, row, column)
             tangents.turning[number, _DELAY] = delay
             set_chain_row(world, row.pair, row.law, first, count)

@@ -53,7 +53,7 @@ class SpringBody:
     x: float  # from the foot's place, m
     v: float  # m/s
     energy: float  # of its group over the group's rolling mass, m^2/s^2
-    before: float  # size of v before its last impact at the present instant, else 0, m/s
+    fastest: float  # of its speeds at this instant, and of what each impulse gave it, m/s
 
 
 @struct
@@ -83,6 +83,7 @@ class Clock:
     steps: int  # since the last event
     work: int  # steps since the loop came back
     at_once: int  # impacts at the present instant
+    rounds: int  # and rounds of them
     unsettled: int  # what to do for contacts at it: IMPACTS, DECISION or CHANGES, else 0
     energy_correction: float
     lost: float  # by impacts, J
@@ -113,6 +114,7 @@ class ImpactRow:
     v_b_pre: float
     v_a_post: float
     v_b_post: float
+    restitution: float  # k of its impulse
     loss: float
     gap: float
     law: int
