@@ -9,6 +9,7 @@ import pytest
 
 from tests.grids.conftest import Write
 from vibro_cli.commands.app import run_command_line
+from vibro_cli.interface.grids import open_grid
 
 
 @pytest.fixture
@@ -77,3 +78,20 @@ def test_units_are_in_the_metadata(folder: Path) -> None:
         schema = ds.dataset(folder / table).schema
         assert {name: schema.field(name).metadata[b"unit"] for name in units} == units
         assert all(b"description" in field.metadata for field in schema)
+
+
+def test_a_grid_ended_between_the_tables_of_a_chunk(folder: Path, tmp_path: Path) -> None:
+    """Its impacts without a summary are none yet, and all say that points are missing."""
+    (folder / "summary" / "part-000000.parquet").unlink()
+    manifest = json.loads((folder / "manifest.json").read_bytes())
+    described = manifest["files"].items()
+    manifest["files"] = {name: one for name, one in described if "part-000000" not in name}
+    (folder / "manifest.json").write_text(json.dumps(manifest))
+    grid = open_grid(folder)
+    counts = grid.summary["collisions"].filled(0)
+    assert grid.collisions.rows == counts.sum()
+    assert set(grid.collisions["scenario"]) <= set(grid.summary["scenario"])
+    assert "7 of 12 points are solved so far" in repr(grid)
+    page = tmp_path / "page.html"
+    assert run_command_line(["report", str(folder), "-o", str(page)]) == 0
+    assert "7 of 12 points are solved so far." in page.read_text()

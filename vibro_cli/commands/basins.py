@@ -70,9 +70,16 @@ class BasinsCommand:
         drawn = _drawn(found) if self.figures else {}
         write_results("basins", target, drawn, record=record)
         print_found(record, _lines(stored.name, found), self.as_json)
+        _warn_of_unsolved(stored)
         _warn_of_stops(stored, found)
         say(f"{stored.name}: files in {target}")
         return DONE
+
+
+def _warn_of_unsolved(stored: StoredGrid) -> None:
+    """Say so where what is shown is of some of the points only."""
+    if stored.unsolved:
+        say(f"{stored.name}: warning: {stored.unsolved}", "warning")
 
 
 def _warn_of_stops(stored: StoredGrid, found: Mapped) -> None:
@@ -222,6 +229,7 @@ class SectionCommand:
                 grid = open_grid(self.folder)
                 drawn = grid.section(columns, self.bodies, self.transient, self.width)
                 shown = _runs_shown(grid, self.bodies, self.transient)
+                _warn_of_unsolved(grid.stored)
             else:
                 run = open_run(self.folder)
                 drawn = run.section(columns, self.bodies, self.transient or 0, self.width)

@@ -206,7 +206,9 @@ class Grid:
         return target
 
     def __repr__(self) -> str:
-        return f"<Grid {self.name}: {self.stored.points:,} points over {', '.join(self.axes)}>"
+        unsolved = f"; {self.stored.unsolved}" if self.stored.unsolved else ""
+        points = f"{self.stored.points:,} points over {', '.join(self.axes)}"
+        return f"<Grid {self.name}: {points}{unsolved}>"
 
     def _repr_html_(self) -> str:
         """Show the first points in a notebook."""

@@ -71,10 +71,7 @@ def _page(grid: StoredGrid, beside: Path, version: str, columns: Sequence[str]) 
 
 def _said(grid: StoredGrid) -> str:
     """Say whether all points are there."""
-    total = int(grid.manifest["points"])
-    if grid.points == total:
-        return f"All {total} points are solved."
-    return f"{grid.points} of {total} points are solved so far."
+    return f"{grid.unsolved or f'All {grid.points} points are solved'}."
 
 
 def _endings(grid: StoredGrid) -> list[list[str]]:

@@ -285,6 +285,12 @@ class StoredGrid:
         """Number of points that are there."""
         return len(self.summary["scenario"])
 
+    @property
+    def unsolved(self) -> str:
+        """Says that points are still to be solved, empty where none is."""
+        total = int(self.manifest["points"])
+        return "" if self.points == total else f"{self.points} of {total} points are solved so far"
+
     def table(self, name: str) -> pyarrow.Table:
         """Return a table of all points, such as ``collisions``.
 
@@ -317,8 +323,12 @@ class StoredGrid:
         return _columns(_read(self._parts("collisions"), list(columns), filter=wanted))
 
     def _parts(self, name: str) -> list[Path]:
-        """The files of a table, none where the grid did not keep it."""
-        parts = _parts(self.folder / name)
+        """The files of a table, none where the grid did not keep it.
+
+        Those of finished chunks: the summary of a chunk is written last.
+        """
+        finished = {part.name for part in _parts(self.folder / "summary")}
+        parts = [part for part in _parts(self.folder / name) if part.name in finished]
         if not parts and any(file.startswith(f"{name}/") for file in self.manifest["files"]):
             raise FileNotFoundError(ENOENT, "the table is gone", str(self.folder / name))
         return parts
