@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tests.grids.conftest import Write
@@ -88,7 +89,7 @@ def test_a_grid_ended_between_the_tables_of_a_chunk(folder: Path, tmp_path: Path
     manifest["files"] = {name: one for name, one in described if "part-000000" not in name}
     (folder / "manifest.json").write_text(json.dumps(manifest))
     grid = open_grid(folder)
-    counts = grid.summary["collisions"].filled(0)
+    counts = np.ma.filled(grid.summary["collisions"], 0)
     assert grid.collisions.rows == counts.sum()
     assert set(grid.collisions["scenario"]) <= set(grid.summary["scenario"])
     assert "7 of 12 points are solved so far" in repr(grid)
