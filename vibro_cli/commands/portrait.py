@@ -72,7 +72,7 @@ def varied(wishes: "PortraitCommand", vary: str, kind: "System") -> tuple[dict[s
     from vibro_cli.analysis.singular import IMPOSSIBLE, changes
 
     path, *ends, number = parsed_range(vary)
-    ball = ball_of(path)
+    ball, portraits = ball_of(path), kind.part("portrait")
     (first, last), unit = _numbers(path, ends, kind.model)
     values = [first + (last - first) * step / (number - 1) for step in range(number)]
     found = {value: _member(wishes, path, value) for value in values}
@@ -84,7 +84,7 @@ def varied(wishes: "PortraitCommand", vary: str, kind: "System") -> tuple[dict[s
     @cache
     def type_of(value: float) -> str:
         one = found[value] if value in found else _member(wishes, path, value)
-        return IMPOSSIBLE if isinstance(one, str) else kind.family_type(one, ball)
+        return IMPOSSIBLE if isinstance(one, str) else portraits.family_type(one, ball)
 
     record = {
         "path": path,
@@ -104,7 +104,7 @@ def varied(wishes: "PortraitCommand", vary: str, kind: "System") -> tuple[dict[s
         (f"{words_of(path)} = {f'{value:.6g} {unit}'.rstrip()}", one)
         for value, one in members.items()
     ]
-    return record, {"family": kind.family_figure(titled, ball, wishes.width)}
+    return record, {"family": portraits.family_figure(titled, ball, wishes.width)}
 
 
 def _numbers(path: str, texts: Sequence[str], model: Any) -> tuple[list[float], str]:

@@ -435,19 +435,8 @@ class System(ABC):
     has_comparisons: ClassVar[bool] = False
     """Whether portraits of a few bodies can be drawn over one another, on one trace."""
     has_families: ClassVar[bool] = False
-    """Whether portraits can be drawn over a range of a parameter."""
-
-    def family_type(self, system: Any, ball: int) -> str:
-        """Return the type of a body's portrait (from 1): ``family_type`` of ``portrait.py``."""
-        return str(self.part("portrait").family_type(system, ball))
-
-    def family_figure(self, members: Sequence[tuple[str, Any]], ball: int, width: str) -> Figure:
-        """Return the portraits of a body in some systems, each under its title.
-
-        They are from ``family_figure`` of ``portrait.py``.
-        """
-        figure: Figure = self.part("portrait").family_figure(members, ball, width)
-        return figure
+    """Whether portraits can be drawn over a range of a parameter: by ``family_type``, the type of a
+    body's portrait, and ``family_figure`` of ``portrait.py``."""
 
     def portrait(
         self, system: Any, width: str, drawn: bool
@@ -463,12 +452,7 @@ class System(ABC):
         return found
 
     def portrait_lines(self, found: dict[str, Any]) -> Iterator[str]:
-        """Return what a portrait shows as lines of text."""
+        """Return what a portrait shows as lines of text, of a body ``point_lines`` tells it."""
         for body in found["bodies"]:
             yield f"ball {body['ball']}: {body['body']}, r = {body['radius']:g} m: {body['type']}"
-            yield from self.point_lines(body)
-
-    def point_lines(self, body: dict[str, Any]) -> Iterator[str]:
-        """Return what a portrait shows of one body as lines of text, see ``portrait.py``."""
-        lines: Iterator[str] = self.part("portrait").point_lines(body)
-        return lines
+            yield from self.part("portrait").point_lines(body)
