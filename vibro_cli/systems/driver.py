@@ -114,7 +114,7 @@ class Driver:
             raise ValueError(f"engine must be compiled or python, not {engine_name!r}")
         self._loop = loop
         self._overrides = overrides
-        self.logs = {name: Log(loop.records[name]) for name in loop.logs}
+        self._logged: dict[str, list[Any]] = {name: [] for name in loop.logs}
         self.rows = dict.fromkeys(loop.logs, 0)
         """Rows of each log so far."""
         self.engine = "python"
@@ -260,12 +260,25 @@ class Driver:
             self.world = self.world._replace(**logs)
 
     def _take(self, name: str, rows: Any, count: int) -> None:
-        self.logs[name].take(rows, count)
-        self.rows[name] += count
+        """Take the first rows of a log; those of an array are not copied, and stay as they are."""
+        if count:
+            own = isinstance(rows, np.ndarray)
+            taken = rows[:count] if own else compiled_rows(rows[:count], self._loop.records[name])
+            self._logged[name].append(taken)
+            self.rows[name] += count
 
     def drain(self) -> dict[str, Any]:
         """Return the rows of all logs since the last call, which the driver then forgets."""
-        return {name: log.drain() for name, log in self.logs.items()}
+        found = {}
+        for name, parts in self._logged.items():
+            found[name] = joined(parts) if parts else zeros(0, self._loop.records[name])
+            parts.clear()
+        return found
+
+    @property
+    def waiting(self) -> int:
+        """Rows of the longest log since the last time they were drained."""
+        return max(sum(map(len, parts)) for parts in self._logged.values())
 
     def clock_value(self, name: str) -> float:
         """Return a field of the run's clock, whichever engine holds it."""
@@ -477,37 +490,6 @@ def check_continuable(checkpoint: Mapping[str, Any], limits: Limits) -> None:
             raise CannotContinue(f"the run has {count} {words}; expected a greater stop.{kind}")
 
 
-class Log:
-    """Rows of one record type, gathered chunk by chunk from either engine."""
-
-    def __init__(self, cls: type) -> None:
-        self._cls = cls
-        self._chunks: list[Any] = []
-
-    def take(self, rows: Any, count: int) -> None:
-        """Take the first ``count`` rows; those of an array are not copied, and stay as they are."""
-        if count:
-            own = isinstance(rows, np.ndarray)
-            self._chunks.append(rows[:count] if own else compiled_rows(rows[:count], self._cls))
-
-    def __len__(self) -> int:
-        return sum(len(chunk) for chunk in self._chunks)
-
-    def drain(self) -> Any:
-        """Return all rows as :meth:`table` does, and keep none."""
-        rows = self.table()
-        self._chunks = []
-        return rows
-
-    def table(self) -> Any:
-        """Return all rows as one structured array."""
-        if not self._chunks:
-            return zeros(0, self._cls)
-        if len(self._chunks) > 1:
-            self._chunks = [joined(self._chunks)]
-        return self._chunks[0]
-
-
 # numpy copies records field by field: as bytes it takes a third of the time, and with `take` a
 # twentieth of what an index takes.
 
@@ -528,7 +510,9 @@ def angles_of(y: Any, x: Any) -> Any:
 
 
 def joined(parts: Sequence[Any]) -> Any:
-    """Return arrays of records of one type as one array."""
+    """Return arrays of records of one type as one array; one alone is not copied."""
+    if len(parts) == 1:
+        return parts[0]
     return np.concatenate([part.view(np.uint8) for part in parts]).view(parts[0].dtype)
 
 

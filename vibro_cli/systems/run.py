@@ -85,7 +85,7 @@ class Stretches:
             for cause in driver.rounds():
                 full = cause == LOG_FULL
                 stopped = full and interrupted()
-                if full and max(map(len, driver.logs.values())) < LEAST_ROWS and not stopped:
+                if full and driver.waiting < LEAST_ROWS and not stopped:
                     continue
                 yield self._framed(driver.drain())
                 if stopped or not full:

@@ -87,7 +87,7 @@ class DriverRunner(Runner):
             SYSTEM.loop, make_world(self._system, Limits(collisions=_FIRST)), self._engine
         )
         driver.run()
-        rows: Any = driver.logs["impacts"].table()
+        rows: Any = driver.drain()["impacts"]
         return [float(t) for t in rows["t"]]
 
     def _state(self, driver: Driver) -> tuple[list[int], list[float]]:
