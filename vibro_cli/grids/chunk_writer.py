@@ -64,22 +64,8 @@ class Room:
         return block[:size]
 
 
-class Rooms:
-    """Rooms that any thread may take and give back."""
-
-    def __init__(self) -> None:
-        self._lock = threading.Lock()
-        self._spare: list[Room] = []
-
-    def take(self) -> Room:
-        """Return a room that nobody works in."""
-        with self._lock:
-            return self._spare.pop() if self._spare else Room()
-
-    def give_back(self, room: Room) -> None:
-        """Take back a room."""
-        with self._lock:
-            self._spare.append(room)
+Rooms = list[Room]
+"""Rooms that nobody works in, for any thread to take and give back."""
 
 
 @dataclass(eq=False)
@@ -247,7 +233,10 @@ class Making:
 
     def _room(self, name: str, size: int) -> Array:
         if self._taken is None:
-            self._taken = self._rooms.take()
+            try:
+                self._taken = self._rooms.pop()
+            except IndexError:
+                self._taken = Room()
         return self._taken(name, size)
 
     def _following(self) -> list[Solved] | None:
@@ -302,7 +291,7 @@ class Making:
         contents[names["summary"]] = file.finish()
         receipt = receipt_of(self._chunk, whole["status"], whole["end_cause"], self._impacts, {})
         assert self._taken is not None
-        return Encoded(contents, receipt, partial(self._rooms.give_back, self._taken))
+        return Encoded(contents, receipt, partial(self._rooms.append, self._taken))
 
 
 def part_bytes(grid: Grid, solved: Solved, indices: Array) -> float:
