@@ -362,7 +362,9 @@ class FileTable:
     def slice(self, first: int, count: int) -> pa.Table:
         """Return some rows."""
         with self._lock:
-            return _rows_of(self._file, first, first + count, None)
+            begins = _groups_of(self._file, first, first + count)
+            start = first - next(iter(begins.values()), first)
+            return _of_groups(self._file, list(begins), None).slice(start, count)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return pa.Table.from_batches, (self.select(self.schema.names).to_batches(), self.schema)
@@ -377,14 +379,6 @@ def _groups_of(file: pq.ParquetFile, first: int, last: int) -> dict[int, int]:
     ends = np.cumsum([0, *sizes])
     groups = np.flatnonzero((ends[:-1] < last) & (ends[1:] > first)).tolist()
     return {group: int(ends[group]) for group in groups}
-
-
-def _rows_of(
-    file: pq.ParquetFile, first: int, last: int, columns: Sequence[str] | None
-) -> pa.Table:
-    begins = _groups_of(file, first, last)
-    start = first - next(iter(begins.values()), first)
-    return _of_groups(file, list(begins), columns).slice(start, max(last - first, 0))
 
 
 def _of_groups(
