@@ -34,6 +34,7 @@ from vibro_cli.storage.files import (
     entry,
     flush_folder,
     json_bytes,
+    json_of,
     manifest_of,
     read_manifest,
     remove_partial_files,
@@ -165,10 +166,7 @@ def check_grid_folder(folder: Path) -> None:
 
 
 def _stored_grid(folder: Path) -> dict[str, Any] | None:
-    try:
-        found = json.loads((folder / GRID_NAME).read_bytes())
-    except (OSError, ValueError, RecursionError):
-        return None
+    found = json_of(folder / GRID_NAME)
     return found if isinstance(found, dict) and "axes" in found else None
 
 

@@ -315,12 +315,17 @@ def _version(library: str) -> str:
     return described.partition("\nVersion: ")[2].partition("\n")[0]
 
 
-def read_manifest(folder: Path) -> dict[str, Any] | None:
-    """The manifest of a folder, or None where there is none of ours."""
+def json_of(path: Path) -> Any:
+    """What a JSON file says, None where it cannot be read."""
     try:
-        found = json.loads((folder / MANIFEST_NAME).read_bytes())
+        return json.loads(path.read_bytes())
     except (OSError, ValueError, RecursionError):
         return None
+
+
+def read_manifest(folder: Path) -> dict[str, Any] | None:
+    """The manifest of a folder, or None where there is none of ours."""
+    found = json_of(folder / MANIFEST_NAME)
     if not isinstance(found, dict) or not isinstance(found.get("files"), dict):
         return None
     return found if str(found.get("schema")).startswith("vibro-") else None

@@ -24,6 +24,7 @@ from vibro_cli.storage.files import (
     differences,
     entry,
     json_bytes,
+    json_of,
     manifest_of,
     new_folder,
     read_manifest,
@@ -56,7 +57,9 @@ def check_run_folder(
     check_replaceable(folder, "run")
     if force or read_manifest(folder) is None:
         return
-    found = differences(_stored_scenario(folder), json.loads(json_bytes(scenario.resolved())))
+    found = differences(
+        json_of(folder / SCENARIO_NAME), json.loads(json_bytes(scenario.resolved()))
+    )
     if found:
         lines = [f"  {line}" for line in found]
         raise FolderRefused(
@@ -64,14 +67,6 @@ def check_run_folder(
             + "\n".join(lines)
             + f"\n({hint})"
         )
-
-
-def _stored_scenario(folder: Path) -> Any:
-    """The resolved scenario of a run, None where it cannot be read."""
-    try:
-        return json.loads((folder / SCENARIO_NAME).read_bytes())
-    except (OSError, ValueError, RecursionError):
-        return None
 
 
 def origin_of(scenario: AnyScenario) -> Origin:
