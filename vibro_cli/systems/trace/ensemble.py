@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -26,13 +26,6 @@ from vibro_cli.systems.trace.world import compiled_world, initial_flight, make_w
 
 _STACKED = {name: cls for name, cls in records_of(Stack).items() if name != "of_runs"}
 """The records of a world of which a stack has those of each system, and what they are there."""
-
-
-class Progress(NamedTuple):
-    """How far a batch has come: the next run, and the rows of impacts that are filled."""
-
-    point: int
-    rows: int
 
 
 class Batch:
@@ -58,12 +51,15 @@ class Batch:
         self.impacts_in_lanes = 0
         """Impacts that were made in lanes, of all runs so far."""
 
-    def _suits_lanes(self, group: LaneGroup, points: Points, done: Progress) -> bool:
-        """Set lanes up for the arc where the next point starts; tell whether they can be."""
+    def _suits_lanes(self, points: Points) -> bool:
+        """Set lanes up for the arc where the first point starts; tell whether they can be."""
         starts: Any = points.starts
         world: Any = self.world
+        group = self._group
+        if group is None or not len(starts):
+            return False
         runs, swings = np.asarray(group.runs), np.asarray(group.swings)
-        piece = int(starts["piece"][2 * done.point])
+        piece = int(starts["piece"][0])
         tracks = world.tracks[[piece, len(world.pieces) + piece]]
         runs["piece"] = piece
         for name in ("radius", "kappa"):
@@ -77,34 +73,22 @@ class Batch:
 
         Points of a ``stack`` have each its own system, of the same shapes, bodies and laws.
         """
-        done = Progress(0, 0)
+        point, count, rows = 0, len(points.own), 0
+        given = self.world, self._fresh, points
         if stack is not None:
             self.world.far[:] = 0  # type: ignore[index]
+        elif len(results.impacts) == 0 and self._suits_lanes(points):
+            in_lanes = compiled(run_points_in_lanes)
+            self.impacts_in_lanes += int(in_lanes(*given, results, 0, count, self._group))
+            return results
+        run: Any = compiled(run_points if stack is None else run_stacked, self._overrides)
+        stacks = () if stack is None else (stack,)
         while True:
-            done = self.run(points, results, done, len(points.own), stack)
-            if done.point == len(points.own):
+            point, rows = map(int, run(*given, results, *stacks, point, count, rows))
+            if point == count:
                 return results
             more: Any = np.concatenate([results.impacts, results.impacts])
             results = results._replace(impacts=more)
-
-    def run(
-        self,
-        points: Points,
-        results: Results,
-        done: Progress,
-        last: int,
-        stack: Stack | None = None,
-    ) -> Progress:
-        """Go on to before point ``last``, or until there is no room for the impacts of a point."""
-        suits = stack is None and len(results.impacts) == 0 and done.point < last
-        given = self.world, self._fresh, points, results
-        if self._group is not None and suits and self._suits_lanes(self._group, points, done):
-            in_lanes = compiled(run_points_in_lanes)
-            self.impacts_in_lanes += int(in_lanes(*given, done.point, last, self._group))
-            return Progress(last, done.rows)
-        run: Any = compiled(run_points if stack is None else run_stacked, self._overrides)
-        stacks = () if stack is None else (stack,)
-        return Progress(*map(int, run(*given, *stacks, done.point, last, done.rows)))
 
     def follow(
         self, points: Points, results: Results, scales: Any, stack: Stack | None = None
