@@ -425,7 +425,7 @@ class _Builder:
             anchor = self.anchors[event.anchor] = _Anchor()
         before, node = self.size, Node(at)
         if kind == "ScalarEvent":
-            value = self._scalar(event, path)
+            value = self._scalar(event)
         else:
             _check_depth(depth + 1, at)
             read = self._mapping if kind == "MappingStartEvent" else self._sequence
@@ -441,7 +441,7 @@ class _Builder:
         if tag is not None:
             raise FormError(at, f"the tag {shown(str(tag))}", "a value without a tag", path)
 
-    def _scalar(self, event: Any, path: KeyPath) -> Any:
+    def _scalar(self, event: Any) -> Any:
         if not event.implicit[0]:  # quoted
             return event.value
         _check_bare(event.start_mark.index, len(event.value))

@@ -53,7 +53,7 @@ def _scene(rng: Random) -> Document:
         trace["surface"] = "one-sided"
     if rng.random() < 0.12:
         trace["turning"] = _axis(rng, arcs)
-    balls = _bodies(rng, start, arcs, closed)
+    balls = _bodies(rng, start, arcs)
     if symmetric:
         _mirror_the_bodies(balls, arcs)
     document: Document = {
@@ -199,7 +199,7 @@ def _collision(rng: Random, count: int, closed: bool, symmetric: bool) -> Docume
     }
 
 
-def _bodies(rng: Random, start: float, arcs: list[Document], closed: bool) -> list[Document]:
+def _bodies(rng: Random, start: float, arcs: list[Document]) -> list[Document]:
     """Bodies in order along the trace, some of them in contact with the one before."""
     count = int(rng.choice(COUNTS, p=COUNT_SHARES))
     lengths, slopes = [], slopes_of(start, arcs)
