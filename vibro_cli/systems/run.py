@@ -72,9 +72,6 @@ class Stretches:
         self.state: dict[str, Any] = {}
         """At the end: all that changes in the run, after its last event."""
 
-    def __iter__(self) -> Iterator[Stretch]:
-        return self.until(lambda: False)
-
     def until(self, interrupted: Callable[[], bool]) -> Iterator[Stretch]:
         """Yield stretch after stretch, at last one that only ends; sooner when interrupted.
 

@@ -80,15 +80,14 @@ def follow_system(
 ) -> TangentRun:
     """Solve a system and its tangent map; arguments as of ``systems.trace.simulate_system``."""
     followed = TangentMap(system, times=True)
-    own = make_world(system)
-    found: list[Rows] = []
-    for stretch in begun(SYSTEM, system, Limits(stop_time, stop_collisions), engine_name):
-        own = with_logs(SYSTEM.loop, own, stretch.engine, stretch.logs, stretch.clock)
-        found.append(followed.take(own, stretch))
+    limits = Limits(stop_time, stop_collisions)
+    whole, _ = begun(SYSTEM, system, limits, engine_name).whole()
+    world = with_logs(SYSTEM.loop, make_world(system), whole.engine, whole.logs, whole.clock)
+    columns = followed.take(world, whole)
     return TangentRun(
-        end_time=stretch.end[0],
+        end_time=whole.end[0],
         matrix=followed.matrix(),
         sums=followed.sums,
         growth=followed.growth,
-        **{name: np.concatenate([one[name] for one in found]) for name in found[0]},
+        **columns,
     )
