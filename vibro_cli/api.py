@@ -48,13 +48,14 @@ def simulate_streamed(
     sink: Sink,
     engine: str = "compiled",
     checkpoint: dict[str, Any] | None = None,
+    figures: bool = False,
     **more: Any,
 ) -> Streamed:
     """Run a scenario to its end; the rows of its tables are handed over as they come.
 
     The sink takes the name of a table and more columns of it, in order of time; `more` is that of
-    ``systems.run.stream``. Raises ``CannotContinue`` unless the run goes on from where that of the
-    checkpoint stopped.
+    ``systems.run.stream``. For `figures` systems that take long to solve keep the motion.
+    Raises ``CannotContinue`` unless the run goes on from where that of the checkpoint stopped.
     """
     kind = system_named(scenario.system)
     limits = kind.limits(scenario)
@@ -62,7 +63,8 @@ def simulate_streamed(
         check_continuable(checkpoint, limits)
     system = build_any(scenario)
     stretches = begun(kind, system, limits, engine)
-    return stream(kind, system, stretches, sink, kind.wanted(scenario), **more)
+    wanted = replace(kind.wanted(scenario), figures=figures)
+    return stream(kind, system, stretches, sink, wanted, **more)
 
 
 class NotRecalled(Failure):

@@ -427,6 +427,7 @@ def _streamed(
         return simulate_streamed(
             scenario, add, wishes.engine, checkpoint, names=names,
             interrupted=interruption.__bool__, in_background=wishes.stream is None,
+            figures=len(names) > 1 and bool(wishes.kinds_of(scenario.system)),
         )  # fmt: skip
 
 
@@ -459,7 +460,7 @@ def _figures(
     names: Sequence[str],
     interruption: Interruption,
 ) -> dict[str, bytes]:
-    """The figures of the run, which is solved again for them; tells of those that show nothing.
+    """The figures of the run, solved again for them if need be; tells of those that show nothing.
 
     There are none of a run that is interrupted, before or now: its tables are not lost by that.
     """
@@ -469,7 +470,7 @@ def _figures(
     from vibro_cli.storage.stored import StoredRun
 
     written, summary = folder.end_tables(), result.summary_record()
-    run = StoredRun(written, scenario, {}, summary, result.checkpoint())
+    run = StoredRun(written, scenario, {}, summary, result.checkpoint(), result.motion)
     try:
         with work_told():
             files = figures_of(run, names)

@@ -57,8 +57,8 @@ class StoredRun:
     """The columns of the summary table as plain values, None for null."""
     checkpoint: Mapping[str, Any] = field(repr=False)
     """From which it could go on, by which it is known again when it is solved again."""
-    _solved: Run | None = field(default=None, repr=False)
-    """The run itself, of one that is not stored."""
+    _solved: Any = field(default=None, repr=False)
+    """The run itself, of one that is not stored, or its motion where that is at hand."""
     _tables: dict[str, Columns] = field(default_factory=dict, repr=False)
 
     @cached_property
@@ -68,7 +68,7 @@ class StoredRun:
         Raises `NotContinuable` when it does not end again as it did.
         """
         if self._solved is not None:
-            return self._solved
+            return self._solved  # type: ignore[no-any-return]
         try:
             return recalled_motion(self.scenario, self.checkpoint)
         except NotRecalled as error:
@@ -121,7 +121,7 @@ class StoredRun:
     @property
     def trajectory(self) -> Trajectory:
         """The motion of all bodies, in closed form."""
-        return self.run.trajectory
+        return self.motion.trajectory  # type: ignore[attr-defined, no-any-return]
 
     @property
     def exponents(self) -> Columns | None:

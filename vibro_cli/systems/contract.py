@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from vibro_cli.storage.stored import StoredRun
     from vibro_cli.systems.columns import Table
     from vibro_cli.systems.driver import Driver, EventLoop
+    from vibro_cli.systems.gathered import Gathered
     from vibro_cli.systems.run import Stretch, Stretches
     from vibro_cli.systems.tables import Bodies, ImpactRows
     from vibro_cli.systems.tangents import LoggedMap
@@ -74,6 +75,9 @@ class NoPortrait(ValueError):
 
 class Tables(Protocol):
     """What the tables of a run say, stretch by stretch."""
+
+    motion: Gathered | None
+    """The motion in it, if it is wanted for figures and kept by the system."""
 
     def take(self, stretch: Stretch) -> None:
         """Hand the rows of a stretch to the sink; the last one has a cause of the end."""
@@ -346,7 +350,11 @@ class System(ABC):
 
         `rows` is how many its logs have, where it ended or was `interrupted`.
         """
-        return None
+        from vibro_cli.systems import gathered
+
+        if sum(rows.values()) <= gathered.MOST_ROWS:
+            return None
+        return gathered.solved_again(self, system, limits, rows, interrupted)  # type: ignore[no-any-return]
 
     exponents: ClassVar[int] = 0
     """How many Lyapunov exponents there are for each body, the numbers that are its state; none

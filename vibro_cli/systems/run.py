@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from threading import Event
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -31,6 +31,9 @@ from vibro_cli.systems.driver import (
     rows_of,
 )
 from vibro_cli.systems.wanted import NOTHING_MORE, Limits, Wanted, within_run
+
+if TYPE_CHECKING:
+    from vibro_cli.systems.gathered import Gathered
 
 # Less is handed over at the end only: a short run is one stretch.
 LEAST_ROWS = 8192
@@ -150,6 +153,8 @@ class Streamed:
     summary: dict[str, Any]
     """Columns of ``summary.parquet``, one row."""
     _checkpoint: dict[str, Any] = field(repr=False)
+    motion: Gathered | None = field(default=None, repr=False)
+    """If it is wanted for figures, and they do not rather solve the run again."""
 
     def summary_record(self) -> dict[str, Any]:
         """Return the summary as plain values, None for null."""
@@ -221,6 +226,7 @@ def stream(
         skipped=kind.skipped(last.clock, wanted, end),
         summary=tables.summary(),
         _checkpoint=checkpoint_of(cause, end, last.clock, stretches.driver.rows, stretches.state),
+        motion=tables.motion,
     )
     if refusal is not None:
         refusal.streamed = streamed

@@ -14,6 +14,7 @@ from vibro_cli.kernels.world import END_NAMES, RUNNING
 from vibro_cli.mechanics.system import Body, ImpactSystem
 from vibro_cli.systems.contract import ImpactLog, Rows, Sink, System
 from vibro_cli.systems.driver import record_array
+from vibro_cli.systems.gathered import Gathered
 from vibro_cli.systems.run import Stretch
 from vibro_cli.systems.tangents import exponent_table, grown_columns
 from vibro_cli.systems.wanted import NO_LIMITS, Sampling, Wanted
@@ -36,6 +37,7 @@ class SystemTables:
         self._counted = logs["collisions"].log
         self._impacts = {name: _Impacts(one, system) for name, one in logs.items() if name in names}
         self._sampling = Sampling(wanted) if "motion" in names and wanted.motion else None
+        self.motion = Gathered(kind, system) if wanted.figures else None
         self._before: Any = None
         self._begun = False
         self._tangents = kind.tangents(system) if wanted.lyapunov else None
@@ -69,6 +71,8 @@ class SystemTables:
             for instants in self._sampling.until(stretch.end[0], ended):
                 self._sink("motion", trajectory.sample(instants))
             self._before = trajectory.last
+        if self.motion is not None:
+            self.motion.take(stretch)
         self._totals.take(stretch.logs[self._counted])
         if ended:
             cause, end = END_NAMES[stretch.cause], stretch.end[0]

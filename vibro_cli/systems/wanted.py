@@ -93,6 +93,8 @@ class Wanted:
     """Coefficient of friction of a trace; slip events where rolling needs more."""
     lyapunov: bool = False
     """The growth of small changes of the start, see ``systems.tangents``."""
+    figures: bool = False
+    """The motion as figures need it, of a system that takes long to solve."""
 
     @property
     def motion(self) -> bool:

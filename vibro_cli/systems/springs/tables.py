@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import cached_property, partial
 from operator import methodcaller
 from typing import Any
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from vibro_cli.compile.kernel import dtype
 from vibro_cli.kernels.springs.series import Found, Sample, sample_states
-from vibro_cli.kernels.springs.world import CONTACT_CLOSED, CONTACT_OPENED, SpringBody
+from vibro_cli.kernels.springs.world import CONTACT_CLOSED, CONTACT_OPENED, ImpactRow, SpringBody
 from vibro_cli.kernels.statistics.impact_columns import EIGHTS, REGIMES
 from vibro_cli.numerics.elementwise import Floats
 from vibro_cli.systems.columns import (
@@ -36,7 +36,7 @@ from vibro_cli.systems.columns import (
     word,
 )
 from vibro_cli.systems.contract import ImpactLog
-from vibro_cli.systems.driver import called, with_logs, zeros
+from vibro_cli.systems.driver import called, joined, with_logs, zeros
 from vibro_cli.systems.run import Stretch
 from vibro_cli.systems.springs.system import LOOP, SpringsSystem, make_world
 from vibro_cli.systems.tables import Bodies, PairRows, bodies_at, events_until
@@ -247,12 +247,19 @@ class Motion:
     def __init__(self, system: SpringsSystem, stretch: Stretch, before: Any = None) -> None:
         self._system, self._engine = system, stretch.engine
         states = stretch.logs["states"]
-        log = states if before is None else np.concatenate([before, states])
-        self._logs = {**stretch.logs, "states": log}
-        self.last = log[-len(system.bodies) :]
+        self._take(states if before is None else joined([before, states]))
+
+    def _take(self, log: Any) -> None:
+        bodies = len(self._system.bodies)
+        self._log, self.last = log, log[-bodies:].copy()
         """The states after the last event."""
-        self.states = log.reshape(-1, len(system.bodies))
+        self.states = log.reshape(-1, bodies)
         self.times = self.states["t"][:, 0]
+
+    def go_on(self, later: Sequence[Motion]) -> None:
+        """Take the motion in the stretches that follow."""
+        bodies = len(self._system.bodies)
+        self._take(joined([self._log, *(motion._log[bodies:] for motion in later)]))
 
     def sample(self, instants: Floats, side: str = "after") -> dict[str, NDArray[Any]]:
         """Return the columns of the motion table, see ``systems.contract.Trajectory``."""
@@ -270,7 +277,8 @@ class Motion:
     def _sampled(self, samples: Any) -> Any:
         """The states at some instants, those of one instant together."""
         bodies = len(self._system.bodies)
-        world = with_logs(LOOP, make_world(self._system), self._engine, self._logs)
+        logs = {"impacts": zeros(0, ImpactRow), "states": self._log}
+        world = with_logs(LOOP, make_world(self._system), self._engine, logs)
         found = zeros(len(samples) * bodies, Found)
         scratch = zeros(bodies, SpringBody)
         called(sample_states, None, world, samples, len(samples), found, scratch)

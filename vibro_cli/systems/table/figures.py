@@ -44,7 +44,7 @@ from vibro_cli.figures.runs.velocities import (
     write_over,
     write_values,
 )
-from vibro_cli.figures.source import Array, kept, made
+from vibro_cli.figures.source import Array, first_of, kept, made
 from vibro_cli.figures.style import line, panel_size, width_of
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.table.plan import draw_wall, table_plan, with_wall
@@ -145,17 +145,17 @@ def table_velocities(run: Run, width: str = "single") -> Figure | None:
 
 def impacts_of(run: Run, most: int) -> list[Met]:
     """Return the first impacts of two balls and on the wall, in the order of time."""
-    pairs, walls = run.collisions, run.bounces
+    pairs, walls = first_of(run.collisions, most), first_of(run.bounces, most)
     found = [
-        *(_met_pair(run, row, there) for row, there in enumerate(made(pairs)[:most].tolist())),
-        *(_met(run, walls, "wall", ("",), row) for row in range(min(most, len(walls["n"])))),
+        *(_met_pair(run, pairs, row, there) for row, there in enumerate(made(pairs).tolist())),
+        *(_met(run, walls, "wall", ("",), row) for row in range(len(walls["n"]))),
     ]
     return sorted(found, key=lambda one: one.time)[:most]
 
 
-def _met_pair(run: Run, row: int, happened: bool) -> Met:
+def _met_pair(run: Run, pairs: Any, row: int, happened: bool) -> Met:
     """Return an impact of two balls, which happened unless it is inadmissible and ended the run."""
-    return _met(run, run.collisions, "impact", ("_a", "_b"), row, happened)
+    return _met(run, pairs, "impact", ("_a", "_b"), row, happened)
 
 
 def _met(
@@ -294,11 +294,11 @@ def table_contact_points(run: Run, width: str = "single") -> Figure | None:
 
     α is then the angle at which each ball arrives, if it does not do so along the normal.
     """
-    pairs, walls = run.collisions, run.bounces
+    pairs, walls = first_of(run.collisions, 1), first_of(run.bounces, 1)
     if not len(pairs["n"]) and not len(walls["n"]):
         return None
     met = (
-        _met_pair(run, 0, bool(made(pairs)[0]))
+        _met_pair(run, pairs, 0, bool(made(pairs)[0]))
         if len(pairs["n"])
         else _met(run, walls, "wall", ("",), 0)
     )

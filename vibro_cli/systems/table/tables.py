@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from operator import attrgetter, methodcaller
 from typing import Any
@@ -259,7 +259,7 @@ def final_state(ball: int | str) -> Iterator[Column]:
         yield number(f"{name}_{ball}", "m/s", text, True, of_last(name, ball))
 
 
-_NAMES = ("event", "t", "t_low", "x", "y", "vx", "vy")
+_NAMES = ("t", "t_low", "x", "y", "vx", "vy")
 
 
 class Motion:
@@ -288,12 +288,19 @@ class Motion:
         firsts = np.searchsorted(balls[order], np.arange(number + 1))
         self.last: Floats = rows[firsts[1:] - 1]
         """The last event of each ball: a row for each."""
-        columns = rows.T
+        columns = np.ascontiguousarray(rows.T[1:])
         self.balls: list[dict[str, Floats]] = [
             dict(zip(_NAMES, columns[:, low:high], strict=True))
             for low, high in pairwise(firsts.tolist())
         ]
         """Events of each ball, from its start: `t`, `t_low` (s), `x`, `y` (m), `vx`, `vy` (m/s)."""
+
+    def go_on(self, later: Sequence[Motion]) -> None:
+        """Take the motion in the stretches that follow."""
+        for ball, events in enumerate(self.balls):
+            for name, own in events.items():
+                more = (motion.balls[ball][name][1:] for motion in later)
+                events[name] = np.concatenate([own, *more])
 
     def at(self, ball: int, times: Floats, side: str = "after") -> dict[str, Floats]:
         """Return columns x, y (m), vx, vy (m/s) of a ball at some times.

@@ -45,6 +45,7 @@ from vibro_cli.systems.columns import (
 )
 from vibro_cli.systems.contract import Sink
 from vibro_cli.systems.driver import called, with_logs, zeros
+from vibro_cli.systems.gathered import Gathered
 from vibro_cli.systems.run import Stretch
 from vibro_cli.systems.tangents import exponent_table, grown_columns
 from vibro_cli.systems.trace import SYSTEM
@@ -298,6 +299,8 @@ class Impacts:
 
 class Tables:
     """What the tables of a run say, stretch by stretch: see ``systems.contract.System.teller``."""
+
+    motion: Gathered | None = None  # a million impacts are solved again in a second
 
     def __init__(
         self, system: TraceSystem, wanted: Wanted, names: Collection[str], sink: Sink
