@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     import pyarrow
 
 _ROWS = "20"
-_DIGITS = 9
+_NUMBER = "{:.9g}".format
 _ROWS_AT_ONCE = 4096
 
 
@@ -225,11 +225,13 @@ def _few_rows(parts: "Iterator[pyarrow.Table]") -> "Iterator[pyarrow.RecordBatch
 
 def _text(value: Any) -> str:
     """One value as it stands in a terminal's table."""
+    if isinstance(value, float):  # as most are: of a long table this is what takes the time
+        return _NUMBER(value)
     if value is None:
         return "-"
     if isinstance(value, bool):
         return "yes" if value else "no"
-    return f"{value:.{_DIGITS}g}" if isinstance(value, float) else printable(str(value))
+    return str(value) if isinstance(value, int) else printable(str(value))
 
 
 def _listed(data: "pyarrow.Table") -> Iterator[str]:
