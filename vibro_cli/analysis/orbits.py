@@ -22,7 +22,7 @@ from vibro_cli.mechanics.system import InitialState, TraceSystem, neighbours
 from vibro_cli.numerics.elementwise import Floats
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.trace import simulate_system
-from vibro_cli.systems.trace.tangents import follow_system, time_scale
+from vibro_cli.systems.trace.tangents import matrix_of, time_scale
 
 # An orbit has been found when it closes up to this share of the size of its state.
 CLOSED = 1.0e-13
@@ -105,8 +105,13 @@ class Orbit:
     @property
     def stable(self) -> bool:
         """Whether no small change grows as a power of a number."""
+        return self.outside == 0
+
+    @property
+    def outside(self) -> int:
+        """How many multipliers are out of the unit circle, of which the first so many are."""
         error = np.where(self._at_one, PARTED, ROUNDING)
-        return bool(np.all(np.abs(self.multipliers) < 1.0 + error))
+        return int(np.sum(~(np.abs(self.multipliers) < 1.0 + error)))
 
     @property
     def verdict(self) -> str:
@@ -296,8 +301,8 @@ def shoot(system: TraceSystem, period: float) -> Shot:
         raise NoOrbit(f"the motion ends: {run.end_cause}")
     if np.ptp(_shares(system)) > 0.0 and np.any(run.collisions["law"] != system.law):
         raise NoOrbit("impacts by normal-impulse among translational ones keep no energy")
-    matrix = follow_system(system, period, None).matrix
-    if run.summary_record()["contacts"] or not np.all(np.isfinite(matrix)):
+    matrix = matrix_of(run)
+    if run.clock["contacts"] or not np.all(np.isfinite(matrix)):
         raise NoOrbit("bodies stay in contact")
     events = events_of(run)
     kept = [(t, word) for t, word, _ in events if system.trace.closed or word[-1] not in "<>"]

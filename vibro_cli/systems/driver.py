@@ -125,7 +125,7 @@ class Driver:
             self.world = _interpreted_logs(loop, world, INTERPRETED_ROWS)
         elif earlier is None and loop.start is not None:
             # A compiled run starts interpreted: at most one event, hence the rows of one.
-            self.world = _interpreted_logs(loop, world, DROPPED_ROWS)
+            self.world = _interpreted_logs(loop, world, 0)
         if earlier is not None:
             for name in loop.state:
                 set_rows(getattr(self.world, name), loop.records[name], earlier.state[name])

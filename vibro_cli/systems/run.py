@@ -308,7 +308,7 @@ class Run:
     """What was solved."""
     engine: str
     wanted: Wanted
-    _whole: Stretch = field(repr=False)
+    whole: Stretch = field(repr=False)
     """All of it, as one stretch."""
     _state: dict[str, Any] = field(repr=False)
     _tables: dict[str, Rows | None] = field(default_factory=dict, repr=False)
@@ -316,12 +316,12 @@ class Run:
     @property
     def end_cause(self) -> str:
         """Why it ended."""
-        return END_NAMES[self._whole.cause]
+        return END_NAMES[self.whole.cause]
 
     @property
     def end_time(self) -> float:
         """When it ended (s)."""
-        return self._whole.end[0]
+        return self.whole.end[0]
 
     @property
     def skipped(self) -> tuple[str, ...]:
@@ -340,7 +340,7 @@ class Run:
             self.system, self.wanted, () if name == "summary" else (name,),
             lambda _, rows: parts.append(rows),
         )  # fmt: skip
-        tables.take(self._whole)
+        tables.take(self.whole)
         if name == "summary":
             return tables.summary()
         if not parts:
@@ -392,12 +392,12 @@ class Run:
     @property
     def clock(self) -> Mapping[str, Any]:
         """The fields of its clock at its end, with what the solver did."""
-        return self._whole.clock
+        return self.whole.clock
 
     @cached_property
     def trajectory(self) -> Trajectory:
         """The motion of all bodies, in closed form."""
-        return self.kind.trajectory(self.system, self._whole)
+        return self.kind.trajectory(self.system, self.whole)
 
     def sample(self, times: Any, side: str = "after", extrapolate: bool = False) -> Rows:
         """Return the motion at given times, exactly.
@@ -443,7 +443,7 @@ class Run:
 
         Plain values: floats are written by ``json`` so that they are read back exactly.
         """
-        whole = self._whole
+        whole = self.whole
         rows = {name: len(log) for name, log in whole.logs.items()}
         return checkpoint_of(self.end_cause, self.end_time, whole.clock, rows, self._state)
 
@@ -452,7 +452,7 @@ class Run:
 
         A run continued from the checkpoint takes them up, so that it is whole too.
         """
-        return dict(self._whole.logs)
+        return dict(self.whole.logs)
 
     def cut_back(self, checkpoint: Mapping[str, Any]) -> Run:
         """Return the run as it was when it was interrupted, and its checkpoint written."""
@@ -463,14 +463,14 @@ class Run:
         }
         names = loop.records["clock"].fields  # type: ignore[attr-defined]
         clock = dict(zip(names, state["clock"][0], strict=True))
-        whole = self._whole._replace(
-            logs={name: log[: checkpoint["rows"][name]] for name, log in self._whole.logs.items()},
+        whole = self.whole._replace(
+            logs={name: log[: checkpoint["rows"][name]] for name, log in self.whole.logs.items()},
             clock=clock,
             end=(clock["t"], clock["t_low"]),
             cause=END_INTERRUPTED,
             records=records,
         )
-        return replace(self, _whole=whole, _state=state, _tables={})
+        return replace(self, whole=whole, _state=state, _tables={})
 
 
 def simulate(

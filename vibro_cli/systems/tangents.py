@@ -199,7 +199,7 @@ class TangentMap:
         """The tangent map in ways (m) and speeds (m/s), after the end of a run at that instant."""
         units = self.units
         exponent = round(math.log2(SCALE)) * int(self._state["scalings"][0])
-        with np.errstate(over="ignore"):
+        with np.errstate(over="ignore", invalid="ignore"):
             found: Floats = np.ldexp(
                 np.asarray(self._kept.frame) @ np.asarray(self._kept.product), exponent
             )

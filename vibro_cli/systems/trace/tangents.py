@@ -19,7 +19,7 @@ from vibro_cli.numerics.elementwise import Floats, greatest_of
 from vibro_cli.systems import tangents
 from vibro_cli.systems.contract import Rows
 from vibro_cli.systems.driver import with_logs, zeros
-from vibro_cli.systems.run import Stretch, begun
+from vibro_cli.systems.run import Run, Stretch, begun
 from vibro_cli.systems.tangents import Growth
 from vibro_cli.systems.trace import SYSTEM
 from vibro_cli.systems.trace.world import make_world
@@ -70,6 +70,14 @@ class TangentRun:
     sums: Floats
     """Logarithms of the growth of an orthonormal frame's vectors until the end"""
     growth: Growth
+
+
+def matrix_of(run: Run) -> Floats:
+    """Derivative of ways and speeds (m, m/s) of all bodies at a run's end to those at its start."""
+    followed, world = TangentMap(run.system), make_world(run.system)
+    logs, clock = run.whole.logs, run.clock
+    followed.take(with_logs(SYSTEM.loop, world, run.engine, logs, clock), run.whole)
+    return followed.matrix()
 
 
 def follow_system(
