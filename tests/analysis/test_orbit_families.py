@@ -10,7 +10,7 @@ import pytest
 
 from tests.analysis.test_orbits import FALLING
 from vibro_cli import example, orbit, orbit_family
-from vibro_cli.analysis import orbits
+from vibro_cli.analysis import orbit_branch, orbits
 from vibro_cli.analysis.orbit_branch import Branch, Family, Point
 from vibro_cli.analysis.orbits import (
     NoOrbit,
@@ -83,6 +83,74 @@ def test_a_fold_is_where_the_value_is_least(folded: tuple[Orbit, Branch]) -> Non
     assert fold.point.value == pytest.approx(np.polyval(least, turn), abs=1e-5)
     # There a multiplier is 1, by differences: the trace across the orbit is 2.
     assert np.trace(_differences(fold.point.orbit)) == pytest.approx(4.0, abs=1e-4)
+
+
+def test_two_changes_within_one_step_are_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a distance that is below zero on a twentieth of a step only."""
+
+    def distance(found: Orbit, at: float) -> float:
+        return (found.system.bodies[1].mass - 1.503) ** 2 - 1e-6 if at < 0.0 else 1.0
+
+    monkeypatch.setattr(orbit_branch, "_distance", distance)
+    scenario = example("falling_balls")
+    first = orbit(scenario, impacts=1)
+    family = orbit_family(scenario, first, "balls[2].mass", 0.8, 1.9)
+    assert [one.kind for one in family.special] == ["bound", "doubling", "doubling", "bound"]
+    values = [one.point.value for one in family.special[1:3]]
+    assert values == pytest.approx([1.502, 1.504], abs=1e-10)
+
+
+def test_a_family_whose_orbits_last_ever_longer_ends() -> None:
+    """On a level line their speeds go to zero with the energy above the bottom."""
+    trace = {
+        "start_slope": -1.2,
+        "arcs": [
+            {"shape": "valley", "radius": 1.0, "end_slope": 0.0},
+            {"shape": "line", "length": 1.5},
+            {"shape": "valley", "radius": 0.7, "end_slope": 1.3},
+        ],
+    }
+    places = ((0.6440831, 0.1373106, -1.0352607), (0.9873855, 0.8138460, 0.8977933))
+    balls = [
+        {"radius": 0.1, "arc": 2, "mass": mass, "position": way, "speed": speed}
+        for mass, way, speed in places
+    ]
+    document = scene(trace, balls, law="hedrih", time=30.0)
+    first = find_orbit(system_of(document), 5, None, 30.0)
+    bottom = 9.81 * (0.6440831 + 0.9873855) * (math.cos(1.2) - 1.0 + 0.1)
+    family = orbit_family(scenario_of(document), first, "energy", bottom - 1.0, -7.0)
+    assert [one.kind for one in family.special] == ["period", "bound"]
+    assert len(family.points) < 300
+    moving = [(one.value - bottom) * one.orbit.period**2 for one in family.points[:20]]
+    np.testing.assert_allclose(moving, moving[0], rtol=0.2)
+
+
+def _discriminant(found: Orbit) -> float:
+    """Of the sums μ + 1/μ of both pairs of multipliers of three bodies, from motions beside."""
+    whole = _differences(found)
+    one, two = np.trace(whole) - 2.0, np.trace(whole @ whole) - 2.0
+    return float(one**2 - 4.0 * (0.5 * (one**2 - two) - 2.0))
+
+
+def test_pairs_of_multipliers_that_meet_leave_the_circle() -> None:
+    """Of three balls on a slope between walls."""
+    places = ((1.0, 1.057, -0.787), (0.8, 1.599, -0.186), (0.86, 2.25, -1.464))
+    balls = [
+        {"radius": 0.1, "arc": 1, "mass": mass, "position": way, "speed": speed}
+        for mass, way, speed in places
+    ]
+    trace = {"start_slope": 0.2, "arcs": [{"shape": "line", "length": 3.0}]}
+    walls = {"ends": {"left": {"wall": 1.0}, "right": {"wall": 1.0}}}
+    document = scene(trace, balls, time=20.0) | walls
+    first = find_orbit(system_of(document), 4, None, 20.0)
+    family = orbit_family(scenario_of(document), first, "balls[2].mass", 0.79, 1.15)
+    assert [one.kind for one in family.special] == ["bound", "torus", "bound"]
+    torus = family.special[1]
+    before, after = family.points[torus.after : torus.after + 2]
+    assert (before.orbit.verdict, after.orbit.verdict) == ("unstable", "stable")
+    assert _discriminant(before.orbit) < -1e-3
+    assert _discriminant(after.orbit) > 1e-3
+    assert _discriminant(torus.point.orbit) == pytest.approx(0.0, abs=1e-5)
 
 
 @pytest.mark.parametrize("law", ["hedrih", "normal-impulse"])

@@ -9,11 +9,13 @@ Numerantium* 30 (1981) 265.
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
 from itertools import pairwise
 
 import numpy as np
+from scipy.optimize import brentq, minimize_scalar
 
 from vibro_cli.analysis.impact_times import NoDerivative, number_at
 from vibro_cli.analysis.orbits import (
@@ -21,6 +23,7 @@ from vibro_cli.analysis.orbits import (
     MOST_STEPS,
     NEARLY_CLOSED,
     PARTED,
+    ROUNDING,
     NoOrbit,
     Orbit,
     admitted,
@@ -47,16 +50,24 @@ FIRST_STEP = 0.01
 """Share of the range that the first steps are long."""
 LONGEST_STEP = 0.04
 LEAST_STEP = 1.0e-7
+# In one step a family turns by no more (rad), nor do its multipliers pass 1 or -1 farther, by the
+# arctangent of their distance from it. Where they jump, a step is cut to this and then taken.
+_TURN, _PASSING, _CUT = 0.2, 0.4, 5.0e-4
 MOST_POINTS = 2000
+MOST_PERIODS = 30.0
+"""A family is followed no further where its orbits last so many times as long as the first."""
 # An impact that is to vanish has less than this share of the usual speeds.
 GRAZING = 0.02
 # Multipliers grow as one over it: they hide the grazing motions ahead below this share of that.
 _NEARLY_GRAZING = 1.0e-3
 # Change of the value, as a share of the range, for its derivative.
-_CHANGE = 1.0e-6
+_CHANGE = 1.0e-7
 # Of the range: what is nearer to an end of it is there.
 _ROUNDING = 1.0e-12
-_BISECTIONS = 36
+# Orbits tried to see whether multipliers pass a number between two points and come back.
+_DIPS = 12
+# The multipliers of what closes worse, as of motions that have nearly come to rest, are rounding.
+_CLOSED_WELL = 10.0 * CLOSED
 
 SystemAt = Callable[[float], TraceSystem]
 """The system at a value."""
@@ -185,6 +196,8 @@ class Family:
         back, start = self._one_way(-1.0)
         ahead, end = self._one_way(1.0)
         points = [*back[::-1], self._first, *ahead]
+        for at in (-1.0, 1.0):
+            points = self._with_dips(points, at)
         special = [*self._passed(points), *self._out_of_the_circle(points)]
         special += _turns(points, {one.after for one in special if one.kind == "fold"})
         special.sort(key=lambda one: (one.after, _apart(one.point, points[one.after])))
@@ -200,7 +213,12 @@ class Family:
         points: list[Point] = []
         here, step, cause = self._first, FIRST_STEP, "points"
         while len(points) < MOST_POINTS:
-            guess, across = self._ahead(here, step * size * tangent, tangent)
+            # So that orbits that last ever longer are not gone through second by second.
+            longer = here.orbit.period / self._first.orbit.period
+            if longer > MOST_PERIODS:
+                return points, "period"
+            ahead = step * size * max(longer, 1.0) ** 1.5
+            guess, across = self._ahead(here, ahead * tangent, tangent)
             try:
                 new = self._corrected(guess, across)
             except NoOrbit as error:
@@ -209,15 +227,21 @@ class Family:
                     return points, self._ending(here, tangent, size, cause)
                 continue
             if across is not tangent:
-                return [*points, new], "bound"
+                return [*points, *([new] if new.value != here.value else [])], "bound"
             if not self._low <= new.value <= self._high:
                 bound = self._low if new.value < self._low else self._high
                 last = self._at_value(here, new, bound)
                 return [*points, last], "bound"
             change = new.along - here.along
-            tangent = change / np.linalg.norm(change)
+            chord = change / np.linalg.norm(change)
+            # The first tangent is none.
+            excess = _excess(here, new, tangent if points else chord, chord)
+            if excess > 2.0 and step > _CUT:
+                step *= 0.5
+                continue
+            tangent = chord
             points.append(new)
-            here, step = new, min(1.5 * step, LONGEST_STEP)
+            here, step = new, min(step / max(excess, 2.0 / 3.0), LONGEST_STEP)
         return points, cause
 
     def _ahead(self, here: Point, change: Floats, tangent: Floats) -> tuple[Floats, Floats]:
@@ -257,10 +281,11 @@ class Family:
                 if found.shot.jumps != self._jumps:
                     raise NoOrbit("the events change")
                 return Point(value, found, self._packed(found.state, found.period, value))
-            if residual > 4.0 * before or residual > 1.0:
+            # Near a fold a step may leave more than rounding, and the next one nothing.
+            if residual > 4.0 * max(before, 100.0 * NEARLY_CLOSED) or residual > 1.0:
                 break
             rows, right = equations(system, shot, state, energy)
-            by_value = self._by_value(state, float(period), value)
+            by_value = self._by_value(state, float(period), value, right)
             matrix = np.column_stack([rows, by_value]) / self._units
             matrix = np.vstack([matrix, tangent])
             right = np.append(right, -float(tangent @ (along - guess)))
@@ -272,18 +297,17 @@ class Family:
         ends = (self._low, self._high)
         return next((end for end in ends if abs(value - end) < _ROUNDING * self._range), value)
 
-    def _by_value(self, state: Floats, period: float, value: float) -> Floats:
-        """Derivative of the equations' left sides to the value, by differences in the range."""
-        change, sides = _CHANGE * self._range, []
-        values = min(value + change, self._high), max(value - change, self._low)
-        for at in values:
+    def _by_value(self, state: Floats, period: float, value: float, right: Floats) -> Floats:
+        """Derivative of the equations' left sides to the value, by a difference in the range."""
+        for at in (value + _CHANGE * self._range, value - _CHANGE * self._range):
+            if not self._low <= at <= self._high:
+                continue
             system = started(self._system_of(at), state)
             shot = shoot(system, period)
-            if shot.jumps != self._jumps:
-                raise NoOrbit("the events change")
-            sides.append(equations(system, shot, state, self._energy_of(at))[1])
-        found: Floats = (sides[1] - sides[0]) / (values[0] - values[1])
-        return found
+            if shot.jumps == self._jumps:
+                beside: Floats = equations(system, shot, state, self._energy_of(at))[1]
+                return (right - beside) / (at - value)
+        raise NoOrbit("the events change")
 
     def _at_value(self, one: Point, other: Point, value: float) -> Point:
         """The orbit at a value between those of two points."""
@@ -300,40 +324,71 @@ class Family:
             for n, m in pairwise(known):
                 if distances[n] * distances[m] < 0.0:
                     one, other = points[n], points[m]
-                    zero = self._change(one, other, partial(_beyond, at))
+                    zero = self._change(one, other, partial(_distance, at=at))
                     turns = (zero.value - one.value) * (other.value - zero.value) < 0.0
                     name = "fold" if turns and kind == "exchange" else kind
                     found.append(Special(name, zero, m - 1))
         return found
 
+    def _with_dips(self, points: list[Point], at: float) -> list[Point]:
+        """All points, and one wherever multipliers pass a number and come back between two."""
+        found = points[:1]
+        for before, here, after in zip(points, points[1:], points[2:], strict=False):
+            sides = [_distance(one.orbit, at) for one in (before, here, after)]
+            least = min(map(abs, sides))
+            # One that is farther away does not come there in a step.
+            near = PARTED**2 < least == abs(sides[1]) < 1.0 and min(sides) * max(sides) > 0.0
+            found += self._dip(before, here, after, at) if near else [here]
+        return [*found, points[-1]] if len(points) > 1 else found
+
+    def _dip(self, before: Point, here: Point, after: Point, at: float) -> list[Point]:
+        """The middle one of three orbits on one side of a number, and one on its other side."""
+        sign = np.sign(_distance(here.orbit, at))
+        known = {0.0: here}
+
+        def tested(share: float) -> float:
+            known[share] = self._between(here, after if share > 0.0 else before, abs(share))
+            return float(sign * _distance(known[share].orbit, at))
+
+        # Where a try fails there is no other side within reach.
+        with suppress(NoOrbit):
+            minimize_scalar(
+                tested, bounds=(-1.0, 1.0), method="bounded", options={"maxiter": _DIPS}
+            )
+        share = min(known, key=lambda one: sign * _distance(known[one].orbit, at))
+        passed = sign * _distance(known[share].orbit, at) < 0.0
+        return [known[one] for one in sorted({0.0, share})] if passed else [here]
+
     def _out_of_the_circle(self, points: list[Point]) -> list[Special]:
         """Where a pair of multipliers that are not real leaves the unit circle."""
         found = []
-        sizes = [abs(point.orbit.multipliers[0]) for point in points]
-        # What is out of it by less may be so by rounding.
-        known = [n for n, p in enumerate(points) if p.orbit.stable or sizes[n] > 1.0 + PARTED]
-        for n, m in pairwise(known):
-            one, other = points[n], points[m]
-            unstable = other if one.orbit.stable else one
-            if one.orbit.stable != other.orbit.stable and unstable.orbit.multipliers[0].imag != 0.0:
-                zero = self._change(one, other, lambda orbit: orbit.stable)
-                found.append(Special("torus", zero, m - 1))
+        for n, (one, other) in enumerate(pairwise(points)):
+            inner, outer = sorted((one.orbit, other.orbit), key=lambda orbit: orbit.outside)
+            last = outer.outside - 1
+            real = outer.multipliers[last].imag == 0.0
+            if outer.outside < inner.outside + 2 or real or outer.residual > _CLOSED_WELL:
+                continue
+            found.append(Special("torus", self._change(one, other, partial(_beyond, last)), n))
         return found
 
-    def _change(self, one: Point, other: Point, side: Callable[[Orbit], bool]) -> Point:
-        """Where what differs on both sides changes, by bisection along the branch."""
-        start, first = one, side(one.orbit)
-        for _ in range(_BISECTIONS):
-            chord = other.along - one.along
-            length = float(np.linalg.norm(chord))
-            if length < 1e-12 * float(np.linalg.norm(start.along)):
-                break
-            middle = self._corrected(one.along + 0.5 * chord, chord / length)
-            if side(middle.orbit) == first:
-                one = middle
-            else:
-                other = middle
-        return one
+    def _between(self, one: Point, other: Point, share: float) -> Point:
+        """The orbit at a share of the way from one to another."""
+        chord = other.along - one.along
+        return self._corrected(one.along + share * chord, chord / np.linalg.norm(chord))
+
+    def _change(self, one: Point, other: Point, test: Callable[[Orbit], float]) -> Point:
+        """Where a number of the orbits passes zero between two of them (Brent's method)."""
+        known = {0.0: one, 1.0: other}
+
+        def tested(share: float) -> float:
+            if share not in known:
+                known[share] = self._between(one, other, share)
+            return test(known[share].orbit)
+
+        size = float(np.linalg.norm(one.along)) / _apart(one, other)
+        with suppress(NoOrbit):
+            brentq(tested, 0.0, 1.0, xtol=1e-12 * size)
+        return min(known.values(), key=lambda point: abs(test(point.orbit)))
 
     def _ending(self, here: Point, tangent: Floats, size: float, cause: str) -> str:
         """Why a branch cannot be followed beyond a point: what the next motion has otherwise."""
@@ -367,8 +422,18 @@ def _turns(points: list[Point], folds: set[int]) -> list[Special]:
     return found
 
 
-def _beyond(at: float, orbit: Orbit) -> bool:
-    return _distance(orbit, at) > 0.0
+def _excess(here: Point, new: Point, tangent: Floats, chord: Floats) -> float:
+    """How much more a step changes than it may: the greater of its turn and its passing."""
+    turn = float(np.arccos(min(float(tangent @ chord), 1.0))) / _TURN
+    for at in (-1.0, 1.0):
+        passing = np.arctan(_distance(new.orbit, at)) - np.arctan(_distance(here.orbit, at))
+        turn = max(turn, abs(float(passing)) / _PASSING)
+    return turn
+
+
+def _beyond(place: int, orbit: Orbit) -> float:
+    # Less may be rounding.
+    return float(abs(orbit.multipliers[place])) - 1.0 - ROUNDING
 
 
 def _apart(one: Point, other: Point) -> float:
