@@ -72,7 +72,6 @@ from vibro_cli.kernels.world import (
     LOG_FULL,
     PARTING,
     RELEASED,
-    ROWS_OF_EVENT,
     RUNNING,
     SEGMENT,
     START,
@@ -453,10 +452,11 @@ def advance(world: World) -> int:
     clock = world.clock[0]
     while True:
         impacts = max(clock.impact_rows, clock.contact_rows)
-        rows = max(impacts, max(clock.flight_rows, clock.segment_rows))
-        if rows > settings.room and settings.keep == 0:
+        flights = max(clock.flight_rows, clock.segment_rows)
+        if max(impacts, flights) > settings.room:
+            if settings.keep == 1:
+                return LOG_FULL
             drop_rows(clock)
-            rows = 0
         horizon_t, horizon_low, ball, pair = _horizon(world)
         meeting = first_contact(world, horizon_t, horizon_low)
         if meeting == TO_BE_CONTINUED:
@@ -464,11 +464,6 @@ def advance(world: World) -> int:
         if meeting >= 0:
             horizon_t = world.pairs[meeting].contact_t
             horizon_low = world.pairs[meeting].contact_t_low
-        if rows > settings.room:
-            # The rows of one instant are wanted together, as far as there is room.
-            later = time_between(horizon_t, horizon_low, clock.t, clock.t_low) > 0.0
-            if later or rows > 2 * settings.room - ROWS_OF_EVENT * settings.bodies:
-                return LOG_FULL
         if clock.unlogged == 1:
             log_contacts(world, horizon_t, horizon_low)
         if meeting >= 0:

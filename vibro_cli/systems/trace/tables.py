@@ -323,6 +323,7 @@ class Tables:
         )
         self._tangents = TangentMap(system) if wanted.lyapunov else None
         self._wants_exponents = "exponents" in names
+        self._waiting: dict[str, Any] = {}
 
     def take(self, stretch: Stretch) -> None:
         """Tell of a stretch."""
@@ -339,7 +340,10 @@ class Tables:
             columns = self._impacts.take(world, logs["impacts"])
             if grown is not None:
                 columns |= grown_columns(grown, columns["grazing"])
+                columns = self._next_to_tell(columns)
             self._sink("collisions", columns)
+        if ended and self._waiting:
+            self._sink("collisions", self._waiting)
         called(tally, self._overrides, world, known, stretch.cause, *stretch.end, self._results, 0)
         if self._events is None and self._motion is None:
             return
@@ -355,6 +359,16 @@ class Tables:
         if self._motion is not None:
             for instants in self._motion.until(stretch.end[0], ended):
                 self._sink("motion", paths.sample(instants))
+
+    def _next_to_tell(self, columns: dict[str, Any]) -> dict[str, Any]:
+        """The impacts before some, or none: whether the last are smooth follows from these."""
+        before, self._waiting = self._waiting, columns
+        if not before:
+            return {name: values[:0] for name, values in columns.items()}
+        if len(columns["t"]) and columns["simultaneous"][0]:
+            same = (before["t"] == columns["t"][0]) & (before["t_low"] == columns["t_low"][0])
+            before["smooth"] &= ~same
+        return before
 
     def summary(self) -> dict[str, Any]:
         """Return the columns of ``summary.parquet``, once the run has ended."""
