@@ -338,10 +338,10 @@ class Tables:
                 self._sink("exponents", exponent_table(self._tangents))
         if self._impacts is not None and not (ended and known):
             columns = self._impacts.take(world, logs["impacts"])
-            if grown is not None:
-                columns |= grown_columns(grown, columns["grazing"])
-                columns = self._next_to_tell(columns)
-            self._sink("collisions", columns)
+            if grown is None:
+                self._sink("collisions", columns)
+            else:
+                self._tell(columns | grown_columns(grown, columns["grazing"]))
         if ended and self._waiting:
             self._sink("collisions", self._waiting)
         called(tally, self._overrides, world, known, stretch.cause, *stretch.end, self._results, 0)
@@ -360,15 +360,15 @@ class Tables:
             for instants in self._motion.until(stretch.end[0], ended):
                 self._sink("motion", paths.sample(instants))
 
-    def _next_to_tell(self, columns: dict[str, Any]) -> dict[str, Any]:
-        """The impacts before some, or none: whether the last are smooth follows from these."""
+    def _tell(self, columns: dict[str, Any]) -> None:
+        """Tell of the impacts before these, from which it follows whether the last are smooth."""
         before, self._waiting = self._waiting, columns
         if not before:
-            return {name: values[:0] for name, values in columns.items()}
+            return
         if len(columns["t"]) and columns["simultaneous"][0]:
             same = (before["t"] == columns["t"][0]) & (before["t_low"] == columns["t_low"][0])
             before["smooth"] &= ~same
-        return before
+        self._sink("collisions", before)
 
     def summary(self) -> dict[str, Any]:
         """Return the columns of ``summary.parquet``, once the run has ended."""
