@@ -439,3 +439,22 @@ def test_a_row_at_k_0_takes_the_nearest_motion_that_closes_no_contact(law: str) 
         )
         energy = sum(0.75 * m * v * v for m, v in zip(masses, speeds, strict=True))
         assert run.collisions["energy_loss"].sum() == pytest.approx(change, abs=1e-10 * energy)
+
+
+@pytest.mark.parametrize(
+    ("speeds", "k"),
+    [([0.2, -1.7, -0.1], 0.9), ([-0.3, 1.0, -1.2], 0.9), ([-0.1, 1.4, -0.4], 0.8)],
+)
+def test_the_limit_of_impacts_at_one_instant_is_never_inadmissible(
+    speeds: list[float], k: float
+) -> None:
+    """Bodies that part and those that close are solved as one: what is left is rounded more."""
+    masses = [100.0, 0.01, 100.0]
+    weak = [spring(1e-9 * mass, 0.3, 0.4, 1.0 + 0.1 * i) for i, mass in enumerate(masses)]
+    document = springs(_row(speeds, masses, weak), k, time=1e-9)
+    document["collision"]["law"] = "normal-impulse"
+    run = solve(document, "compiled")
+    assert run.summary["end_cause"] == "time"
+    own = [run.summary[f"speed_{number}"][0] for number in (1, 2, 3)]
+    common = sum(m * v for m, v in zip(masses, speeds, strict=True)) / sum(masses)
+    np.testing.assert_allclose(own, common, atol=1e-12)

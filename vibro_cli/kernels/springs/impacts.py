@@ -234,8 +234,10 @@ def _collide_jointly(world: World, first: int, count: int) -> int:
     for pair in range(first, first + count):
         row = _new_row(world, pair)
         row.simultaneous = 1 if count > 1 else row.simultaneous
-    law = _limit_law(world) if _is_endless(world, first) else world.settings[0].law
-    if not _impulses(world, start, count, law):
+    # The limit lets all part: approach that its rounding leaves is for the next round.
+    endless = _is_endless(world, first)
+    law = _limit_law(world) if endless else world.settings[0].law
+    if not _impulses(world, start, count, law) and not endless:
         for number in range(start, start + count):
             world.impacts[number].admissible = 0
         if world.settings[0].substitute == 0:
