@@ -35,6 +35,14 @@ from vibro_cli.systems.trace import simulate_system
 
 pytestmark = pytest.mark.long
 
+LINE_BETWEEN_VALLEYS = {
+    "start_slope": -1.2,
+    "arcs": [
+        {"shape": "valley", "radius": 1.0, "end_slope": 0.0},
+        {"shape": "line", "length": 1.5},
+        {"shape": "valley", "radius": 0.7, "end_slope": 1.3},
+    ],
+}
 HOOPS = scene(
     VALLEY,
     [
@@ -102,20 +110,12 @@ def test_two_changes_within_one_step_are_found(monkeypatch: pytest.MonkeyPatch) 
 
 def test_a_family_whose_orbits_last_ever_longer_ends() -> None:
     """On a level line their speeds go to zero with the energy above the bottom."""
-    trace = {
-        "start_slope": -1.2,
-        "arcs": [
-            {"shape": "valley", "radius": 1.0, "end_slope": 0.0},
-            {"shape": "line", "length": 1.5},
-            {"shape": "valley", "radius": 0.7, "end_slope": 1.3},
-        ],
-    }
     places = ((0.6440831, 0.1373106, -1.0352607), (0.9873855, 0.8138460, 0.8977933))
     balls = [
         {"radius": 0.1, "arc": 2, "mass": mass, "position": way, "speed": speed}
         for mass, way, speed in places
     ]
-    document = scene(trace, balls, law="hedrih", time=30.0)
+    document = scene(LINE_BETWEEN_VALLEYS, balls, law="hedrih", time=30.0)
     first = find_orbit(system_of(document), 5, None, 30.0)
     bottom = 9.81 * (0.6440831 + 0.9873855) * (math.cos(1.2) - 1.0 + 0.1)
     family = orbit_family(scenario_of(document), first, "energy", bottom - 1.0, -7.0)
@@ -246,21 +246,13 @@ def test_an_orbit_has_its_least_period() -> None:
 
 def test_multipliers_where_the_law_does_not_keep_the_volume() -> None:
     """On two pieces `hedrih` separates bodies at another speed than they came: volume grows."""
-    trace = {
-        "start_slope": -1.2,
-        "arcs": [
-            {"shape": "valley", "radius": 1.0, "end_slope": 0.0},
-            {"shape": "line", "length": 1.5},
-            {"shape": "valley", "radius": 0.7, "end_slope": 1.3},
-        ],
-    }
     places = ((1.2030059398545987, 0.44478756913435685, 1.2965308835706084),
               (1.95382108740032, 1.1112568843580006, 0.4551221739585616))  # fmt: skip
     balls = [
         {"body": "hoop", "radius": 0.1, "arc": 2, "mass": mass, "position": way, "speed": speed}
         for mass, way, speed in places
     ]
-    found = find_orbit(system_of(scene(trace, balls, law="hedrih", time=30.0)))
+    found = find_orbit(system_of(scene(LINE_BETWEEN_VALLEYS, balls, law="hedrih", time=30.0)))
     rows = simulate_system(found.system, found.period, None).collisions
     expected = np.prod(rows["separation_speed"] / rows["approach_speed"])
     assert abs(expected - 1.0) > 1e-3
