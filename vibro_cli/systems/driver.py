@@ -253,7 +253,7 @@ class Driver:
     def _enlarge(self) -> None:
         """Make more room in the logs, which are empty."""
         settings, loop = self.world.settings, self._loop
-        room, most = int(_get(settings, "room")), _room(self._most_rows, self.world)
+        room, most = int(_get(settings, "room")), _room_for(self._most_rows, self.world)
         if room < most:
             _set(settings, "room", most)
             logs = {name: zeros(2 * most, loop.records[name]) for name in loop.logs}
@@ -300,7 +300,7 @@ class Driver:
 
 
 def _interpreted_logs(loop: EventLoop, world: Any, rows: int) -> Any:
-    room = _room(rows, world)
+    room = _room_for(rows, world)
     world.settings[0].room = room
     logs = {name: [loop.records[name]() for _ in range(2 * room)] for name in loop.logs}
     return world._replace(**logs)
@@ -315,7 +315,7 @@ def compiled_world(
     bodies.
     """
     settings = world.settings[0]
-    room = _room(min(rows, _most_rows(settings)), world)
+    room = _room_for(min(rows, _most_rows(settings)), world)
     settings.room = room
     arrays: dict[str, Any] = {}
     for name, values in world._asdict().items():
@@ -332,7 +332,7 @@ def compiled_world(
     return type(world)(**arrays)
 
 
-def _room(rows: int, world: Any) -> int:
+def _room_for(rows: int, world: Any) -> int:
     """So many rows, and as many as one event may add."""
     return rows + ROWS_OF_EVENT * len(world.bodies)
 

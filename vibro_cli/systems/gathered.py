@@ -10,7 +10,7 @@ from functools import cached_property
 from typing import Any
 
 from vibro_cli.systems.contract import Rows, System
-from vibro_cli.systems.run import Stretch, ahead, begun
+from vibro_cli.systems.run import ahead, begun
 from vibro_cli.systems.wanted import Limits, within_run
 
 MOST_ROWS = 200_000
@@ -23,16 +23,15 @@ class Gathered:
     state: dict[str, Any]
     """All that changes in the run after its last event, of one that was `solved_again`."""
 
-    def __init__(self, kind: System, system: Any) -> None:
-        self._kind, self.system = kind, system
+    def __init__(self, system: Any) -> None:
+        self.system = system
         self._parts: list[Any] = []
         self._end = 0.0
 
-    def take(self, stretch: Stretch) -> None:
-        """Take the motion in a stretch."""
-        before = self._parts[-1].last if self._parts else None
-        self._parts.append(self._kind.trajectory(self.system, stretch, before))
-        self._end = stretch.end[0]
+    def take(self, trajectory: Any, end: float) -> None:
+        """Take the motion in the next stretch, which ends at that time (s)."""
+        self._parts.append(trajectory)
+        self._end = end
 
     @cached_property
     def trajectory(self) -> Any:
@@ -50,8 +49,11 @@ def solved_again(
     kind: System, system: Any, limits: Limits, rows: Mapping[str, int], interrupted: bool
 ) -> Any:
     """Return the motion in a run with so many rows in its logs, see `System.long_motion`."""
-    motion, run, most = Gathered(kind, system), begun(kind, system, limits), sum(rows.values())
+    motion, run, most = Gathered(system), begun(kind, system, limits), sum(rows.values())
+    before = None
     for stretch in ahead(run.until(lambda: interrupted and sum(run.driver.rows.values()) >= most)):
-        motion.take(stretch)
+        trajectory = kind.trajectory(system, stretch, before)
+        motion.take(trajectory, stretch.end[0])
+        before = trajectory.last
     motion.state = run.state
     return motion

@@ -37,7 +37,7 @@ class SystemTables:
         self._counted = logs["collisions"].log
         self._impacts = {name: _Impacts(one, system) for name, one in logs.items() if name in names}
         self._sampling = Sampling(wanted) if "motion" in names and wanted.motion else None
-        self.motion = Gathered(kind, system) if wanted.figures else None
+        self.motion = Gathered(system) if wanted.figures else None
         self._before: Any = None
         self._begun = False
         self._tangents = kind.tangents(system) if wanted.lyapunov else None
@@ -66,18 +66,22 @@ class SystemTables:
         if events is not None:
             self._sink("events", events)
         self._begun = True
-        if self._sampling is not None:
-            trajectory = self._kind.trajectory(self._system, stretch, self._before)
-            for instants in self._sampling.until(stretch.end[0], ended):
-                self._sink("motion", trajectory.sample(instants))
-            self._before = trajectory.last
-        if self.motion is not None:
-            self.motion.take(stretch)
+        if self._sampling is not None or self.motion is not None:
+            self._tell_motion(stretch, ended)
         self._totals.take(stretch.logs[self._counted])
         if ended:
             cause, end = END_NAMES[stretch.cause], stretch.end[0]
             last = self._states(stretch.records, end)
             self._totals.finish(self._system, cause, end, stretch.clock, last)
+
+    def _tell_motion(self, stretch: Stretch, ended: bool) -> None:
+        trajectory = self._kind.trajectory(self._system, stretch, self._before)
+        if self._sampling is not None:
+            for instants in self._sampling.until(stretch.end[0], ended):
+                self._sink("motion", trajectory.sample(instants))
+        if self.motion is not None:
+            self.motion.take(trajectory, stretch.end[0])
+        self._before = trajectory.last
 
     def summary(self) -> Rows:
         """Return the columns of ``summary.parquet``, once the run has ended."""

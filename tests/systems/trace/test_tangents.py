@@ -28,9 +28,12 @@ from vibro_cli.stress.oracles.scene import mp, scene_of_system
 from vibro_cli.stress.oracles.sensitivity import differences
 from vibro_cli.stress.scenes import CIRCLE, THREE_ARCS, VALLEY, ball, scene, system_of
 from vibro_cli.systems import driver
-from vibro_cli.systems.trace import simulate_system
-from vibro_cli.systems.trace.tangents import follow_system, time_scale
-from vibro_cli.systems.wanted import Wanted
+from vibro_cli.systems.driver import with_logs
+from vibro_cli.systems.run import begun
+from vibro_cli.systems.trace import SYSTEM, simulate_system
+from vibro_cli.systems.trace.tangents import TangentMap, follow_system, time_scale
+from vibro_cli.systems.trace.world import make_world
+from vibro_cli.systems.wanted import Limits, Wanted
 
 pytestmark = pytest.mark.long
 
@@ -267,13 +270,21 @@ def test_volumes_shrink_by_the_square_of_the_restitution_at_each_impact(
 
 
 def test_a_run_in_several_stretches_is_one_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    system = system_of(SCENES["arcs"])
+    system = system_of(SCENES["translational"])
     whole = follow_system(system, None, 60)
-    monkeypatch.setattr(driver, "COMPILED_ROWS", 32)
+    for rows in ("FIRST_ROWS", "COMPILED_ROWS"):
+        monkeypatch.setattr(driver, rows, 32)
     monkeypatch.setattr("vibro_cli.systems.run.LEAST_ROWS", 16)
-    parts = follow_system(system, None, 60)
+    parts = TangentMap(system, times=True)
+    world, found = make_world(system), []
+    for stretch in begun(SYSTEM, system, Limits(None, 60)).until(lambda: False):
+        world = with_logs(SYSTEM.loop, world, stretch.engine, stretch.logs, stretch.clock)
+        found.append(parts.take(world, stretch))
+    assert len(found) > 2
+    joined = {name: np.concatenate([one[name] for one in found]) for name in found[0]}
+    joined |= {"matrix": parts.matrix(), "sums": parts.sums}
     for field in ("matrix", "amplification", "smooth", "times", "sums"):
-        np.testing.assert_array_equal(getattr(whole, field), getattr(parts, field))
+        np.testing.assert_array_equal(getattr(whole, field), joined[field])
 
 
 def _by_neighbours(system: TraceSystem, end: float, change: float) -> Any:

@@ -74,10 +74,17 @@ class TangentRun:
 
 def matrix_of(run: Run) -> Floats:
     """Derivative of ways and speeds (m, m/s) of all bodies at a run's end to those at its start."""
-    followed, world = TangentMap(run.system), make_world(run.system)
-    logs, clock = run.whole.logs, run.clock
-    followed.take(with_logs(SYSTEM.loop, world, run.engine, logs, clock), run.whole)
+    followed = TangentMap(run.system)
+    _take_whole(followed, run.system, run.whole)
     return followed.matrix()
+
+
+def _take_whole(followed: TangentMap, system: TraceSystem, whole: Stretch) -> Rows:
+    """Follow a run that is one stretch; the columns of its impacts."""
+    world = make_world(system)
+    return followed.take(
+        with_logs(SYSTEM.loop, world, whole.engine, whole.logs, whole.clock), whole
+    )
 
 
 def follow_system(
@@ -90,8 +97,7 @@ def follow_system(
     followed = TangentMap(system, times=True)
     limits = Limits(stop_time, stop_collisions)
     whole, _ = begun(SYSTEM, system, limits, engine_name).whole()
-    world = with_logs(SYSTEM.loop, make_world(system), whole.engine, whole.logs, whole.clock)
-    columns = followed.take(world, whole)
+    columns = _take_whole(followed, system, whole)
     return TangentRun(
         end_time=whole.end[0],
         matrix=followed.matrix(),
