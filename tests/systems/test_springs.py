@@ -404,6 +404,30 @@ def test_pairs_that_meet_at_one_instant_of_a_run_collide_jointly(law: str) -> No
     assert len(rows["n"]) == 9
 
 
+@pytest.mark.parametrize("law", LAW_NAMES)
+@pytest.mark.parametrize("masses", [(1.0, 1e10), (1e10, 1.0), (1e-7, 0.3), (2.0, 3.0)])
+def test_a_pair_that_stays_together_has_the_speed_of_its_momentum(
+    masses: tuple[float, float], law: str
+) -> None:
+    """To rounding, whichever of both is the heavier; that of its mirror image to the bit."""
+    pressing = [spring(mass, 0.3, 0.4, 1.05) for mass in masses]
+    for speeds in ((1.0, 0.0), (0.0, -1.0), (0.7, 0.1), (0.3 / masses[0], -0.2 / masses[1])):
+        found = []
+        for sign in (1, -1):
+            pair = [sign * speed for speed in speeds[::sign]]
+            document = springs(_row(pair, masses[::sign], pressing), 0.0, time=1e-9)
+            document["collision"]["law"] = law
+            rows = solve(document).collisions
+            assert rows["contact"].tolist() == [True]
+            assert rows["speed_a_post"][0] == rows["speed_b_post"][0]
+            found.append(sign * rows["speed_a_post"][0])
+        with mp.workdps(40):
+            momenta = [mp.mpf(m) * mp.mpf(v) for m, v in zip(masses, speeds, strict=True)]
+            error = sum(map(mp.mpf, masses)) * mp.mpf(found[0]) - sum(momenta)
+            assert abs(error) <= 4e-16 * sum(map(abs, momenta))
+        assert found[0] == found[1]
+
+
 def _nearest_ascending(speeds: Any, masses: Any) -> list[float]:
     """Of all speeds that ascend the nearest by the kinetic energy: violators are pooled."""
     pools: list[tuple[float, float, int]] = []

@@ -428,11 +428,17 @@ def frequency(world: World, pair: int) -> float:
 
 @kernel
 def _apply_plastic(world: World, row: ImpactRow) -> None:
-    """Give both bodies the speed that the bounces tend to: the law at k = 0."""
+    """Give both bodies the speed that the bounces tend to: the law at k = 0.
+
+    From their momentum: either's own speed after it is rounded as before, which to the heavier one
+    may be much.
+    """
     law = row.law
     if law == HEDRIH and world.bodies[row.pair].radius != world.bodies[row.pair + 1].radius:
         law = NORMAL_IMPULSE  # equal omega would not be one speed
     apply_law(world, row, law, 0.0)
+    _equalise(world, row.pair, row.pair + 1)
+    row.v_a_post = world.springs[row.pair].v
     row.v_b_post = row.v_a_post
 
 
