@@ -20,13 +20,13 @@ GRAVITY = 9.81
 RADII, MASSES = (0.1, 0.2, 0.1), (1.0, 2.0, 0.5)
 
 
-def leaning(shape: str, side: str) -> Run:
-    """Three balls that roll down to a wall and come to rest there."""
+def leaning(shape: str, side: str, slope: float = 20.0) -> Run:
+    """Three balls that roll down to a wall, where an arc has a slope (deg), and come to rest."""
     sign = 1.0 if side == "left" else -1.0
-    ends = (math.radians(20.0), math.radians(60.0))
+    ends = (math.radians(slope), math.radians(slope + 40.0))
     if side == "right":
         ends = (-ends[1], -ends[0])
-    places = [math.radians(25.0 + 10.0 * n) for n in range(3)]
+    places = [math.radians(slope + 5.0 + 10.0 * n) for n in range(3)]
     arc: dict[str, Any] = {"shape": "valley", "radius": 3.0, "end_slope": ends[1]}
     start, key = ends[0], "angle"
     if shape == "line":
@@ -97,3 +97,20 @@ def test_the_summary_tells_the_least_of_them(side: str) -> None:
     run = simulate_system(replace(whole.system, initial=states), 1.0, None, "python")
     least = run.summary_record()["min_normal_force"]
     assert least == pytest.approx(min(statics(whole, side)), rel=1e-9)
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+@pytest.mark.parametrize("slope", [20.0, 40.0, 70.0, 86.0, 130.0])
+def test_a_one_sided_trace_lets_bodies_go_that_it_would_have_to_pull(
+    slope: float, side: str
+) -> None:
+    whole = leaning("arc", side, slope)
+    states = tuple(InitialState(0, float(x), 0.0) for x in whole.sample([4.0])["angle"])
+    system = replace(whole.system, surface="one-sided", initial=states)
+    run = simulate_system(system, 1.0, None, "python")
+    forces = statics(whole, side)
+    pulled = [number + 1 for number in range(3) if forces[number] < 0.0]
+    assert (run.end_cause, run.end_time) == (("lift_off", 0.0) if pulled else ("time", 1.0))
+    if pulled:
+        assert run.events["event"].tolist() == ["lift_off"]
+        assert run.events["ball"][0] in pulled

@@ -13,6 +13,7 @@ from __future__ import annotations
 from vibro_cli.compile.kernel import kernel
 from vibro_cli.kernels.cluster.clusters import launch_group
 from vibro_cli.kernels.cluster.collocation import FORCE_ROUNDING, launch_across
+from vibro_cli.kernels.cluster.trace_forces import normal_force_now
 from vibro_cli.kernels.contact.contact_kinematics import (
     free_acceleration,
     free_approach,
@@ -301,18 +302,22 @@ def launch_chain(world: World, first: int, count: int, cause: int) -> None:
     while step <= count:
         ball = number_along(world, first, step)
         length = held_from(world, first, count, step)
+        side = world.flights[ball].wall_side
         for member in range(length + 1):
             number = number_along(world, ball, member)
             flight = world.flights[number]
             flight.p = flight.speed / track_of(world, number).speed_factor
-        side = world.flights[ball].wall_side
+            if side != 0:  # now, as the launch sets the forces of a motion
+                world.forces[member].normal = normal_force_now(world, ball, length + 1, member)
         if length == 0:
             begin_flight(world, ball, cause, 1)
         else:
             _launch_together(world, ball, length + 1, cause)
         if side != 0:
             for member in range(length + 1):
-                rest(world, number_along(world, ball, member), side)
+                number = number_along(world, ball, member)
+                pulled = world.forces[member].normal < -FORCE_ROUNDING * world.bodies[number].weight
+                rest(world, number, side, pulled and world.settings[0].one_sided == 1)
         step += length + 1
     for step in range(count):
         pair = pair_along(world, first, step)

@@ -20,7 +20,7 @@ from vibro_cli.kernels.contact.contact_kinematics import (
     speed_of_pair,
     surface_gap,
 )
-from vibro_cli.kernels.flow.flight import AT_END, is_at, state_at
+from vibro_cli.kernels.flow.flight import AT_END, LIFT_OFF, is_at, set_exit_time, state_at
 from vibro_cli.kernels.impact.laws import law_approach, weight_and_response
 from vibro_cli.kernels.numerics.constants import EPSILON, NEVER
 from vibro_cli.kernels.numerics.double_double import add_to_time
@@ -118,14 +118,19 @@ def last_row_of(world: World, ball: int) -> FlightRow:
 
 
 @kernel
-def rest(world: World, ball: int, side: int) -> None:
-    """Let a body that has just been launched rest, pressed to a wall or to a row at one."""
+def rest(world: World, ball: int, side: int, pulled: bool) -> None:
+    """Let a body that has just been launched rest, pressed to a wall or to a row at one.
+
+    One that a one-sided trace would have to pull (``pulled``) leaves it at once.
+    """
     flight = world.flights[ball]
     flight.at_rest = 1
     flight.wall_side = side
     flight.exit_after = NEVER
-    flight.exit_t = NEVER
-    flight.exit_t_low = 0.0
+    if pulled:
+        flight.exit_kind = LIFT_OFF
+        flight.exit_after = 0.0
+    set_exit_time(flight)
     flight.angular_bound = 0.0
     flight.jerk_bound = 0.0
     flight.acceleration_bound = 0.0
