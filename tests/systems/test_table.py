@@ -16,6 +16,8 @@ from tests.systems.table_cases import Document, ball, box, ellipse, particle, so
 from vibro_cli.kernels.impact.laws import LAW_NAMES
 from vibro_cli.scenario import ScenarioError, any_scenario_of
 from vibro_cli.systems.run import Run
+from vibro_cli.systems.table.tables import Bounces
+from vibro_cli.systems.tables import Bodies
 
 EPSILON = 2.0**-52
 
@@ -442,6 +444,18 @@ def test_sides_of_a_polygon_are_numbered_as_its_corners_are_given(side: str) -> 
             assert abs(off) <= 1e-13
             met.add(edge)
         assert met == {1, 2, 3, 4, 5}
+
+
+@pytest.mark.parametrize("radius", [0.0, 0.1])
+def test_a_curved_wall_has_no_sides(radius: float) -> None:
+    start = particle(0.3, 0.1, 0.9, 0.7) if radius == 0.0 else ball(0.3, 0.1, 0.9, 0.7)
+    for wall in (ellipse(2.0, 1.2), {"shape": "circle", "radius": 1.5, "k": 1.0}):
+        assert solve(table([start], wall, bounces=5)).bounces["edge"].tolist() == [None] * 5
+
+
+def test_curves_have_negative_numbers_in_the_log_and_none_in_the_table() -> None:
+    log = np.array([(-1,), (0,), (-2,), (6,)], dtype=[("edge", np.int64)])
+    assert Bounces(Bodies([]), log, np.zeros(4, dtype=np.int64)).edge.tolist() == [None, 1, None, 7]
 
 
 def test_a_small_polygon_far_from_the_origin_is_the_same_wall() -> None:

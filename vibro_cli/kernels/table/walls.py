@@ -37,9 +37,10 @@ SLOWEST = 1.0e-145
 def meet_wall(world: World, body: BodyData, ball: Ball, x: float, y: float, to: Meeting) -> float:
     """Return the time (s) until a ball at (x, y) meets the wall, and where; NEVER if it does not.
 
-    ``to`` gets the place of the centre, the normal and the edge; the ball moves as ``ball`` says.
+    ``to`` gets the place of the centre, the normal and the edge (-1 of a curve); the ball moves as
+    ``ball`` says.
     """
-    to.other = 0
+    to.other = -1
     wall = world.wall[0]
     speed = math.sqrt(ball.vx * ball.vx + ball.vy * ball.vy)
     if speed < SLOWEST:

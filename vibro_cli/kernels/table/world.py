@@ -183,7 +183,7 @@ class BounceRow:
     t: float
     t_low: float
     ball: int
-    edge: int
+    edge: int  # side of the wall, from 0; negative where it is a curve
     x: float
     y: float
     normal_x: float

@@ -33,7 +33,7 @@ from vibro_cli.systems.columns import (
 from vibro_cli.systems.contract import ImpactLog
 from vibro_cli.systems.driver import angles_of
 from vibro_cli.systems.run import Stretch
-from vibro_cli.systems.table.system import POLYGON, TableSystem
+from vibro_cli.systems.table.system import TableSystem
 from vibro_cli.systems.tables import Bodies, ImpactRows, PairRows, bodies_at, events_until
 
 _AXES = ("x", "y")
@@ -104,10 +104,8 @@ class Bounces(ImpactRows):
 
     @property
     def edge(self) -> Any:
-        """Side of a polygon, from 1."""
-        walls = [system.wall for system in self.bodies.systems]
-        curved = np.array([wall is None or wall.shape != POLYGON for wall in walls])
-        return np.ma.MaskedArray(self["edge"] + 1, mask=curved[self.run])
+        """Straight side, from 1; none of a curve, whose numbers in the log are negative."""
+        return np.ma.MaskedArray(self["edge"] + 1, mask=self["edge"] < 0)
 
     def along(self, when: str) -> Any:
         """Towards the wall (m/s), `pre` or `post`."""
