@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from vibro_cli.assemble import build_system
+from vibro_cli.compile.kernel import struct
+from vibro_cli.kernels.contact.libration_contact_lanes import BodyLanes
 from vibro_cli.kernels.ensemble.records import Points
 from vibro_cli.kernels.impact.laws import LAW_NAMES
 from vibro_cli.kernels.numerics.constants import NEVER
@@ -15,7 +17,12 @@ from vibro_cli.kernels.statistics.run_statistics import Results
 from vibro_cli.kernels.world import LOG_FULL
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.scenario import scenario_of
-from vibro_cli.systems.trace.ensemble import Batch, empty_results, make_points
+from vibro_cli.systems.trace.ensemble import (
+    Batch,
+    empty_results,
+    make_points,
+    same_in_every_lane,
+)
 
 CIRCLE: dict[str, Any] = {
     "start_slope": "-160 deg",
@@ -111,6 +118,16 @@ def test_same_bits_as_single_runs(trace: str, radius: float, law: str) -> None:
         assert outcomes["crossings"].sum() > len(own)
     else:
         assert outcomes["contacts"].sum() + (outcomes["end_cause"] > 2).sum() > 0
+
+
+@struct
+class _MoreOfABody(BodyLanes):
+    reference_speed: float
+
+
+def test_lanes_have_all_of_a_body_that_is_the_same_in_them() -> None:
+    """Without it they would give up at every impact that needs it, unseen."""
+    assert same_in_every_lane(_MoreOfABody) == ["radius", "kappa", "reference_speed"]
 
 
 def test_long_elastic_runs_stay_in_lanes() -> None:

@@ -62,8 +62,9 @@ class Batch:
         piece = int(starts["piece"][0])
         tracks = world.tracks[[piece, len(world.pieces) + piece]]
         runs["piece"] = piece
-        for name in ("radius", "kappa"):
-            np.asarray(group.bodies)[name] = world.bodies[name]
+        bodies = np.asarray(group.bodies)
+        for name in same_in_every_lane(BodyLanes):
+            bodies[name] = world.bodies[name]
         swings["frequency"] = swings["own_frequency"] = tracks["frequency"]
         valley = world.pieces[piece]["sign"] > 0.0 and (tracks["lowest_s2"] == 0.0).all()
         return bool(valley and world.contacts[piece]["normal_a"] > 0.0)
@@ -120,6 +121,12 @@ def lane_group() -> LaneGroup:
         in_whole_lines(2, SwingLanes),
         zeros(LANES, LaneSlot),
     )
+
+
+def same_in_every_lane(cls: type) -> list[str]:
+    """Return the fields of a record of lanes that are one number for all of them."""
+    fields = dtype(cls).fields or {}
+    return [name for name, (kind, *_) in fields.items() if kind.shape == ()]
 
 
 def in_whole_lines(count: int, cls: type) -> Any:
