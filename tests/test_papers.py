@@ -228,6 +228,18 @@ def test_the_period_of_a_swing_next_to_the_separatrix(angle: float, rate: float)
     assert Swing(10.0, angle, rate).period == pytest.approx(float(exact), rel=1e-14)
 
 
+@pytest.mark.parametrize("rate", [0.0, 2.0, 5.0, 6.0, 30.0])
+def test_the_time_from_the_bottom(rate: float) -> None:
+    """B (54): Legendre's integral F(arcsin u, k)/(Ω/2) in 40 digits; rates from 5.48 go round."""
+    swing = Swing(10.0, 1.0, rate)
+    with mp.workdps(40):
+        scale = mp.sqrt(mp.mpf(rate) ** 2 + 20 * mp.sin(mp.mpf("0.5")) ** 2)
+        for u in (-0.7, 1e-9, 0.1, 0.4):
+            if u > -0.5 or rate > 2.0:  # else it turns back before
+                exact = 2 * mp.ellipf(mp.asin(mp.mpf(u)), 20 / scale**2) / scale
+                assert swing.from_bottom(u) == pytest.approx(float(mp.re(exact)), rel=1e-14)
+
+
 def test_times_with_turning_points_are_those_of_the_run() -> None:
     run = run_of("one_circle", "collision.k=1", "stop.collisions=6")
     table = run.collisions

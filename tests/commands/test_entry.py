@@ -86,6 +86,11 @@ def test_a_short_run_without_figures_imports_nothing_it_does_not_use(tmp_path: P
     assert commands & set(COMMANDS) == {"run"}
 
 
+def test_checking_a_trace_imports_no_library_of_grids_figures_or_special_functions() -> None:
+    found = imported("check", str(SCENES / "circle.toml"))
+    assert not found & {"scipy", "pyarrow", "matplotlib", "ruamel"}
+
+
 def test_unknown_names_of_the_package_are_attribute_errors() -> None:
     import vibro_cli
 

@@ -13,9 +13,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from scipy.special import ellipkinc, ellipkm1
-
 from vibro_cli.kernels.numerics.constants import EPSILON
+from vibro_cli.kernels.numerics.elliptic import carlson_rf, quarter_period
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.mechanics.trace import VALLEY, Piece
 
@@ -139,17 +138,14 @@ class Swing:
         below = self.below
         if below == 0.0:
             return math.inf
-        if below < 0.0:
-            return 4.0 / self.scale * float(ellipkm1(-below * self.modulus**2))
-        return 4.0 / math.sqrt(0.5 * self.square) * float(ellipkm1(below))
+        quarter = quarter_period(1.0 - below, math.copysign(math.sqrt(abs(below)), below))
+        return (4.0 if below > 0.0 else 2.0) * quarter / math.sqrt(0.5 * self.square)
 
     def from_bottom(self, u: float) -> float:
-        """Return the time (s) from the bottom to u = sin(φ/2), exactly; odd."""
-        k = self.modulus
-        if k < 1.0:
-            return 2.0 / self.scale * float(ellipkinc(math.asin(u), k * k))
-        way = max(-1.0, min(1.0, k * u))
-        return float(ellipkinc(math.asin(way), 1.0 / (k * k))) / math.sqrt(0.5 * self.square)
+        """Return the time (s) from the bottom to u = sin(φ/2), exactly; odd (DLMF 19.25.5)."""
+        way = max(-1.0, min(1.0, self.modulus * u))
+        beside, left = ((1.0 - one) * (1.0 + one) for one in (way, u))
+        return 2.0 / self.scale * u * carlson_rf(beside, left, 1.0)
 
 
 def partial_sums(k: float, u: float, coefficient: float) -> tuple[float, float, float]:
