@@ -84,9 +84,10 @@ def test_paths_of_a_long_run_on_a_table_end_together_before_they_are_a_stain() -
     assert_texts_are_apart(figure)
 
 
-def test_a_sum_of_energies_needs_no_more_memory_for_more_bodies() -> None:
+@pytest.mark.parametrize(("bodies", "until"), [(8, 400_000.0), (16, 800_000.0)])
+def test_a_sum_of_energies_needs_no_more_memory_for_more_bodies(bodies: int, until: float) -> None:
     """Of eight bodies less than the sum at every instant of each of them would take."""
-    times = [np.repeat(np.arange(n, 400_000.0, 8.0), 2) for n in range(8)]
+    times = [np.repeat(np.arange(n % 8, until, 8.0), 2) for n in range(bodies)]
     courses = [(time, np.arange(len(time), dtype=np.float64)) for time in times]
     tracemalloc.start()
     lines = energy_lines(courses)
@@ -97,6 +98,7 @@ def test_a_sum_of_energies_needs_no_more_memory_for_more_bodies() -> None:
     wanted = np.sum([np.interp(at, *course) for course in courses], axis=0)
     np.testing.assert_array_equal(total, wanted)
     assert peak < 8 * (2 * 400_000 * 8)
+    assert len(at) < 20_000
 
 
 def test_energies_of_thousands_of_impacts_are_means_of_the_motion() -> None:

@@ -283,8 +283,8 @@ def energy_lines(courses: Sequence[tuple[Array, Array]]) -> EnergyLines:
     """
     window = _window(courses) if len(courses) > 1 else 0.0
     bodies = [seen([course]) for course in courses]
-    spans = -(-max(len(time) for time, _ in courses) // _AT_ONCE)
-    total = seen(_sums(courses, spans), -(-_STRIPS // spans)) if len(courses) > 1 else None
+    spans = -(-sum(len(time) for time, _ in courses) // _AT_ONCE)
+    total = seen(_sums(courses, spans), spans) if len(courses) > 1 else None
     return EnergyLines(
         bodies,
         window,
@@ -405,15 +405,15 @@ def _sums(courses: Sequence[tuple[Array, Array]], count: int) -> Iterator[tuple[
         yield sides, total
 
 
-def seen(parts: Iterable[tuple[Array, Array]], strips: int = _STRIPS) -> tuple[Array, Array]:
-    """Return the points of a line over time, given part by part, that can be seen.
+def seen(parts: Iterable[tuple[Array, Array]], count: int = 1) -> tuple[Array, Array]:
+    """Return the points of a line over time, given in so many parts, that can be seen.
 
     Of very many, in each of the strips of a part, those are the first, the last, the least and the
     greatest: where a strip is narrower than a pixel, the line through them covers the same.
     """
-    shown = []
+    shown, strips = [], -(-_STRIPS // count)
     for time, values in parts:
-        if len(time) > _VERY_MANY:
+        if len(time) * count > _VERY_MANY:
             edges = np.searchsorted(time, np.linspace(time[0], time[-1], strips + 1)[1:-1])
             kept = []
             for first, beyond in pairwise([0, *edges.tolist(), len(time)]):
