@@ -56,6 +56,24 @@ def test_each_figure_can_be_had_as_a_file(vibro: Vibro) -> None:
     assert "notes.txt" in outcome.err
 
 
+def test_figures_as_pages_and_as_files_are_those_asked_for_alone(
+    vibro: Vibro, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    vibro(*RUN)
+    drawn: list[str] = []
+    monkeypatch.setattr("vibro_cli.told.WORK.tell", drawn.append)
+    for file, folder in (("both.pdf", "both"), ("pages.pdf", None), (None, "files")):
+        drawn.clear()
+        pages = () if file is None else ("--pdf", file)
+        files = () if folder is None else ("--figures", folder)
+        assert vibro("report", "outputs/one_circle", *pages, *files).code == 0
+        # Twice for the page, in two widths, and once more for pages and files.
+        assert drawn.count("Energies") == 3
+    assert Path("both.pdf").read_bytes() == Path("pages.pdf").read_bytes()
+    for path in Path("files").iterdir():
+        assert (Path("both") / path.name).read_bytes() == path.read_bytes()
+
+
 def test_a_folder_of_that_name_in_outputs_is_suggested(vibro: Vibro) -> None:
     vibro(*RUN)
     for command in ("report", "section"):

@@ -3,6 +3,7 @@
 import gc
 import math
 import sys
+from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +17,8 @@ from vibro_cli.commands.shared.options import json_option, output_option, repeat
 from vibro_cli.commands.shared.terminal import json_text, say, work_told
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from vibro_cli.figures.kinds import Drawn
     from vibro_cli.storage.stored import StoredGrid, StoredRun
 
@@ -179,10 +182,8 @@ def _report(wishes: ReportCommand) -> int:
     else:
         write_file(target, content)
         say(f"report in {target}")
-    if wishes.pdf is not None:
-        _write_pdf(subject, wishes.pdf, wishes)
-    if wishes.figures is not None:
-        _write_figures(subject, wishes.figures, wishes)
+    if wishes.pdf is not None or wishes.figures is not None:
+        _write_figures(subject, wishes)
     if wishes.animate is not None:
         assert isinstance(subject, list)
         _write_film(subject[0], wishes.animate, wishes)
@@ -284,28 +285,31 @@ def _drawn(subject: "Subject", width: str, maps: Sequence[str]) -> "Iterator[tup
         yield from ((f"{prefix}{drawn.name}", drawn) for drawn in each)
 
 
-def _write_pdf(subject: "Subject", target: Path, wishes: ReportCommand) -> None:
-    """Write all figures into one PDF."""
-    from vibro_cli.figures.style import render_pages
-    from vibro_cli.storage.files import write_file
-
-    drawn = _drawn(subject, wishes.width, wishes.maps)
-    with work_told():
-        write_file(target, render_pages(one.figure for _, one in drawn))
-    say(f"figures in {target}")
-
-
-def _write_figures(subject: "Subject", target: Path, wishes: ReportCommand) -> None:
-    """Write every figure into a folder, in all forms."""
-    from vibro_cli.figures.style import FORMATS
+def _write_figures(subject: "Subject", wishes: ReportCommand) -> None:
+    """Write the figures into one PDF, into a folder in all forms, or both, each drawn once."""
+    from vibro_cli.figures.style import FORMATS, render_pages
     from vibro_cli.interface import pictures
+    from vibro_cli.storage.files import write_file
     from vibro_cli.storage.folders import write_results
 
-    drawn = _drawn(subject, wishes.width, wishes.maps)
+    files: dict[str, bytes] = {}
+
+    def figures() -> "Iterator[Figure]":
+        for stem, one in _drawn(subject, wishes.width, wishes.maps):
+            if wishes.figures is not None:
+                files.update(pictures({stem: one.figure}, FORMATS))
+            yield one.figure
+
     with work_told():
-        files = pictures(((stem, one.figure) for stem, one in drawn), FORMATS)
-    write_results("figures", target, files)
-    say(f"figures in {target}")
+        drawn = figures()
+        if wishes.pdf is not None:
+            write_file(wishes.pdf, render_pages(drawn))
+        deque(drawn, maxlen=0)  # draws what no PDF has asked for
+    if wishes.pdf is not None:
+        say(f"figures in {wishes.pdf}")
+    if wishes.figures is not None:
+        write_results("figures", wishes.figures, files)
+        say(f"figures in {wishes.figures}")
 
 
 def _check_film(run: "StoredRun", target: Path, wishes: ReportCommand) -> None:
