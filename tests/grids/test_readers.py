@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import gc
 import json
+import os
+import pickle
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tests.grids.conftest import Write
+from vibro_cli import example
 from vibro_cli.commands.app import run_command_line
-from vibro_cli.interface.grids import open_grid
+from vibro_cli.interface.grids import open_grid, sweep
 
 
 @pytest.fixture
@@ -79,6 +83,45 @@ def test_units_are_in_the_metadata(folder: Path) -> None:
         schema = ds.dataset(folder / table).schema
         assert {name: schema.field(name).metadata[b"unit"] for name in units} == units
         assert all(b"description" in field.metadata for field in schema)
+
+
+def test_columns_of_a_grid_are_read_as_they_are_asked_for(folder: Path) -> None:
+    """Against the files as pyarrow reads them by itself; only what was asked for is in memory."""
+    import pyarrow as pa
+    import pyarrow.dataset as dataset
+
+    grid = open_grid(folder)
+    for table in (grid.summary, grid.collisions):
+        whole = dataset.dataset(folder / table.name, format="parquet").to_table()
+        assert (table.rows, list(table)) == (whole.num_rows, whole.column_names)
+        before = pa.total_allocated_bytes()
+        column = table["scenario"]
+        assert pa.total_allocated_bytes() - before < 4 * column.nbytes
+        assert column.tolist() == whole["scenario"].to_pylist()
+        assert table._repr_html_().count("<tr>") == 1 + 5
+        for found in (table.to_arrow(), pickle.loads(pickle.dumps(table)).to_arrow()):
+            assert found.equals(whole)
+            assert found.schema.equals(whole.schema, check_metadata=True)
+
+
+def test_a_table_of_a_grid_that_was_replaced_is_not_mixed_with_it(folder: Path) -> None:
+    table = open_grid(folder).collisions
+    assert len(table["t"]) == table.rows
+    part = folder / "collisions" / "part-000000.parquet"
+    part.write_bytes(part.read_bytes())
+    os.utime(part, ns=(0, 0))
+    assert len(table["t"]) == table.rows  # was read before
+    with pytest.raises(OSError, match="replaced"):
+        table["n"]
+    part.unlink()
+    with pytest.raises(FileNotFoundError):
+        table["n"]
+
+
+def test_a_table_keeps_the_temporary_folder_of_its_grid() -> None:
+    table = sweep(example("one_circle"), {"collision.k": [0.5, 1.0]}, collisions=["t"]).collisions
+    gc.collect()
+    assert len(table["t"]) == table.rows > 0
 
 
 def test_a_grid_ended_between_the_tables_of_a_chunk(folder: Path, tmp_path: Path) -> None:

@@ -22,6 +22,7 @@ from vibro_cli.scenario.loading import load_any
 from vibro_cli.storage.files import check_files, manifest_of, read_manifest
 from vibro_cli.storage.folders import NotContinuable, read_earlier_run
 from vibro_cli.storage.tables import (
+    PartsTable,
     as_array,
     read_column,
     read_first,
@@ -291,15 +292,15 @@ class StoredGrid:
         total = int(self.manifest["points"])
         return "" if self.points == total else f"{self.points} of {total} points are solved so far"
 
-    def table(self, name: str) -> pyarrow.Table:
-        """Return a table of all points, such as ``collisions``.
+    def table(self, name: str) -> PartsTable:
+        """Return a table of all points, such as ``collisions``, which is read as it is asked for.
 
         Raises ``KeyError`` where the grid has none of that name, ``OSError`` where it is gone.
         """
         parts = self._parts(name)
         if not parts:
             raise KeyError(f"the grid {self.name} kept no table {name}")
-        return _read(parts)
+        return PartsTable(parts, self.owner)
 
     def impact_columns(self) -> tuple[str, ...]:
         """Return the columns of the table of impacts, none where none was kept."""

@@ -17,6 +17,7 @@ import threading
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from errno import ESTALE
 from functools import cache
 from itertools import chain
 from pathlib import Path
@@ -354,10 +355,13 @@ class FileTable:
         with self._lock:
             missing = [name for name in names if name not in self._columns]
             if missing:
-                found = self._file.read(missing)
+                found = self._read(missing)
                 self._columns.update(zip(found.column_names, found.columns, strict=True))
         schema = pa.schema([self.schema.field(name) for name in names], self.schema.metadata)
         return pa.table([self._columns[name] for name in names], schema)
+
+    def _read(self, names: list[str]) -> pa.Table:
+        return self._file.read(names)
 
     def slice(self, first: int, count: int) -> pa.Table:
         """Return some rows."""
@@ -368,6 +372,36 @@ class FileTable:
 
     def __reduce__(self) -> tuple[Any, ...]:
         return pa.Table.from_batches, (self.select(self.schema.names).to_batches(), self.schema)
+
+
+class PartsTable(FileTable):
+    """The same of a table in the files of a grid, too many to stay open.
+
+    `owner` is what keeps their folder. A reader raises ``OSError`` once they are gone or replaced.
+    """
+
+    def __init__(self, parts: Sequence[Path], owner: object) -> None:
+        import pyarrow.dataset as dataset
+
+        self._parts, self._owner = parts, owner
+        self._written = self._times()
+        self._data = dataset.dataset([str(part) for part in parts], format="parquet")
+        self._columns, self._lock = {}, threading.Lock()
+        self.schema, self.num_rows = self._data.schema, self._data.count_rows()
+
+    def _times(self) -> list[int]:
+        return [part.stat().st_mtime_ns for part in self._parts]
+
+    def _read(self, names: list[str] | None, rows: int | None = None) -> pa.Table:
+        if self._times() != self._written:
+            raise OSError(ESTALE, "the table was replaced", str(self._parts[0].parent))
+        if rows is None:
+            return self._data.to_table(columns=names)
+        return self._data.head(rows, columns=names)
+
+    def slice(self, first: int, count: int) -> pa.Table:
+        """Return some rows."""
+        return self._read(None, first + count).slice(first)
 
 
 AnyTable: TypeAlias = pa.Table | FileTable
