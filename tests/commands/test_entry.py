@@ -14,6 +14,7 @@ from vibro_cli import __version__
 from vibro_cli.commands.app import COMMANDS
 
 SCENES = Path(__file__).parents[1] / "scenes"
+GALLERY = Path(__file__).parents[2] / "scenarios"
 
 
 def start(*arguments: str, options: tuple[str, ...] = ()) -> subprocess.CompletedProcess[str]:
@@ -89,6 +90,15 @@ def test_a_short_run_without_figures_imports_nothing_it_does_not_use(tmp_path: P
 def test_checking_a_trace_imports_no_library_of_grids_figures_or_special_functions() -> None:
     found = imported("check", str(SCENES / "circle.toml"))
     assert not found & {"scipy", "pyarrow", "matplotlib", "ruamel"}
+
+
+@pytest.mark.parametrize("name", ["one_circle", "springs/two_disks", "table/skew_impact"])
+def test_figures_and_a_report_import_no_scipy(name: str, tmp_path: Path) -> None:
+    scenario, folder = GALLERY / f"{name}.toml", str(tmp_path / "run")
+    found = imported("run", str(scenario), "--set", "stop.collisions=1", "-q", "-o", folder)
+    found |= imported("report", folder, "-o", str(tmp_path / "page.html"))
+    assert "matplotlib" in found
+    assert "scipy" not in found
 
 
 def test_unknown_names_of_the_package_are_attribute_errors() -> None:

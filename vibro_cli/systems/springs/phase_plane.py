@@ -14,7 +14,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from vibro_cli.mechanics.system import touching_distance
 from vibro_cli.systems.springs.system import (
@@ -142,6 +141,8 @@ class SpringsLandscape:
         ]
         if len(own) == 1:
             return np.array(own[0])
+        from scipy.optimize import brentq
+
         # To the left of all that each spring has alone every one of them pulls to the right.
         low, high = min(map(min, own)), max(map(max, own))
         room = 1e-9 * (abs(low) + abs(high) + self.springs[0].height)
