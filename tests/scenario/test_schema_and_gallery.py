@@ -1,6 +1,9 @@
 from __future__ import annotations
 
+import gc
 import json
+import sys
+import threading
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -10,7 +13,7 @@ import pytest
 
 from tests.scenario.texts import parse_any, parse_scenario
 from vibro_cli.scenario import Scenario, ScenarioError, gallery
-from vibro_cli.scenario.fields import json_schema
+from vibro_cli.scenario.fields import descriptions, json_schema
 from vibro_cli.scenario.loading import any_scenario_of, apply, parse
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
@@ -141,3 +144,42 @@ def test_schema_and_reader_refuse_lists_of_wrong_lengths(name: str, key: str, en
     assert not jsonschema.Draft202012Validator(schema).is_valid(changed)
     with pytest.raises(ScenarioError, match=r"expected a list of at (least|most)"):
         any_scenario_of(changed)
+
+
+class Litter:
+    """Garbage that runs code when it is collected."""
+
+    def __init__(self) -> None:
+        self.own = self
+
+    def __del__(self) -> None:
+        for _ in range(300):
+            pass
+
+
+def test_fields_are_described_in_several_threads_while_garbage_is_collected() -> None:
+    """Python 3.11 by itself fails at this in most of the turns."""
+    alone, found = descriptions(Scenario), []
+
+    def describe(depth: int) -> None:
+        if depth:
+            return describe(depth - 1)
+        return found.append(descriptions(Scenario))
+
+    thresholds, interval = gc.get_threshold(), sys.getswitchinterval()
+    gc.set_threshold(200, 1, 1)
+    sys.setswitchinterval(1e-6)
+    try:
+        for _ in range(6):
+            descriptions.cache_clear()
+            threads = [threading.Thread(target=describe, args=(depth,)) for depth in (0, 5, 10)]
+            litter = [Litter() for _ in range(2000)]
+            for thread in threads:
+                thread.start()
+            del litter
+            for thread in threads:
+                thread.join()
+    finally:
+        gc.set_threshold(*thresholds)
+        sys.setswitchinterval(interval)
+    assert found == 18 * [alone]

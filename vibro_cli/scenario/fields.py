@@ -12,6 +12,7 @@ import textwrap
 from collections.abc import Iterator, Mapping
 from functools import cache, lru_cache
 from itertools import pairwise
+from threading import RLock
 from typing import Any, get_args
 
 from pydantic import ValidationError
@@ -83,12 +84,18 @@ def unit_at(path: KeyPath, root: Model = Scenario) -> str:
     return unit_of(kind_at(path, root))
 
 
+# Garbage that is collected while Python 3.11 parses may let another thread in, whose parsing spoils
+# this one's count of levels (SystemError).
+_PARSING = RLock()
+
+
 @cache
 def descriptions(model: Model) -> Mapping[str, str]:
     """Return what the text below each field of a model says."""
     base = model.__base__
     found = dict(descriptions(base)) if base is not None and issubclass(base, Table) else {}
-    (declared,) = ast.parse(textwrap.dedent(inspect.getsource(model))).body
+    with _PARSING:
+        (declared,) = ast.parse(textwrap.dedent(inspect.getsource(model))).body
     assert isinstance(declared, ast.ClassDef)
     for field, below in pairwise(declared.body):
         if isinstance(field, ast.AnnAssign) and isinstance(below, ast.Expr):
