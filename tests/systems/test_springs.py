@@ -378,6 +378,81 @@ def _row(speeds: Any, masses: Any, held: Any) -> list[dict[str, Any]]:
     ]
 
 
+def _equally_accelerated(*shapes: tuple[float, float, float]) -> list[dict[str, Any]]:
+    """Springs of unit rolling mass with the acceleration of the first, of place, length, height."""
+    pulls = [x * (1.0 - length / math.hypot(height, x)) for x, length, height in shapes]
+    return [
+        spring(6.0 * pulls[0] / pull, length, height, 1.0 + 0.1 * i - x)
+        for i, (pull, (x, length, height)) in enumerate(zip(pulls, shapes, strict=True))
+    ]
+
+
+# The first derivative of the gap that is not zero, the speed, and both springs.
+TIES = {
+    3: (1.0, [spring(6.0, 0.0625, 0.7, 1.0), spring(7.0, 0.0625, 0.7, 1.1)]),
+    4: (0.0, _equally_accelerated((0.9, 0.25, 0.7), (0.4, 0.5, 0.8))),
+    5: (-2.0, [spring(6.0, 0.25, 0.5, 1.0), spring(6.0, 0.5, 1.0, 1.1)]),
+}
+
+
+@pytest.mark.parametrize("engine", ["compiled", "python"])
+@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize("order", TIES)
+def test_bodies_with_one_acceleration_part_by_the_next_derivative(
+    order: int, turned: bool, engine: str
+) -> None:
+    """Equal speeds too: against the series of fifty digits."""
+    speed, held = TIES[order]
+    if turned:
+        shifts = (0.1, -0.1)
+        held = [one | {"foot": one["foot"] + by} for one, by in zip(held, shifts, strict=True)][
+            ::-1
+        ]
+    run = solve(springs(_row([speed] * 2, [1.0] * 2, held), 0.0, time=0.05), engine)
+    one, other = (
+        twin.series(twin.body(1.5, 0.05, tuple(own.values()), 1.0 + 0.1 * i, speed))
+        for i, own in enumerate(held)
+    )
+    terms = [right - left for left, right in zip(one, other, strict=True)]
+    assert max(map(abs, terms[2:order])) < 1e-14 < 1e-2 < abs(terms[order])
+    times = np.linspace(0.0, 0.05, 11)
+    left, right = run.sample(times)["x"].reshape(-1, 2).T
+    known = [twin.at(terms, time)[0] - terms[0] if terms[order] > 0 else 0.0 for time in times]
+    np.testing.assert_allclose(right - left - 0.1, np.array(known, float), rtol=0.0, atol=2e-15)
+    assert len(run.collisions["n"]) == 0
+    assert run.events["event"].tolist() == ([] if terms[order] > 0 else ["contact_closed"])
+
+
+def test_contacts_that_open_at_one_instant_are_decided_together() -> None:
+    """Three disks with one acceleration come back to where they began with all speeds reversed."""
+    masses = [70.0, 0.14, 0.09]
+    held = _equally_accelerated((-1.4, 0.25, 0.7), (-2.0, 0.5, 0.8), (-1.8, 0.75, 0.9))
+    for one, mass in zip(held, masses, strict=True):
+        one["stiffness"] *= mass
+    run = solve(springs(_row([-0.2] * 3, masses, held), 0.0, time=0.3))
+    times = np.linspace(0.0, 0.3, 301)
+    gaps = np.diff(run.sample(times)["x"].reshape(-1, 3), axis=1) - 0.1
+    assert gaps.min() > -1e-14
+
+
+@pytest.mark.parametrize("ratio", [1e-9, 1.0, 1e9])
+def test_contact_opens_where_both_springs_alone_accelerate_alike(ratio: float) -> None:
+    """However much heavier one of the bodies is."""
+    held = [spring(6.0 * ratio, 0.5, 0.7, 1.5), spring(9.0, 0.25, 0.8, 0.9)]
+    run = solve(springs(_row([-9.0] * 2, [ratio, 1.0], held), 0.0, time=0.2))
+    states = run.history()["states"].reshape(-1, 2)
+    assert states["cause"][:, 0].tolist() == [0, 2, 3]
+
+    def pull(c: float, length: float, b: float, x: Any) -> Any:
+        return -mp.mpf(c) * x * (1 - length / mp.sqrt(b * b + x * x))
+
+    def pressing(x: Any) -> Any:
+        return pull(6.0, 0.5, 0.7, x) - pull(9.0, 0.25, 0.8, x + (1.6 - 0.9))
+
+    with mp.workdps(40):
+        assert abs(states["x"][2, 0] - mp.findroot(pressing, states["x"][2, 0])) <= 2e-15
+
+
 @pytest.mark.parametrize("law", LAW_NAMES)
 def test_pairs_that_meet_at_one_instant_of_a_run_collide_jointly(law: str) -> None:
     """Linear springs of one frequency: what parts at once is together again after half a period."""

@@ -28,14 +28,19 @@ from vibro_cli.kernels.impact.laws import (
 from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.kernels.numerics.tridiagonal import solve_from_both_ends
 from vibro_cli.kernels.springs.series import (
+    STEP,
     acceleration_of,
+    expand_group,
     gap_of,
     is_in_contact,
     log_states,
     mass_of_group,
     renew_energies,
+    step_of_group,
+    unit_of,
 )
 from vibro_cli.kernels.springs.world import (
+    BODY_ROWS,
     CHANGES,
     COLLIDED,
     COLLISION,
@@ -44,7 +49,9 @@ from vibro_cli.kernels.springs.world import (
     DECISION,
     IMPACTS,
     MAY,
+    ORDER,
     PARTING,
+    PLACE,
     RELEASED,
     RESTING,
     SETTLED,
@@ -485,8 +492,7 @@ def _propose(world: World, pair: int) -> None:
     approach = approach_of(world, pair)
     if approach == 0.0:
         state.stays = MAY
-        if state.known < RESTING:
-            state.known = RESTING
+        state.known = RESTING
     elif approach < 0.0:
         state.known = PARTING
         if state.restitution < 1.0:
@@ -503,20 +509,48 @@ def _press(world: World) -> bool:
     (Chandrasekaran's method for a matrix with no positive element beside its diagonal).
     """
     found = False
-    bodies = len(world.bodies)
     first = 0
     count = _staying(world, 0)
-    left = common_acceleration(world, first, count)
-    while first + count < bodies:
+    while first + count < len(world.bodies):
         pair = world.pairs[first + count - 1]
-        first += count
-        count = _staying(world, first)
-        right = common_acceleration(world, first, count)
-        if pair.stays == MAY and left - right > pair.needed:
+        more = _staying(world, first + count)
+        if pair.stays == MAY and _pressing(world, first, count, more) > pair.needed:
             pair.stays = STAYS
             found = True
-        left = right
+        first += count
+        count = more
     return found
+
+
+@kernel
+def _pressing(world: World, first: int, count: int, more: int) -> float:
+    """Return what presses ``count`` bodies that move as one and the next ``more`` together.
+
+    That is the relative acceleration (m/s^2), or else the first further term of the gap's series
+    that within its reach is more than the rounding of the places; what is zero before it is noted.
+    """
+    other = first + count
+    pair = world.pairs[other - 1]
+    pressing = common_acceleration(world, first, count) - common_acceleration(world, other, more)
+    if pair.needed > 0.0:
+        return pressing
+    steps = min(step_of_group(world, first, count), step_of_group(world, other, more))
+    reach = steps / STEP
+    rounding = rounding_of_gap(world, other - 1)
+    if 0.5 * abs(pressing) * reach * reach > rounding:
+        return pressing
+    unit = unit_of(steps)
+    expand_group(world, first, count, unit)
+    expand_group(world, other, more, unit)
+    power = (reach / unit) * (reach / unit)
+    for k in range(RELEASED, ORDER):
+        power *= reach / unit
+        term = world.series[first * BODY_ROWS + PLACE + k]
+        term -= world.series[other * BODY_ROWS + PLACE + k]
+        if abs(term) * power > rounding:
+            pair.known = k
+            return term
+    return pressing
 
 
 @kernel
@@ -624,13 +658,19 @@ def open_contact(world: World, pair: int) -> None:
 
 
 @kernel
+def rounding_of_gap(world: World, pair: int) -> float:
+    """Return by how much (m) rounding may change the gap of a pair in contact."""
+    one = world.springs[pair]
+    other = world.springs[pair + 1]
+    size = abs(one.foot + one.x) + abs(other.foot + other.x) + world.pairs[pair].touch
+    return 2.0 * ROUNDING * size
+
+
+@kernel
 def note_touching(world: World) -> None:
     """Note the pairs that are in contact at the present instant, as far as rounding can tell."""
     for pair in range(len(world.bodies) - 1):
         if is_in_contact(world, pair):
             continue
-        one = world.springs[pair]
-        other = world.springs[pair + 1]
-        size = abs(one.foot + one.x) + abs(other.foot + other.x) + world.pairs[pair].touch
-        if abs(gap_of(world, pair)) <= 2.0 * ROUNDING * size:
+        if abs(gap_of(world, pair)) <= rounding_of_gap(world, pair):
             world.pairs[pair].known = RESTING if approach_of(world, pair) == 0.0 else PARTING

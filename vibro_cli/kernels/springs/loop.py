@@ -13,9 +13,19 @@ from vibro_cli.kernels.springs.impacts import (
     first_closing,
     note_touching,
     open_contact,
+    rounding_of_gap,
     settle_contacts,
 )
-from vibro_cli.kernels.springs.series import expand, gap_of, go_on, log_states, renew_energies
+from vibro_cli.kernels.springs.series import (
+    STEP,
+    expand,
+    gap_of,
+    go_on,
+    group_size,
+    log_states,
+    mass_of_group,
+    renew_energies,
+)
 from vibro_cli.kernels.springs.world import (
     BODY_ROWS,
     COLLIDED,
@@ -88,24 +98,40 @@ def _meeting(world: World, pair: int, end: float) -> float:
 
 @kernel
 def _opening(world: World, pair: int, end: float, unit: float) -> float:
-    """When the force in a lasting contact falls to zero."""
+    """When nothing presses the bodies on both sides of a lasting contact together any more."""
     rows = world.gaps
     base = pair * ROW
     first = pair
     while first > 0 and world.pairs[first - 1].held == 1:
         first -= 1
-    rate = 1.0 / unit
+    count = group_size(world, first)
+    left = pair + 1 - first
+    mass = mass_of_group(world, first, left)
+    other = mass_of_group(world, pair + 1, count - left)
     for k in range(ORDER - 1):
-        place = world.series[first * BODY_ROWS + PLACE + k + 2]
-        common = place * (k + 1) * (k + 2) * (rate * rate)
-        force = 0.0
-        for body in range(first, pair + 1):
-            own = world.series[body * BODY_ROWS + FORCE + k]
-            force += world.bodies[body].rolling_mass * (own - common)
-        rows[base + k] = force
-    if rows[base] <= 0.0:
-        return 0.0
-    return first_fall(rows, base, base + ORDER - 2, end)
+        rows[base + k] = _force(world, first, left, k) / mass
+        rows[base + k] -= _force(world, pair + 1, count - left, k) / other
+    # What begins at zero holds if the first of its terms beyond rounding grows.
+    known = 0
+    rounding = rounding_of_gap(world, pair)
+    power = (end * unit / STEP) * (end * unit / STEP)
+    while rows[base + known] <= 0.0:
+        if -rows[base + known] * power > rounding * (known + 1) * (known + 2):
+            return 0.0
+        known += 1
+        power *= end / STEP
+        if known == ORDER - 2:
+            return NO_ROOT
+    return first_fall(rows, base + known, base + ORDER - 2, end)
+
+
+@kernel
+def _force(world: World, first: int, count: int, k: int) -> float:
+    """Return coefficient k of the force (N) of their springs on neighbouring bodies."""
+    force = 0.0
+    for body in range(first, first + count):
+        force += world.bodies[body].rolling_mass * world.series[body * BODY_ROWS + FORCE + k]
+    return force
 
 
 # So many steps without an event are more than a run is worth: it is refused.
@@ -197,7 +223,9 @@ def _step(world: World) -> int:
         return END_TIME
     _go_on(world, step, unit)
     if pair >= 0:
-        if world.pairs[pair].held == 1:
+        if world.pairs[pair].held == 1 and time > 0.0:
+            clock.unsettled = DECISION  # of all: other contacts may hang on this one
+        elif world.pairs[pair].held == 1:
             open_contact(world, pair)
         else:
             world.pairs[pair].known = PARTING

@@ -87,11 +87,17 @@ def _expand_in(world: World, unit: float) -> float:
     while first < len(world.bodies):
         count = group_size(world, first)
         step = min(step, step_of_group(world, first, count))
-        begin_group(world, first, count, unit)
-        for k in range(ORDER - 1):
-            extend_group(world, first, count, k, unit)
+        expand_group(world, first, count, unit)
         first += count
     return step
+
+
+@kernel
+def expand_group(world: World, first: int, count: int, unit: float) -> None:
+    """Set the series of bodies that move as one, in a unit of time (s)."""
+    begin_group(world, first, count, unit)
+    for k in range(ORDER - 1):
+        extend_group(world, first, count, k, unit)
 
 
 @kernel

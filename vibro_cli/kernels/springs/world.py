@@ -16,7 +16,7 @@ PLACE, LENGTH, RATIO, FORCE = 0, ROW, 2 * ROW, 3 * ROW
 BODY_ROWS = 4 * ROW
 
 # How much of the gap of a pair is known to be zero at the start of a step: nothing, the gap, its
-# rate too, its second derivative too.
+# rate too, its second derivative too; greater numbers for more derivatives.
 FREE = 0
 PARTING = 1
 RESTING = 2
@@ -63,7 +63,7 @@ class SpringPair(ChainRow):
     touch: float  # distance along the line of touching centres, m
     restitution: float
     held: int  # 1: in lasting contact
-    known: int  # FREE, PARTING, RESTING or RELEASED
+    known: int  # FREE, PARTING, RESTING, RELEASED or more
     closing: int  # 1: its impact of the present round is to come
     stays: int  # scratch of an instant: STAYS, MAY or 0
     needed: float  # and the acceleration (m/s^2) that has to press it together for that
@@ -151,6 +151,6 @@ class World(NamedTuple):
     springs: Sequence[SpringBody]
     pairs: Sequence[SpringPair]
     series: list[float]  # BODY_ROWS of each body
-    gaps: list[float]  # a row of each pair: its gap, or the force in its contact
+    gaps: list[float]  # a row of each pair: its gap, or what presses it together (m/s^2)
     impacts: Sequence[ImpactRow]
     states: Sequence[StateRow]
