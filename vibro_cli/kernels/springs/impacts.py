@@ -82,6 +82,15 @@ def approach_of(world: World, pair: int) -> float:
 
 
 @kernel
+def approaches(world: World) -> bool:
+    """Whether any pair in contact approaches."""
+    for pair in range(len(world.bodies) - 1):
+        if is_in_contact(world, pair) and approach_of(world, pair) > 0.0:
+            return True
+    return False
+
+
+@kernel
 def collide_approaching(world: World) -> int:
     """Carry out the impacts of all pairs in contact that approach now, of one run with each call.
 
@@ -466,9 +475,8 @@ def settle_contacts(world: World) -> None:
         if _equalise_all(world):
             renew_energies(world)
             log_states(world, COLLISION, 0, 0.0)
-            for pair in range(last):
-                if is_in_contact(world, pair) and approach_of(world, pair) > 0.0:
-                    clock.unsettled = IMPACTS  # one speed of some made others approach
+            if approaches(world):
+                clock.unsettled = IMPACTS  # one speed of some made others approach
             return
     for pair in range(last):
         state = world.pairs[pair]

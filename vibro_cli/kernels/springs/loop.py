@@ -9,6 +9,7 @@ from vibro_cli.kernels.numerics.conservative_advancement import NO_ROOT, first_f
 from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.numerics.double_double import add_to_time
 from vibro_cli.kernels.springs.impacts import (
+    approaches,
     collide_approaching,
     first_closing,
     note_touching,
@@ -50,6 +51,7 @@ from vibro_cli.kernels.world import (
     LOG_FULL,
     ROWS_OF_EVENT,
     RUNNING,
+    WITHIN_INSTANT,
 )
 
 
@@ -146,7 +148,7 @@ def advance(world: World) -> int:
     """
     clock = world.clock[0]
     settings = world.settings[0]
-    if settings.finishing == 1:
+    if settings.finishing == 1 and clock.collisions < settings.stop_collisions:
         return _finish(world)
     if clock.begun == 0:
         clock.begun = 1
@@ -189,12 +191,15 @@ def _settle(world: World) -> int:
     """Do the next thing for bodies in contact at the present instant; RUNNING or the run's end."""
     clock = world.clock[0]
     if clock.unsettled == IMPACTS:
-        # Impacts at one instant are carried out beyond the last that is asked for.
+        # A round of impacts is carried out beyond the last that is asked for.
         begun = first_closing(world) < len(world.bodies) - 1
-        if begun or clock.collisions < world.settings[0].stop_collisions:
+        enough = clock.collisions >= world.settings[0].stop_collisions
+        if not enough or begun or not approaches(world):
             cause = collide_approaching(world)
             if cause != RUNNING:
                 return RUNNING if cause == COLLIDED else cause
+        elif world.settings[0].finishing == 0:
+            return WITHIN_INSTANT
         clock.unsettled = DECISION
     settle_contacts(world)
     return RUNNING

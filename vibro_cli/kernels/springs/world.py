@@ -98,7 +98,7 @@ class Settings:
     stop_time: float
     stop_collisions: int
     room: int
-    finishing: int  # 1: only go on from the last step to the stop
+    finishing: int  # 1: only go on from the last step to the stop, or settle what stopped unsettled
 
 
 @struct
