@@ -288,7 +288,7 @@ def _impulses(world: World, start: int, count: int, law: int) -> bool:
         fine = fine and _parts(world, row)
         one = world.bodies[row.pair]
         other = world.bodies[row.pair + 1]
-        approach = approach_before(world, row, law)
+        approach = approach_by_law(world, row.pair, law, row.v_a_pre, row.v_b_pre)
         state = world.pairs[row.pair]
         sum_a = row.v_a_pre + row.v_a_post
         sum_b = row.v_b_pre + row.v_b_post
@@ -302,13 +302,9 @@ def _solve(world: World, first: int, count: int, law: int) -> None:
     """Find the impulses of neighbouring pairs that collide jointly, each with its k."""
     for pair in range(first, first + count):
         set_chain_row(world, pair, law, first, count)
-        one = world.bodies[pair]
-        other = world.bodies[pair + 1]
-        c = inclination(one, other)
-        v_a = world.springs[pair].v
-        v_b = world.springs[pair + 1].v
-        k = _restitution_now(world, pair)
-        world.pairs[pair].right = (1.0 + k) * law_approach(law, one, other, c, c, v_a, v_b)
+        v_a, v_b = world.springs[pair].v, world.springs[pair + 1].v
+        approach = approach_by_law(world, pair, law, v_a, v_b)
+        world.pairs[pair].right = (1.0 + _restitution_now(world, pair)) * approach
     solve_from_both_ends(world.pairs, len(world.bodies) - 1, first, count)
 
 
@@ -319,12 +315,12 @@ def _restitution_now(world: World, pair: int) -> float:
 
 
 @kernel
-def approach_before(world: World, row: ImpactRow, law: int) -> float:
-    """Relative speed of a law before an impact."""
-    one = world.bodies[row.pair]
-    other = world.bodies[row.pair + 1]
+def approach_by_law(world: World, pair: int, law: int, v_a: float, v_b: float) -> float:
+    """Return the relative speed that a law turns, of a pair with some speeds (m/s)."""
+    one = world.bodies[pair]
+    other = world.bodies[pair + 1]
     c = inclination(one, other)
-    return law_approach(law, one, other, c, c, row.v_a_pre, row.v_b_pre)
+    return law_approach(law, one, other, c, c, v_a, v_b)
 
 
 @kernel

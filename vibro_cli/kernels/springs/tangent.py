@@ -21,7 +21,7 @@ from vibro_cli.kernels.impact.laws import balances_mass, inclination, weight_and
 from vibro_cli.kernels.numerics.double_double import add_to_time, time_between
 from vibro_cli.kernels.numerics.tridiagonal import solve_from_both_ends
 from vibro_cli.kernels.springs.impacts import (
-    approach_before,
+    approach_by_law,
     common_acceleration,
     set_chain_row,
 )
@@ -343,7 +343,8 @@ def _strike(world: World, tangents: Tangents, begin: int, count: int) -> None:
         if more == 1.0:
             tangents.state[0].lost = 1
         set_chain_row(world, row.pair, row.law, first, count)
-        world.pairs[row.pair].right = more * approach_before(world, row, row.law)
+        approach = approach_by_law(world, row.pair, row.law, row.v_a_pre, row.v_b_pre)
+        world.pairs[row.pair].right = more * approach
     solve_from_both_ends(world.pairs, pairs, first, count)
     for number in range(count):
         tangents.turning[number, _IMPULSE] = world.pairs[first + number].solution
