@@ -49,7 +49,7 @@ def commands(folder: Path) -> Iterator[list[str]]:
         else:
             output = ["-o", str(folder / path.stem), "--no-figures", "-q"]
             yield ["-m", "vibro_cli", "run", str(path), *output]
-    cases = sorted((ROOT / "tests" / "hard_cases").glob("*.toml"))
+    cases = sorted((ROOT / "tests").rglob("hard_cases/*.toml"))
     given = ["-o", str(folder / "hard"), "--no-figures", "-q"]
     yield ["-m", "vibro_cli", "run", *map(str, cases), *given]
     yield ["-m", "vibro_cli", "stress", "--only", "energy", "--only", "impacts", "--only", "table"]
