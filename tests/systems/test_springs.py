@@ -435,6 +435,21 @@ def test_contacts_that_open_at_one_instant_are_decided_together() -> None:
     assert gaps.min() > -1e-14
 
 
+@pytest.mark.parametrize("seed", [6, 11, 12, 21])
+def test_approach_by_the_rounding_of_greater_speeds_moves_no_body_into_another(seed: int) -> None:
+    """A light body between heavy ones gets impulses of which an instant leaves a small approach."""
+    masses = [1e6, 1e-6, 1e6]
+    held = [
+        spring(mass * stiffness, 1e-16, 0.7, 1.0 + 0.1 * i)
+        for i, (mass, stiffness) in enumerate(zip(masses, (6.0, 9.6, 13.2), strict=True))
+    ]
+    speeds = np.round(np.random.default_rng(seed).normal(size=3), 1).tolist()
+    document = springs(_row(speeds, masses, held), 0.3, time=1.5)
+    document["collision"]["law"] = "normal-impulse"
+    places = solve(document, "compiled").sample(np.linspace(0.0, 1.5, 151))["x"].reshape(-1, 3)
+    assert np.diff(places, axis=1).min() - 0.1 > -1e-14
+
+
 @pytest.mark.parametrize("ratio", [1e-9, 1.0, 1e9])
 def test_contact_opens_where_both_springs_alone_accelerate_alike(ratio: float) -> None:
     """However much heavier one of the bodies is."""

@@ -590,14 +590,14 @@ def _close(world: World, pair: int) -> None:
 
 @kernel
 def _equalise_all(world: World) -> bool:
-    """Give all bodies that stay together one speed; whether that changed any."""
+    """Give all bodies that stay together, or rest and part, one speed; whether that changed any."""
     changed = False
     first = 0
     bodies = len(world.bodies)
     while first < bodies:
         end = first
         same = True
-        while end < bodies - 1 and world.pairs[end].stays == STAYS:
+        while end < bodies - 1 and _has_one_speed(world, end):
             end += 1
             same = same and world.springs[end].v == world.springs[first].v
         if not same:
@@ -611,6 +611,15 @@ def _equalise_all(world: World) -> bool:
             changed = True
         first = end + 1
     return changed
+
+
+@kernel
+def _has_one_speed(world: World, pair: int) -> bool:
+    """Whether a pair stays together, or approaches by the rounding of far greater speeds."""
+    state = world.pairs[pair]
+    v_a, v_b = world.springs[pair].v, world.springs[pair + 1].v
+    rests = state.known >= RESTING and approach_of(world, pair) == 0.0
+    return state.stays == STAYS or (rests and v_a - v_b > ROUNDING * (abs(v_a) + abs(v_b)))
 
 
 @kernel
