@@ -465,7 +465,7 @@ def _write_back(value: Any, copy: Any) -> None:
             value[place] = tuple(getattr(record, name) for name in value.dtype.names)
 
 
-CHECKPOINT_FORMAT = 5
+CHECKPOINT_FORMAT = 6
 # What stops count, in words.
 COUNTED = {"collisions": "impacts", "bounces": "bounces on the wall"}
 
