@@ -17,6 +17,7 @@ from vibro_cli.analysis.orbits import (
     Orbit,
     begun_between,
     find_orbit,
+    gone_through_once,
     newton,
     scale_of,
     shoot,
@@ -26,11 +27,11 @@ from vibro_cli.analysis.orbits import (
 from vibro_cli.api import load_scenario
 from vibro_cli.assemble import build_system
 from vibro_cli.commands.app import run_command_line
-from vibro_cli.commands.orbit import _axis, orbit_columns
+from vibro_cli.commands.orbit import _axis, _lines, orbit_columns, record_of
 from vibro_cli.figures.analyses import branch_figure
 from vibro_cli.numerics.elementwise import Floats
 from vibro_cli.scenario.loading import scenario_of
-from vibro_cli.stress.scenes import VALLEY, ball, scene, system_of, three_arcs
+from vibro_cli.stress.scenes import VALLEY, Document, ball, scene, system_of, three_arcs
 from vibro_cli.systems.trace import simulate_system
 
 pytestmark = pytest.mark.long
@@ -106,6 +107,68 @@ def test_two_changes_within_one_step_are_found(monkeypatch: pytest.MonkeyPatch) 
     assert [one.kind for one in family.special] == ["bound", "doubling", "doubling", "bound"]
     values = [one.point.value for one in family.special[1:3]]
     assert values == pytest.approx([1.502, 1.504], abs=1e-10)
+
+
+def test_a_change_that_is_not_located_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The orbit next to it stands for it, and the search's error beside it."""
+
+    def distance(found: Orbit, at: float) -> float:
+        return found.system.bodies[1].mass - 1.503 if at < 0.0 else 1.0
+
+    def between(*_: object) -> Point:
+        raise NoOrbit("the events change")
+
+    monkeypatch.setattr(orbit_branch, "_distance", distance)
+    monkeypatch.setattr(Family, "_between", between)
+    scenario = example("falling_balls")
+    first = orbit(scenario, impacts=1)
+    family = orbit_family(scenario, first, "balls[2].mass", 0.9, 1.6)
+    assert [one.fault for one in family.special] == ["", "the events change", ""]
+    nearest = min((point.value for point in family.points), key=lambda value: abs(value - 1.503))
+    assert family.special[1].point.value == nearest
+    assert record_of(first, family)["special"][1]["fault"] == "the events change"
+    told = [line for line in _lines("falling_balls", first, family) if "warning" in line]
+    assert told == ["  warning      that is the nearest orbit found: the events change"]
+
+
+BOUNCING = scene(
+    {"start_slope": -0.0516, "arcs": [{"shape": "valley", "radius": 2.47, "end_slope": 0.644}]},
+    [ball(0.10181, mass=1.23, rate=0.37131), ball(0.31907, rate=-0.17806)],
+    time=30.0,
+) | {"gravity": 9.0886, "ends": {"left": {"wall": 1.0}, "right": {"wall": 1.0}}}  # fmt: skip
+SWINGING = scene(
+    VALLEY,
+    [
+        ball(-2.6240478219, rate=0.0053442879),
+        ball(-0.0648760735, mass=0.9838735473, rate=0.0479785087),
+    ],
+    time=30.0,
+)
+
+
+@pytest.mark.parametrize(
+    ("document", "period", "times", "path", "low", "high"),
+    [
+        (BOUNCING, 1.8287, 2, "gravity", 9.085, 9.12),
+        (SWINGING, 15.8194085, 4, "balls[2].mass", 0.9833, 0.9840),
+    ],
+)
+def test_a_family_ends_where_its_orbits_come_to_have_half_their_period(
+    document: Document, period: float, times: int, path: str, low: float, high: float
+) -> None:
+    """Orbits of so many periods branch off where a multiplier of the short one is a root of 1."""
+    scenario = scenario_of(document)
+    first = find_orbit(system_of(document), None, period)
+    family = orbit_family(scenario, first, path, low, high)
+    assert sorted(one.kind for one in family.special) == ["bound", "halving"]
+    end = next(one.point for one in family.special if one.kind == "halving")
+    assert end.orbit.energy == pytest.approx(first.energy, rel=1e-12)
+    once = gone_through_once(end.orbit)
+    assert end.orbit.period == pytest.approx(times * once.period, rel=1e-12)
+    expected = 2.0 * math.cos(2.0 * math.pi / times)
+    assert np.trace(once.reduced) == pytest.approx(expected, abs=1e-9)
+    # By differences of motions.
+    assert np.trace(_differences(once)) - 2.0 == pytest.approx(expected, abs=1e-5)
 
 
 def test_a_family_whose_orbits_last_ever_longer_ends() -> None:

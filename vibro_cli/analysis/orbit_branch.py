@@ -30,6 +30,7 @@ from vibro_cli.analysis.orbits import (
     begun_between,
     energy_of,
     equations,
+    newton,
     residual_of,
     scale_of,
     shoot,
@@ -66,6 +67,10 @@ _CHANGE = 1.0e-7
 _ROUNDING = 1.0e-12
 # Orbits tried to see whether multipliers pass a number between two points and come back.
 _DIPS = 12
+# An orbit that nearer to it has half the period, as a share of its size, has it.
+_HALF = 1.0e-7
+# Shares of the way back from where a period halves at which the orbits tell where that is.
+_NEARING = (0.1, 0.2, 0.3, 0.4)
 # The multipliers of what closes worse, as of motions that have nearly come to rest, are rounding.
 _CLOSED_WELL = 10.0 * CLOSED
 
@@ -87,10 +92,12 @@ class Point:
 class Special:
     """Where a branch changes its stability, turns back or ends."""
 
-    kind: str  # fold, doubling, exchange, torus, or how it ends: bound, grazing, coincidence, …
+    kind: str  # fold, doubling, exchange, torus, or how it ends: bound, halving, grazing, …
     point: Point
     after: int
     """Index of the last point of the branch that does not lie beyond it"""
+    fault: str = ""
+    """Why `point` is only the nearest orbit found and not the very place; empty if it is that"""
 
 
 @dataclass
@@ -221,6 +228,8 @@ class Family:
             guess, across = self._ahead(here, ahead * tangent, tangent)
             try:
                 new = self._corrected(guess, across)
+                if float(here.orbit.half_gap @ new.orbit.half_gap) < 0.0:
+                    return [*points, self._halved(here, new)], "halving"
             except NoOrbit as error:
                 step, cause = 0.5 * step, str(error)
                 if step < LEAST_STEP:
@@ -280,6 +289,8 @@ class Family:
                 found = begun_between(found)
                 if found.shot.jumps != self._jumps:
                     raise NoOrbit("the events change")
+                if np.linalg.norm(found.half_gap) < _HALF * size_of(system, state):
+                    raise NoOrbit("the period halves")
                 return Point(value, found, self._packed(found.state, found.period, value))
             # Near a fold a step may leave more than rounding, and the next one nothing.
             if residual > 4.0 * max(before, 100.0 * NEARLY_CLOSED) or residual > 1.0:
@@ -314,6 +325,33 @@ class Family:
         share = (value - one.value) / (other.value - one.value)
         return self._corrected(one.along + share * (other.along - one.along), self._across())
 
+    def _halved(self, one: Point, other: Point) -> Point:
+        """The orbit of half the period between two others, gone through twice.
+
+        Beyond it the family has the same orbits again, begun half a period later, where the half
+        gap is the opposite one: so value, period and the mean of both starts are functions of its
+        square, and are taken from the polynomial through four orbits.
+        """
+        gaps = [float(np.linalg.norm(point.orbit.half_gap)) for point in (one, other)]
+        whole = gaps[0] / sum(gaps)
+        near = [self._between(one, other, whole * (1.0 - share)) for share in _NEARING]
+        found = [(point.value, point.orbit, point.orbit.half_gap) for point in near]
+        scale = scale_of(self._system)
+        squares = np.array([gap @ gap for *_, gap in found])
+        rows = [
+            [*(orbit.state + 0.5 * gap[: len(scale)] / scale), orbit.period, value]
+            for value, orbit, gap in found
+        ]
+        *state, period, value = np.polyfit(squares / squares.max(), rows, len(rows) - 1)[-1]
+        if not self._low <= value <= self._high:
+            raise NoOrbit("the period halves beyond the range")
+        energy = self._energy_of(float(value))
+        half = newton(self._system_of(float(value)), np.array(state), 0.5 * period, energy)
+        shot = shoot(half.system, 2.0 * half.period)
+        residual = residual_of(half.system, shot, half.state, None)
+        orbit = replace(half, period=2.0 * half.period, shot=shot, residual=residual)
+        return Point(float(value), orbit, self._packed(orbit.state, orbit.period, float(value)))
+
     def _passed(self, points: list[Point]) -> list[Special]:
         """Where multipliers pass -1 or 1; at a fold one passes 1."""
         found = []
@@ -324,10 +362,10 @@ class Family:
             for n, m in pairwise(known):
                 if distances[n] * distances[m] < 0.0:
                     one, other = points[n], points[m]
-                    zero = self._change(one, other, partial(_distance, at=at))
+                    zero, fault = self._change(one, other, partial(_distance, at=at))
                     turns = (zero.value - one.value) * (other.value - zero.value) < 0.0
                     name = "fold" if turns and kind == "exchange" else kind
-                    found.append(Special(name, zero, m - 1))
+                    found.append(Special(name, zero, m - 1, fault))
         return found
 
     def _with_dips(self, points: list[Point], at: float) -> list[Point]:
@@ -368,7 +406,8 @@ class Family:
             real = outer.multipliers[last].imag == 0.0
             if outer.outside < inner.outside + 2 or real or outer.residual > _CLOSED_WELL:
                 continue
-            found.append(Special("torus", self._change(one, other, partial(_beyond, last)), n))
+            zero, fault = self._change(one, other, partial(_beyond, last))
+            found.append(Special("torus", zero, n, fault))
         return found
 
     def _between(self, one: Point, other: Point, share: float) -> Point:
@@ -376,9 +415,14 @@ class Family:
         chord = other.along - one.along
         return self._corrected(one.along + share * chord, chord / np.linalg.norm(chord))
 
-    def _change(self, one: Point, other: Point, test: Callable[[Orbit], float]) -> Point:
-        """Where a number of the orbits passes zero between two of them (Brent's method)."""
-        known = {0.0: one, 1.0: other}
+    def _change(
+        self, one: Point, other: Point, test: Callable[[Orbit], float]
+    ) -> tuple[Point, str]:
+        """Where a number of the orbits passes zero between two of them (Brent's method).
+
+        And why the search ended before it came there, if it did.
+        """
+        known, fault = {0.0: one, 1.0: other}, ""
 
         def tested(share: float) -> float:
             if share not in known:
@@ -386,9 +430,11 @@ class Family:
             return test(known[share].orbit)
 
         size = float(np.linalg.norm(one.along)) / _apart(one, other)
-        with suppress(NoOrbit):
+        try:
             brentq(tested, 0.0, 1.0, xtol=1e-12 * size)
-        return min(known.values(), key=lambda point: abs(test(point.orbit)))
+        except NoOrbit as error:
+            fault = str(error)
+        return min(known.values(), key=lambda point: abs(test(point.orbit))), fault
 
     def _ending(self, here: Point, tangent: Floats, size: float, cause: str) -> str:
         """Why a branch cannot be followed beyond a point: what the next motion has otherwise."""

@@ -102,6 +102,24 @@ class Orbit:
         values = np.linalg.eigvals(self.reduced).astype(np.complex128)
         return values[np.argsort(-np.abs(values), kind="stable")]
 
+    @cached_property
+    def half_gap(self) -> Floats:
+        """How far (m) the orbit is from half its period; NaN if its halves differ in events.
+
+        From each middle between two jumps, as its start, to the one half their number later.
+        """
+        jumps, period, half = self.shot.jumps, self.period, len(self.shot.instants) // 2
+        if any(one[: len(one) // 2] * 2 != one for one in jumps):
+            return np.full(len(self.state), np.nan)
+        times = np.array([self.shot.instants[-1] - period, *self.shot.instants])
+        run = simulate_system(self.system, period, None)
+        states = [state_at(run, max(t, 0.0)) for t in (0.5 * (times[1:] + times[:-1])).tolist()]
+        gaps = [
+            gap_of(self.system, one, other) * scale_of(self.system)
+            for one, other in zip(states[:half], states[half:], strict=True)
+        ]
+        return np.concatenate(gaps)
+
     @property
     def stable(self) -> bool:
         """Whether no small change grows as a power of a number."""
@@ -381,9 +399,9 @@ def begun_between(orbit: Orbit, longest: bool = False) -> Orbit:
     return orbit
 
 
-def gap_of(system: TraceSystem, shot: Shot, state: Floats) -> Floats:
+def gap_of(system: TraceSystem, start: Floats, end: Floats) -> Floats:
     """End of a motion less its start; whole rounds of a closed trace are none."""
-    gap = shot.end - state
+    gap = end - start
     for body in range(len(system.bodies)):
         gap[2 * body] = _without_rounds(system, body, gap[2 * body])
     return gap
@@ -394,7 +412,7 @@ def size_of(system: TraceSystem, state: Floats) -> float:
     return float(np.linalg.norm(state * scale_of(system)))
 
 
-def newton(system: TraceSystem, state: Floats, period: float) -> Orbit:
+def newton(system: TraceSystem, state: Floats, period: float, energy: float | None = None) -> Orbit:
     """Return the periodic orbit near a start.
 
     Parameters
@@ -403,6 +421,8 @@ def newton(system: TraceSystem, state: Floats, period: float) -> Orbit:
         What moves; its start is not used.
     state, period
         A guess, whose events the orbit is to have.
+    energy
+        Of the orbit (J); without it that of the guess is kept as nearly as possible.
 
     Raises
     ------
@@ -415,14 +435,14 @@ def newton(system: TraceSystem, state: Floats, period: float) -> Orbit:
     walls = [end.restitution for end in (system.left_end, system.right_end) if end is not None]
     if any(event.endswith("|") for event in shot.word) and all(k != 1.0 for k in walls):
         raise NoOrbit(_LOSSY.format(walls[0]))
-    residual, begun = residual_of(system, shot, state, None), False
+    residual, begun = residual_of(system, shot, state, energy), False
     for _ in range(MOST_STEPS):
         if begun and residual < CLOSED:
             break
-        rows, right = equations(system, shot, state, None)
+        rows, right = equations(system, shot, state, energy)
         columns = np.append(1.0 / scale, 1.0 / unit)
         step = np.linalg.lstsq(rows * columns, right, rcond=1e-12)[0] * columns
-        found = _damped(system, state, period, shot.jumps, step, residual)
+        found = _damped(system, state, period, shot.jumps, step, residual, energy)
         if found is None:
             break
         state, period, shot, residual = found
@@ -441,7 +461,7 @@ def newton(system: TraceSystem, state: Floats, period: float) -> Orbit:
 
 def residual_of(system: TraceSystem, shot: Shot, state: Floats, energy: float | None) -> float:
     """How far a motion is from closing (and from the energy), as a share of its size."""
-    gap = gap_of(system, shot, state) * scale_of(system)
+    gap = gap_of(system, state, shot.end) * scale_of(system)
     found = float(np.linalg.norm(gap)) / size_of(system, state)
     if energy is not None:
         gradient = float(np.linalg.norm(energy_gradient(system, state) / scale_of(system)))
@@ -459,7 +479,7 @@ def equations(
     end_flow = velocity(system, np.where(np.isnan(shot.end), state, shot.end))
     closing = np.hstack([shot.matrix - np.eye(len(state)), end_flow[:, None]]) * scale[:, None]
     rows = [*closing, np.append(start_flow * scale**2 / np.linalg.norm(start_flow * scale), 0.0)]
-    right = [*(-gap_of(system, shot, state) * scale), 0.0]
+    right = [*(-gap_of(system, state, shot.end) * scale), 0.0]
     if energy is not None:
         gradient = energy_gradient(system, state)
         size = float(np.linalg.norm(gradient / scale))
@@ -475,6 +495,7 @@ def _damped(
     jumps: tuple[tuple[str, ...], ...],
     step: Floats,
     residual: float,
+    energy: float | None,
 ) -> tuple[Floats, float, Shot, float] | None:
     """The first of ever shorter steps that comes nearer with the same events; None if none does."""
     share = 1.0
@@ -482,7 +503,7 @@ def _damped(
         new, longer = state + share * step[:-1], period + share * float(step[-1])
         try:
             shot = shoot(admitted(system, new), longer)
-            left = residual_of(system, shot, new, None)
+            left = residual_of(system, shot, new, energy)
             if shot.jumps == jumps and left < residual * (1.0 - 0.1 * share):
                 return new, longer, shot, left
         except NoOrbit:

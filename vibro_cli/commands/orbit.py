@@ -168,7 +168,12 @@ def record_of(found: Orbit, branch: Branch | None) -> dict[str, Any]:
     record: dict[str, Any] = _plain(found)
     if branch is not None:
         record["special"] = [
-            {"kind": one.kind, "value": one.point.value, **_plain(one.point.orbit)}
+            {
+                "kind": one.kind,
+                "value": one.point.value,
+                "fault": one.fault,
+                **_plain(one.point.orbit),
+            }
             for one in branch.special
         ]
         record["points"] = len(branch.points)
@@ -210,6 +215,8 @@ def _lines(name: str, found: Orbit, branch: Branch | None) -> Iterator[str]:
             orbit = one.point.orbit
             told = ", ".join(_complex(mu) for mu in orbit.multipliers)
             yield f"  {one.kind:11}  at {one.point.value:.12g}: period {orbit.period:.9g} s; {told}"
+            if one.fault:
+                yield f"  warning      that is the nearest orbit found: {one.fault}"
 
 
 def _complex(value: complex) -> str:

@@ -80,7 +80,7 @@ STABLE = line(style.BLUE, 1.2)
 UNSTABLE = line(style.VERMILLION, 0.9, (3.0, 1.2))
 _MARKS = {
     "doubling": ("s", "doubling"), "fold": ("D", "fold"), "exchange": ("^", "exchange"),
-    "torus": ("v", "torus"),
+    "torus": ("v", "torus"), "halving": ("<", "half the period"),
     "grazing": ("x", "grazing end"), "coincidence": ("+", "two events at once"),
 }  # fmt: skip
 _OTHER = ("o", "end")

@@ -266,7 +266,7 @@ def orbits(balls: int) -> Table:
         number("value", "", "number of the scenario that was varied (null for one orbit)", True),
         word(
             "special",
-            "doubling, fold, exchange, or how the family ends: bound, grazing, coincidence, …",
+            "doubling, fold, exchange, torus, or how it ends: bound, halving, grazing, …",
             nullable=True,
         ),
         number("period", "s", "period"),
