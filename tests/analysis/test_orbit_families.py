@@ -235,6 +235,27 @@ def test_a_family_goes_on_where_a_body_comes_to_cross_a_junction(law: str) -> No
         assert np.sum(found.multipliers).real == pytest.approx(trace - 2.0, abs=1e-5)
 
 
+def test_a_family_round_a_circle_ends_where_an_impact_comes_to_the_seam() -> None:
+    """There one of the balls of an impact is at the seam, though nothing happens to the motion."""
+    seam = 0.16402347
+    circle = {"shape": "valley", "radius": 1.0, "end_slope": seam + 2.0 * math.pi}
+    trace = {"start_slope": seam, "closed": True, "arcs": [circle]}
+    places = [
+        ball(0.1973394242, mass=1.3, rate=1.37686051496),
+        ball(2.0 * math.pi - 1.5562631682, rate=12.05509936177),
+    ]
+    document = scene(trace, places, time=20.0)
+    first = find_orbit(system_of(document), None, 1.0814)
+    family = orbit_family(scenario_of(document), first, "balls[1].mass", 1.0, 1.7)
+    assert [one.kind for one in family.special] == ["seam", "seam"]
+    for one in family.special:
+        found = one.point.orbit
+        run = simulate_system(found.system, found.period, None)
+        angles = run.sample(run.collisions["t"])["angle"] - seam
+        ends = np.minimum(np.abs(angles), np.abs(angles - 2.0 * math.pi))
+        assert np.min(ends) < 1e-6
+
+
 def test_a_family_whose_balls_always_bounce_at_once_goes_on() -> None:
     """Without momentum they come to both walls at one instant, whatever their masses."""
     line = {"start_slope": 0.0, "arcs": [{"shape": "line", "length": 3.0}]}

@@ -449,6 +449,8 @@ class Family:
             except NoOrbit as error:
                 return str(error)
             if shot.jumps != self._jumps:
+                if _uncrossed(shot.jumps) == _uncrossed(self._jumps):
+                    return "seam"
                 weakest = min(shot.approach, here.orbit.shot.approach)
                 return "grazing" if weakest < slow else "coincidence"
         if here.orbit.shot.approach < _NEARLY_GRAZING * slow:
@@ -456,6 +458,11 @@ class Family:
         # Rounding grows by the greatest multiplier before the orbit closes.
         grown = EPSILON * abs(here.orbit.multipliers[0])
         return "rounding" if grown > 0.1 * NEARLY_CLOSED else cause
+
+
+def _uncrossed(jumps: tuple[tuple[str, ...], ...]) -> list[list[str]]:
+    """Of each body the jumps that are no crossings."""
+    return [[word for word in one if word[-1] not in "<>"] for one in jumps]
 
 
 def _turns(points: list[Point], folds: set[int]) -> list[Special]:
