@@ -287,3 +287,20 @@ def test_instants_without_noise_give_a_number_as_short_as_its_double(
     arguments = ["--free", "collision.k", "--set", "collision.k=0.88"]
     assert run_command_line(["fit", str(file), measured, *arguments]) == 0
     assert "collision.k          0.9 ± " in capsys.readouterr().out
+
+
+def test_impacts_that_rounding_of_a_number_moves_are_refused() -> None:
+    """The first one refused is where motions of neighbouring doubles part by the noise."""
+    scenario = example("line_between_valleys").replace(
+        {"collision.k": 0.98, "stop.collisions": 100, "stop.time": 1000.0}
+    )
+    beside = scenario.replace({"collision.k": 0.98 * (1.0 + np.finfo(float).eps)})
+    times = simulate(scenario).collisions["t"]
+    apart = np.abs(simulate(beside).collisions["t"] - times)
+    with pytest.raises(NoFit, match="rounded to a double") as caught:
+        fit(scenario, times, ["collision.k"], noise=1e-5)
+    first = int(str(caught.value).split()[1])
+    assert np.all(apart[: first - 4] < 1e-5)
+    assert np.max(apart[: first + 6]) > 1e-5
+    found = fit(scenario, times[: first - 4], ["collision.k"], noise=1e-5)
+    assert found.values[0] == 0.98

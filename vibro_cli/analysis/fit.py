@@ -26,6 +26,7 @@ from scipy.stats import chi2, t
 from vibro_cli.analysis.impact_times import ImpactTimes, NoDerivative, impact_times, number_at
 from vibro_cli.assemble import build_system
 from vibro_cli.errors import VibroError
+from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.numerics.elementwise import Floats
 from vibro_cli.scenario.models import Scenario
 from vibro_cli.scenario.problems import KeyPath, ScenarioError, parsed_path, path_text
@@ -491,10 +492,24 @@ class _Problem:
             names = [one.name for one, w in zip(self._free, weights, strict=True) if w > 1e-3]
             raise NoFit(f"{', '.join(names)}: the instants tell only of a combination of them")
 
+    def _check_resolved(self, values: Floats, jacobian: Floats) -> None:
+        """Raise ``NoFit`` where rounding a number moves an impact by more than its noise."""
+        moved = EPSILON * np.abs(jacobian * values)
+        lost = np.argwhere(moved > 1.0)
+        if self._known and len(lost):
+            row, number = lost[0]
+            noise = self._noise[row]
+            raise NoFit(
+                f"impact {self._measured.number[row]} moves by {moved[row, number] * noise:.2g} s "
+                f"when {self._free[number].name} is rounded to a double, more than its noise of "
+                f"{noise:.2g} s: it tells nothing, expected only the {row} before it"
+            )
+
     def told(self, start: Floats, first: Floats, values: Floats) -> Fit:
         rows = len(self._measured.t)
         late, jacobian = self._late(values, rows)
         self._check_told(jacobian)
+        self._check_resolved(values, jacobian)
         found = self.motion(values, rows)
         covariance: Any = np.linalg.inv(jacobian.T @ jacobian)
         noise = self._noise

@@ -417,7 +417,10 @@ def _lines_of_fit(found: Fit) -> Iterator[str]:
             f"as large or larger in {100.0 * found.likelihood:.2g} % of such measurements"
         )
     if found.likelihood is not None and found.likelihood < DOUBTFUL:
-        yield "  warning              model or noise are wrong, or impacts were missed (give n)"
+        yield (
+            "  warning              model or noise are wrong, impacts were missed (give n), or it "
+            "is not the lowest minimum (fit fewer impacts, then all from what they give)"
+        )
     if not found.same_events:
         yield (
             "  events               change within the 95 % region: the errors are those of the "
