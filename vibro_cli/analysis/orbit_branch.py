@@ -228,7 +228,7 @@ class Family:
             guess, across = self._ahead(here, ahead * tangent, tangent)
             try:
                 new = self._corrected(guess, across)
-                if float(here.orbit.half_gap @ new.orbit.half_gap) < 0.0:
+                if _share_left(here, new) < _NEARING[0]:
                     return [*points, self._halved(here, new)], "halving"
             except NoOrbit as error:
                 step, cause = 0.5 * step, str(error)
@@ -326,14 +326,13 @@ class Family:
         return self._corrected(one.along + share * (other.along - one.along), self._across())
 
     def _halved(self, one: Point, other: Point) -> Point:
-        """The orbit of half the period between two others, gone through twice.
+        """The orbit of half the period between two others or just ahead, gone through twice.
 
         Beyond it the family has the same orbits again, begun half a period later, where the half
         gap is the opposite one: so value, period and the mean of both starts are functions of its
         square, and are taken from the polynomial through four orbits.
         """
-        gaps = [float(np.linalg.norm(point.orbit.half_gap)) for point in (one, other)]
-        whole = gaps[0] / sum(gaps)
+        whole = 1.0 / (1.0 - _share_left(one, other))
         near = [self._between(one, other, whole * (1.0 - share)) for share in _NEARING]
         found = [(point.value, point.orbit, point.orbit.half_gap) for point in near]
         scale = scale_of(self._system)
@@ -458,6 +457,12 @@ class Family:
         # Rounding grows by the greatest multiplier before the orbit closes.
         grown = EPSILON * abs(here.orbit.multipliers[0])
         return "rounding" if grown > 0.1 * NEARLY_CLOSED else cause
+
+
+def _share_left(one: Point, other: Point) -> float:
+    """What the other's gap to half the period is of the one's: below 0 if that lies between."""
+    gap = one.orbit.half_gap
+    return float(gap @ other.orbit.half_gap / (gap @ gap))
 
 
 def _uncrossed(jumps: tuple[tuple[str, ...], ...]) -> list[list[str]]:
