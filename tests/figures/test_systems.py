@@ -94,7 +94,7 @@ def test_every_ball_of_a_table_is_named_with_its_energy() -> None:
 def test_places_over_time_are_those_of_the_run(name: str) -> None:
     run = run_of(FOLDER / f"springs/{name}.toml")
     for ball in range(1, len(run.system.bodies) + 1):
-        time, place = springs_place(run, ball, motions(run, ball - 1), run.end_time)
+        time, place = springs_place(run, ball, motions(run)[ball - 1], run.end_time)
         assert np.all(np.diff(time) >= 0.0)
         sample = run.sample(time[::5])
         exact = sample["x"][sample["ball"] == ball]

@@ -103,15 +103,13 @@ def springs_energies(run: Run, width: str = "single") -> Figure:
     """Return the energy of each body and of all against time, and what the impacts lose."""
     until, lines = _courses(run)
     lost = losses_of(run.collisions)
-    every = [motions(run, body) for body in range(len(run.system.bodies))]
-    return energy_chart(run, lines, lost, _contacts(every), (until, run.end_time), width)
+    return energy_chart(run, lines, lost, _contacts(motions(run)), (until, run.end_time), width)
 
 
 @kept
 def _courses(run: Run) -> tuple[float, EnergyLines]:
     """Return until when energies are drawn (s), and their lines."""
-    bodies = range(1, len(run.system.bodies) + 1)
-    until = _calm(run, [motions(run, ball - 1) for ball in bodies])
+    until, bodies = _calm(run, motions(run)), range(1, len(run.system.bodies) + 1)
     return until, energy_lines([springs_energy(run, ball, until) for ball in bodies])
 
 
@@ -127,14 +125,13 @@ def springs_energy(run: Run, ball: int, until: float) -> tuple[Array, Array]:
 
     Constant between impacts, but for lasting contact; at a jump a time stands twice.
     """
-    found, hills = motions(run, ball - 1), SpringsLandscape.of(run.system, ball - 1, ball - 1)
+    found, hills = motions(run)[ball - 1], SpringsLandscape.of(run.system, ball - 1, ball - 1)
     shown = found.some(found.start <= until)
     times, energies = [], []
     changes = np.flatnonzero(np.diff(shown.contact)) + 1
     for rows in np.split(np.arange(len(shown.start)), changes):
         if shown.contact[rows[0]]:
-            parts = [springs_course(run, ball, shown, row, until) for row in rows.tolist()]
-            time, place, speed = map(np.concatenate, zip(*parts, strict=True))
+            time, place, speed = springs_course(run, ball, shown.some(rows), until)
         else:
             ends = np.minimum(shown.end[rows], until)
             time = np.column_stack([shown.start[rows], ends]).ravel()
@@ -144,21 +141,25 @@ def springs_energy(run: Run, ball: int, until: float) -> tuple[Array, Array]:
     return np.concatenate(times), np.concatenate(energies)
 
 
-def springs_course(
-    run: Run, ball: int, found: Motions, row: int, until: float
-) -> tuple[Array, Array, Array]:
-    """Return times (s) up to one, displacements (m) and speeds (m/s) of a body in one motion."""
-    first = int(found.first[row])
-    hills = SpringsLandscape.of(run.system, first, int(found.last[row]))
-    shift = hills.offsets[ball - 1 - first]
-    x, v, x_end, v_end = (float(column[row]) for column in found.states)
-    start, lasts = float(found.start[row]), float(found.end[row] - found.start[row])
-    period = float(hills.period(np.array([x - shift]), np.array([v]))[0])
-    if lasts > until - start + period:  # the rest is not drawn
-        x_end, v_end, lasts = math.nan, math.nan, until - start + period
-    time, place, speed = hills.course((x - shift, v), (x_end - shift, v_end), lasts, _EACH)
-    shown = time <= until - start
-    return start + time[shown], place[shown] + shift, speed[shown]
+def springs_course(run: Run, ball: int, found: Motions, until: float) -> tuple[Array, Array, Array]:
+    """Return times (s) up to one, displacements (m) and speeds (m/s) of a body in its motions."""
+    parts: list[Any] = [None] * len(found.start)
+    for group in set(zip(found.first.tolist(), found.last.tolist(), strict=True)):
+        rows = np.flatnonzero((found.first == group[0]) & (found.last == group[1]))
+        hills = SpringsLandscape.of(run.system, *group)
+        shift = hills.offsets[ball - 1 - group[0]]
+        x, v, x_end, v_end = (column[rows] for column in found.states)
+        start = found.start[rows]
+        most = until - start + hills.period(x - shift, v)
+        lasts = found.end[rows] - start
+        whole = lasts <= most  # the rest is not drawn
+        end = np.where(whole, x_end - shift, math.nan), np.where(whole, v_end, math.nan)
+        courses = hills.courses((x - shift, v), end, np.minimum(lasts, most), _EACH)
+        for row, begun, (time, place, speed) in zip(rows, start, courses, strict=True):
+            shown = time <= until - begun
+            parts[row] = begun + time[shown], place[shown] + shift, speed[shown]
+    time, place, speed = map(np.concatenate, zip(*parts, strict=True))
+    return time, place, speed
 
 
 def _calm(run: Run, every: list[Motions]) -> float:
@@ -191,7 +192,7 @@ def springs_places(run: Run, width: str = "single") -> Figure:
 
     Of a long run, the first part only.
     """
-    every = [motions(run, body) for body in range(len(run.system.bodies))]
+    every = motions(run)
     starts = np.sort(np.concatenate([each.start for each in every]))
     many = float(starts[MOST_FLIGHTS]) if len(starts) > MOST_FLIGHTS else run.end_time
     until = min(many, run.end_time, _periods(run))
@@ -221,9 +222,7 @@ def _foot(ball: int) -> Look:
 
 def springs_place(run: Run, ball: int, found: Motions, until: float) -> tuple[Array, Array]:
     """Return times (s) up to one, and where a body (from 1) is along the line then (m)."""
-    rows = np.flatnonzero(found.start <= until).tolist()
-    parts = [springs_course(run, ball, found, row, until) for row in rows]
-    times, places = (np.concatenate([part[n] for part in parts]) for n in range(2))
+    times, places, _ = springs_course(run, ball, found.some(found.start <= until), until)
     return times, places + run.system.springs[ball - 1].foot
 
 

@@ -7,6 +7,7 @@ one point in a potential: U(q) = Σ c/2 (√(b² + (q + d)²) - l)² / Σ κ m, 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -255,30 +256,19 @@ class SpringsLandscape:
         q[known, -1], speed[known, -1] = end[0][known], end[1][known]
         return q, speed
 
-    def course(
-        self, start: tuple[float, float], end: tuple[float, float], duration: float, each: int
-    ) -> tuple[Array, Array, Array]:
-        """Return times from the start (s), displacements (m) and speeds (m/s) of one motion.
+    def courses(
+        self, start: tuple[Array, Array], end: tuple[Array, Array], duration: Array, each: int
+    ) -> Iterator[tuple[Array, Array, Array]]:
+        """Yield times from the start (s), displacements (m) and speeds (m/s) of each motion.
 
-        `each` points in every period; a motion is as in `branches`. The states have the energy
+        `each` points in every period; motions are as in `branches`. The states have the energy
         exactly, the times to a small part of a period.
         """
-        states = [(np.array([place]), np.array([speed])) for place, speed in (start, end)]
-        loops = _Loops.of(self, *states[0], _FINE)
-        first, sweep = loops.swept(states[0], states[1], np.array([duration]))
-        if not math.isfinite(end[1]):
-            sweep = loops.reached(first, duration)
-        count = max(1, math.ceil(each * float(sweep[0] / loops.round[0])))
-        share = np.linspace(0.0, 1.0, count + 1)
-        q, speed = loops.states(first[:, None] + sweep[:, None] * share)
-        q[0, 0], speed[0, 0] = start
-        if math.isfinite(end[1]):
-            q[0, -1], speed[0, -1] = end
-        middles = (np.arange(count * _SUB) + 0.5) / (count * _SUB)
-        steps = loops.paces(first[:, None] + sweep[:, None] * middles)[0]
-        passed = np.append(0.0, np.cumsum(steps.reshape(count, _SUB).sum(axis=1)))
-        times = duration * (passed / passed[-1] if passed[-1] > 0.0 else share)
-        return times, q[0], speed[0]
+        loops = _Loops.of(self, *start, _FINE)
+        for row, lasts in enumerate(duration.tolist()):
+            one = slice(row, row + 1)
+            states = [(side[0][one], side[1][one]) for side in (start, end)]
+            yield loops.some(one).course(states, lasts, each)
 
 
 @dataclass(frozen=True)
@@ -311,6 +301,11 @@ class _Loops:
         marks = np.column_stack([np.zeros(len(q)), np.cumsum(parts, axis=1)])
         level = Level(q[:, None], speed[:, None] ** 2)
         return _Loops(landscape, level, nodes, marks, quadrature)
+
+    def some(self, rows: slice) -> _Loops:
+        """Return those in some rows."""
+        level = Level(self.level.place[rows], self.level.square[rows])
+        return _Loops(self.landscape, level, self.nodes[rows], self.marks[rows], self.quadrature)
 
     @property
     def round(self) -> Array:
@@ -377,6 +372,26 @@ class _Loops:
         turned = duration / self.period * self.round
         whole: Array = np.where(known, np.maximum(between, 0.0), turned)
         return first, whole
+
+    def course(
+        self, states: Sequence[tuple[Array, Array]], duration: float, each: int
+    ) -> tuple[Array, Array, Array]:
+        """Return the motion in the only loop from state to state, see `courses`."""
+        (start, end) = states
+        first, sweep = self.swept(start, end, np.array([duration]))
+        if not math.isfinite(end[1][0]):
+            sweep = self.reached(first, duration)
+        count = max(1, math.ceil(each * float(sweep[0] / self.round[0])))
+        share = np.linspace(0.0, 1.0, count + 1)
+        q, speed = self.states(first[:, None] + sweep[:, None] * share)
+        q[:, 0], speed[:, 0] = start
+        if math.isfinite(end[1][0]):
+            q[:, -1], speed[:, -1] = end
+        middles = (np.arange(count * _SUB) + 0.5) / (count * _SUB)
+        steps = self.paces(first[:, None] + sweep[:, None] * middles)[0]
+        passed = np.append(0.0, np.cumsum(steps.reshape(count, _SUB).sum(axis=1)))
+        times = duration * (passed / passed[-1] if passed[-1] > 0.0 else share)
+        return times, q[0], speed[0]
 
     def reached(self, first: Array, duration: float) -> Array:
         """Return by how much the phase of the only loop grows in a time (s)."""

@@ -52,7 +52,7 @@ from vibro_cli.figures.portraits.trajectory import (
     jumps_of,
     points_each,
 )
-from vibro_cli.figures.source import Array, Integers, made
+from vibro_cli.figures.source import Array, Integers, kept, made
 from vibro_cli.figures.style import width_of
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.springs.phase_plane import (
@@ -93,22 +93,29 @@ class Motions:
         return Motions(self.first[rows], self.last[rows], start, end, (x, v, x_end, v_end))
 
 
-def motions(run: Run, body: int) -> Motions:
-    """Return what a body (from 0) does between events, in the order of time."""
+@kept
+def motions(run: Run) -> list[Motions]:
+    """Return what each body does between events, in the order of time."""
     motion: Any = run.trajectory
-    final = np.append(np.diff(motion.times) > 0.0, True)  # what an instant of several events leaves
-    rows, times = motion.states[final], motion.times[final]
-    first, last = _groups(rows["held"], body)
+    # What an instant of several events leaves; whole rows of all bodies would take great memory.
+    final = np.flatnonzero(np.append(np.diff(motion.times) > 0.0, True))
+    times, held = motion.times[final], motion.states["held"][final]
+    return [_motions_of(run, body, final, times, held) for body in range(held.shape[1])]
+
+
+def _motions_of(run: Run, body: int, final: Integers, times: Array, held: Any) -> Motions:
+    first, last = _groups(held, body)
     arriving = _arriving(run, times, first, last)
     changed = np.append(True, (np.diff(first) != 0) | (np.diff(last) != 0))
     begins = np.flatnonzero(changed | np.isfinite(arriving))
-    x, v = rows["x"][:, body], rows["v"][:, body]
+    states: Any = run.trajectory.states  # type: ignore[attr-defined]
+    x, v = states["x"][final, body], states["v"][final, body]
     ends = np.append(begins[1:], -1)
     speed = np.where(np.isfinite(arriving[ends]), arriving[ends], v[ends])
     reached, speed[-1] = x[ends], math.nan
     until = np.append(times[begins[1:]], run.end_time)
-    states = x[begins], v[begins], reached, speed
-    return _finished(run, body, Motions(first[begins], last[begins], times[begins], until, states))
+    found = first[begins], last[begins], times[begins], until
+    return _finished(run, body, Motions(*found, (x[begins], v[begins], reached, speed)))
 
 
 def _groups(held: Any, body: int) -> tuple[Integers, Integers]:
@@ -165,7 +172,7 @@ def springs_trajectory(run: Run, ball: int) -> Trajectory:
     that move as one.
     """
     body = ball - 1
-    all_of = motions(run, body)
+    all_of = motions(run)[body]
     every = max(1, math.ceil(len(all_of.start) / MOST_BRANCHES))
     shown = all_of.some(slice(None, None, every))
     count = points_each(len(shown.start))
