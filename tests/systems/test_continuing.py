@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import tomllib
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,6 +17,7 @@ from vibro_cli.scenario import any_scenario_of
 from vibro_cli.systems.driver import CannotContinue
 
 Document = dict[str, Any]
+HARD_CASES = Path(__file__).parent / "hard_cases"
 GAS = [ball(0.3 * n - 0.9, 0.1 * (-1) ** n, 0.7 - 0.3 * n, 0.4 * n) for n in range(6)]
 PRESSED = springs(
     [
@@ -32,6 +35,8 @@ ROW = springs(
     ],
     k=0.1,
 )
+# Two held pairs are struck, and hold after the impacts that follow.
+THREE_PRESSED = tomllib.loads((HARD_CASES / "springs_three_pressed.toml").read_text())
 CASES: dict[str, tuple[Document, list[Document]]] = {
     "gas": (
         table(GAS, box(3.0, 2.0), k=0.97),
@@ -43,6 +48,7 @@ CASES: dict[str, tuple[Document, list[Document]]] = {
         [{"time": 1.1}, {"collisions": 4}, {"time": 12.3}, {"time": 12.4}, {"time": 20.0}],
     ),
     "within an instant": (ROW, [*({"collisions": count} for count in (3, 4, 400)), {"time": 1.0}]),
+    "three pressed": (THREE_PRESSED, [{"collisions": 300}, {"collisions": 301}, {"time": 5.3}]),
     "lasting contact": (PRESSED, [{"time": 0.7}, {"collisions": 12}, {"time": 4.0}, {"time": 9.0}]),
 }
 

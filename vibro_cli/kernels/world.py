@@ -299,8 +299,7 @@ CAUSE_NAMES = (
 # An event adds at most so many rows to a log, for each body.
 ROWS_OF_EVENT = 8
 
-# Why the event loop of any system came back; all are causes of the end but RUNNING, LOG_FULL and
-# WITHIN_INSTANT.
+# Why the event loop of any system came back; all but RUNNING and LOG_FULL are causes of the end.
 RUNNING = 0
 END_TIME = 1
 END_COLLISIONS = 2
@@ -315,7 +314,6 @@ END_BOUNCES = 10
 END_WALL_CONTACT = 11
 END_ACCUMULATION = 12
 END_QUIET = 13  # the run is refused
-WITHIN_INSTANT = 14  # a run that goes on does so from here; one that ends is told to finish
 END_NAMES = {
     END_TIME: "time",
     END_COLLISIONS: "collisions",

@@ -5,7 +5,7 @@ A run goes on from a checkpoint: what that holds, and whether it can go on, is s
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, NamedTuple, get_args, get_origin, get_type_hints
@@ -18,7 +18,7 @@ from vibro_cli.compile.native import compiled
 from vibro_cli.errors import VibroError
 from vibro_cli.kernels.impact.laws import LAW_NAMES
 from vibro_cli.kernels.numerics.elliptic import fill_angles
-from vibro_cli.kernels.world import LOG_FULL, ROWS_OF_EVENT, WITHIN_INSTANT, BodyData
+from vibro_cli.kernels.world import LOG_FULL, ROWS_OF_EVENT, BodyData
 from vibro_cli.mechanics.system import Body
 from vibro_cli.systems.wanted import FINAL, UNLIMITED, Limits
 from vibro_cli.told import RUN
@@ -88,6 +88,8 @@ class EventLoop:
     at_once: str | None = None
     """The field of the clock that counts the impacts of the present instant: these are to be in
     one log, if that need not hold more than ``ROWS_AT_ONCE``."""
+    hurried: str | None = None
+    """The field of the clock that says that what stopped the run changed its further course."""
     finishes: bool = False
     """Whether the loop is to go on from its last step to a stop by time, as
     ``settings.finishing`` asks."""
@@ -126,34 +128,17 @@ class Driver:
         elif earlier is None and loop.start is not None:
             # A compiled run starts interpreted: at most one event, hence the rows of one.
             self.world = _interpreted_logs(loop, world, 0)
-        self._within: dict[str, Any] | None = None
         if earlier is not None:
             for name in loop.state:
                 set_rows(getattr(self.world, name), loop.records[name], earlier.state[name])
+            for name, rows in earlier.logs.items():
+                self._take(name, rows, len(rows))
         elif loop.start is not None:
             engine.interpreted(loop.start, overrides)(self.world)
             self._collect()
         if compiles:
             self.engine = "compiled"
             self.world = compiled_world(loop, self.world, rows=_first_rows(world.settings[0]))
-        if earlier is not None:
-            self._take_earlier(earlier)
-
-    def _take_earlier(self, earlier: Earlier) -> None:
-        """Take the rows of an earlier part; the loop gets back impacts of an instant to go on."""
-        loop, back = self._loop, earlier.state.get("impacts", [])
-        for name, rows in earlier.logs.items():
-            until = int(self.clock_value(loop.logs[name])) or len(rows)
-            self._take(name, rows, until - (len(back) if name == "impacts" else 0))
-            _set(self.world.clock, loop.logs[name], 0)
-        if back:
-            while self._room() < len(back):
-                self._grow()
-            values = rows_of(loop.records["impacts"], back)
-            if self.engine == "compiled":
-                values = compiled_rows(values, loop.records["impacts"])
-            self.world.impacts[: len(back)] = values
-            _set(self.world.clock, loop.logs["impacts"], len(back))
 
     def run(self) -> int:
         """Run to the end; return the cause, else as :meth:`rounds`."""
@@ -217,22 +202,7 @@ class Driver:
         while cause == LOG_FULL and self._is_within_instant() and self._room() < ROWS_AT_ONCE:
             self._grow()
             cause = self._called()
-        if cause == WITHIN_INSTANT:
-            self._within = self._state_within()
-            _set(self.world.settings, "finishing", 1)
-            return self._advance()
         return cause
-
-    def _state_within(self) -> dict[str, Any]:
-        """The state within an instant: with its impacts, and how many rows there were by then."""
-        state, loop = self.state(), self._loop
-        count = int(self.clock_value(loop.logs["impacts"]))
-        first = max(count - int(self.clock_value(str(loop.at_once))), 0)
-        state["impacts"] = plain_rows(self.world.impacts[first:count], loop.records["impacts"])
-        fields = tuple(loop.records["clock"].fields)  # type: ignore[attr-defined]
-        for name, used in loop.logs.items():
-            state["clock"][0][fields.index(used)] += self.rows[name]
-        return state
 
     def _is_within_instant(self) -> bool:
         name = self._loop.at_once
@@ -324,8 +294,6 @@ class Driver:
 
     def state(self) -> dict[str, Any]:
         """Return all that changes in a run, exactly, as plain values, see :class:`Earlier`."""
-        if self._within is not None:
-            return self._within
         records = self._loop.records
         values = {n: plain_rows(getattr(self.world, n), records[n]) for n in self._loop.state}
         for name in self._loop.work_done:
@@ -494,17 +462,20 @@ def checkpoint_of(
 def earlier_part(
     checkpoint: Mapping[str, Any],
     history: Mapping[str, Any] | None,
-    logs: Iterable[str],
+    loop: EventLoop,
     limits: Limits,
-) -> Earlier:
+) -> Earlier | None:
     """Return the part of a run before its checkpoint, once it is known that it can go on.
 
-    `logs` are the names of those that its history must have, `limits` those of the run that goes
-    on. Raises `CannotContinue` if the earlier run had ended for good, or is past a stop.
+    None if it is to be solved again from its start; `limits` are those of the run that goes on.
+    Raises `CannotContinue` if the earlier run had ended for good, or is past a stop.
     """
     check_continuable(checkpoint, limits)
-    if history is None or set(history) != set(logs):
+    if history is None or set(history) != set(loop.logs):
         raise CannotContinue("a checkpoint needs the history of its run")
+    (clock,) = rows_of(loop.records["clock"], checkpoint["state"]["clock"])
+    if loop.hurried is not None and getattr(clock, loop.hurried) == 1:
+        return None
     return Earlier(checkpoint["state"], dict(history))
 
 

@@ -499,6 +499,6 @@ def simulate(
     """
     earlier = None
     if checkpoint is not None:
-        earlier = earlier_part(checkpoint, history, kind.loop.logs, limits)
+        earlier = earlier_part(checkpoint, history, kind.loop, limits)
     stretches = begun(kind, system, limits, engine, earlier)
     return Run(kind, system, engine, wanted, *stretches.whole(cut))

@@ -82,15 +82,6 @@ def approach_of(world: World, pair: int) -> float:
 
 
 @kernel
-def approaches(world: World) -> bool:
-    """Whether any pair in contact approaches."""
-    for pair in range(len(world.bodies) - 1):
-        if is_in_contact(world, pair) and approach_of(world, pair) > 0.0:
-            return True
-    return False
-
-
-@kernel
 def collide_approaching(world: World) -> int:
     """Carry out the impacts of all pairs in contact that approach now, of one run with each call.
 
@@ -471,8 +462,9 @@ def settle_contacts(world: World) -> None:
         if _equalise_all(world):
             renew_energies(world)
             log_states(world, COLLISION, 0, 0.0)
-            if approaches(world):
-                clock.unsettled = IMPACTS  # one speed of some made others approach
+            for pair in range(last):
+                if is_in_contact(world, pair) and approach_of(world, pair) > 0.0:
+                    clock.unsettled = IMPACTS  # one speed of some made others approach
             return
     for pair in range(last):
         state = world.pairs[pair]
@@ -503,6 +495,8 @@ def _propose(world: World, pair: int) -> None:
             state.stays = MAY
             over = NEARLY_OVER / frequency(world, pair)
             state.needed = -2.0 * approach / ((1.0 - state.restitution) * over)
+    else:
+        world.clock[0].hurried = 1
 
 
 @kernel
@@ -530,8 +524,8 @@ def _press(world: World) -> bool:
 def _pressing(world: World, first: int, count: int, more: int) -> float:
     """Return what presses ``count`` bodies that move as one and the next ``more`` together.
 
-    That is the relative acceleration (m/s^2), or else the first further term of the gap's series
-    that within its reach is more than the rounding of the places; what is zero before it is noted.
+    That is the relative acceleration (m/s^2) where some is needed, else the first term of the gap's
+    series that within its reach is more than rounding of the places; what is zero before is noted.
     """
     other = first + count
     pair = world.pairs[other - 1]
@@ -539,19 +533,16 @@ def _pressing(world: World, first: int, count: int, more: int) -> float:
     if pair.needed > 0.0:
         return pressing
     steps = min(step_of_group(world, first, count), step_of_group(world, other, more))
-    reach = steps / STEP
-    rounding = rounding_of_gap(world, other - 1)
-    if 0.5 * abs(pressing) * reach * reach > rounding:
-        return pressing
     unit = unit_of(steps)
+    reach = steps / STEP / unit
     expand_group(world, first, count, unit)
     expand_group(world, other, more, unit)
-    power = (reach / unit) * (reach / unit)
-    for k in range(RELEASED, ORDER):
-        power *= reach / unit
+    power = reach
+    for k in range(RESTING, ORDER):
+        power *= reach
         term = world.series[first * BODY_ROWS + PLACE + k]
         term -= world.series[other * BODY_ROWS + PLACE + k]
-        if abs(term) * power > rounding:
+        if abs(term) * power > rounding_of_gap(world, other - 1):
             pair.known = k
             return term
     return pressing

@@ -9,7 +9,6 @@ from vibro_cli.kernels.numerics.conservative_advancement import NO_ROOT, first_f
 from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.numerics.double_double import add_to_time
 from vibro_cli.kernels.springs.impacts import (
-    approaches,
     collide_approaching,
     first_closing,
     note_touching,
@@ -51,7 +50,6 @@ from vibro_cli.kernels.world import (
     LOG_FULL,
     ROWS_OF_EVENT,
     RUNNING,
-    WITHIN_INSTANT,
 )
 
 
@@ -106,34 +104,32 @@ def _opening(world: World, pair: int, end: float, unit: float) -> float:
     first = pair
     while first > 0 and world.pairs[first - 1].held == 1:
         first -= 1
-    count = group_size(world, first)
     left = pair + 1 - first
-    mass = mass_of_group(world, first, left)
-    other = mass_of_group(world, pair + 1, count - left)
+    right = group_size(world, first) - left
     for k in range(ORDER - 1):
-        rows[base + k] = _force(world, first, left, k) / mass
-        rows[base + k] -= _force(world, pair + 1, count - left, k) / other
+        rows[base + k] = _common(world, first, left, k) - _common(world, pair + 1, right, k)
     # What begins at zero holds if the first of its terms beyond rounding grows.
     known = 0
     rounding = rounding_of_gap(world, pair)
-    power = (end * unit / STEP) * (end * unit / STEP)
+    reach = end / STEP
+    power = (reach * unit) * (reach * unit)
     while rows[base + known] <= 0.0:
         if -rows[base + known] * power > rounding * (known + 1) * (known + 2):
             return 0.0
         known += 1
-        power *= end / STEP
+        power *= reach
         if known == ORDER - 2:
             return NO_ROOT
     return first_fall(rows, base + known, base + ORDER - 2, end)
 
 
 @kernel
-def _force(world: World, first: int, count: int, k: int) -> float:
-    """Return coefficient k of the force (N) of their springs on neighbouring bodies."""
+def _common(world: World, first: int, count: int, k: int) -> float:
+    """Return coefficient k of the acceleration (m/s^2) of bodies that would move as one."""
     force = 0.0
     for body in range(first, first + count):
         force += world.bodies[body].rolling_mass * world.series[body * BODY_ROWS + FORCE + k]
-    return force
+    return force / mass_of_group(world, first, count)
 
 
 # So many steps without an event are more than a run is worth: it is refused.
@@ -148,7 +144,7 @@ def advance(world: World) -> int:
     """
     clock = world.clock[0]
     settings = world.settings[0]
-    if settings.finishing == 1 and clock.collisions < settings.stop_collisions:
+    if settings.finishing == 1:
         return _finish(world)
     if clock.begun == 0:
         clock.begun = 1
@@ -193,13 +189,10 @@ def _settle(world: World) -> int:
     if clock.unsettled == IMPACTS:
         # A round of impacts is carried out beyond the last that is asked for.
         begun = first_closing(world) < len(world.bodies) - 1
-        enough = clock.collisions >= world.settings[0].stop_collisions
-        if not enough or begun or not approaches(world):
+        if begun or clock.collisions < world.settings[0].stop_collisions:
             cause = collide_approaching(world)
             if cause != RUNNING:
                 return RUNNING if cause == COLLIDED else cause
-        elif world.settings[0].finishing == 0:
-            return WITHIN_INSTANT
         clock.unsettled = DECISION
     settle_contacts(world)
     return RUNNING

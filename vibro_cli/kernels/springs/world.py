@@ -85,6 +85,7 @@ class Clock:
     at_once: int  # impacts at the present instant
     rounds: int  # and rounds of them
     unsettled: int  # what to do for contacts at it: IMPACTS, DECISION or CHANGES, else 0
+    hurried: int  # 1: a stop had contacts decided while bodies still approached
     energy_correction: float
     lost: float  # by impacts, J
 
@@ -98,7 +99,7 @@ class Settings:
     stop_time: float
     stop_collisions: int
     room: int
-    finishing: int  # 1: only go on from the last step to the stop, or settle what stopped unsettled
+    finishing: int  # 1: only go on from the last step to the stop
 
 
 @struct

@@ -115,6 +115,7 @@ LOOP = EventLoop(
     logs={"impacts": "impact_rows", "states": "state_rows"},
     state=("clock", "springs", "pairs"),
     at_once="at_once",
+    hurried="hurried",
     quiet_cause=(END_QUIET, f"{MOST_STEPS:,} steps"),
     quiet_details=_fastest,
     finishes=True,
