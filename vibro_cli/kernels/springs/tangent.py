@@ -20,11 +20,7 @@ from vibro_cli.compile.kernel import FloatMatrix, kernel
 from vibro_cli.kernels.impact.laws import balances_mass, inclination, weight_and_response
 from vibro_cli.kernels.numerics.double_double import add_to_time, time_between
 from vibro_cli.kernels.numerics.tridiagonal import solve_from_both_ends
-from vibro_cli.kernels.springs.impacts import (
-    approach_by_law,
-    common_acceleration,
-    set_chain_row,
-)
+from vibro_cli.kernels.springs.impacts import approach_by_law, common_acceleration, set_chain_row
 from vibro_cli.kernels.springs.series import (
     begin_group,
     extend_group,

@@ -125,8 +125,7 @@ def lane_group() -> LaneGroup:
 
 def same_in_every_lane(cls: type) -> list[str]:
     """Return the fields of a record of lanes that are one number for all of them."""
-    fields = dtype(cls).fields or {}
-    return [name for name, (kind, *_) in fields.items() if kind.shape == ()]
+    return [name for name in dtype(cls).names or () if dtype(cls)[name].shape == ()]
 
 
 def in_whole_lines(count: int, cls: type) -> Any:
