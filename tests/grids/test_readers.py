@@ -149,3 +149,23 @@ def test_a_grid_ended_between_the_tables_of_a_chunk(folder: Path, tmp_path: Path
     page = tmp_path / "page.html"
     assert run_command_line(["report", str(folder), "-o", str(page)]) == 0
     assert "7 of 12 points are solved so far." in page.read_text()
+
+
+def test_a_damaged_page_of_a_grid_is_told(folder: Path) -> None:
+    """A byte that has changed by itself: the file is as long and as old as before."""
+    import pyarrow.parquet as pq
+
+    grid = open_grid(folder)
+    tables = grid.summary, grid.collisions
+    for table in tables:
+        part = folder / table.name / "part-000000.parquet"
+        content, times = bytearray(part.read_bytes()), part.stat()
+        column = pq.read_metadata(part).row_group(0).column(0)
+        begin = column.dictionary_page_offset or column.data_page_offset
+        content[begin + column.total_compressed_size - 1] ^= 1
+        part.write_bytes(content)
+        os.utime(part, ns=(times.st_atime_ns, times.st_mtime_ns))
+        with pytest.raises(OSError, match="CRC"):
+            table["scenario"]
+    with pytest.raises(OSError, match="CRC"):
+        grid.stored.summary["scenario"]

@@ -24,6 +24,7 @@ from vibro_cli.storage.folders import NotContinuable, read_earlier_run
 from vibro_cli.storage.tables import (
     PartsTable,
     as_array,
+    dataset_of,
     read_column,
     read_first,
     schema_of,
@@ -396,10 +397,7 @@ def _parts(folder: Path) -> list[Path]:
 
 def _read(parts: Sequence[Path], *columns: Any, **wanted: Any) -> pyarrow.Table:
     """Return the rows of the files of a table, one after another; else as pyarrow's `to_table`."""
-    import pyarrow.dataset as dataset
-
-    files = [str(part) for part in parts]
-    return dataset.dataset(files, format="parquet").to_table(*columns, **wanted)
+    return dataset_of(parts).to_table(*columns, **wanted)
 
 
 def _columns(data: pyarrow.Table) -> dict[str, Column]:

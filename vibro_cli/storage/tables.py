@@ -374,6 +374,14 @@ class FileTable:
         return pa.Table.from_batches, (self.select(self.schema.names).to_batches(), self.schema)
 
 
+def dataset_of(parts: Sequence[Path]) -> Any:
+    """The rows of parquet files, one after another, as pyarrow's dataset; raises as `FileTable`."""
+    import pyarrow.dataset as dataset
+
+    form = dataset.ParquetFileFormat(page_checksum_verification=True)
+    return dataset.dataset([str(part) for part in parts], format=form)
+
+
 class PartsTable(FileTable):
     """The same of a table in the files of a grid, too many to stay open.
 
@@ -381,11 +389,9 @@ class PartsTable(FileTable):
     """
 
     def __init__(self, parts: Sequence[Path], owner: object) -> None:
-        import pyarrow.dataset as dataset
-
         self._parts, self._owner = parts, owner
         self._written = self._times()
-        self._data = dataset.dataset([str(part) for part in parts], format="parquet")
+        self._data = dataset_of(parts)
         self._columns, self._lock = {}, threading.Lock()
         self.schema, self.num_rows = self._data.schema, self._data.count_rows()
 
