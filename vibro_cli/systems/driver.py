@@ -198,15 +198,11 @@ class Driver:
         self._advance()
 
     def _advance(self) -> int:
-        cause = self._called()
-        while cause == LOG_FULL and self._is_within_instant() and self._room() < ROWS_AT_ONCE:
+        name, cause = self._loop.at_once, self._called()
+        while cause == LOG_FULL and name and self.clock_value(name) and self._room() < ROWS_AT_ONCE:
             self._grow()
             cause = self._called()
         return cause
-
-    def _is_within_instant(self) -> bool:
-        name = self._loop.at_once
-        return name is not None and self.clock_value(name) != 0.0
 
     def _room(self) -> int:
         return int(_get(self.world.settings, "room"))

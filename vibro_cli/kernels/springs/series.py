@@ -72,22 +72,24 @@ def expand(world: World) -> tuple[float, float]:
 
     Returns the step (s) they hold for, and the unit of time (s) that they are in.
     """
-    step = _expand_in(world, 1.0)
+    step = step_of_all(world)
     unit = unit_of(step)
-    if unit != 1.0:
-        step = _expand_in(world, unit)
+    first = 0
+    while first < len(world.bodies):
+        count = group_size(world, first)
+        expand_group(world, first, count, unit)
+        first += count
     return step, unit
 
 
 @kernel
-def _expand_in(world: World, unit: float) -> float:
-    """Set the series of all bodies in a unit of time (s); return the step (s) they hold for."""
+def step_of_all(world: World) -> float:
+    """Return the step (s) that the series of all bodies hold for."""
     step = NEVER
     first = 0
     while first < len(world.bodies):
         count = group_size(world, first)
         step = min(step, step_of_group(world, first, count))
-        expand_group(world, first, count, unit)
         first += count
     return step
 

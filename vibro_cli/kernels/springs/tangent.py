@@ -29,7 +29,7 @@ from vibro_cli.kernels.springs.series import (
     mass_of_group,
     move_body,
     restore,
-    step_of_group,
+    step_of_all,
     unit_of,
 )
 from vibro_cli.kernels.springs.world import (
@@ -64,12 +64,7 @@ _SLOPE, _WAY, _SPEED, _STEEPNESS = 0, 1, 2, 3
 def carry_on(world: World, tangents: Tangents, left: float) -> float:
     """Carry bodies and tangent vectors on by one step, at most ``left`` (s), and return it."""
     bodies = len(world.bodies)
-    step = left
-    first = 0
-    while first < bodies:
-        count = group_size(world, first)
-        step = min(step, step_of_group(world, first, count))
-        first += count
+    step = min(left, step_of_all(world))
     unit = unit_of(step)
     rate = 1.0 / unit
     time = step * rate
