@@ -17,8 +17,6 @@ from vibro_cli.commands.shared.options import json_option, output_option, repeat
 from vibro_cli.commands.shared.terminal import json_text, say, work_told
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from vibro_cli.figures.kinds import Drawn
     from vibro_cli.storage.stored import StoredGrid, StoredRun
 
@@ -294,16 +292,16 @@ def _write_figures(subject: "Subject", wishes: ReportCommand) -> None:
 
     files: dict[str, bytes] = {}
 
-    def figures() -> "Iterator[Figure]":
+    def figures() -> "Iterator[Drawn]":
         for stem, one in _drawn(subject, wishes.width, wishes.maps):
             if wishes.figures is not None:
                 files.update(pictures({stem: one.figure}, FORMATS))
-            yield one.figure
+            yield one
 
     with work_told():
         drawn = figures()
         if wishes.pdf is not None:
-            write_file(wishes.pdf, render_pages(drawn))
+            write_file(wishes.pdf, render_pages(one.figure for one in drawn))
         deque(drawn, maxlen=0)  # draws what no PDF has asked for
     if wishes.pdf is not None:
         say(f"figures in {wishes.pdf}")

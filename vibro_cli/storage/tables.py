@@ -18,7 +18,7 @@ from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from errno import ESTALE
-from functools import cache
+from functools import cache, partial
 from itertools import chain
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple, TypeAlias
@@ -401,9 +401,8 @@ class PartsTable(FileTable):
     def _read(self, names: list[str] | None, rows: int | None = None) -> pa.Table:
         if self._times() != self._written:
             raise OSError(ESTALE, "the table was replaced", str(self._parts[0].parent))
-        if rows is None:
-            return self._data.to_table(columns=names)
-        return self._data.head(rows, columns=names)
+        read = self._data.to_table if rows is None else partial(self._data.head, rows)
+        return read(columns=names)
 
     def slice(self, first: int, count: int) -> pa.Table:
         """Return some rows."""

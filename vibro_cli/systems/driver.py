@@ -470,9 +470,8 @@ def earlier_part(
     if history is None or set(history) != set(loop.logs):
         raise CannotContinue("a checkpoint needs the history of its run")
     (clock,) = rows_of(loop.records["clock"], checkpoint["state"]["clock"])
-    if loop.hurried is not None and getattr(clock, loop.hurried) == 1:
-        return None
-    return Earlier(checkpoint["state"], dict(history))
+    hurried = loop.hurried and getattr(clock, loop.hurried)
+    return None if hurried else Earlier(checkpoint["state"], dict(history))
 
 
 def check_continuable(checkpoint: Mapping[str, Any], limits: Limits) -> None:

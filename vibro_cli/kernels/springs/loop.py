@@ -110,11 +110,10 @@ def _opening(world: World, pair: int, end: float, unit: float) -> float:
         rows[base + k] = _common(world, first, left, k) - _common(world, pair + 1, right, k)
     # What begins at zero holds if the first of its terms beyond rounding grows.
     known = 0
-    rounding = rounding_of_gap(world, pair)
     reach = end / STEP
     power = (reach * unit) * (reach * unit)
     while rows[base + known] <= 0.0:
-        if -rows[base + known] * power > rounding * (known + 1) * (known + 2):
+        if -rows[base + known] * power > rounding_of_gap(world, pair) * (known + 1) * (known + 2):
             return 0.0
         known += 1
         power *= reach

@@ -37,8 +37,7 @@ SLOWEST = 1.0e-145
 def meet_wall(world: World, body: BodyData, ball: Ball, x: float, y: float, to: Meeting) -> float:
     """Return the time (s) until a ball at (x, y) meets the wall, and where; NEVER if it does not.
 
-    ``to`` gets the place of the centre, the normal and the edge (-1 of a curve); the ball moves as
-    ``ball`` says.
+    ``to`` gets the place of the centre, the normal and the edge or -1; ``ball`` is how it moves.
     """
     to.other = -1
     wall = world.wall[0]

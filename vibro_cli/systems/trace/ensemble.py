@@ -58,11 +58,10 @@ class Batch:
         group = self._group
         if group is None or not len(starts):
             return False
-        runs, swings = np.asarray(group.runs), np.asarray(group.swings)
+        runs, bodies, swings = map(np.asarray, (group.runs, group.bodies, group.swings))
         piece = int(starts["piece"][0])
         tracks = world.tracks[[piece, len(world.pieces) + piece]]
         runs["piece"] = piece
-        bodies = np.asarray(group.bodies)
         for name in same_in_every_lane(BodyLanes):
             bodies[name] = world.bodies[name]
         swings["frequency"] = swings["own_frequency"] = tracks["frequency"]
