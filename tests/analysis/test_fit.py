@@ -92,6 +92,18 @@ def test_the_table_of_a_run_is_fitted_as_it_is(as_table: Any) -> None:
     assert found.measured.pairs is not None
 
 
+@pytest.mark.parametrize("noise", [5e-324, 1e-200, 1e-17])
+def test_noise_below_the_rounding_of_instants_is_refused(noise: float) -> None:
+    times = simulate(_circle(12)).collisions["t"]
+    assert noise < np.spacing(times[-1])
+    with pytest.raises(NoFit, match=r"found a noise of .* than the rounding of its instant"):
+        fit(_circle(), times, PATHS, noise)
+    # An error of its own for one instant is held against that one.
+    table = {"t": times, "error": np.where(np.arange(12) == 7, noise, 1e-6)}
+    with pytest.raises(NoFit, match=r"impact 8: found a noise"):
+        fit(_circle(), table, PATHS)
+
+
 @pytest.mark.parametrize("noise", [-1e-3, 0.0, float("nan"), float("inf"), "1 ms"])
 def test_noise_is_a_time_greater_than_0(noise: Any) -> None:
     with pytest.raises(ValueError, match=r"noise: found .*, expected seconds, greater than 0"):

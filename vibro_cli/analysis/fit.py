@@ -349,6 +349,13 @@ class _Problem:
     def check(self) -> None:
         """Raise what can be told before anything is solved."""
         rows, free = len(self._measured.t), len(self._free)
+        lost = np.flatnonzero(self._noise < EPSILON * self._measured.t)
+        if len(lost):
+            row, least = lost[0], EPSILON * self._measured.t[lost[0]]
+            raise NoFit(
+                f"impact {self._measured.number[row]}: found a noise of {self._noise[row]:.2g} s, "
+                f"expected no less than the rounding of its instant, {least:.2g} s"
+            )
         if not free:
             raise NoFit("found no free number, expected one or more")
         names = [one.name for one in self._free]
@@ -494,15 +501,13 @@ class _Problem:
 
     def _check_resolved(self, values: Floats, jacobian: Floats) -> None:
         """Raise ``NoFit`` where rounding a number moves an impact by more than its noise."""
-        moved = EPSILON * np.abs(jacobian * values)
-        lost = np.argwhere(moved > 1.0)
+        lost = np.argwhere(EPSILON * np.abs(jacobian * values) > 1.0)
         if self._known and len(lost):
             row, number = lost[0]
-            noise = self._noise[row]
             raise NoFit(
-                f"impact {self._measured.number[row]} moves by {moved[row, number] * noise:.2g} s "
-                f"when {self._free[number].name} is rounded to a double, more than its noise of "
-                f"{noise:.2g} s: it tells nothing, expected only the {row} before it"
+                f"impact {self._measured.number[row]} moves by more than its noise of "
+                f"{self._noise[row]:.2g} s when {self._free[number].name} is rounded to a double: "
+                f"it tells nothing, expected only the {row} before it"
             )
 
     def told(self, start: Floats, first: Floats, values: Floats) -> Fit:
