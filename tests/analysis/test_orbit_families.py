@@ -172,6 +172,27 @@ def test_a_family_ends_where_its_orbits_come_to_have_half_their_period(
     assert np.trace(_differences(once)) - 2.0 == pytest.approx(expected, abs=1e-5)
 
 
+def test_a_family_does_not_go_over_to_the_orbit_of_a_third_of_its_period() -> None:
+    """It turns back there, where a multiplier of that orbit is a cubic root of 1."""
+    arc = {"shape": "valley", "radius": 1.6510713, "end_slope": 0.7164908}
+    trace = {"start_slope": -0.4874369, "arcs": [arc]}
+    places = [
+        ball(-0.05, mass=0.89105105, rate=0.250731183),
+        ball(0.22, mass=1.49556754, rate=-0.087489913),
+    ]
+    walls = {"left": {"wall": 1.0}, "right": {"wall": 1.0}}
+    document = scene(trace, places, time=30.0) | {"ends": walls}
+    first = find_orbit(system_of(document), 6, None, 20.0)
+    family = orbit_family(scenario_of(document), first, "balls[1].mass", 0.8361535, 0.9571031)
+    for point in family.points:
+        assert gone_through_once(point.orbit).period == point.orbit.period
+    assert [point.value for point in (family.points[0], family.points[-1])] == [0.9571031] * 2
+    least = min(family.points, key=lambda point: point.value)
+    near = least.orbit
+    third = newton(near.system, near.state, near.period / 3.0, first.energy)
+    assert np.trace(third.reduced) == pytest.approx(-1.0, abs=1e-4)
+
+
 def test_a_family_whose_orbits_last_ever_longer_ends() -> None:
     """On a level line their speeds go to zero with the energy above the bottom."""
     places = ((0.6440831, 0.1373106, -1.0352607), (0.9873855, 0.8138460, 0.8977933))

@@ -67,10 +67,10 @@ _CHANGE = 1.0e-7
 _ROUNDING = 1.0e-12
 # Orbits tried to see whether multipliers pass a number between two points and come back.
 _DIPS = 12
-# An orbit that nearer to it has half the period, as a share of its size, has it.
-_HALF = 1.0e-7
+# An orbit that nearer to it has a part of its period, as a share of its size, has it.
+_PART = 1.0e-7
 # Shares of the way back from where a period halves at which the orbits tell where that is.
-_NEARING = (0.1, 0.2, 0.3, 0.4)
+_NEARING = (0.2, 0.4, 0.6, 0.8)
 # The multipliers of what closes worse, as of motions that have nearly come to rest, are rounding.
 _CLOSED_WELL = 10.0 * CLOSED
 
@@ -179,6 +179,7 @@ class Family:
         self._units = np.concatenate(
             [scale, [unit, size_of(first.system, first.state) / self._range]]
         )
+        self._across = np.eye(len(self._units))[-1]  # the plane of equal values
         first = begun_between(first)
         self._first = Point(value, first, self._packed(first.state, first.period, value))
 
@@ -206,7 +207,10 @@ class Family:
         for at in (-1.0, 1.0):
             points = self._with_dips(points, at)
         special = [*self._passed(points), *self._out_of_the_circle(points)]
-        special += _turns(points, {one.after for one in special if one.kind == "fold"})
+        folds = {one.after for one in special if one.kind == "fold"}
+        for n, three in enumerate(zip(points, points[1:], points[2:], strict=False), 1):
+            if _turn(*three) and not folds & {n - 1, n}:  # those at folds are known
+                special.append(Special("fold", points[n], n))
         special.sort(key=lambda one: (one.after, _apart(one.point, points[one.after])))
         last = len(points) - 1
         ends = Special(start, points[0], 0), Special(end, points[last], last)
@@ -215,8 +219,7 @@ class Family:
     def _one_way(self, sign: float) -> tuple[list[Point], str]:
         """Points from the first one on, and how the branch ends there."""
         size = self._units[-1] * self._range
-        tangent = np.zeros(len(self._units))
-        tangent[-1] = sign
+        tangent = sign * self._across
         points: list[Point] = []
         here, step, cause = self._first, FIRST_STEP, "points"
         while len(points) < MOST_POINTS:
@@ -237,10 +240,9 @@ class Family:
                 continue
             if across is not tangent:
                 return [*points, *([new] if new.value != here.value else [])], "bound"
-            if not self._low <= new.value <= self._high:
-                bound = self._low if new.value < self._low else self._high
-                last = self._at_value(here, new, bound)
-                return [*points, last], "bound"
+            bound = min(max(new.value, self._low), self._high)
+            if bound != new.value:
+                return [*points, self._at_value(here, new, bound)], "bound"
             change = new.along - here.along
             chord = change / np.linalg.norm(change)
             # The first tangent is none.
@@ -262,13 +264,7 @@ class Family:
         bound = min(max(value, self._low), self._high)
         if bound == value:
             return here.along + change, tangent
-        return here.along + (bound - here.value) / (value - here.value) * change, self._across()
-
-    def _across(self) -> Floats:
-        """Across the plane of equal values."""
-        across = np.zeros(len(self._units))
-        across[-1] = 1.0
-        return across
+        return here.along + (bound - here.value) / (value - here.value) * change, self._across
 
     def _corrected(self, guess: Floats, tangent: Floats) -> Point:
         """The orbit next to a guess in the plane across a tangent (Newton's method)."""
@@ -289,8 +285,9 @@ class Family:
                 found = begun_between(found)
                 if found.shot.jumps != self._jumps:
                     raise NoOrbit("the events change")
-                if np.linalg.norm(found.half_gap) < _HALF * size_of(system, state):
-                    raise NoOrbit("the period halves")
+                gaps = found.part_gaps.values()
+                if min(map(np.linalg.norm, gaps), default=np.inf) < _PART * size_of(system, state):
+                    raise NoOrbit("the orbits come to have a part of their period")
                 return Point(value, found, self._packed(found.state, found.period, value))
             # Near a fold a step may leave more than rounding, and the next one nothing.
             if residual > 4.0 * max(before, 100.0 * NEARLY_CLOSED) or residual > 1.0:
@@ -323,7 +320,7 @@ class Family:
     def _at_value(self, one: Point, other: Point, value: float) -> Point:
         """The orbit at a value between those of two points."""
         share = (value - one.value) / (other.value - one.value)
-        return self._corrected(one.along + share * (other.along - one.along), self._across())
+        return self._corrected(one.along + share * (other.along - one.along), self._across)
 
     def _halved(self, one: Point, other: Point) -> Point:
         """The orbit of half the period between two others or just ahead, gone through twice.
@@ -334,22 +331,22 @@ class Family:
         """
         whole = 1.0 / (1.0 - _share_left(one, other))
         near = [self._between(one, other, whole * (1.0 - share)) for share in _NEARING]
-        found = [(point.value, point.orbit, point.orbit.half_gap) for point in near]
-        scale = scale_of(self._system)
-        squares = np.array([gap @ gap for *_, gap in found])
-        rows = [
-            [*(orbit.state + 0.5 * gap[: len(scale)] / scale), orbit.period, value]
-            for value, orbit, gap in found
+        gaps = [point.orbit.part_gaps[2] for point in near]
+        squares = np.array([gap @ gap for gap in gaps])
+        means = [
+            point.along + 0.5 * np.append(gap[: len(self._units) - 2], [0.0, 0.0])
+            for point, gap in zip(near, gaps, strict=True)
         ]
-        *state, period, value = np.polyfit(squares / squares.max(), rows, len(rows) - 1)[-1]
+        along = np.polyfit(squares / squares.max(), means, len(near) - 1)[-1]
+        *state, period, value = (along / self._units).tolist()
         if not self._low <= value <= self._high:
             raise NoOrbit("the period halves beyond the range")
-        energy = self._energy_of(float(value))
-        half = newton(self._system_of(float(value)), np.array(state), 0.5 * period, energy)
+        system, energy = self._system_of(value), self._energy_of(value)
+        half = newton(system, np.array(state), 0.5 * period, energy)
         shot = shoot(half.system, 2.0 * half.period)
         residual = residual_of(half.system, shot, half.state, None)
         orbit = replace(half, period=2.0 * half.period, shot=shot, residual=residual)
-        return Point(float(value), orbit, self._packed(orbit.state, orbit.period, float(value)))
+        return Point(value, orbit, self._packed(orbit.state, orbit.period, value))
 
     def _passed(self, points: list[Point]) -> list[Special]:
         """Where multipliers pass -1 or 1; at a fold one passes 1."""
@@ -360,11 +357,9 @@ class Family:
             known = [n for n, one in enumerate(distances) if abs(one) > PARTED**2]
             for n, m in pairwise(known):
                 if distances[n] * distances[m] < 0.0:
-                    one, other = points[n], points[m]
-                    zero, fault = self._change(one, other, partial(_distance, at=at))
-                    turns = (zero.value - one.value) * (other.value - zero.value) < 0.0
-                    name = "fold" if turns and kind == "exchange" else kind
-                    found.append(Special(name, zero, m - 1, fault))
+                    one = self._change(kind, points, n, m, partial(_distance, at=at))
+                    turns = _turn(points[n], one.point, points[m]) and kind == "exchange"
+                    found.append(replace(one, kind="fold") if turns else one)
         return found
 
     def _with_dips(self, points: list[Point], at: float) -> list[Point]:
@@ -405,8 +400,7 @@ class Family:
             real = outer.multipliers[last].imag == 0.0
             if outer.outside < inner.outside + 2 or real or outer.residual > _CLOSED_WELL:
                 continue
-            zero, fault = self._change(one, other, partial(_beyond, last))
-            found.append(Special("torus", zero, n, fault))
+            found.append(self._change("torus", points, n, n + 1, partial(_beyond, last)))
         return found
 
     def _between(self, one: Point, other: Point, share: float) -> Point:
@@ -415,13 +409,11 @@ class Family:
         return self._corrected(one.along + share * chord, chord / np.linalg.norm(chord))
 
     def _change(
-        self, one: Point, other: Point, test: Callable[[Orbit], float]
-    ) -> tuple[Point, str]:
-        """Where a number of the orbits passes zero between two of them (Brent's method).
-
-        And why the search ended before it came there, if it did.
-        """
-        known, fault = {0.0: one, 1.0: other}, ""
+        self, kind: str, points: list[Point], n: int, m: int, test: Callable[[Orbit], float]
+    ) -> Special:
+        """Where a number of the orbits passes zero between two of them (Brent's method)."""
+        one, other, fault = points[n], points[m], ""
+        known = {0.0: one, 1.0: other}
 
         def tested(share: float) -> float:
             if share not in known:
@@ -433,7 +425,8 @@ class Family:
             brentq(tested, 0.0, 1.0, xtol=1e-12 * size)
         except NoOrbit as error:
             fault = str(error)
-        return min(known.values(), key=lambda point: abs(test(point.orbit))), fault
+        nearest = min(known.values(), key=lambda point: abs(test(point.orbit)))
+        return Special(kind, nearest, m - 1, fault)
 
     def _ending(self, here: Point, tangent: Floats, size: float, cause: str) -> str:
         """Why a branch cannot be followed beyond a point: what the next motion has otherwise."""
@@ -448,7 +441,11 @@ class Family:
             except NoOrbit as error:
                 return str(error)
             if shot.jumps != self._jumps:
-                if _uncrossed(shot.jumps) == _uncrossed(self._jumps):
+                now, before = (
+                    [[word for word in one if word[-1] not in "<>"] for one in jumps]
+                    for jumps in (shot.jumps, self._jumps)
+                )
+                if now == before:
                     return "seam"
                 weakest = min(shot.approach, here.orbit.shot.approach)
                 return "grazing" if weakest < slow else "coincidence"
@@ -461,23 +458,14 @@ class Family:
 
 def _share_left(one: Point, other: Point) -> float:
     """What the other's gap to half the period is of the one's: below 0 if that lies between."""
-    gap = one.orbit.half_gap
-    return float(gap @ other.orbit.half_gap / (gap @ gap))
+    none = np.ones(1)
+    gap, left = (point.orbit.part_gaps.get(2, none) for point in (one, other))
+    return float(gap @ left / (gap @ gap))
 
 
-def _uncrossed(jumps: tuple[tuple[str, ...], ...]) -> list[list[str]]:
-    """Of each body the jumps that are no crossings."""
-    return [[word for word in one if word[-1] not in "<>"] for one in jumps]
-
-
-def _turns(points: list[Point], folds: set[int]) -> list[Special]:
-    """Points where the family turns back, without those beside folds that are known."""
-    found = []
-    for n, here in enumerate(points[1:-1], 1):
-        turned = (here.value - points[n - 1].value) * (points[n + 1].value - here.value) < 0.0
-        if turned and not folds & {n - 1, n}:
-            found.append(Special("fold", here, n))
-    return found
+def _turn(before: Point, here: Point, after: Point) -> bool:
+    """Whether the family turns back at a point between two others."""
+    return (here.value - before.value) * (after.value - here.value) < 0.0
 
 
 def _excess(here: Point, new: Point, tangent: Floats, chord: Floats) -> float:

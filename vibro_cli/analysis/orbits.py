@@ -103,22 +103,21 @@ class Orbit:
         return values[np.argsort(-np.abs(values), kind="stable")]
 
     @cached_property
-    def half_gap(self) -> Floats:
-        """How far (m) the orbit is from half its period; NaN if its halves differ in events.
+    def part_gaps(self) -> dict[int, Floats]:
+        """How far (m) the orbit is from having a half, a third, … of its period, by that number.
 
-        From each middle between two jumps, as its start, to the one half their number later.
+        From each middle between two jumps, as its start, to the same one so much later.
         """
-        jumps, period, half = self.shot.jumps, self.period, len(self.shot.instants) // 2
-        if any(one[: len(one) // 2] * 2 != one for one in jumps):
-            return np.full(len(self.state), np.nan)
-        times = np.array([self.shot.instants[-1] - period, *self.shot.instants])
-        run = simulate_system(self.system, period, None)
-        states = [state_at(run, max(t, 0.0)) for t in (0.5 * (times[1:] + times[:-1])).tolist()]
-        gaps = [
-            gap_of(self.system, one, other) * scale_of(self.system)
-            for one, other in zip(states[:half], states[half:], strict=True)
-        ]
-        return np.concatenate(gaps)
+        instants, found = self.shot.instants, {}
+        times = np.array([instants[-1] - self.period, *instants])
+        run = simulate_system(self.system, self.period, None)
+        states = state_at(run, np.maximum(0.5 * (times[1:] + times[:-1]), 0.0))
+        for parts in range(2, len(states) + 1):
+            if all(one[: len(one) // parts] * parts == one for one in self.shot.jumps):
+                later = len(states) // parts
+                gaps = gap_of(self.system, states[:-later], states[later:])
+                found[parts] = (gaps * scale_of(self.system)).ravel()
+        return found
 
     @property
     def stable(self) -> bool:
@@ -159,14 +158,6 @@ def _lengths(system: TraceSystem, body: int) -> list[float]:
     return [one.path_scale(radius) * (one.angle_end - one.angle_start) for one in pieces]
 
 
-def _without_rounds(system: TraceSystem, body: int, change: Any) -> Any:
-    """A difference of ways (m) less whole rounds of a closed trace."""
-    if not system.trace.closed:
-        return change
-    round_way = sum(_lengths(system, body))
-    return change - round_way * np.round(change / round_way)
-
-
 def way_of(system: TraceSystem, body: int, piece: int, position: float) -> float:
     """Way (m) of a body's centre from the left end of its path."""
     on = system.trace.pieces[piece]
@@ -191,19 +182,15 @@ def place_of(system: TraceSystem, body: int, way: float) -> tuple[int, float]:
 
 def state_of(system: TraceSystem) -> Floats:
     """Ways and speeds at the start of a system."""
-    found = []
-    for body, one in enumerate(system.initial):
-        found += [way_of(system, body, one.piece, one.position), one.speed]
-    return np.array(found)
+    starts = enumerate(system.initial)
+    return np.ravel([(way_of(system, n, one.piece, one.position), one.speed) for n, one in starts])
 
 
 def started(system: TraceSystem, state: Floats) -> TraceSystem:
     """Return the system with another start, which may be none for a motion, see `admitted`."""
-    initial = []
-    for body in range(len(system.bodies)):
-        piece, position = place_of(system, body, float(state[2 * body]))
-        initial.append(InitialState(piece, position, float(state[2 * body + 1])))
-    return replace(system, initial=tuple(initial))
+    pairs = enumerate(state.reshape(-1, 2).tolist())
+    initial = tuple(InitialState(*place_of(system, n, way), speed) for n, (way, speed) in pairs)
+    return replace(system, initial=initial)
 
 
 def admitted(system: TraceSystem, state: Floats) -> TraceSystem:
@@ -274,12 +261,8 @@ def energy_of(system: TraceSystem, state: Floats) -> float:
 def energy_gradient(system: TraceSystem, state: Floats) -> Floats:
     """Derivative of the energy that impacts keep to ways (J/m) and speeds (J s/m)."""
     flow = velocity(system, state)
-    found, shares = np.empty_like(state), _shares(system)
-    for number, body in enumerate(system.bodies):
-        inertia = float(shares[number]) * body.rolling_mass
-        found[2 * number] = -inertia * flow[2 * number + 1]
-        found[2 * number + 1] = inertia * state[2 * number + 1]
-    return found
+    inertia = _shares(system) * [body.rolling_mass for body in system.bodies]
+    return np.column_stack([-inertia * flow[1::2], inertia * state[1::2]]).ravel()
 
 
 def events_of(run: Run) -> list[tuple[float, str, float]]:
@@ -338,13 +321,15 @@ def shoot(system: TraceSystem, period: float) -> Shot:
     )
 
 
-def state_at(run: Run, t: float) -> Floats:
-    """Ways and speeds of a run at an instant (s)."""
-    system, sample, found = run.system, run.sample([t]), []
-    for body, position in enumerate(_positions(system, sample).tolist()):
-        piece = int(sample["arc"][body]) - 1
-        found += [way_of(system, body, piece, position), float(sample["speed"][body])]
-    return np.array(found)
+def state_at(run: Run, t: Any) -> Floats:
+    """Ways and speeds of a run at an instant (s), or at each of several."""
+    system, sample = run.system, run.sample(np.atleast_1d(t))
+    start = np.array([piece.start_s for piece in system.trace.pieces])
+    along = sample["s"] - start[sample["arc"] - 1]
+    positions = np.where(np.isnan(sample["angle"]), along, sample["angle"])
+    rows = zip(sample["ball"].tolist(), sample["arc"].tolist(), positions.tolist(), strict=True)
+    ways = [way_of(system, ball - 1, arc - 1, position) for ball, arc, position in rows]
+    return np.column_stack([ways, sample["speed"]]).reshape(*np.shape(t), -1)
 
 
 def gone_through_once(orbit: Orbit) -> Orbit:
@@ -402,8 +387,9 @@ def begun_between(orbit: Orbit, longest: bool = False) -> Orbit:
 def gap_of(system: TraceSystem, start: Floats, end: Floats) -> Floats:
     """End of a motion less its start; whole rounds of a closed trace are none."""
     gap = end - start
-    for body in range(len(system.bodies)):
-        gap[2 * body] = _without_rounds(system, body, gap[2 * body])
+    if system.trace.closed:
+        rounds = np.array([sum(_lengths(system, body)) for body in range(len(system.bodies))])
+        gap[..., ::2] -= rounds * np.round(gap[..., ::2] / rounds)
     return gap
 
 
@@ -461,13 +447,8 @@ def newton(system: TraceSystem, state: Floats, period: float, energy: float | No
 
 def residual_of(system: TraceSystem, shot: Shot, state: Floats, energy: float | None) -> float:
     """How far a motion is from closing (and from the energy), as a share of its size."""
-    gap = gap_of(system, state, shot.end) * scale_of(system)
-    found = float(np.linalg.norm(gap)) / size_of(system, state)
-    if energy is not None:
-        gradient = float(np.linalg.norm(energy_gradient(system, state) / scale_of(system)))
-        off = abs(energy_of(system, state) - energy) / gradient
-        found += off / size_of(system, state)
-    return found
+    closing, kept = np.split(equations(system, shot, state, energy)[1], [len(state)])
+    return float(np.linalg.norm(closing) + np.sum(np.abs(kept))) / size_of(system, state)
 
 
 def equations(
@@ -535,27 +516,11 @@ def nearest_return(system: TraceSystem, impacts: int | None, longest: float) -> 
     state, scale, best = state_of(system), scale_of(system), (np.inf, 0.0)
     for number in wanted:
         instants = np.linspace(times[number - 1], times[number], 402)[1:-1]
-        sample = run.sample(instants)
-        positions = _positions(system, sample)
-        gaps: Any = 0.0
-        for body in range(len(system.bodies)):
-            mine = sample["ball"] == body + 1
-            places = zip(sample["arc"][mine], positions[mine], strict=True)
-            ways = np.array([way_of(system, body, int(arc) - 1, place) for arc, place in places])
-            gap = _without_rounds(system, body, ways - state[2 * body])
-            rate = (sample["speed"][mine] - state[2 * body + 1]) * scale[2 * body + 1]
-            gaps = gaps + gap**2 + rate**2
-        nearest = int(np.argmin(gaps))
-        best = min(best, (float(gaps[nearest]), float(instants[nearest])))
+        gaps = gap_of(system, state, state_at(run, instants)) * scale
+        squares = np.sum(gaps**2, axis=1)
+        nearest = int(np.argmin(squares))
+        best = min(best, (float(squares[nearest]), float(instants[nearest])))
     return best[1]
-
-
-def _positions(system: TraceSystem, sample: Any) -> Floats:
-    """Positions on their pieces of the rows of a sample: angles, or distances along lines."""
-    start = np.array([piece.start_s for piece in system.trace.pieces])
-    along = sample["s"] - start[sample["arc"] - 1]
-    found: Floats = np.where(np.isnan(sample["angle"]), along, sample["angle"])
-    return found
 
 
 def find_orbit(

@@ -168,12 +168,8 @@ def record_of(found: Orbit, branch: Branch | None) -> dict[str, Any]:
     record: dict[str, Any] = _plain(found)
     if branch is not None:
         record["special"] = [
-            {
-                "kind": one.kind,
-                "value": one.point.value,
-                "fault": one.fault,
-                **_plain(one.point.orbit),
-            }
+            {"kind": one.kind, "value": one.point.value, "fault": one.fault}
+            | _plain(one.point.orbit)
             for one in branch.special
         ]
         record["points"] = len(branch.points)
@@ -201,8 +197,7 @@ def _lines(name: str, found: Orbit, branch: Branch | None) -> Iterator[str]:
     yield f"{name}: period {found.period:.15g} s, closed to {found.residual:.1e}"
     yield f"  events       {' '.join(found.shot.word)}"
     yield f"  energy       {found.energy:.12g} J above the trace's left end"
-    told = ", ".join(_complex(mu) for mu in found.multipliers)
-    yield f"  multipliers  {told}: {found.verdict}"
+    yield f"  multipliers  {_multipliers(found)}: {found.verdict}"
     for body, state in enumerate(found.system.initial, 1):
         unit = "m" if found.system.trace.pieces[state.piece].is_line else "rad"
         yield (
@@ -213,14 +208,15 @@ def _lines(name: str, found: Orbit, branch: Branch | None) -> Iterator[str]:
         yield f"  family       {len(branch.points)} orbits"
         for one in branch.special:
             orbit = one.point.orbit
-            told = ", ".join(_complex(mu) for mu in orbit.multipliers)
-            yield f"  {one.kind:11}  at {one.point.value:.12g}: period {orbit.period:.9g} s; {told}"
+            told = f"period {orbit.period:.9g} s; {_multipliers(orbit)}"
+            yield f"  {one.kind:11}  at {one.point.value:.12g}: {told}"
             if one.fault:
                 yield f"  warning      that is the nearest orbit found: {one.fault}"
 
 
-def _complex(value: complex) -> str:
-    return f"{value.real:.9g}" if value.imag == 0.0 else f"{value.real:.9g}{value.imag:+.9g}i"
+def _multipliers(found: Orbit) -> str:
+    pairs = ((f"{mu.real:.9g}", f"{mu.imag:+.9g}i" if mu.imag else "") for mu in found.multipliers)
+    return ", ".join(map("".join, pairs))
 
 
 def _axis(path: str) -> str:
@@ -416,11 +412,11 @@ def _lines_of_fit(found: Fit) -> Iterator[str]:
             f"  chi square           {found.chi_square:.4g} of {found.freedom} degrees of freedom: "
             f"as large or larger in {100.0 * found.likelihood:.2g} % of such measurements"
         )
-    if found.likelihood is not None and found.likelihood < DOUBTFUL:
-        yield (
-            "  warning              model or noise are wrong, impacts were missed (give n), or it "
-            "is not the lowest minimum (fit fewer impacts, then all from what they give)"
-        )
+        if found.likelihood < DOUBTFUL:
+            yield (
+                "  warning              model or noise are wrong, impacts were missed (give n), or "
+                "it is not the lowest minimum (fit fewer impacts, then all from what they give)"
+            )
     if not found.same_events:
         yield (
             "  events               change within the 95 % region: the errors are those of the "
