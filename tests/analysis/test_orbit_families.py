@@ -172,6 +172,20 @@ def test_a_family_ends_where_its_orbits_come_to_have_half_their_period(
     assert np.trace(_differences(once)) - 2.0 == pytest.approx(expected, abs=1e-5)
 
 
+def test_a_halving_nearer_than_the_first_step_is_told_on_its_side_only() -> None:
+    """On the other one the orbits are followed to the end of the range."""
+    places = [
+        ball(-1.0513933035957386, body="hoop", mass=0.8119980237149687, rate=-0.41248710758035934),
+        ball(0.3077680863575177, body="hoop", mass=0.8728959056795111, rate=0.42520927939466313),
+    ]
+    document = scene(VALLEY, places, time=30.0)
+    first = find_orbit(system_of(document), 4, None, 20.0)
+    family = orbit_family(scenario_of(document), first, "gravity", 7.030520846, 11.775685308)
+    assert [one.kind for one in family.special] == ["halving", "doubling", "bound"]
+    once = gone_through_once(family.points[0].orbit)
+    assert np.trace(_differences(once)) == pytest.approx(0.0, abs=1e-5)
+
+
 def test_a_family_does_not_go_over_to_the_orbit_of_a_third_of_its_period() -> None:
     """It turns back there, where a multiplier of that orbit is a cubic root of 1."""
     arc = {"shape": "valley", "radius": 1.6510713, "end_slope": 0.7164908}

@@ -231,7 +231,10 @@ class Family:
             guess, across = self._ahead(here, ahead * tangent, tangent)
             try:
                 new = self._corrected(guess, across)
-                if _share_left(here, new) < _NEARING[0]:
+                left = _share_left(here, new)
+                if left < 0.0 and not points:  # the first tangent is none: it is the other side
+                    raise NoOrbit("the period halves")
+                if left < _NEARING[0]:
                     return [*points, self._halved(here, new)], "halving"
             except NoOrbit as error:
                 step, cause = 0.5 * step, str(error)
@@ -245,7 +248,6 @@ class Family:
                 return [*points, self._at_value(here, new, bound)], "bound"
             change = new.along - here.along
             chord = change / np.linalg.norm(change)
-            # The first tangent is none.
             excess = _excess(here, new, tangent if points else chord, chord)
             if excess > 2.0 and step > _CUT:
                 step *= 0.5
