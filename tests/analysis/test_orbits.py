@@ -24,6 +24,7 @@ from vibro_cli.analysis.orbits import (
     energy_gradient,
     energy_of,
     find_orbit,
+    nearest_return,
     newton,
     shoot,
     started,
@@ -96,6 +97,16 @@ def test_the_orbit_of_one_impact_and_one_bounce_is_that_in_closed_form(upper: fl
     np.testing.assert_allclose(sorted(found, key=_key), sorted(expected, key=_key), atol=1e-7)
     assert abs(np.prod(found) - 1.0) < 1e-10
     assert orbit.stable == (upper > 2.0)
+
+
+@pytest.mark.parametrize("number", [1, 4, 7])
+def test_the_nearest_return_of_an_orbit_is_its_period(number: int) -> None:
+    """However often it is gone through, and from a start beside it."""
+    orbit = find_orbit(_falling(), 1)
+    found = nearest_return(orbit.system, number, 60.0)
+    assert found == pytest.approx(number * orbit.period, rel=1e-6)
+    beside = started(orbit.system, orbit.state * (1.0 + 1e-9))
+    assert find_orbit(beside, number).period == pytest.approx(orbit.period, rel=1e-6)
 
 
 def _key(value: complex) -> tuple[float, float]:

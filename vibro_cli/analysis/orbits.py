@@ -514,12 +514,16 @@ def nearest_return(system: TraceSystem, impacts: int | None, longest: float) -> 
         raise NoOrbit(f"impacts: {told}")
     wanted = range(1, len(times)) if impacts is None else range(impacts, impacts + 1)
     state, scale, best = state_of(system), scale_of(system), (np.inf, 0.0)
+    flow = velocity(system, state) * scale
     for number in wanted:
         instants = np.linspace(times[number - 1], times[number], 402)[1:-1]
         gaps = gap_of(system, state, state_at(run, instants)) * scale
         squares = np.sum(gaps**2, axis=1)
         nearest = int(np.argmin(squares))
-        best = min(best, (float(squares[nearest]), float(instants[nearest])))
+        along, instant = float(flow @ gaps[nearest]), float(instants[nearest])
+        if along**2 > 0.5 * squares[nearest] * (flow @ flow):  # a matter of time more than of place
+            instant -= along / float(flow @ flow)
+        best = min(best, (float(squares[nearest]), instant))
     return best[1]
 
 
