@@ -108,15 +108,22 @@ class Orbit:
 
         From each middle between two jumps, as its start, to the same one so much later.
         """
-        instants, found = self.shot.instants, {}
+        instants, jumps = self.shot.instants, self.shot.jumps
+        repeated = [
+            parts
+            for parts in range(2, len(instants) + 1)
+            if all(one[: len(one) // parts] * parts == one for one in jumps)
+        ]
+        if not repeated:
+            return {}
         times = np.array([instants[-1] - self.period, *instants])
         run = simulate_system(self.system, self.period, None)
         states = state_at(run, np.maximum(0.5 * (times[1:] + times[:-1]), 0.0))
-        for parts in range(2, len(states) + 1):
-            if all(one[: len(one) // parts] * parts == one for one in self.shot.jumps):
-                later = len(states) // parts
-                gaps = gap_of(self.system, states[:-later], states[later:])
-                found[parts] = (gaps * scale_of(self.system)).ravel()
+        found = {}
+        for parts in repeated:
+            later = len(states) // parts
+            gaps = gap_of(self.system, states[:-later], states[later:])
+            found[parts] = (gaps * scale_of(self.system)).ravel()
         return found
 
     @property
