@@ -32,14 +32,13 @@ from vibro_cli.kernels.world import (
 
 
 @kernel
-def time_to_pair(world: World, a: int, b: int) -> float:
-    """Return the time (s) from now until two balls touch, or NEVER.
+def time_to_pair(world: World, a: int, x: float, y: float, b: int) -> float:
+    """Return the time (s) from now until a ball that is at ``(x, y)`` (m) touches another, or NEVER.
 
     They touch at the horizontal distance ``2 sqrt(r_a r_b)`` of their centres (C, part 1).
     """
     one = world.balls[a]
     other = world.balls[b]
-    x, y = present_place(world, a)
     other_x, other_y = present_place(world, b)
     distance = touching_distance(world, a, b)
     rounding = RESOLVED * (one.fastest + other.fastest)
@@ -52,13 +51,13 @@ def time_to_pair(world: World, a: int, b: int) -> float:
 def search_row(world: World, ball: int) -> None:
     """Find what a ball meets next of the wall and of the balls after it."""
     row = world.meetings[ball]
+    x, y = present_place(world, ball)
     best = NEVER
     if world.wall[0].kind != NO_WALL:
-        x, y = present_place(world, ball)
         row.kind = MEETS_WALL
         best = meet_wall(world, world.bodies[ball], world.balls[ball], x, y, row)
     for other in range(ball + 1, len(world.balls)):
-        time = time_to_pair(world, ball, other)
+        time = time_to_pair(world, ball, x, y, other)
         if time < best:
             best = time
             row.kind = MEETS_BALL
@@ -83,12 +82,13 @@ def _set_time(world: World, ball: int, time: float) -> None:
 def renew(world: World, ball: int) -> None:
     """Search anew all that the motion of one ball decides."""
     search_row(world, ball)
+    x, y = present_place(world, ball)
     for earlier in range(ball):
         row = world.meetings[earlier]
         if row.kind == MEETS_BALL and row.other == ball:
             search_row(world, earlier)
             continue
-        time = time_to_pair(world, earlier, ball)
+        time = time_to_pair(world, ball, x, y, earlier)
         if time >= NEVER:
             continue
         clock = world.clock[0]

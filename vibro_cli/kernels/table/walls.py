@@ -303,6 +303,8 @@ def time_to_distance(
     ``rounding`` (m/s) is none.
     """
     closing = dx * wx + dy * wy
+    if closing >= 0.0:
+        return NEVER
     apart = math.sqrt(dx * dx + dy * dy)
     if closing >= -rounding * apart:
         return NEVER
