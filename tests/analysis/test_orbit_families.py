@@ -54,6 +54,16 @@ HOOPS = scene(
     time=30.0,
 )
 
+THROUGH_ITS_REVERSAL = {
+    "collision.k": 1.0,
+    "collision.law": "normal-impulse",
+    "balls[1].angle": -1.482,
+    "balls[1].speed": 0.438,
+    "balls[2].angle": 0.5202,
+    "balls[2].speed": -0.708,
+    "balls[2].density": 2560.0,
+}
+
 
 def _differences(found: Orbit) -> Floats:
     """The tangent map from motions beside an orbit."""
@@ -92,6 +102,25 @@ def test_a_fold_is_where_the_value_is_least(folded: tuple[Orbit, Branch]) -> Non
     assert fold.point.value == pytest.approx(np.polyval(least, turn), abs=1e-5)
     # There a multiplier is 1, by differences: the trace across the orbit is 2.
     assert np.trace(_differences(fold.point.orbit)) == pytest.approx(4.0, abs=1e-4)
+
+
+def test_a_family_turns_back_where_its_orbit_is_its_own_reversal() -> None:
+    """There both bodies are at rest at once, a multiplier only touches 1, and the value is least.
+
+    Beyond it are the reversals of the orbits before it.
+    """
+    scenario = example("three_arcs").replace(THROUGH_ITS_REVERSAL)
+    family = orbit_family(scenario, orbit(scenario, impacts=2), "balls[2].density", 2500.0, 2590.0)
+    assert [(one.kind, one.fault) for one in family.special] == [
+        ("bound", ""), ("fold", ""), ("bound", ""),
+    ]  # fmt: skip
+    turn = family.special[1].point
+    assert np.abs(turn.orbit.state[1::2]).max() < 1e-3  # of 1 m/s at the ends
+    assert np.trace(_differences(turn.orbit)) == pytest.approx(4.0, abs=1e-4)
+    assert turn.value <= min(point.value for point in family.points)
+    one, other = family.points[0].orbit, family.points[-1].orbit
+    assert other.period == pytest.approx(one.period, abs=1e-9)
+    assert other.state == pytest.approx(one.state * [1.0, -1.0, 1.0, -1.0], abs=1e-9)
 
 
 def test_two_changes_within_one_step_are_found(monkeypatch: pytest.MonkeyPatch) -> None:

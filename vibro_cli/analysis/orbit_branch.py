@@ -26,6 +26,7 @@ from vibro_cli.analysis.orbits import (
     ROUNDING,
     NoOrbit,
     Orbit,
+    Shot,
     admitted,
     begun_between,
     energy_of,
@@ -36,6 +37,7 @@ from vibro_cli.analysis.orbits import (
     shoot,
     size_of,
     started,
+    velocity,
 )
 from vibro_cli.assemble import build_system
 from vibro_cli.kernels.numerics.constants import EPSILON
@@ -71,6 +73,9 @@ _DIPS = 12
 _PART = 1.0e-7
 # Shares of the way back from where a period halves at which the orbits tell where that is.
 _NEARING = (0.2, 0.4, 0.6, 0.8)
+# Orbits tried for where a family turns back.
+_TRIED = 9
+_JUMP = "the multipliers jump, as where an impact passes a junction"
 # The multipliers of what closes worse, as of motions that have nearly come to rest, are rounding.
 _CLOSED_WELL = 10.0 * CLOSED
 
@@ -201,8 +206,9 @@ class Family:
 
     def follow(self) -> Branch:
         """Follow the branch both ways from its first orbit, to the ends of the range or its own."""
-        back, start = self._one_way(-1.0)
-        ahead, end = self._one_way(1.0)
+        tangent = self._tangent(self._first, self._across)
+        back, start = self._one_way(-tangent)
+        ahead, end = self._one_way(tangent)
         points = [*back[::-1], self._first, *ahead]
         for at in (-1.0, 1.0):
             points = self._with_dips(points, at)
@@ -210,16 +216,15 @@ class Family:
         folds = {one.after for one in special if one.kind == "fold"}
         for n, three in enumerate(zip(points, points[1:], points[2:], strict=False), 1):
             if _turn(*three) and not folds & {n - 1, n}:  # those at folds are known
-                special.append(Special("fold", points[n], n))
+                special.append(self._turning(n, *three))
         special.sort(key=lambda one: (one.after, _apart(one.point, points[one.after])))
         last = len(points) - 1
         ends = Special(start, points[0], 0), Special(end, points[last], last)
         return Branch(points, [ends[0], *special, ends[1]])
 
-    def _one_way(self, sign: float) -> tuple[list[Point], str]:
+    def _one_way(self, tangent: Floats) -> tuple[list[Point], str]:
         """Points from the first one on, and how the branch ends there."""
         size = self._units[-1] * self._range
-        tangent = sign * self._across
         points: list[Point] = []
         here, step, cause = self._first, FIRST_STEP, "points"
         while len(points) < MOST_POINTS:
@@ -231,11 +236,9 @@ class Family:
             guess, across = self._ahead(here, ahead * tangent, tangent)
             try:
                 new = self._corrected(guess, across)
-                left = _share_left(here, new)
-                if left < 0.0 and not points:  # the first tangent is none: it is the other side
-                    raise NoOrbit("the period halves")
-                if left < _NEARING[0]:
+                if _share_left(here, new) < _NEARING[0]:
                     return [*points, self._halved(here, new)], "halving"
+                turned = self._tangent(new, tangent)
             except NoOrbit as error:
                 step, cause = 0.5 * step, str(error)
                 if step < LEAST_STEP:
@@ -246,13 +249,11 @@ class Family:
             bound = min(max(new.value, self._low), self._high)
             if bound != new.value:
                 return [*points, self._at_value(here, new, bound)], "bound"
-            change = new.along - here.along
-            chord = change / np.linalg.norm(change)
-            excess = _excess(here, new, tangent if points else chord, chord)
+            excess = self._excess(here, new, tangent, turned)
             if excess > 2.0 and step > _CUT:
                 step *= 0.5
                 continue
-            tangent = chord
+            tangent = turned
             points.append(new)
             here, step = new, min(step / max(excess, 2.0 / 3.0), LONGEST_STEP)
         return points, cause
@@ -319,6 +320,34 @@ class Family:
                 return (right - beside) / (at - value)
         raise NoOrbit("the events change")
 
+    def _tangent(self, point: Point, side: Floats) -> Floats:
+        """The direction of the branch at a point, to the same side as another direction.
+
+        A chord would not show that a step has come onto another branch, where two of them cross.
+        """
+        orbit, energy = point.orbit, self._energy_of(point.value)
+        rows, right = equations(orbit.system, orbit.shot, orbit.state, energy)
+        by_value = self._by_value(orbit.state, orbit.period, point.value, right)
+        matrix = np.column_stack([rows, by_value]) / self._units
+        tangent: Floats = np.linalg.svd(matrix)[2][-1]
+        return tangent if tangent @ side > 0.0 else -tangent
+
+    def _excess(self, here: Point, new: Point, tangent: Floats, turned: Floats) -> float:
+        """How much more a step changes than it may: the greater of its turn and its passing.
+
+        It turns from its tangent to its chord, but for how far the start has moved along the
+        orbit, and on to the tangent at its end: more where it has come onto another branch.
+        """
+        orbit, chord = here.orbit, new.along - here.along
+        flow = np.append(velocity(orbit.system, orbit.state), [0.0, 0.0]) * self._units
+        chord -= chord @ flow / (flow @ flow) * flow
+        cosines = np.array([tangent @ chord, chord @ turned]) / np.linalg.norm(chord)
+        turn = float(np.sum(np.arccos(np.minimum(cosines, 1.0)))) / _TURN
+        for at in (-1.0, 1.0):
+            passing = np.arctan(_distance(new.orbit, at)) - np.arctan(_distance(orbit, at))
+            turn = max(turn, abs(float(passing)) / _PASSING)
+        return turn
+
     def _at_value(self, one: Point, other: Point, value: float) -> Point:
         """The orbit at a value between those of two points."""
         share = (value - one.value) / (other.value - one.value)
@@ -364,6 +393,30 @@ class Family:
                     found.append(replace(one, kind="fold") if turns else one)
         return found
 
+    def _turning(self, n: int, before: Point, here: Point, after: Point) -> Special:
+        """Where the family turns back within three orbits, of which the middle one is number n.
+
+        A multiplier comes to 1 there and does not pass it: the orbit is its own reversal in time,
+        and the family goes on as the reversals of its orbits. Next to it Newton's method needs a
+        start as near as the polynomial through the orbits has it.
+        """
+        chord = (after.along - before.along) / _apart(after, before)
+        known = [before, after, here]
+        try:
+            while len(known) < _TRIED and abs(_distance(known[-1].orbit, 1.0)) > PARTED**2:
+                near = known[-4:]
+                places = np.array([chord @ (one.along - here.along) for one in near])
+                along = np.polyfit(places, [one.along for one in near], len(near) - 1)
+                place = min(np.roots(np.polyder(along[:, -1])).real, key=abs)
+                guess = np.array([np.polyval(one, place) for one in along.T])
+                known.append(self._corrected(guess, chord))
+        except NoOrbit as error:
+            return Special("fold", known[-1], n, str(error))
+        found = known[-1]
+        is_located = abs(_distance(found.orbit, 1.0)) <= PARTED**2
+        is_beyond = chord @ (found.along - here.along) > 0.0
+        return Special("fold", found, n if is_beyond else n - 1, "" if is_located else _JUMP)
+
     def _with_dips(self, points: list[Point], at: float) -> list[Point]:
         """All points, and one wherever multipliers pass a number and come back between two."""
         found = points[:1]
@@ -390,8 +443,19 @@ class Family:
                 tested, bounds=(-1.0, 1.0), method="bounded", options={"maxiter": _DIPS}
             )
         share = min(known, key=lambda one: sign * _distance(known[one].orbit, at))
-        passed = sign * _distance(known[share].orbit, at) < 0.0
+        found = known[share]
+        passed = sign * _distance(found.orbit, at) < 0.0 and self._is_on(here, found)
         return [known[one] for one in sorted({0.0, share})] if passed else [here]
+
+    def _is_on(self, here: Point, near: Point) -> bool:
+        """Whether an orbit near another one is of its branch, not of one that crosses it."""
+        side = near.along - here.along
+        with suppress(NoOrbit):
+            return (
+                self._excess(here, near, self._tangent(here, side), self._tangent(near, side))
+                <= 2.0
+            )
+        return False
 
     def _out_of_the_circle(self, points: list[Point]) -> list[Special]:
         """Where a pair of multipliers that are not real leaves the unit circle."""
@@ -428,11 +492,14 @@ class Family:
         except NoOrbit as error:
             fault = str(error)
         nearest = min(known.values(), key=lambda point: abs(test(point.orbit)))
+        if not fault and abs(test(nearest.orbit)) > PARTED:
+            fault = _JUMP
         return Special(kind, nearest, m - 1, fault)
 
     def _ending(self, here: Point, tangent: Floats, size: float, cause: str) -> str:
         """Why a branch cannot be followed beyond a point: what the next motion has otherwise."""
         scale = float(time_scale(here.orbit.system))
+        by_normal = here.orbit.system.law == "normal-impulse"
         slow = GRAZING * size_of(here.orbit.system, here.orbit.state) / scale
         for step in (1.0e-6, 1.0e-5, 1.0e-4, 1.0e-3):
             ahead = (here.along + step * size * tangent) / self._units
@@ -451,11 +518,19 @@ class Family:
                     return "seam"
                 weakest = min(shot.approach, here.orbit.shot.approach)
                 return "grazing" if weakest < slow else "coincidence"
+            if by_normal and _in_turn(shot) != _in_turn(here.orbit.shot):
+                return "junction"
         if here.orbit.shot.approach < _NEARLY_GRAZING * slow:
             return "grazing"
         # Rounding grows by the greatest multiplier before the orbit closes.
         grown = EPSILON * abs(here.orbit.multipliers[0])
         return "rounding" if grown > 0.1 * NEARLY_CLOSED else cause
+
+
+def _in_turn(shot: Shot) -> list[list[str]]:
+    """What happens to each body, crossings too, in its order."""
+    bodies = map(str, range(1, 1 + len(shot.jumps)))
+    return [[word for word in shot.word if body in word] for body in bodies]
 
 
 def _share_left(one: Point, other: Point) -> float:
@@ -468,15 +543,6 @@ def _share_left(one: Point, other: Point) -> float:
 def _turn(before: Point, here: Point, after: Point) -> bool:
     """Whether the family turns back at a point between two others."""
     return (here.value - before.value) * (after.value - here.value) < 0.0
-
-
-def _excess(here: Point, new: Point, tangent: Floats, chord: Floats) -> float:
-    """How much more a step changes than it may: the greater of its turn and its passing."""
-    turn = float(np.arccos(min(float(tangent @ chord), 1.0))) / _TURN
-    for at in (-1.0, 1.0):
-        passing = np.arctan(_distance(new.orbit, at)) - np.arctan(_distance(here.orbit, at))
-        turn = max(turn, abs(float(passing)) / _PASSING)
-    return turn
 
 
 def _beyond(place: int, orbit: Orbit) -> float:

@@ -33,7 +33,7 @@ from vibro_cli.kernels.world import (
 
 @kernel
 def time_to_pair(world: World, a: int, x: float, y: float, b: int) -> float:
-    """Return the time (s) from now until a ball that is at ``(x, y)`` (m) touches another, or NEVER.
+    """Return the time (s) from now until a ball, now at ``(x, y)`` (m), touches another; or NEVER.
 
     They touch at the horizontal distance ``2 sqrt(r_a r_b)`` of their centres (C, part 1).
     """
