@@ -76,6 +76,7 @@ _NEARING = (0.2, 0.4, 0.6, 0.8)
 # Orbits tried for where a family turns back.
 _TRIED = 9
 _JUMP = "the multipliers jump, as where an impact passes a junction"
+_NOT_ONE = "no multiplier comes to 1"
 # The multipliers of what closes worse, as of motions that have nearly come to rest, are rounding.
 _CLOSED_WELL = 10.0 * CLOSED
 
@@ -415,7 +416,7 @@ class Family:
         found = known[-1]
         is_located = abs(_distance(found.orbit, 1.0)) <= PARTED**2
         is_beyond = chord @ (found.along - here.along) > 0.0
-        return Special("fold", found, n if is_beyond else n - 1, "" if is_located else _JUMP)
+        return Special("fold", found, n if is_beyond else n - 1, "" if is_located else _NOT_ONE)
 
     def _with_dips(self, points: list[Point], at: float) -> list[Point]:
         """All points, and one wherever multipliers pass a number and come back between two."""
