@@ -15,7 +15,13 @@ from vibro_cli.storage.tables import read_parquet
 from vibro_cli.stress import impact_laws, physics, suite
 from vibro_cli.stress.extremes import swings, unequal
 from vibro_cli.stress.oracles.arrangement import Laws, Touch
-from vibro_cli.stress.oracles.scene import mp, scene_of_system, speed_changes
+from vibro_cli.stress.oracles.scene import (
+    Body,
+    mp,
+    scene_of_system,
+    speed_changes,
+    weight_and_response,
+)
 from vibro_cli.stress.scenes import VALLEY, Finding, Plan, ball, fault_of, scene, system_of
 from vibro_cli.stress.suite import line_of, record_of, write
 
@@ -115,6 +121,20 @@ def test_a_missed_mark_is_exit_code_1(monkeypatch: pytest.MonkeyPatch) -> None:
     missed = Finding("error", "cases", 1.0, check="elliptic", worst=2.0)
     monkeypatch.setattr(suite, "run", lambda plan, names: iter([missed]))
     assert run_command_line(["stress", "-q"]) == 1
+
+
+@pytest.mark.parametrize("law", LAW_NAMES)
+def test_the_judges_have_one_law(law: str) -> None:
+    """The papers' equations of an impact against weights and responses of both bodies."""
+    bodies = Body(mp.mpf(3), mp.mpf(2), mp.mpf(7) / 5), Body(mp.mpf(2), mp.mpf(5), mp.mpf(2))
+    speeds, k = (mp.mpf(3), mp.mpf(1)), mp.mpf(7) / 10
+    radii, masses = [body.radius for body in bodies], [body.mass for body in bodies]
+    rolling = [body.kappa * body.mass for body in bodies]
+    (qa, ha), (qb, hb) = (weight_and_response(law, body, mp.one) for body in bodies)
+    impulse = (1 + k) * (qa * speeds[0] - qb * speeds[1]) / (qa * ha + qb * hb)
+    changes = speed_changes(law, k, speeds, radii, masses, rolling)
+    for change, value in zip(changes, (-impulse * ha, impulse * hb), strict=True):
+        assert mp.almosteq(change, value, 1e-45)
 
 
 def test_no_judge_takes_a_law_that_it_does_not_know_for_another_one() -> None:

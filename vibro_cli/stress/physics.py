@@ -20,6 +20,7 @@ from vibro_cli.kernels.contact.contact_kinematics import CONTACT_ROUNDING
 from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.stress.drawing import draw
+from vibro_cli.stress.oracles.scene import weight_and_response
 from vibro_cli.stress.oracles.sensitivity import neighbouring
 from vibro_cli.stress.scenes import Document, Finding, GivenUp, Plan, Watched, system_of
 from vibro_cli.systems.run import Run
@@ -289,12 +290,7 @@ def _against_law(table: Any, row: int, one: Any, two: Any) -> float:
     law = str(table["law"][row])
     if law == "normal-impulse":
         return 0.0
-    if law == "translational":
-        own = [body.mass for body in (one, two)]
-    elif law == "hedrih":
-        own = [body.kappa * body.mass * body.radius for body in (one, two)]
-    else:
-        raise KeyError(law)
+    own = [float(1 / weight_and_response(law, body, 1)[1]) for body in (one, two)]
     change_a = table["speed_a_post"][row] - table["speed_a_pre"][row]
     change_b = table["speed_b_post"][row] - table["speed_b_pre"][row]
     given, taken = own[0] * change_a, own[1] * change_b

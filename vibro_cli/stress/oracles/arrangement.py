@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from vibro_cli.stress.oracles.motion import State
-from vibro_cli.stress.oracles.scene import Body, Path, Real, Scene, mp
+from vibro_cli.stress.oracles.scene import Path, Real, Scene, mp, weight_and_response
 
 # Speeds below this share of the fastest are zero.
 ZERO = mp.mpf(10) ** -30
@@ -50,30 +50,18 @@ class Touch:
 
 
 class Laws:
-    """Impulses of the three laws on bodies of a scene."""
+    """Impulses of the laws on bodies of a scene."""
 
     def __init__(self, scene: Scene, law: str) -> None:
         self.scene, self.law = scene, law
 
     def _of(self, touch: Touch, law: str) -> tuple[Row, Row]:
         """Row of the speed that a law acts on, and the changes of speed by its unit of impulse."""
-        if law == "normal-impulse":
-            inertia = {n: self._body(n).kappa * self._body(n).mass for n in touch.bodies}
-            return touch.row, {n: touch.row[n] / inertia[n] for n in touch.bodies}
-        if len(touch.bodies) == 1:
-            sign = {touch.bodies[0]: mp.sign(touch.row[touch.bodies[0]])}
-        else:
-            sign = dict(zip(touch.bodies, (-1, 1), strict=True))
         row, change = {}, {}
-        for n in touch.bodies:
-            body = self._body(n)
-            if law == "hedrih":
-                row[n] = sign[n] / body.radius
-                change[n] = sign[n] / (body.kappa * body.mass * body.radius)
-            elif law == "translational":
-                row[n], change[n] = mp.mpf(sign[n]), sign[n] / body.mass
-            else:
-                raise KeyError(law)
+        signs = [mp.sign(touch.row[n]) for n in touch.bodies] if touch.key < 0 else [-1, 1]
+        for n, sign in zip(touch.bodies, signs, strict=True):
+            weight, response = weight_and_response(law, self.scene.bodies[n], sign * touch.row[n])
+            row[n], change[n] = sign * weight, sign * response
         return row, change
 
     def act_along(self, touch: Touch) -> bool:
@@ -81,9 +69,6 @@ class Laws:
         row, _ = self._of(touch, self.law)
         shares = [row[n] / touch.row[n] for n in touch.bodies]
         return bool(abs(shares[0] - shares[-1]) <= SAME_LINE * abs(shares[0]))
-
-    def _body(self, number: int) -> Body:
-        return self.scene.bodies[number]
 
     def solve(self, touches: Sequence[Touch], speeds: list[Real], law: str) -> list[Real]:
         """Speeds after the joint impact of some touches, each with its restitution."""

@@ -18,6 +18,21 @@ Real = Any  # a number of this context
 Pair = Sequence[Any]
 
 
+def weight_and_response(law: str, body: Any, normal: Any) -> Pair:
+    """Return the weight of a body's speed in what a law turns, and the speed its impulse gives.
+
+    ``normal`` is the component of its path along the line of centres. The body has a radius, a
+    mass and kappa.
+    """
+    if law == "hedrih":
+        return 1 / body.radius, 1 / (body.kappa * body.mass * body.radius)
+    if law == "translational":
+        return mp.one, 1 / body.mass
+    if law == "normal-impulse":
+        return normal, normal / (body.kappa * body.mass)
+    raise KeyError(law)
+
+
 def speed_changes(
     law: str, k: Any, speeds: Pair, radii: Pair, masses: Pair, rolling: Pair
 ) -> tuple[Any, Any]:
