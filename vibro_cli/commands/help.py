@@ -171,7 +171,7 @@ before the impact, ⁺ after it, ω the angular velocity of rolling, v the speed
 
 {markdown_table(("law", "what it says"), rows)}
 
-Under `hedrih` and `translational` bodies of unequal radii, or of equal radii on two pieces of the
+Under all laws but `normal-impulse` bodies of unequal radii, or of equal radii on two pieces of the
 trace, may approach each other still after the impact: they would go through one another. Every
 impact is tested for it. Such an impact is inadmissible: the run ends there
 (`collision.inadmissible = "stop"`, the default), or `normal-impulse` is used for that impact, which

@@ -137,7 +137,7 @@ class TraceSystem:
     restitution: tuple[float, ...]
     """k of each pair of neighbours, on a closed trace with three or more bodies the seam's last."""
     law: str
-    """`hedrih`, `normal-impulse` or `translational`."""
+    """Its name in `LAWS`."""
     inadmissible: str
     """What follows an inadmissible impact: `stop` or `normal-impulse`."""
     surface: str
@@ -241,7 +241,7 @@ class ImpactSystem(ABC):
 
     bodies: tuple[Body, ...]
     law: str
-    """`hedrih`, `normal-impulse` or `translational`."""
+    """Its name in `LAWS`."""
     inadmissible: str
     """What follows an inadmissible impact: `stop` or `normal-impulse`."""
 
