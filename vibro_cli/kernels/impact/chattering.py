@@ -465,9 +465,11 @@ def half_approach(world: World, j: int, law: int) -> float:
     """Half the speed whose sum before and after, times the impulse of a pair, is its work (m/s)."""
     pair = world.pairs[j]
     if balances_mass(law):
-        # The law balances m v, the bodies carry kappa m v^2/2.
-        a = world.bodies[pair.a].kappa * world.flights[pair.a].speed
-        return 0.5 * (a - world.bodies[pair.b].kappa * world.flights[pair.b].speed)
+        # The law balances m v, q = m h, the bodies carry kappa m v^2/2.
+        qa, _ = weight_and_response(law, world.bodies[pair.a], pair.normal_a)
+        qb, _ = weight_and_response(law, world.bodies[pair.b], pair.normal_b)
+        a = world.bodies[pair.a].kappa * qa * world.flights[pair.a].speed
+        return 0.5 * (a - world.bodies[pair.b].kappa * qb * world.flights[pair.b].speed)
     return -0.5 * parting_speed(world, j)
 
 

@@ -97,11 +97,14 @@ def loss_of_impulse(
 
     ``sum_a, sum_b`` are the sums of each body's speeds before and after (m/s).
     """
-    if law == TRANSLATIONAL and body_a.kappa != body_b.kappa:
-        # The law balances m v, the bodies carry kappa m v^2/2.
-        return 0.5 * impulse * difference_of_products(body_a.kappa, sum_a, body_b.kappa, sum_b)
+    if balances_mass(law) and body_a.kappa != body_b.kappa:
+        # The law balances m v, q = m h, the bodies carry kappa m v^2/2.
+        qa, _ = weight_and_response(law, body_a, 1.0)
+        qb, _ = weight_and_response(law, body_b, 1.0)
+        lost = difference_of_products(body_a.kappa * qa, sum_a, body_b.kappa * qb, sum_b)
+        return 0.5 * impulse * lost
     loss = 0.5 * (1.0 - restitution) * impulse * approach
-    return loss * body_a.kappa if law == TRANSLATIONAL else loss
+    return loss * body_a.kappa if balances_mass(law) else loss
 
 
 @kernel

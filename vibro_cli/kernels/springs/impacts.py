@@ -16,7 +16,6 @@ import math
 
 from vibro_cli.compile.kernel import kernel
 from vibro_cli.kernels.impact.laws import (
-    HEDRIH,
     NORMAL_IMPULSE,
     balances_mass,
     impact_of_pair,
@@ -437,7 +436,9 @@ def _apply_plastic(world: World, row: ImpactRow) -> None:
     may be much.
     """
     law = row.law
-    if law == HEDRIH and world.bodies[row.pair].radius != world.bodies[row.pair + 1].radius:
+    qa, _ = weight_and_response(law, world.bodies[row.pair], 1.0)
+    qb, _ = weight_and_response(law, world.bodies[row.pair + 1], 1.0)
+    if qa != qb:
         law = NORMAL_IMPULSE  # equal omega would not be one speed
     apply_law(world, row, law, 0.0)
     _equalise(world, row.pair, row.pair + 1)
