@@ -151,7 +151,8 @@ def coloured(outcomes: Outcomes) -> Categories:
     """Return outcomes with their colours and shares of the points; the rarest share one colour."""
     code = np.minimum(outcomes.code, len(_COLOURS))
     rest = len(outcomes.names) - len(_COLOURS)
-    names = [*outcomes.names[: len(_COLOURS)], *([f"{rest} others"] if rest > 0 else [])]
+    others = "1 other" if rest == 1 else f"{rest} others"
+    names = [*outcomes.names[: len(_COLOURS)], *([others] if rest > 0 else [])]
     shares = np.bincount(code, minlength=len(names)) / len(code)
     told = [f"{name} ({100.0 * share:.3g} %)" for name, share in zip(names, shares, strict=True)]
     return Categories(code, tuple(told), (*_COLOURS, _OTHERS)[: len(names)])

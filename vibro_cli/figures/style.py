@@ -37,6 +37,8 @@ def panel_size(axes: Axes) -> tuple[float, float]:
     return round(float(wide), 9), round(float(high), 9)
 
 
+DPI = 300.0
+"""Pixels of a PNG to an inch."""
 TEXT = 8.0
 """Size of axis labels (pt)."""
 SMALL = 7.0
@@ -112,8 +114,8 @@ _RC: Any = {  # the stubs want each key as a literal
     "lines.linewidth": 0.9,
     "lines.solid_capstyle": "round",
     "legend.frameon": False,
-    "figure.dpi": 300.0,
-    "savefig.dpi": 300.0,
+    "figure.dpi": DPI,
+    "savefig.dpi": DPI,
     "pdf.fonttype": 42,
     "pdf.compression": 6,
     "svg.fonttype": "path",
@@ -158,7 +160,7 @@ _METADATA: dict[str, dict[str, str | None]] = {
 }
 
 
-def render(figure: Figure, form: str, dpi: float = 300.0) -> bytes:
+def render(figure: Figure, form: str, dpi: float = DPI) -> bytes:
     """Return a figure as the bytes of a file of one of `FORMATS`; `dpi` is that of PNG and rasters.
 
     Raises ValueError for another format.
