@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 from typing import Any
 
@@ -185,6 +186,18 @@ def test_what_cannot_be_fitted_is_told(
     t = _instants(_circle()) if measured is None else measured
     with pytest.raises(NoFit, match=words):
         fit(_circle().replace(change), t, free)
+
+
+def test_where_fewer_impacts_led_to_another_minimum_the_numbers_are_told() -> None:
+    scenario = example("one_circle")
+    t = simulate(scenario.replace({"stop.collisions": 25})).collisions["t"]
+    start = scenario.replace({"collision.k": 0.8, "balls[1].radius": 0.105})
+    free = {"collision.k": (0.3, 1.0), "balls[1].radius": (-math.inf, math.inf)}
+    with pytest.raises(NoFit, match=r"found 19 impacts .* expected 24") as caught:
+        fit(start, t, free)
+    k, radius = fit(start, t[:12], free).values
+    told = f"the impacts before led to collision.k = {k:.4g}, balls[1].radius = {radius:.4g}"
+    assert str(caught.value).endswith(told)
 
 
 @pytest.mark.parametrize(

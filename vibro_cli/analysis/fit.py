@@ -457,8 +457,12 @@ class _Problem:
 
     def solved(self, values: Floats, rows: int) -> Floats:
         """The numbers that suit the first rows best; those that do not show there stay."""
-        # What the numbers before miss is told as it is.
-        jacobian = self._late(values, rows)[1]
+        try:
+            jacobian = self._late(values, rows)[1]
+        except NoFit as error:
+            pairs = zip(self._free, values, strict=True)
+            reached = ", ".join(f"{one.name} = {value:.4g}" for one, value in pairs)
+            raise NoFit(f"{error}; the impacts before led to {reached}") from error
         last = rows == len(self._measured.t)
         if last:
             self._check_told(jacobian)
