@@ -222,6 +222,14 @@ def test_a_grid_has_a_page_and_figures(vibro: Vibro) -> None:
         assert words in outcome.err
 
 
+def test_a_map_that_would_be_empty_is_refused(vibro: Vibro) -> None:
+    write_grid(Path("one"), product({"collision.k": [1.0, 0.9]}))
+    outcome = vibro("report", "one", "--map", "energy_start")
+    assert outcome.code == 2
+    assert "--map: energy_start: found no map, expected two axes that change" in outcome.err
+    assert not Path("one-report.html").exists()
+
+
 def test_what_grid_wrote_has_a_page(vibro: Vibro) -> None:
     Path("sweep.toml").write_text(
         f'base = "{GALLERY / "one_circle.toml"}"\n'

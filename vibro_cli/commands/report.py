@@ -241,12 +241,16 @@ def _check_maps(subject: "Subject", maps: Sequence[str]) -> None:
 
 
 def _page(subject: "Subject", beside: Path, maps: Sequence[str]) -> bytes:
+    from vibro_cli.figures.over_axis import NothingToShow
     from vibro_cli.report.content import report_html
     from vibro_cli.report.grid_content import grid_html
 
     if isinstance(subject, list):
         return report_html(subject, beside, __version__)
-    return grid_html(subject, beside, __version__, maps)
+    try:
+        return grid_html(subject, beside, __version__, maps)
+    except NothingToShow as error:
+        raise CommandError(f"vibro: --map: {error}") from error
 
 
 def _check(wishes: ReportCommand) -> None:

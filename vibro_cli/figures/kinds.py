@@ -298,7 +298,8 @@ def draw_grid_kind(grid: Swept, name: str, width: str = "double") -> Figure | No
 def draw_grid(grid: Swept, width: str = "double", columns: Sequence[str] = ()) -> Iterator[Drawn]:
     """Draw every kind of figure of a grid that has something to show.
 
-    `columns` are those of the summary whose maps are drawn too; raises ValueError for another one.
+    `columns` are those of the summary whose maps are drawn too; raises ValueError for another one,
+    `NothingToShow` for one whose map would be empty.
     """
     kinds = dict(GRID_KINDS)
     for column in columns:
@@ -310,7 +311,12 @@ def draw_grid(grid: Swept, width: str = "double", columns: Sequence[str] = ()) -
             partial(column_map, name=column), column.replace("_", " ").capitalize(), caption
         )
     for name, kind in kinds.items():
-        for drawn in kind.drawn(name, grid, width):
+        figures = list(kind.drawn(name, grid, width))
+        if name not in GRID_KINDS and not figures:
+            column = name.removeprefix("map_")
+            why = "found no map, expected two axes that change, and values"
+            raise NothingToShow(f"{column}: {why}")
+        for drawn in figures:
             shown = lattice(grid, kind.dimensions, numbers_first=kind.dimensions == 1)
             held = f" Held: {shown.held}." if shown is not None and shown.fixed else ""
             yield replace(drawn, caption=drawn.caption + held)
