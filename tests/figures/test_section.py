@@ -105,6 +105,10 @@ def test_a_run_shows_one_column_over_another(
 def test_a_grid_says_why_it_has_nothing_to_show() -> None:
     axes = {"collision.k": np.linspace(0.8, 0.9, 3)}
     kept = sweep(example("one_circle"), axes, collisions=["n", "t", "angle_a"])
+    bare = sweep(example("one_circle"), axes)
+    for columns in ([], ["angle_a"]):
+        with pytest.raises(ValueError, match="kept no impacts: set collisions = true"):
+            bare.section(columns)
     with pytest.raises(ValueError, match="did not keep ball_a and ball_b"):
         kept.section(["angle_a"], (1, 2))
     short = sweep(example("three_arcs"), axes, collisions=True)

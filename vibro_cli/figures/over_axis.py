@@ -231,9 +231,12 @@ Quantity = tuple[str, str, str]
 def quantities_of(names: Sequence[str], units: Mapping[str, str]) -> list[Quantity]:
     """Return columns of impacts by name, given the units of all there are.
 
-    Raises ValueError for a name that is no column, and for more than two.
+    Raises ValueError for a name that is no column, and for more than two; `NothingToShow` where
+    there are none, as a grid that did not keep its impacts has none.
     """
     checked("columns", names, Texts("columns", most=2))
+    if not units:
+        raise NothingToShow("the grid kept no impacts: set collisions = true in [keep]")
     for name in names:
         if name not in units:
             hint = suggestion(name, list(units))
