@@ -247,3 +247,34 @@ def test_a_particle_that_the_trace_holds_back_needs_no_friction(
     assert min(normal[:, 0]) > 0.0 > max(normal[:, 1])
     found = run.summary_record()["max_friction_demand"]
     assert found == pytest.approx(max(friction[:, 0] / normal[:, 0]), rel=1e-3)
+
+
+@pytest.mark.parametrize("turning", [None, 1e-9])
+@pytest.mark.parametrize("body", ["disk", "particle"])
+def test_what_rolls_slips_where_a_hump_that_begins_level_cannot_hold_it(
+    body: str, turning: float | None
+) -> None:
+    # N = m (g cos psi - v^2/rho) < 0 from the crest on, where F = 0 at that instant alone.
+    speed, rho = 6.0, 0.55
+    trace: dict[str, Any] = {
+        "start_slope": 0.0,
+        "arcs": [
+            {"shape": "line", "length": 1.0},
+            {"shape": "hump", "radius": 0.5, "end_slope": -1.2},
+        ],
+    }
+    if turning is not None:
+        trace["turning"] = {"x": 1.0, "rate": turning}
+    document = {
+        "gravity": 9.81,
+        "trace": trace,
+        "balls": [
+            {"body": body, "radius": 0.05, "mass": 1.0, "arc": 1, "position": 0.4, "speed": speed}
+        ],
+        "stop": {"time": 0.15},
+        "output": {"friction": 0.3},
+    }
+    events = simulate(scenario_of(document)).events
+    assert 9.81 - speed**2 / rho < 0.0
+    for name, times in (("lift_off", [0.1]), ("slip", [0.1] if body == "disk" else [])):
+        assert events["t"][events["event"] == name] == pytest.approx(times)

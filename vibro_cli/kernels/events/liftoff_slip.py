@@ -251,13 +251,16 @@ def _add_limits(world: World, search: Search) -> bool:
     """Add where a body passes a limit of its forces; tell whether there was room for all."""
     now = search.progress[0]
     span = search.spans[now.span]
-    if world.log[span.row].grouped == 1:
-        place, lifts, slips = _look_at_group(world, search)
-    elif world.log[span.row].at_rest == 1:
-        return _look_at_rest(world, search)
+    row = world.log[span.row]
+    # What slides needs no friction, whatever its normal force.
+    friction = now.friction if world.bodies[row.body].kappa > 1.0 else -1.0
+    if row.grouped == 1:
+        place, lifts, slips = _look_at_group(world, search, friction)
+    elif row.at_rest == 1:
+        return _look_at_rest(world, search, friction)
     else:
         place = world.settings[0].bodies
-        lifts, slips = look_at_one(world, span, now.friction, search.flights[0])
+        lifts, slips = look_at_one(world, span, friction, search.flights[0])
     if not lifts and not slips:
         return True
     one = world.forces[place]
@@ -271,7 +274,7 @@ def _add_limits(world: World, search: Search) -> bool:
             if not done:
                 return False
         now.kind = SLIP
-    return not slips or _add(search, _courses(world, search, one, now.friction), SLIP)
+    return not slips or _add(search, _courses(world, search, one, friction), SLIP)
 
 
 @kernel
@@ -313,7 +316,7 @@ def _limit_on_segment(world: World, span: Span, friction: float, scratch: Flight
 
 
 @kernel
-def _look_at_group(world: World, search: Search) -> tuple[int, bool, bool]:
+def _look_at_group(world: World, search: Search, friction: float) -> tuple[int, bool, bool]:
     """Set the forces on a body in contact; where they are, and which limits it may pass.
 
     Those of its whole group are set at once, for the spans that come next.
@@ -333,19 +336,18 @@ def _look_at_group(world: World, search: Search) -> tuple[int, bool, bool]:
         fit_forces(world, leader, search.flights[1])
         now.group = leader + 1
     place = (row.body - row.group_first) % world.settings[0].bodies
-    set_sides(span, world.forces[place], now.friction)
-    return place, True, now.friction >= 0.0
+    set_sides(span, world.forces[place], friction)
+    return place, True, friction >= 0.0
 
 
 @kernel
-def _look_at_rest(world: World, search: Search) -> bool:
+def _look_at_rest(world: World, search: Search, friction: float) -> bool:
     """Set the forces on a body alone that rests: they stay as they are, and no limit is passed."""
-    now = search.progress[0]
-    span = search.spans[now.span]
+    span = search.spans[search.progress[0].span]
     flight = search.flights[0]
     recall_flight(world, world.log[span.row], span.row, flight)
     set_ends(world, span.row, span.duration, flight)
-    set_sides(span, world.forces[world.settings[0].bodies], now.friction)
+    set_sides(span, world.forces[world.settings[0].bodies], friction)
     return True
 
 
@@ -441,7 +443,7 @@ def beyond(normal: float, force: float, friction: float) -> bool:
     """
     if friction < 0.0:
         return normal < -FORCE_ROUNDING * (abs(normal) + force)
-    return force > 0.0 and force - friction * normal > FORCE_ROUNDING * (abs(normal) + force)
+    return force - friction * normal > FORCE_ROUNDING * (abs(normal) + force)
 
 
 @kernel
