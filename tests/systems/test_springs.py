@@ -435,6 +435,22 @@ def test_contacts_that_open_at_one_instant_are_decided_together() -> None:
     assert gaps.min() > -1e-14
 
 
+@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize("away", [1e3, 1e5])
+def test_bodies_at_rest_in_contact_touch_however_far_their_feet_are(
+    away: float, turned: bool
+) -> None:
+    """Places from a far foot are rounded more than those from the origin; against statics."""
+    stretches = [-0.5, 0.0, 0.5]  # of springs from the left: those outside push inwards
+    held = [spring(6.0, away - stretch, 0.7, 1.0 - away) for stretch in stretches]
+    if turned:
+        held = [spring(6.0, away + stretch, 0.7, 1.0 + away) for stretch in stretches]
+    run = solve(springs(_row([0.0] * 3, [1.0] * 3, held), 0.5, time=0.1), "compiled")
+    assert len(run.collisions["n"]) == 0
+    assert run.events["event"].tolist() == ["contact_closed"] * 2
+    assert not any(run.events["t"])
+
+
 @pytest.mark.parametrize("seed", [6, 11, 12, 21])
 def test_approach_by_the_rounding_of_greater_speeds_moves_no_body_into_another(seed: int) -> None:
     """A light body between heavy ones gets impulses of which an instant leaves a small approach."""

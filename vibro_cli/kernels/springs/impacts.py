@@ -56,6 +56,7 @@ from vibro_cli.kernels.springs.world import (
     SETTLED,
     STAYS,
     ImpactRow,
+    SpringBody,
     World,
 )
 from vibro_cli.kernels.world import END_INADMISSIBLE, RUNNING
@@ -665,10 +666,17 @@ def open_contact(world: World, pair: int) -> None:
 @kernel
 def rounding_of_gap(world: World, pair: int) -> float:
     """Return by how much (m) rounding may change the gap of a pair in contact."""
-    one = world.springs[pair]
-    other = world.springs[pair + 1]
-    size = abs(one.foot + one.x) + abs(other.foot + other.x) + world.pairs[pair].touch
-    return 2.0 * ROUNDING * size
+    size = _coordinate(world.springs[pair]) + _coordinate(world.springs[pair + 1])
+    return 2.0 * ROUNDING * (size + world.pairs[pair].touch)
+
+
+@kernel
+def _coordinate(spring: SpringBody) -> float:
+    """Return the greater distance (m) of a body from the origin and from its foot.
+
+    It is given from the one and moves in the other; both are rounded.
+    """
+    return max(abs(spring.foot + spring.x), abs(spring.x))
 
 
 @kernel
