@@ -484,6 +484,31 @@ def test_contact_opens_where_both_springs_alone_accelerate_alike(ratio: float) -
         assert abs(states["x"][2, 0] - mp.findroot(pressing, states["x"][2, 0])) <= 2e-15
 
 
+def test_contact_opens_over_a_foot_nearly_on_the_line_where_its_force_ends() -> None:
+    """The spring turns from pressing to pulling within 1e-8 m; against fifty digits."""
+    left, right = (6.0, 1.0, 0.125, -1.7), (5.0, 2.0, 1e-8, -0.5)
+
+    def pressing(x: Any) -> Any:
+        places = (x - 0.5 - mp.mpf(0.8) + mp.mpf(1.7), x)
+        pulls = [
+            -mp.mpf(c) * at * (1 - length / mp.hypot(b, at))
+            for (c, length, b, _), at in zip((left, right), places, strict=True)
+        ]
+        return pulls[0] / 3 - pulls[1]
+
+    with mp.workdps(50):
+        opens = mp.findroot(pressing, (-1e-8, 1e-8), solver="anderson")
+    for speed in np.linspace(0.9, 1.2, 20):
+        balls = [
+            disk(-1.4, float(speed), spring(*left), mass=3.0),
+            disk(-0.6, float(speed), spring(*right)),
+        ]
+        run = solve(springs(balls, 0.0, time=0.2), "compiled")
+        states = run.history()["states"].reshape(-1, 2)
+        assert states["cause"][:, 0].tolist() == [0, 2, 3]
+        assert abs(states["x"][2, 1] - opens) <= 4e-16  # rounding of places of 1.4 m
+
+
 @pytest.mark.parametrize("law", LAW_NAMES)
 def test_pairs_that_meet_at_one_instant_of_a_run_collide_jointly(law: str) -> None:
     """Linear springs of one frequency: what parts at once is together again after half a period."""

@@ -29,6 +29,7 @@ from vibro_cli.kernels.numerics.tridiagonal import solve_from_both_ends
 from vibro_cli.kernels.springs.series import (
     STEP,
     acceleration_of,
+    bounds_of_group,
     expand_group,
     gap_of,
     is_in_contact,
@@ -527,7 +528,7 @@ def _pressing(world: World, first: int, count: int, more: int) -> float:
     """Return what presses ``count`` bodies that move as one and the next ``more`` together.
 
     That is the relative acceleration (m/s^2) where some is needed, else the first term of the gap's
-    series that within its reach is more than rounding of the places; what is zero before is noted.
+    series that within its reach presses more than rounding does; what is zero before is noted.
     """
     other = first + count
     pair = world.pairs[other - 1]
@@ -539,14 +540,15 @@ def _pressing(world: World, first: int, count: int, more: int) -> float:
     reach = steps / STEP / unit
     expand_group(world, first, count, unit)
     expand_group(world, other, more, unit)
-    power = reach
+    rounding = rounding_of_pressing(world, first, count, more) * (unit * unit)
+    power = 1.0
     for k in range(RESTING, ORDER):
-        power *= reach
         term = world.series[first * BODY_ROWS + PLACE + k]
         term -= world.series[other * BODY_ROWS + PLACE + k]
-        if abs(term) * power > rounding_of_gap(world, other - 1):
+        if abs(term) * power > rounding:
             pair.known = k
             return term
+        power *= reach
     return pressing
 
 
@@ -668,6 +670,17 @@ def rounding_of_gap(world: World, pair: int) -> float:
     """Return by how much (m) rounding may change the gap of a pair in contact."""
     size = _coordinate(world.springs[pair]) + _coordinate(world.springs[pair + 1])
     return 2.0 * ROUNDING * (size + world.pairs[pair].touch)
+
+
+@kernel
+def rounding_of_pressing(world: World, first: int, count: int, more: int) -> float:
+    """Return half of what rounding of the gap may change (m/s^2) of what presses two groups.
+
+    While they are at rest that moves them by the rounding within the time that their series hold.
+    """
+    reach, one = bounds_of_group(world, first, count)
+    way, other = bounds_of_group(world, first + count, more)
+    return 0.5 * rounding_of_gap(world, first + count - 1) * max(one / reach, other / way)
 
 
 @kernel

@@ -13,7 +13,7 @@ from vibro_cli.kernels.springs.impacts import (
     first_closing,
     note_touching,
     open_contact,
-    rounding_of_gap,
+    rounding_of_pressing,
     settle_contacts,
 )
 from vibro_cli.kernels.springs.series import (
@@ -64,7 +64,7 @@ def first_event(world: World, step: float, unit: float) -> tuple[float, int]:
     end = step / unit
     for pair in range(len(world.bodies) - 1):
         if world.pairs[pair].held == 1:
-            time = _opening(world, pair, end, unit)
+            time = _opening(world, pair, end)
         else:
             time = _meeting(world, pair, end)
         if time != NO_ROOT and time < best:
@@ -97,7 +97,7 @@ def _meeting(world: World, pair: int, end: float) -> float:
 
 
 @kernel
-def _opening(world: World, pair: int, end: float, unit: float) -> float:
+def _opening(world: World, pair: int, end: float) -> float:
     """When nothing presses the bodies on both sides of a lasting contact together any more."""
     rows = world.gaps
     base = pair * ROW
@@ -111,9 +111,10 @@ def _opening(world: World, pair: int, end: float, unit: float) -> float:
     # What begins at zero holds if the first of its terms beyond rounding grows.
     known = 0
     reach = end / STEP
-    power = (reach * unit) * (reach * unit)
+    power = 1.0
     while rows[base + known] <= 0.0:
-        if -rows[base + known] * power > rounding_of_gap(world, pair) * (known + 1) * (known + 2):
+        rounding = rounding_of_pressing(world, first, left, right)
+        if -rows[base + known] * power > rounding * (known + 1) * (known + 2):
             return 0.0
         known += 1
         power *= reach

@@ -137,6 +137,15 @@ def extend_group(world: World, first: int, count: int, k: int, unit: float) -> N
 @kernel
 def step_of_group(world: World, first: int, count: int) -> float:
     """Return the step (s) that the series of a group hold for: q T."""
+    reach, acceleration = bounds_of_group(world, first, count)
+    speed = abs(world.springs[first].v)
+    radius = 2.0 * reach / (speed + math.sqrt(speed * speed + 2.0 * acceleration * reach))
+    return STEP * radius
+
+
+@kernel
+def bounds_of_group(world: World, first: int, count: int) -> tuple[float, float]:
+    """Return R (m) of a group, and A (m/s^2): their ratio bounds what a way changes of forces."""
     reach = NEVER
     acceleration = 0.0
     for body in range(first, first + count):
@@ -152,9 +161,7 @@ def step_of_group(world: World, first: int, count: int) -> float:
         slope = 1.0 + spring.length / spring.height * ratio * ratio * ratio
         along = abs(spring.x / length * (length - spring.length)) + reach * slope
         acceleration = max(acceleration, spring.square * min(direct, along))
-    speed = abs(world.springs[first].v)
-    radius = 2.0 * reach / (speed + math.sqrt(speed * speed + 2.0 * acceleration * reach))
-    return STEP * radius
+    return reach, acceleration
 
 
 @kernel
