@@ -123,6 +123,46 @@ def test_a_family_turns_back_where_its_orbit_is_its_own_reversal() -> None:
     assert other.state == pytest.approx(one.state * [1.0, -1.0, 1.0, -1.0], abs=1e-9)
 
 
+def test_a_family_leaves_orbits_whose_phase_is_free_at_one_value() -> None:
+    """Equal balls exchange their speeds, as if they went through one another: each has a phase.
+
+    Over a mass only some of these orbits go on, and there all multipliers are 1.
+    """
+    places = {"balls[1].position": 0.56, "balls[1].speed": 0.0, "balls[2].position": 1.9}
+    equal = {"balls[2].mass": 2.0, "balls[2].speed": 0.0}
+    scenario = example("falling_balls").replace(places | equal)
+    first = orbit(scenario, impacts=2)
+    family = orbit_family(scenario, first, "balls[2].mass", 1.8, 2.3)
+    assert [one.kind for one in family.special] == ["bound", "exchange", "bound"]
+    assert family.special[1].point.value == pytest.approx(2.0, abs=1e-9)
+    for point in (family.points[0], family.points[-1]):
+        found = point.orbit
+        assert found.energy == pytest.approx(first.energy, rel=1e-12)
+        run = simulate_system(found.system, 3.0 * found.period, None)
+        times = run.collisions["t"].reshape(3, -1)
+        assert np.diff(times, axis=0) == pytest.approx(found.period, rel=1e-9)
+
+
+def test_a_family_of_orbits_whose_phase_is_free_is_followed_over_the_value() -> None:
+    """Of two balls on a level line, which may both be shifted: no step is lost on that."""
+    balls = [
+        {"radius": 0.1, "arc": 2, "mass": mass, "position": way, "speed": speed}
+        for mass, way, speed in (
+            (1.2247821, 0.1342798, 0.523171),
+            (1.0292593, 1.0752161, -0.1115174),
+        )
+    ]
+    document = scene(LINE_BETWEEN_VALLEYS, balls, time=30.0)
+    first = find_orbit(system_of(document), 2, None, 30.0)
+    family = orbit_family(scenario_of(document), first, "balls[1].mass", 1.2, 1.24)
+    assert [one.kind for one in family.special] == ["bound", "bound"]
+    values = np.array([point.value for point in family.points])
+    assert np.all(np.diff(values) > 0.0)
+    for point in (family.points[0], family.points[-1]):
+        shot = shoot(point.orbit.system, 2.0 * point.orbit.period)
+        assert shot.end == pytest.approx(point.orbit.state, abs=1e-9)
+
+
 def test_two_changes_within_one_step_are_found(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of a distance that is below zero on a twentieth of a step only."""
 

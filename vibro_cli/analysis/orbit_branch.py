@@ -251,7 +251,9 @@ class Family:
             if bound != new.value:
                 return [*points, self._at_value(here, new, bound)], "bound"
             excess = self._excess(here, new, tangent, turned)
-            if excess > 2.0 and step > _CUT:
+            # Where a phase is free at the first value alone, the first step leaves it at once.
+            leaves = not points and abs(tangent[-1]) == 1.0
+            if excess > 2.0 and step > _CUT and not leaves:
                 step *= 0.5
                 continue
             tangent = turned
@@ -325,13 +327,18 @@ class Family:
         """The direction of the branch at a point, to the same side as another direction.
 
         A chord would not show that a step has come onto another branch, where two of them cross.
+        Where a phase is free there are many: the nearest one, or the other itself across them all.
         """
         orbit, energy = point.orbit, self._energy_of(point.value)
         rows, right = equations(orbit.system, orbit.shot, orbit.state, energy)
         by_value = self._by_value(orbit.state, orbit.period, point.value, right)
         matrix = np.column_stack([rows, by_value]) / self._units
-        tangent: Floats = np.linalg.svd(matrix)[2][-1]
-        return tangent if tangent @ side > 0.0 else -tangent
+        _, sizes, directions = np.linalg.svd(matrix)
+        free = directions[sizes <= max(sizes[-1], ROUNDING)]
+        tangent: Floats = free.T @ (free @ side)
+        if np.linalg.norm(tangent) < ROUNDING:
+            tangent = side
+        return tangent / np.linalg.norm(tangent)
 
     def _excess(self, here: Point, new: Point, tangent: Floats, turned: Floats) -> float:
         """How much more a step changes than it may: the greater of its turn and its passing.
@@ -451,12 +458,11 @@ class Family:
     def _is_on(self, here: Point, near: Point) -> bool:
         """Whether an orbit near another one is of its branch, not of one that crosses it."""
         side = near.along - here.along
-        with suppress(NoOrbit):
-            return (
-                self._excess(here, near, self._tangent(here, side), self._tangent(near, side))
-                <= 2.0
-            )
-        return False
+        try:
+            one, other = self._tangent(here, side), self._tangent(near, side)
+        except NoOrbit:
+            return False
+        return self._excess(here, near, one, other) <= 2.0
 
     def _out_of_the_circle(self, points: list[Point]) -> list[Special]:
         """Where a pair of multipliers that are not real leaves the unit circle."""
