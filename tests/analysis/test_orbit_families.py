@@ -163,6 +163,18 @@ def test_a_family_of_orbits_whose_phase_is_free_is_followed_over_the_value() -> 
         assert shot.end == pytest.approx(point.orbit.state, abs=1e-9)
 
 
+def test_steps_that_turn_too_far_become_no_shorter_than_the_one_that_is_taken(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """There is an orbit at every mass, so that the family reaches the end of the range."""
+    monkeypatch.setattr(Family, "_excess", lambda _, here, new, *__: 3.0 * (new.value < here.value))
+    monkeypatch.setattr(orbit_branch, "MOST_POINTS", 60)
+    scenario = example("falling_balls")
+    first = orbit(scenario, impacts=1)
+    family = orbit_family(scenario, first, "balls[2].mass", 0.9885, 2.0)
+    assert [one.kind for one in family.special] == ["bound", "bound"]
+
+
 def test_two_changes_within_one_step_are_found(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of a distance that is below zero on a twentieth of a step only."""
 

@@ -258,7 +258,8 @@ class Family:
                 continue
             tangent = turned
             points.append(new)
-            here, step = new, min(step / max(excess, 2.0 / 3.0), LONGEST_STEP)
+            least = min(step, _CUT)
+            here, step = new, min(max(step / max(excess, 2.0 / 3.0), least), LONGEST_STEP)
         return points, cause
 
     def _ahead(self, here: Point, change: Floats, tangent: Floats) -> tuple[Floats, Floats]:
