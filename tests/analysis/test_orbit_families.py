@@ -123,6 +123,36 @@ def test_a_family_turns_back_where_its_orbit_is_its_own_reversal() -> None:
     assert other.state == pytest.approx(one.state * [1.0, -1.0, 1.0, -1.0], abs=1e-9)
 
 
+@pytest.mark.parametrize(("low", "high"), [(9.6, 9.9), (9.129, 10.417), (9.0, 10.8)])
+def test_a_family_turns_back_where_its_orbit_is_its_own_mirror_image(
+    low: float, high: float
+) -> None:
+    """Of equal balls on a trace that is one; wide ranges and narrow ones have the same turn.
+
+    Beyond it are the mirror images of the orbits before it.
+    """
+    arcs = [
+        {"shape": "valley", "radius": 1.0, "end_slope": 0.7},
+        {"shape": "hump", "radius": 0.5, "end_slope": -0.7},
+    ]
+    last = {"shape": "valley", "radius": 1.0, "end_slope": 1.2}
+    trace = {"start_slope": -1.2, "arcs": [*arcs, *arcs, last]}
+    balls = [ball(-0.5290514460285581, arc=3), ball(0.5103495734353359, arc=3)]
+    document = scene(trace, balls, time=30.0)
+    first = find_orbit(system_of(document), 1, None, 30.0)
+    family = orbit_family(scenario_of(document), first, "gravity", low, high)
+    assert [one.kind for one in family.special] == ["bound", "fold", "bound"]
+    turn = family.special[1].point
+    assert turn.value == pytest.approx(9.8125653, abs=1e-6)
+    assert np.trace(_differences(turn.orbit)) == pytest.approx(4.0, abs=1e-4)
+    length = 2.0 * 0.9 * (0.7 + 1.2) + (0.9 + 2.0 * 0.6) * 1.4  # of the path of a centre
+    one, other = family.points[0].orbit, family.points[-1].orbit
+    assert other.period == pytest.approx(one.period, abs=1e-9)
+    mirrored = [length, 0.0, length, 0.0] - one.state[[2, 3, 0, 1]]
+    assert other.state == pytest.approx(mirrored, abs=1e-9)
+    assert abs(other.state[0] - one.state[0]) > 0.01
+
+
 def test_a_family_leaves_orbits_whose_phase_is_free_at_one_value() -> None:
     """Equal balls exchange their speeds, as if they went through one another: each has a phase.
 

@@ -350,8 +350,12 @@ class Family:
         orbit, chord = here.orbit, new.along - here.along
         flow = np.append(velocity(orbit.system, orbit.state), [0.0, 0.0]) * self._units
         chord -= chord @ flow / (flow @ flow) * flow
-        cosines = np.array([tangent @ chord, chord @ turned]) / np.linalg.norm(chord)
+        chord /= np.linalg.norm(chord)
+        cosines = np.array([tangent @ chord, chord @ turned])
         turn = float(np.sum(np.arccos(np.minimum(cosines, 1.0)))) / _TURN
+        # Of an arc the chord lies midway, and this is a quarter of the square of its turn.
+        aside = float(np.linalg.norm(tangent + turned - 2.0 * chord))
+        turn = max(turn, aside / (0.5 * _TURN**2))
         for at in (-1.0, 1.0):
             passing = np.arctan(_distance(new.orbit, at)) - np.arctan(_distance(orbit, at))
             turn = max(turn, abs(float(passing)) / _PASSING)
@@ -405,12 +409,12 @@ class Family:
     def _turning(self, n: int, before: Point, here: Point, after: Point) -> Special:
         """Where the family turns back within three orbits, of which the middle one is number n.
 
-        A multiplier comes to 1 there and does not pass it: the orbit is its own reversal in time,
-        and the family goes on as the reversals of its orbits. Next to it Newton's method needs a
-        start as near as the polynomial through the orbits has it.
+        A multiplier comes to 1 there and does not pass it: the orbit is its own reversal in time
+        or its own mirror image, and the family goes on as those of its orbits. Next to it Newton's
+        method needs a start as near as the polynomial through the orbits has it.
         """
         chord = (after.along - before.along) / _apart(after, before)
-        known = [before, after, here]
+        known, fault = [before, after, here], _NOT_ONE
         try:
             while len(known) < _TRIED and abs(_distance(known[-1].orbit, 1.0)) > PARTED**2:
                 near = known[-4:]
@@ -420,11 +424,12 @@ class Family:
                 guess = np.array([np.polyval(one, place) for one in along.T])
                 known.append(self._corrected(guess, chord))
         except NoOrbit as error:
-            return Special("fold", known[-1], n, str(error))
-        found = known[-1]
-        is_located = abs(_distance(found.orbit, 1.0)) <= PARTED**2
-        is_beyond = chord @ (found.along - here.along) > 0.0
-        return Special("fold", found, n if is_beyond else n - 1, "" if is_located else _NOT_ONE)
+            fault = str(error)
+        found = min(known, key=lambda one: abs(_distance(one.orbit, 1.0)))
+        if abs(_distance(found.orbit, 1.0)) <= PARTED**2:
+            fault = ""
+        is_beyond = chord @ (found.along - here.along) >= 0.0
+        return Special("fold", found, n if is_beyond else n - 1, fault)
 
     def _with_dips(self, points: list[Point], at: float) -> list[Point]:
         """All points, and one wherever multipliers pass a number and come back between two."""
