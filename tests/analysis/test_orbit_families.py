@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from itertools import cycle
 
 import numpy as np
 import pytest
@@ -203,6 +204,22 @@ def test_steps_that_turn_too_far_become_no_shorter_than_the_one_that_is_taken(
     first = orbit(scenario, impacts=1)
     family = orbit_family(scenario, first, "balls[2].mass", 0.9885, 2.0)
     assert [one.kind for one in family.special] == ["bound", "bound"]
+
+
+def test_a_family_of_very_many_orbits_ends_as_such(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also where a step was shortened on the way: here each first try fails."""
+    corrected, fails = Family._corrected, cycle((True, False))
+
+    def failing(self: Family, guess: Floats, tangent: Floats) -> Point:
+        if next(fails):
+            raise NoOrbit("the events change")
+        return corrected(self, guess, tangent)
+
+    monkeypatch.setattr(Family, "_corrected", failing)
+    monkeypatch.setattr(orbit_branch, "MOST_POINTS", 2)
+    scenario = example("falling_balls")
+    family = orbit_family(scenario, orbit(scenario, impacts=1), "balls[2].mass", 0.8, 2.5)
+    assert [family.special[n].kind for n in (0, -1)] == ["points", "points"]
 
 
 def test_two_changes_within_one_step_are_found(monkeypatch: pytest.MonkeyPatch) -> None:

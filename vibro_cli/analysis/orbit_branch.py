@@ -227,7 +227,7 @@ class Family:
         """Points from the first one on, and how the branch ends there."""
         size = self._units[-1] * self._range
         points: list[Point] = []
-        here, step, cause = self._first, FIRST_STEP, "points"
+        here, step = self._first, FIRST_STEP
         while len(points) < MOST_POINTS:
             # So that orbits that last ever longer are not gone through second by second.
             longer = here.orbit.period / self._first.orbit.period
@@ -241,9 +241,9 @@ class Family:
                     return [*points, self._halved(here, new)], "halving"
                 turned = self._tangent(new, tangent)
             except NoOrbit as error:
-                step, cause = 0.5 * step, str(error)
+                step *= 0.5
                 if step < LEAST_STEP:
-                    return points, self._ending(here, tangent, size, cause)
+                    return points, self._ending(here, tangent, size, str(error))
                 continue
             if across is not tangent:
                 return [*points, *([new] if new.value != here.value else [])], "bound"
@@ -260,7 +260,7 @@ class Family:
             points.append(new)
             least = min(step, _CUT)
             here, step = new, min(max(step / max(excess, 2.0 / 3.0), least), LONGEST_STEP)
-        return points, cause
+        return points, "points"
 
     def _ahead(self, here: Point, change: Floats, tangent: Floats) -> tuple[Floats, Floats]:
         """A guess beyond a point, and what is across the plane in which the orbit is looked for.
