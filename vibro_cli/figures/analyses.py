@@ -75,6 +75,8 @@ def fit_figure(found: dict[str, Any]) -> Figure:
     return figure
 
 
+_BESIDE = 0.03
+"""Room beside a family, as a share of its width."""
 _BRANCH_HEIGHTS = {"single": 32.0, "double": 42.0}
 STABLE = line(style.BLUE, 1.2)
 UNSTABLE = line(style.VERMILLION, 0.9, (3.0, 1.2))
@@ -125,7 +127,8 @@ def branch_figure(found: dict[str, Any], label: str, width: str) -> Figure:
             logarithmic = name == "multiplier" and is_wide(height)
             (log_axis if logarithmic else value_axis)(axes, height, symbol, unit)
             low, high = float(np.min(value)), float(np.max(value))
-            span = low, high if high > low else low + 1.0
+            room = _BESIDE * (high - low) or 0.5  # a family that turns back is seen to
+            span = low - room, high + room
             axes.set_xlim(span)
             ticks = number_ticks(*span, panel_size(axes)[0])
             label_axis(axes.xaxis, ticks, label, "", axes is panels[-1])
