@@ -26,9 +26,9 @@ from vibro_cli.analysis.orbits import (
     ROUNDING,
     NoOrbit,
     Orbit,
-    Shot,
     admitted,
     begun_between,
+    by_body,
     energy_of,
     equations,
     newton,
@@ -531,19 +531,15 @@ class Family:
                     return "seam"
                 weakest = min(shot.approach, here.orbit.shot.approach)
                 return "grazing" if weakest < slow else "coincidence"
-            if by_normal and _in_turn(shot) != _in_turn(here.orbit.shot):
+            words = (shot.word, here.orbit.shot.word)
+            one, other = (by_body(word, len(self._jumps)) for word in words)
+            if by_normal and one != other:
                 return "junction"
         if here.orbit.shot.approach < _NEARLY_GRAZING * slow:
             return "grazing"
         # Rounding grows by the greatest multiplier before the orbit closes.
         grown = EPSILON * abs(here.orbit.multipliers[0])
         return "rounding" if grown > 0.1 * NEARLY_CLOSED else cause
-
-
-def _in_turn(shot: Shot) -> list[list[str]]:
-    """What happens to each body, crossings too, in its order."""
-    bodies = map(str, range(1, 1 + len(shot.jumps)))
-    return [[word for word in shot.word if body in word] for body in bodies]
 
 
 def _share_left(one: Point, other: Point) -> float:

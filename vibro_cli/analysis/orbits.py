@@ -8,6 +8,7 @@ sense of least squares: the shift along the orbit (``f dz = 0``), and the energy
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -319,13 +320,16 @@ def shoot(system: TraceSystem, period: float) -> Shot:
         matrix=matrix,
         word=tuple(word for _, word, _ in events),
         times=tuple(t for t, _, _ in events),
-        jumps=tuple(
-            tuple(word for _, word in kept if str(body + 1) in word)
-            for body in range(len(system.bodies))
-        ),
+        jumps=by_body([word for _, word in kept], len(system.bodies)),
         instants=tuple(t for t, _ in kept),
         approach=min((speed for _, _, speed in events), default=np.inf),
     )
+
+
+def by_body(word: Sequence[str], bodies: int) -> tuple[tuple[str, ...], ...]:
+    """Of each body what happens to it, in its order."""
+    numbers = map(str, range(1, bodies + 1))
+    return tuple(tuple(one for one in word if number in one) for number in numbers)
 
 
 def state_at(run: Run, t: Any) -> Floats:

@@ -301,21 +301,20 @@ def draw_grid(grid: Swept, width: str = "double", columns: Sequence[str] = ()) -
     `columns` are those of the summary whose maps are drawn too; raises ValueError for another one,
     `NothingToShow` for one whose map would be empty.
     """
-    kinds = dict(GRID_KINDS)
-    for column in columns:
+    kinds, maps = dict(GRID_KINDS), {f"map_{column}": column for column in columns}
+    for name, column in maps.items():
         if not _is_mapped(grid, column):
             known = ", ".join(mapped_columns(grid))
             raise ValueError(f"maps: found {column!r}, expected some of {known}")
         caption = f"{_OVER_TWO}: the column {column} of the summary; white where it has no value."
-        kinds[f"map_{column}"] = Kind(
+        kinds[name] = Kind(
             partial(column_map, name=column), column.replace("_", " ").capitalize(), caption
         )
     for name, kind in kinds.items():
         figures = list(kind.drawn(name, grid, width))
-        if name not in GRID_KINDS and not figures:
-            column = name.removeprefix("map_")
+        if name in maps and not figures:
             why = "found no map, expected two axes that change, and values"
-            raise NothingToShow(f"{column}: {why}")
+            raise NothingToShow(f"{maps[name]}: {why}")
         for drawn in figures:
             shown = lattice(grid, kind.dimensions, numbers_first=kind.dimensions == 1)
             held = f" Held: {shown.held}." if shown is not None and shown.fixed else ""

@@ -303,7 +303,7 @@ def time_to_distance(
     ``rounding`` (m/s) is none.
     """
     closing = dx * wx + dy * wy
-    if closing >= 0.0:
+    if closing >= 0.0:  # half of the pairs, told without a root
         return NEVER
     apart = math.sqrt(dx * dx + dy * dy)
     if closing >= -rounding * apart:
