@@ -17,7 +17,6 @@ __version__ = "0.2.0"
 
 if TYPE_CHECKING:
     from vibro_cli.analysis.basins import NoBasins as NoBasins
-    from vibro_cli.analysis.fit import Fit as Fit
     from vibro_cli.analysis.fit import NoFit as NoFit
     from vibro_cli.analysis.fit import NotMeasured as NotMeasured
     from vibro_cli.analysis.orbits import NoOrbit as NoOrbit
@@ -29,6 +28,12 @@ if TYPE_CHECKING:
     from vibro_cli.grids.dataset import GridChanged as GridChanged
     from vibro_cli.grids.dataset import NoManifest as NoManifest
     from vibro_cli.interface import Drawing as Drawing
+    from vibro_cli.interface.analyses import Fit as Fit
+    from vibro_cli.interface.analyses import GridBasins as GridBasins
+    from vibro_cli.interface.analyses import OrbitFamily as OrbitFamily
+    from vibro_cli.interface.analyses import fit as fit
+    from vibro_cli.interface.analyses import orbit as orbit
+    from vibro_cli.interface.analyses import orbit_family as orbit_family
     from vibro_cli.interface.grids import Grid as Grid
     from vibro_cli.interface.grids import open_grid as open_grid
     from vibro_cli.interface.grids import sweep as sweep
@@ -39,10 +44,7 @@ if TYPE_CHECKING:
     from vibro_cli.interface.runs import verify as verify
     from vibro_cli.interface.scenarios import check as check
     from vibro_cli.interface.scenarios import example as example
-    from vibro_cli.interface.scenarios import fit as fit
     from vibro_cli.interface.scenarios import load_scenario as load_scenario
-    from vibro_cli.interface.scenarios import orbit as orbit
-    from vibro_cli.interface.scenarios import orbit_family as orbit_family
     from vibro_cli.interface.scenarios import portrait as portrait
     from vibro_cli.scenario.models import Scenario as Scenario
     from vibro_cli.scenario.problems import ScenarioError as ScenarioError
@@ -55,24 +57,24 @@ if TYPE_CHECKING:
 
 _HOME = {
     "vibro_cli.analysis.basins": ("NoBasins",),
-    "vibro_cli.analysis.fit": ("Fit", "NoFit", "NotMeasured"),
+    "vibro_cli.analysis.fit": ("NoFit", "NotMeasured"),
     "vibro_cli.analysis.orbits": ("NoOrbit", "Orbit"),
     "vibro_cli.api": ("NotRecalled",),
     "vibro_cli.errors": ("VibroError",),
     "vibro_cli.figures.film": ("NoFilm",),
     "vibro_cli.grids.dataset": ("FolderInUse", "GridChanged", "NoManifest"),
     "vibro_cli.interface": ("Drawing",),
-    "vibro_cli.interface.grids": ("Grid", "open_grid", "sweep"),
-    "vibro_cli.interface.runs": ("Run", "open_run", "simulate", "simulate_many", "verify"),
-    "vibro_cli.interface.scenarios": (
-        "check",
-        "example",
+    "vibro_cli.interface.analyses": (
+        "Fit",
+        "GridBasins",
+        "OrbitFamily",
         "fit",
-        "load_scenario",
         "orbit",
         "orbit_family",
-        "portrait",
     ),
+    "vibro_cli.interface.grids": ("Grid", "open_grid", "sweep"),
+    "vibro_cli.interface.runs": ("Run", "open_run", "simulate", "simulate_many", "verify"),
+    "vibro_cli.interface.scenarios": ("check", "example", "load_scenario", "portrait"),
     "vibro_cli.scenario": ("Scenario", "ScenarioError"),
     "vibro_cli.storage.frame": ("Table",),
     "vibro_cli.storage.files": ("FolderRefused",),

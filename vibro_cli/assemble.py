@@ -164,6 +164,16 @@ def build_system(scenario: Scenario) -> TraceSystem:
     return system_of(scenario, trace, bodies, tuple(entered), turning)
 
 
+def with_start_of(scenario: Scenario, system: TraceSystem) -> Scenario:
+    """Return a scenario of a trace whose bodies start as those of a system of it do."""
+    changes: dict[str, float] = {}
+    for number, state in enumerate(system.initial, 1):
+        place = "position" if system.trace.pieces[state.piece].is_line else "angle"
+        values = {"arc": state.piece + 1, place: float(state.position), "speed": float(state.speed)}
+        changes |= {f"balls[{number}].{key}": value for key, value in values.items()}
+    return scenario.replace(changes)
+
+
 def _trace(scenario: Scenario, findings: Findings) -> Trace:
     try:
         return trace_of(scenario)

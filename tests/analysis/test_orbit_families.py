@@ -28,8 +28,9 @@ from vibro_cli.analysis.orbits import (
 from vibro_cli.api import load_scenario
 from vibro_cli.assemble import build_system
 from vibro_cli.commands.app import run_command_line
-from vibro_cli.commands.orbit import _axis, _lines, orbit_columns, record_of
-from vibro_cli.figures.analyses import branch_figure
+from vibro_cli.commands.orbit import _lines, record_of
+from vibro_cli.figures.analyses import branch_figure, label_of_number
+from vibro_cli.interface.analyses import orbit_columns
 from vibro_cli.numerics.elementwise import Floats
 from vibro_cli.scenario.loading import scenario_of
 from vibro_cli.stress.scenes import VALLEY, Document, ball, scene, system_of, three_arcs
@@ -450,14 +451,14 @@ def test_the_figure_of_a_family_shows_very_unstable_orbits_by_powers_of_ten() ->
         "period": np.array([1.0, 80.0, 90.0]),
         "multiplier": np.array([1.0, 30.0, 1700.0]),
     }
-    label = _axis("gravity")
+    label = label_of_number("gravity")
     period, multiplier = branch_figure(table, label, "single").axes
     assert (period.get_yscale(), multiplier.get_yscale()) == ("linear", "log")
     assert multiplier.get_xlabel().endswith("[m/s$^2$]")
 
 
 def test_the_table_of_a_folded_family_goes_along_it(folded: tuple[Orbit, Branch]) -> None:
-    columns = orbit_columns(*folded)
+    columns = orbit_columns(folded[1])
     values, kinds = columns["value"], columns["special"].tolist()
     turn = kinds.index("fold")
     assert np.all(np.diff(values[: turn + 1]) < 0.0)

@@ -13,7 +13,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from vibro_cli import example, orbit, orbit_family
+from vibro_cli import example, orbit, orbit_family, simulate
 from vibro_cli.analysis import orbits
 from vibro_cli.analysis.orbit_branch import Branch, Family
 from vibro_cli.analysis.orbits import (
@@ -404,6 +404,33 @@ def test_the_command_writes_table_and_figure(
     assert (target / "orbits.png").stat().st_size > 1000
 
 
+@pytest.mark.parametrize(
+    ("document", "place"),
+    [
+        (example("falling_balls").given(), "s"),
+        (scene(VALLEY, [ball(-0.4, rate=0.1), ball(0.41, rate=-0.1)], time=30.0), "angle"),
+    ],
+    ids=["positions", "angles"],
+)
+def test_the_scenario_that_is_written_starts_on_the_orbit(
+    document: dict[str, Any], place: str, tmp_path: Path
+) -> None:
+    """Solved from its file, without what found it, the motion comes back after a period."""
+    (tmp_path / "one.json").write_text(json.dumps(document))
+    target = tmp_path / "orbit"
+    assert run_command_line(["orbit", str(tmp_path / "one.json"), "-o", str(target)]) == 0
+    (row,) = pq.read_table(target / "orbits.parquet").to_pylist()
+    written = load_scenario(target / "scenario.json")
+    run = simulate(written.replace({"stop.time": row["period"]}))
+    assert run.summary["collisions"] > 0
+    for body, start in enumerate(build_system(written).initial, 1):
+        assert (start.piece + 1, start.position, start.speed) == (
+            *(row[f"arc_{body}"], row[f"position_{body}"], row[f"speed_{body}"]),
+        )
+        end = run.summary[f"{place}_{body}"], run.summary[f"speed_{body}"]
+        assert end == pytest.approx((start.position, start.speed), abs=1e-11)
+
+
 def test_python_finds_what_the_command_finds(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -417,6 +444,13 @@ def test_python_finds_what_the_command_finds(
     told = json.loads(capsys.readouterr().out)
     assert told["period"] == found.period
     assert told["points"] == len(family.points)
+    written = pq.read_table(tmp_path / "family" / "orbits.parquet")
+    assert written.equals(family.table.to_arrow(), check_metadata=True)
+    assert family.figure("double").save(tmp_path / "family.pdf").stat().st_size > 1000
+    with pytest.raises(ValueError, match="unknown width 'x'"):
+        family.figure("x")
+    assert repr(found) == f"<Orbit 12 1|: period {found.period:.6g} s, unstable>"
+    assert repr(family).startswith(f"<OrbitFamily of falling_balls: {len(family.points)} orbits o")
     with pytest.raises(ValueError, match="expected one of a trace"):
         orbit(example("two_disks"))
 

@@ -163,6 +163,15 @@ def test_a_system_without_films_is_named(vibro: Vibro, monkeypatch: pytest.Monke
     assert not Path("outputs/one_circle-report.html").exists()
 
 
+def test_without_ffmpeg_nothing_is_begun(vibro: Vibro, monkeypatch: pytest.MonkeyPatch) -> None:
+    vibro(*RUN)
+    monkeypatch.setenv("PATH", "")
+    outcome = vibro("report", "outputs/one_circle", "--animate", "film.mp4")
+    assert outcome.code == 2
+    assert "needs the program ffmpeg, which is not there; .gif and .html do not" in outcome.err
+    assert not Path("outputs/one_circle-report.html").exists()
+
+
 def test_the_motion_can_be_had_as_a_film(vibro: Vibro) -> None:
     vibro(*RUN)
     options = ("--span", "0.5:1", "--fps", "10")

@@ -106,7 +106,7 @@ class Special:
     """Why `point` is only the nearest orbit found and not the very place; empty if it is that"""
 
 
-@dataclass
+@dataclass(frozen=True)
 class Branch:
     """A family of orbits."""
 

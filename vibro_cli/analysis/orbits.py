@@ -11,11 +11,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from vibro_cli.assemble import with_start_of
 from vibro_cli.errors import VibroError
 from vibro_cli.mechanics import initial_conditions
 from vibro_cli.mechanics.laws import LAWS
@@ -24,6 +25,9 @@ from vibro_cli.numerics.elementwise import Floats
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.trace import simulate_system
 from vibro_cli.systems.trace.tangents import matrix_of, time_scale
+
+if TYPE_CHECKING:
+    from vibro_cli.scenario.models import Scenario
 
 # An orbit has been found when it closes up to this share of the size of its state.
 CLOSED = 1.0e-13
@@ -147,6 +151,13 @@ class Orbit:
         if not self.stable:
             return "unstable"
         return "neutral" if np.any(self._at_one) else "stable"
+
+    def as_start(self, scenario: Scenario) -> Scenario:
+        """Return the scenario of which it is an orbit, begun on it."""
+        return with_start_of(scenario, self.system)
+
+    def __repr__(self) -> str:
+        return f"<Orbit {' '.join(self.shot.word)}: period {self.period:.6g} s, {self.verdict}>"
 
     @property
     def _at_one(self) -> NDArray[np.bool_]:

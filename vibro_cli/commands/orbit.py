@@ -77,43 +77,45 @@ class OrbitCommand:
 
     def __call__(self) -> int:
         """Find, follow, draw, write and print."""
-        from vibro_cli.analysis.orbit_branch import family_of
-        from vibro_cli.analysis.orbits import NoOrbit, find_orbit
+        from vibro_cli.analysis.orbits import NoOrbit
+        from vibro_cli.interface import pictures
+        from vibro_cli.interface.analyses import orbit, orbit_family, orbit_table
         from vibro_cli.storage.files import check_replaceable
         from vibro_cli.storage.folders import write_results
 
-        scenario, system = _on_a_trace(self.scenario, self.overrides, "orbits are")
+        scenario = _on_a_trace(self.scenario, self.overrides, "orbits are")
         span = None if self.vary is None else parsed_span(self.vary)
         folder = None
         if span is not None or self.output is not None:
             folder = Path(self.output or Path("outputs") / f"{scenario.name}-orbit")
             check_replaceable(folder, "orbit")
-        branch = None
         try:
-            found = find_orbit(system, self.impacts, self.period, scenario.stop.time or 1000.0)
-            if span is not None:
-                branch = family_of(scenario, found, *span)
+            found = orbit(scenario, self.impacts, self.period)
+            family = None if span is None else orbit_family(scenario, found, *span)
         except NoOrbit as error:
             raise CommandError(f"vibro: {scenario.name}: no orbit: {error}") from error
         if folder is not None:
-            columns = orbit_columns(found, branch)
-            drawn = {} if span is None or not self.figures else _drawn(columns, _axis(span[0]))
-            write_results("orbit", folder, drawn, scenario, columns=columns)
-        print_found(record_of(found, branch), _lines(scenario.name, found, branch), self.as_json)
+            drawn = {}
+            if family is not None and self.figures:
+                drawn = pictures({"orbits": family.figure().figure})
+            start = found.as_start(scenario)
+            table = orbit_table(family or found, start)
+            write_results("orbit", folder, drawn, start, table=table)
+        print_found(record_of(found, family), _lines(scenario.name, found, family), self.as_json)
         if folder is not None:
             say(f"{scenario.name}: files in {folder}")
         return DONE
 
 
-def _on_a_trace(source: str, overrides: Sequence[str], what: str) -> tuple[Scenario, Any]:
-    """A scenario with its system, if tangent maps lead there: `what` is of bodies on a trace."""
+def _on_a_trace(source: str, overrides: Sequence[str], what: str) -> Scenario:
+    """A scenario, if tangent maps lead where it is asked for: `what` is of bodies on a trace."""
     from vibro_cli.commands.shared.loading import load_any
     from vibro_cli.systems import system_named
 
-    scenario, system = load_any(source, overrides)
+    scenario, _ = load_any(source, overrides)
     if not system_named(scenario.system).has_orbits:
         raise CommandError(f"vibro: {scenario.name}: {what} of bodies on a trace")
-    return cast("Scenario", scenario), system
+    return cast("Scenario", scenario)
 
 
 def parsed_span(vary: str) -> tuple[str, float, float]:
@@ -129,38 +131,6 @@ def parsed_span(vary: str) -> tuple[str, float, float]:
             "both in SI units and radians"
         )
     return path.strip(), low, high
-
-
-def orbit_columns(found: Orbit, branch: Branch | None) -> dict[str, Any]:
-    """The columns of ``orbits.parquet``: the points of a family, or the one orbit."""
-    import numpy as np
-
-    points: list[tuple[float, Orbit, str]] = [(float("nan"), found, "")]
-    if branch is not None:
-        points = []
-        for n, point in enumerate(branch.points):
-            here = [one for one in branch.special if one.after == n]
-            if all(one.point is not point for one in here):
-                points.append((point.value, point.orbit, ""))
-            points += [(one.point.value, one.point.orbit, one.kind) for one in here]
-    orbits = [orbit for _, orbit, _ in points]
-    columns: dict[str, Any] = {
-        "value": np.array([value for value, *_ in points]),
-        "special": np.array([kind or None for *_, kind in points], dtype=object),
-        "period": np.array([one.period for one in orbits]),
-        "energy": np.array([one.energy for one in orbits]),
-        "residual": np.array([one.residual for one in orbits]),
-        "multiplier": np.array([float(abs(one.multipliers[0])) for one in orbits]),
-        "stable": np.array([one.stable for one in orbits]),
-        "least_speed": np.array([one.shot.approach for one in orbits]),
-        "word": np.array([" ".join(one.shot.word) for one in orbits], dtype=object),
-    }
-    for body, _ in enumerate(found.system.bodies):
-        starts = [one.system.initial[body] for one in orbits]
-        columns[f"arc_{body + 1}"] = np.array([start.piece + 1 for start in starts])
-        columns[f"position_{body + 1}"] = np.array([start.position for start in starts])
-        columns[f"speed_{body + 1}"] = np.array([start.speed for start in starts])
-    return columns
 
 
 def record_of(found: Orbit, branch: Branch | None) -> dict[str, Any]:
@@ -217,27 +187,6 @@ def _lines(name: str, found: Orbit, branch: Branch | None) -> Iterator[str]:
 def _multipliers(found: Orbit) -> str:
     pairs = ((f"{mu.real:.9g}", f"{mu.imag:+.9g}i" if mu.imag else "") for mu in found.multipliers)
     return ", ".join(map("".join, pairs))
-
-
-def _axis(path: str) -> str:
-    """The label of the axis of a family over the number at a path."""
-    from vibro_cli.analysis.orbit_branch import ENERGY
-    from vibro_cli.figures.maps import words_of
-    from vibro_cli.figures.ticks import Ticks, axis_words
-    from vibro_cli.scenario.fields import unit_at
-    from vibro_cli.scenario.problems import parsed_path
-
-    if path == ENERGY:
-        return "energy [J]"
-    return axis_words(words_of(path), unit_at(parsed_path(path)), Ticks((), ()))
-
-
-def _drawn(columns: dict[str, Any], label: str) -> dict[str, bytes]:
-    """The figure of a family."""
-    from vibro_cli.figures.analyses import branch_figure
-    from vibro_cli.interface import pictures
-
-    return pictures({"orbits": branch_figure(columns, label, "single")})
 
 
 DOUBTFUL = 1.0e-6
@@ -304,17 +253,19 @@ class FitCommand:
     def __call__(self) -> int:
         """Read, fit, draw, write and print."""
         from vibro_cli.analysis.fit import NoFit, fit_impacts, read_measured
+        from vibro_cli.interface import pictures
+        from vibro_cli.interface.analyses import Fit
         from vibro_cli.storage.files import check_replaceable
         from vibro_cli.storage.folders import write_results
 
-        scenario, _ = _on_a_trace(self.scenario, self.overrides, "numbers are fitted")
+        scenario = _on_a_trace(self.scenario, self.overrides, "numbers are fitted")
         folder = None if self.output is None else Path(self.output)
         free = parsed_free(self.free)
         if folder is not None:
             check_replaceable(folder, "fit")
         try:
             measured = read_measured(self.measured)
-            found = fit_impacts(scenario, measured, free, self.noise)
+            found = Fit.of(fit_impacts(scenario, measured, free, self.noise))
         except NoFit as error:
             raise CommandError(f"vibro: {scenario.name}: no fit: {error}") from error
         except OSError as error:
@@ -323,9 +274,8 @@ class FitCommand:
             text = f"vibro: {self.measured}: cannot be read: {error.strerror}"
             raise CommandError(text) from error
         if folder is not None:
-            columns = residual_columns(found)
-            drawn = _residuals_drawn(columns) if self.figures else {}
-            write_results("fit", folder, drawn, found.scenario, record_of_fit(found), columns)
+            drawn = pictures({"residuals": found.figure().figure}) if self.figures else {}
+            write_results("fit", folder, drawn, found.scenario, record_of_fit(found), found.table)
         print_found(record_of_fit(found), _lines_of_fit(found), self.as_json)
         if folder is not None:
             say(f"{scenario.name}: files in {folder}")
@@ -347,17 +297,6 @@ def parsed_free(texts: Sequence[str]) -> list[Free]:
                 f"vibro: --free: found {text!r}, expected PATH or PATH=LOW:HIGH with LOW < HIGH"
             ) from error
     return found
-
-
-def residual_columns(found: Fit) -> dict[str, Any]:
-    """The columns of ``residuals.parquet``."""
-    return {
-        "n": found.measured.number,
-        "t": found.measured.t,
-        "noise": found.noise,
-        "residual": found.residuals,
-        "first": found.first,
-    }
 
 
 def record_of_fit(found: Fit) -> dict[str, Any]:
@@ -428,11 +367,3 @@ def _rounded(value: float, error: float) -> str:
     """A number to two digits of its error, or as short as its double allows if that has fewer."""
     digits = 2 + math.floor(math.log10(abs(value) / error)) if abs(value) > error else 2
     return f"{value:#.{digits}g}" if digits < 17 else repr(float(value))
-
-
-def _residuals_drawn(columns: dict[str, Any]) -> dict[str, bytes]:
-    """The figure of the residuals."""
-    from vibro_cli.figures.analyses import fit_figure
-    from vibro_cli.interface import pictures
-
-    return pictures({"residuals": fit_figure(columns)})

@@ -316,13 +316,15 @@ def _write_figures(subject: "Subject", wishes: ReportCommand) -> None:
 
 def _check_film(run: "StoredRun", target: Path, wishes: ReportCommand) -> None:
     """Raise `CommandError` before anything is drawn if the film cannot be or take its place."""
-    from vibro_cli.figures.film import NoFilm
+    from vibro_cli.figures.film import NoFilm, check_encoder
     from vibro_cli.report.film_page import GENERATOR
     from vibro_cli.report.html import is_report
     from vibro_cli.storage.files import first_bytes
 
+    form = target.suffix[1:].lower()
     try:
         run.kind.check_film()
+        check_encoder(form)
     except NoFilm as error:
         raise CommandError(f"vibro: {run.folder}: {error}") from error
     number = wishes.frames(float(run.summary["end_time"]))
@@ -335,11 +337,11 @@ def _check_film(run: "StoredRun", target: Path, wishes: ReportCommand) -> None:
         return
     head = first_bytes(target, _HEAD)
     ours = {
-        ".mp4": head[4:8] == b"ftyp",
-        ".gif": head.startswith(b"GIF8"),
-        ".html": is_report(head, GENERATOR),
+        "mp4": head[4:8] == b"ftyp",
+        "gif": head.startswith(b"GIF8"),
+        "html": is_report(head, GENERATOR),
     }
-    if not ours[target.suffix.lower()]:
+    if not ours[form]:
         raise CommandError(f"vibro: {target} exists and is no film; it is left as it is")
 
 

@@ -18,6 +18,7 @@ from vibro_cli.analysis.basins import (
     basins_of,
     outcomes_of,
 )
+from vibro_cli.analysis.orbit_branch import ENERGY
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import (
     BAND,
@@ -29,9 +30,19 @@ from vibro_cli.figures.chart import (
     value_axis,
 )
 from vibro_cli.figures.labels import Entry
-from vibro_cli.figures.maps import Categories, Lattice, Swept, category_map, ended, lattice
+from vibro_cli.figures.maps import (
+    Categories,
+    Lattice,
+    Swept,
+    category_map,
+    ended,
+    lattice,
+    words_of,
+)
 from vibro_cli.figures.style import Look, line, mark, panel_size
-from vibro_cli.figures.ticks import label_axis, number_ticks
+from vibro_cli.figures.ticks import Ticks, axis_words, label_axis, number_ticks
+from vibro_cli.scenario.fields import unit_at
+from vibro_cli.scenario.problems import parsed_path
 
 _FIT_HEIGHT = 24.0
 _POINT = mark("o", 2.2, style.BLUE)
@@ -133,6 +144,13 @@ def branch_figure(found: dict[str, Any], label: str, width: str) -> Figure:
             ticks = number_ticks(*span, panel_size(axes)[0])
             label_axis(axes.xaxis, ticks, label, "", axes is panels[-1])
     return figure
+
+
+def label_of_number(path: str) -> str:
+    """Return the label of the axis of a family over the number at a path, with its unit."""
+    if path == ENERGY:
+        return "energy [J]"
+    return axis_words(words_of(path), unit_at(parsed_path(path)), Ticks((), ()))
 
 
 def _look(marker: str) -> Look:

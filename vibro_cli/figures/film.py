@@ -406,15 +406,20 @@ class NoFilm(VibroError):
     """A film cannot be made; the message says why and what else there is."""
 
 
+def check_encoder(form: str) -> None:
+    """Raise `NoFilm` where ffmpeg is needed for films of a form, `mp4`, and is not there."""
+    if form == "mp4" and shutil.which("ffmpeg") is None:
+        raise NoFilm(
+            "a film as .mp4 needs the program ffmpeg, which is not there; .gif and .html do not"
+        )
+
+
 def movie(frames: Frames, rate: int, form: str) -> bytes:
     """Return a film as the bytes of a file; `form` is `gif` or `mp4`.
 
     `rate` is the number of frames in a second. Raises `NoFilm` where ffmpeg is not there, or fails.
     """
-    if form == "mp4" and shutil.which("ffmpeg") is None:
-        raise NoFilm(
-            "a film as .mp4 needs the program ffmpeg, which is not there; .gif and .html do not"
-        )
+    check_encoder(form)
     film = Film(frames, _DPI[form])
     return _gif(film, rate) if form == "gif" else _mp4(film, rate)
 

@@ -37,8 +37,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from vibro_cli.figures.analyses import Mapped
     from vibro_cli.grids.document import Grid as GridDocument
+    from vibro_cli.interface.analyses import GridBasins
     from vibro_cli.scenario.base import AnyScenario
     from vibro_cli.storage.stored import StoredGrid
 
@@ -175,7 +175,7 @@ class Grid:
         impacts = self.stored.impacts(wanted, scenarios)
         return section.counts(impacts, impacts["scenario"], int(scenarios.max()) + 1)[scenarios]
 
-    def basins(self, outcome: Sequence[str] = ()) -> Mapped:
+    def basins(self, outcome: Sequence[str] = ()) -> GridBasins:
         """Tell which outcome each point leads to, and how finely the outcomes are mixed.
 
         Parameters
@@ -188,9 +188,10 @@ class Grid:
         Raises `NoBasins` where they cannot be told.
         """
         from vibro_cli.figures.analyses import mapped_basins
+        from vibro_cli.interface.analyses import GridBasins
 
         columns = checked("outcome", outcome, Texts("columns of the summary"))
-        return mapped_basins(self.stored, columns)
+        return GridBasins(mapped_basins(self.stored, columns))
 
     def report(self, file: str | Path, maps: Sequence[str] = ()) -> Path:
         """Write the page that explains the grid (.html), as ``vibro report`` does; return its path.

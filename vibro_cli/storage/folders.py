@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     import pyarrow
 
     from vibro_cli.scenario.base import AnyScenario
+    from vibro_cli.storage import frame
     from vibro_cli.systems.run import Run, Streamed
 
 SCENARIO_NAME = "scenario.json"
@@ -287,7 +288,7 @@ def write_results(
     figures: Mapping[str, bytes],
     scenario: AnyScenario | None = None,
     record: Mapping[str, Any] | None = None,
-    columns: Mapping[str, Any] | None = None,
+    table: frame.Table | None = None,
 ) -> None:
     """Write the folder of a fit, orbits, a portrait, basins or figures, whole or not at all.
 
@@ -297,9 +298,9 @@ def write_results(
         ``fit``, ``orbit``, ``portrait``, ``basins`` or ``figures``.
     target, figures
         The folder; names and contents of its pictures.
-    scenario, record, columns
-        What is written of it: the scenario, plain values under the name of the kind, and the
-        columns of the table of residuals or orbits.
+    scenario, record, table
+        What is written of it: the scenario, plain values under the name of the kind, and the table
+        of residuals or orbits.
 
     Raises `FolderRefused` when `target` is there and is none of ours, `OSError` when it cannot be
     written.
@@ -307,9 +308,7 @@ def write_results(
     files = {} if record is None else {f"{kind}.json": json_bytes(record)}
     if scenario is not None:
         files[SCENARIO_NAME] = json_bytes(scenario.resolved())
-        if columns is not None:
-            table = RESIDUALS if kind == "fit" else orbits(len(scenario.balls))
-            data = to_arrow(table, columns, origin_of(scenario))
-            files[f"{table.name}.parquet"] = parquet_bytes(data)
+    if table is not None:
+        files[f"{table.name}.parquet"] = parquet_bytes(table.to_arrow())
     files |= figures
     write_folder(kind, target, files, {})

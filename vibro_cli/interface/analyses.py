@@ -1,0 +1,278 @@
+"""Analyses as Python works with them: orbits and their families, fits, basins; their figures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+
+from vibro_cli.analysis import fit as fits
+from vibro_cli.analysis.orbit_branch import Branch, family_of
+from vibro_cli.analysis.orbits import Orbit, find_orbit
+from vibro_cli.assemble import build_any
+from vibro_cli.interface import Drawing
+from vibro_cli.scenario.base import Listed, checked, plain
+from vibro_cli.scenario.problems import shown
+from vibro_cli.scenario.quantities import Count, Quantity
+from vibro_cli.storage.folders import RESIDUALS, orbits, origin_of
+from vibro_cli.storage.frame import Table
+from vibro_cli.storage.tables import to_arrow
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from vibro_cli.analysis.basins import Basins
+    from vibro_cli.figures.analyses import Mapped
+    from vibro_cli.scenario.base import AnyScenario
+    from vibro_cli.scenario.models import Scenario
+
+
+@dataclass(frozen=True)
+class OrbitFamily(Branch):
+    """A family of periodic orbits over a number of a scenario, from :func:`orbit_family`."""
+
+    scenario: Scenario
+    """Begun on the orbit it was followed from"""
+    vary: str
+    """Path of the number, or ``"energy"``"""
+
+    @cached_property
+    def table(self) -> Table:
+        """A row for each orbit in their order along the family, special ones too."""
+        return orbit_table(self, self.scenario)
+
+    def figure(self, width: str = "single") -> Drawing:
+        """Draw period and size of the largest multiplier over the number.
+
+        ``width`` is ``"single"`` or ``"double"``: one column of a journal (85 mm) or two (170 mm).
+        Raises ``ValueError`` for another width.
+        """
+        from vibro_cli.figures.analyses import branch_figure, label_of_number
+        from vibro_cli.figures.style import width_of
+
+        width_of(width)
+        label = label_of_number(self.vary)
+        return Drawing("orbits", branch_figure(orbit_columns(self), label, width))
+
+    def __repr__(self) -> str:
+        special = ", ".join(one.kind for one in self.special)
+        orbits_of = f"{len(self.points)} orbits over {self.vary}"
+        return f"<OrbitFamily of {self.scenario.name}: {orbits_of}; {special}>"
+
+
+@dataclass(frozen=True)
+class Fit(fits.Fit):
+    """Fitted numbers and how sure they are, from :func:`fit`."""
+
+    @classmethod
+    def of(cls, found: fits.Fit) -> Fit:
+        """Return what was found with its table and figure."""
+        return cls(**vars(found))
+
+    @cached_property
+    def table(self) -> Table:
+        """A row for each measured impact: its instant, noise and residuals (s)."""
+        columns = {
+            "n": self.measured.number,
+            "t": self.measured.t,
+            "noise": self.noise,
+            "residual": self.residuals,
+            "first": self.first,
+        }
+        return Table("residuals", to_arrow(RESIDUALS, columns, origin_of(self.scenario)))
+
+    def figure(self) -> Drawing:
+        """Draw the residuals before and after the fit over the number of the impact."""
+        from vibro_cli.figures.analyses import fit_figure
+
+        return Drawing("residuals", fit_figure(dict(self.table)))
+
+    def __repr__(self) -> str:
+        rows = zip(self.free, self.values, self.errors, strict=True)
+        told = (f"{one.name} = {value:.6g} ± {error:.2g}" for one, value, error in rows)
+        return f"<Fit {', '.join(told)}>"
+
+
+@dataclass(frozen=True)
+class GridBasins:
+    """Which outcome each point of a grid leads to, from ``grid.basins()``."""
+
+    mapped: Mapped = field(repr=False)
+    """Outcomes and basins on the lattice of the grid"""
+
+    @property
+    def basins(self) -> Basins:
+        """Shares of the outcomes, entropies, the uncertainty exponent."""
+        return self.mapped.basins
+
+    def map(self, width: str = "double") -> Drawing | None:
+        """Draw the map of the outcomes, None over one axis; ``ValueError`` for another width."""
+        drawn = self.mapped.map(width)
+        return None if drawn is None else Drawing("basins", drawn)
+
+    def scaling(self, width: str = "single") -> Drawing | None:
+        """Draw the share of uncertain starts over the distance, None without any; else as map."""
+        drawn = self.mapped.scaling(width)
+        return None if drawn is None else Drawing("uncertainty", drawn)
+
+
+def orbit(scenario: AnyScenario, impacts: int | None = None, period: float | None = None) -> Orbit:
+    """Find the periodic orbit of impacts next to the start of a scenario, as ``vibro orbit`` does.
+
+    Parameters
+    ----------
+    scenario
+        Of a trace, with k = 1.
+    impacts, period
+        Impacts of one period, or a guess of the period (s); by default those of the nearest return.
+
+    Raises
+    ------
+    NoOrbit
+        If there is none.
+    ScenarioError, ValueError
+        If the scenario is mechanically impossible, or of another system; for another number.
+    """
+    if impacts is not None:
+        impacts = checked("impacts", impacts, Count())
+    if period is not None:
+        period = checked("period", period, Quantity(above=0.0))
+    system = _system_of_trace(scenario)
+    return find_orbit(system, impacts, period, scenario.stop.time or 1000.0)
+
+
+def orbit_family(
+    scenario: AnyScenario, found: Orbit, vary: str, low: float, high: float
+) -> OrbitFamily:
+    """Follow a periodic orbit over a number of its scenario, as ``vibro orbit --vary`` does.
+
+    Parameters
+    ----------
+    scenario, found
+        The scenario, and its :func:`orbit`.
+    vary, low, high
+        Path of the number, such as ``"balls[2].mass"``, and its range (SI units, radians); or
+        ``"energy"`` (J).
+
+    Raises as :func:`orbit`.
+    """
+    if not isinstance(found, Orbit):
+        raise TypeError(
+            f"found: found {shown(found)}, expected an orbit: orbit(scenario) finds one"
+        )
+    _system_of_trace(scenario)
+    low, high = checked("low", low, Quantity()), checked("high", high, Quantity())
+    if not low < high:
+        raise ValueError(f"{vary}: found {low!r} to {high!r}, expected a range that grows")
+    of_trace = cast("Scenario", scenario)
+    branch = family_of(of_trace, found, vary, low, high)
+    return OrbitFamily(branch.points, branch.special, found.as_start(of_trace), vary)
+
+
+def _system_of_trace(scenario: AnyScenario) -> Any:
+    """The checked system of a scenario, which has to be of a trace."""
+    from vibro_cli.systems import system_named
+
+    system = build_any(scenario)
+    if not system_named(scenario.system).has_orbits:
+        raise ValueError(f"found a scenario of {scenario.system}, expected one of a trace")
+    return system
+
+
+def fit(
+    scenario: AnyScenario,
+    measured: str | Path | Mapping[str, Any] | ArrayLike,
+    free: Sequence[str] | Mapping[str, tuple[float, float]],
+    noise: float | None = None,
+) -> Fit:
+    """Fit numbers of a scenario of a trace at rest to measured instants of impacts.
+
+    Parameters
+    ----------
+    scenario
+        With the values to begin with.
+    measured
+        The instants (s), a table with them (``t``, and if wanted ``n``, ``error``, ``ball_a``,
+        ``ball_b``) such as that of a run or a frame, or a CSV or parquet file, as for ``vibro
+        fit``.
+    free
+        Paths of the numbers, such as ``"collision.k"``, or their bounds by their paths (SI units,
+        radians).
+    noise
+        Standard deviation of the instants (s), if it is known and stands not in the table.
+
+    Raises
+    ------
+    NoFit
+        If the numbers cannot be fitted to these instants.
+    NotMeasured
+        If the table does not tell of instants.
+    ScenarioError, ValueError
+        If the scenario is mechanically impossible or of another system; for a text that is no path,
+        and for bounds that are not two numbers.
+    """
+    _system_of_trace(scenario)
+    if isinstance(free, Mapping):
+        numbers = [fits.Free.of(path, *_ends(path, free[path])) for path in free]
+    else:
+        numbers = [fits.Free.of(path) for path in checked("free", free, Listed("paths"))]
+    if isinstance(measured, (str, Path)):
+        told = fits.read_measured(measured)
+    else:
+        told = fits.measured_of(_columns_of(measured))
+    return Fit.of(fits.fit_impacts(cast("Scenario", scenario), told, numbers, noise))
+
+
+def _ends(path: str, bounds: Any) -> tuple[Any, Any]:
+    """The two bounds of a number, which may be infinite; raises ``ValueError``."""
+    found = plain(bounds)
+    if not isinstance(found, list) or len(found) != 2:
+        raise ValueError(f"{path}: found {shown(found)}, expected two bounds, low and high")
+    return found[0], found[1]
+
+
+def _columns_of(measured: Any) -> Mapping[str, Any]:
+    """The columns of a mapping, a table or a frame by their names; instants alone as ``t``."""
+    names = measured.keys() if hasattr(measured, "keys") else getattr(measured, "columns", None)
+    return {"t": measured} if names is None else {name: measured[name] for name in names}
+
+
+def orbit_table(found: Orbit | Branch, scenario: Scenario) -> Table:
+    """Return the table of a family, or of one orbit, of a scenario."""
+    columns = orbit_columns(found)
+    return Table("orbits", to_arrow(orbits(len(scenario.balls)), columns, origin_of(scenario)))
+
+
+def orbit_columns(found: Orbit | Branch) -> dict[str, Any]:
+    """Return the columns of ``orbits.parquet``: the points of a family, or one orbit."""
+    points: list[tuple[float, Orbit, str]] = []
+    if isinstance(found, Orbit):
+        points = [(float("nan"), found, "")]
+    else:
+        for n, point in enumerate(found.points):
+            here = [one for one in found.special if one.after == n]
+            if all(one.point is not point for one in here):
+                points.append((point.value, point.orbit, ""))
+            points += [(one.point.value, one.point.orbit, one.kind) for one in here]
+    orbits_of = [orbit for _, orbit, _ in points]
+    columns: dict[str, Any] = {
+        "value": np.array([value for value, *_ in points]),
+        "special": np.array([kind or None for *_, kind in points], dtype=object),
+        "period": np.array([one.period for one in orbits_of]),
+        "energy": np.array([one.energy for one in orbits_of]),
+        "residual": np.array([one.residual for one in orbits_of]),
+        "multiplier": np.array([float(abs(one.multipliers[0])) for one in orbits_of]),
+        "stable": np.array([one.stable for one in orbits_of]),
+        "least_speed": np.array([one.shot.approach for one in orbits_of]),
+        "word": np.array([" ".join(one.shot.word) for one in orbits_of], dtype=object),
+    }
+    for body, _ in enumerate(orbits_of[0].system.bodies):
+        starts = [one.system.initial[body] for one in orbits_of]
+        columns[f"arc_{body + 1}"] = np.array([start.piece + 1 for start in starts])
+        columns[f"position_{body + 1}"] = np.array([start.position for start in starts])
+        columns[f"speed_{body + 1}"] = np.array([start.speed for start in starts])
+    return columns
