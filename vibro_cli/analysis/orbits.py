@@ -8,16 +8,17 @@ sense of least squares: the shift along the orbit (``f dz = 0``), and the energy
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vibro_cli.assemble import with_start_of
 from vibro_cli.errors import VibroError
+from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.mechanics import initial_conditions
 from vibro_cli.mechanics.laws import LAWS
 from vibro_cli.mechanics.system import InitialState, TraceSystem, neighbours
@@ -44,8 +45,10 @@ MOST_IMPACTS = 10_000
 _LOSSY = "impacts take energy: found a coefficient of restitution of {:g}, expected 1"
 # A period below this share of the first guess is none: in no time every motion closes.
 LEAST_PERIOD = 1.0e-6
-# Of a damped step no less than this share is tried.
-LEAST_SHARE = 2.0**-12
+# Shares of Newton's step that are tried in turn, and penalties of long steps, as shares of the
+# largest singular value.
+SHARES = tuple(2.0**-power for power in range(13))
+PENALTIES = tuple(10.0**power for power in range(-8, 1))
 
 
 class NoOrbit(VibroError):
@@ -437,34 +440,87 @@ def newton(system: TraceSystem, state: Floats, period: float, energy: float | No
     NoOrbit
         If it does not converge, or only to a motion with other events, or to one of no time.
     """
-    guess, scale, tau = period, scale_of(system), float(time_scale(system))
-    unit = system.gravity * tau  # m/s, by which a period counts
     shot = shoot(admitted(system, state), period)
     walls = [end.restitution for end in (system.left_end, system.right_end) if end is not None]
     if any(event.endswith("|") for event in shot.word) and all(k != 1.0 for k in walls):
         raise NoOrbit(_LOSSY.format(walls[0]))
-    residual, begun = residual_of(system, shot, state, energy), False
-    for _ in range(MOST_STEPS):
-        if begun and residual < CLOSED:
+    guess = _Guess(state, period, shot, residual_of(system, shot, state, energy))
+    for steps in (_shares_of_newton, _steps_of_marquardt):
+        found = _improved(system, guess, energy, steps)
+        if found.residual <= NEARLY_CLOSED:
             break
-        rows, right = equations(system, shot, state, energy)
-        columns = np.append(1.0 / scale, 1.0 / unit)
-        step = np.linalg.lstsq(rows * columns, right, rcond=1e-12)[0] * columns
-        found = _damped(system, state, period, shot.jumps, step, residual, energy)
-        if found is None:
-            break
-        state, period, shot, residual = found
-        begun = True
-    if residual > NEARLY_CLOSED:
+    else:
         raise NoOrbit(
             f"Newton's method does not converge: it comes to an orbit that fails to close by "
-            f"{residual:.2g} of the size of its state; begin nearer to one, or with another number "
-            "of impacts or period"
+            f"{found.residual:.2g} of the size of its state; begin nearer to one, or with another "
+            "number of impacts or period"
         )
-    if period < LEAST_PERIOD * guess:
+    if found.period < LEAST_PERIOD * period:
         raise NoOrbit("the period has become zero")
-    start = started(system, state)
-    return Orbit(start, period, state, shot, residual, energy_of(system, state))
+    start, own = started(system, found.state), energy_of(system, found.state)
+    return Orbit(start, found.period, found.state, found.shot, found.residual, own)
+
+
+class _Guess(NamedTuple):
+    """A motion that may become an orbit, and how far it is from closing."""
+
+    state: Floats
+    period: float
+    shot: Shot
+    residual: float
+
+
+Steps = Callable[[Floats, Floats], Iterator[tuple[Floats, float]]]
+"""Steps to be tried in turn, each with the share of the residual of which it is to leave less."""
+
+
+def _shares_of_newton(rows: Floats, right: Floats) -> Iterator[tuple[Floats, float]]:
+    step: Floats = np.linalg.lstsq(rows, right, rcond=1e-12)[0]
+    yield from ((share * step, 1.0 - 0.1 * share) for share in SHARES)
+
+
+def _steps_of_marquardt(rows: Floats, right: Floats) -> Iterator[tuple[Floats, float]]:
+    """Newton's step, then ever shorter ones that turn to steepest descent.
+
+    Around a stable orbit many motions nearly close: the rows nearly lose their rank, and Newton's
+    step goes far along what hardly changes how they close, with all of its shares.
+    """
+    left, sizes, across = np.linalg.svd(rows, full_matrices=False)
+    told = left.T @ right
+    for penalty in (EPSILON, *PENALTIES):
+        yield across.T @ (told * sizes / (sizes**2 + (penalty * sizes[0]) ** 2)), 0.95
+
+
+def _improved(system: TraceSystem, guess: _Guess, energy: float | None, steps: Steps) -> _Guess:
+    """The motion to which steps lead that come nearer, each with the same events."""
+    scale, tau = scale_of(system), float(time_scale(system))
+    columns = np.append(1.0 / scale, 1.0 / (system.gravity * tau))  # m/s, by which a period counts
+    for _ in range(MOST_STEPS):
+        rows, right = equations(system, guess.shot, guess.state, energy)
+        for step, most in steps(rows * columns, right):
+            new = _stepped(system, guess, step * columns, energy)
+            if new is not None and new.residual < most * guess.residual:
+                guess = new
+                break
+        else:
+            break
+        if guess.residual < CLOSED:
+            break
+    return guess
+
+
+def _stepped(
+    system: TraceSystem, guess: _Guess, step: Floats, energy: float | None
+) -> _Guess | None:
+    """The motion a step farther, None without the same events."""
+    state, period = guess.state + step[:-1], guess.period + float(step[-1])
+    try:
+        shot = shoot(admitted(system, state), period)
+    except NoOrbit:
+        return None
+    if shot.jumps != guess.shot.jumps:
+        return None
+    return _Guess(state, period, shot, residual_of(system, shot, state, energy))
 
 
 def residual_of(system: TraceSystem, shot: Shot, state: Floats, energy: float | None) -> float:
@@ -489,30 +545,6 @@ def equations(
         rows.append(np.append(gradient / size, 0.0))
         right.append((energy - energy_of(system, state)) / size)
     return np.array(rows), np.array(right)
-
-
-def _damped(
-    system: TraceSystem,
-    state: Floats,
-    period: float,
-    jumps: tuple[tuple[str, ...], ...],
-    step: Floats,
-    residual: float,
-    energy: float | None,
-) -> tuple[Floats, float, Shot, float] | None:
-    """The first of ever shorter steps that comes nearer with the same events; None if none does."""
-    share = 1.0
-    while share >= LEAST_SHARE:
-        new, longer = state + share * step[:-1], period + share * float(step[-1])
-        try:
-            shot = shoot(admitted(system, new), longer)
-            left = residual_of(system, shot, new, energy)
-            if shot.jumps == jumps and left < residual * (1.0 - 0.1 * share):
-                return new, longer, shot, left
-        except NoOrbit:
-            pass
-        share *= 0.5
-    return None
 
 
 def nearest_return(system: TraceSystem, impacts: int | None, longest: float) -> float:

@@ -16,8 +16,8 @@ from vibro_cli.mechanics.system import Body, TraceSystem, mechanics_warnings
 from vibro_cli.report.html import GENERATOR, figures_of_run, rendered
 from vibro_cli.report.papers import analogy, series_rows
 from vibro_cli.report.words import (
-    END_CAUSES,
     cell,
+    ending,
     flat,
     link,
     method_of,
@@ -91,7 +91,7 @@ def page(runs: Sequence[StoredRun], beside: Path, version: str) -> dict[str, Any
                 "anchor": f"run{place}",
                 "name": name,
                 "folder": run.folder and str(run.folder),
-                "ending": END_CAUSES.get(run.summary["end_cause"], str(run.summary["end_cause"])),
+                "ending": ending(run.summary["end_cause"]),
                 "versions": versions(run.manifest),
                 **section,
             }
@@ -389,7 +389,7 @@ def compared(
     differing = [
         path for path in paths if len({repr(setting.get(path)) for setting in settings}) > 1
     ]
-    endings = [END_CAUSES.get(run.summary["end_cause"], "") for run in runs]
+    endings = [ending(run.summary["end_cause"]) for run in runs]
     return {
         "names": list(names),
         "results": [

@@ -11,9 +11,8 @@ import numpy as np
 from vibro_cli.figures.maps import Endings
 from vibro_cli.report.html import GENERATOR, figures_of_grid, rendered
 from vibro_cli.report.words import (
-    END_CAUSES,
-    STATES,
     cell,
+    ending,
     flat,
     link,
     method_of,
@@ -78,9 +77,8 @@ def _endings(grid: StoredGrid) -> list[list[str]]:
     """Causes, or states where there is none, with their numbers of points."""
     found = Endings.of(grid, np.arange(grid.points))
     counts = np.bincount(found.code, minlength=len(found.causes)).tolist()
-    words = END_CAUSES | STATES
     return [
-        [cause.replace("_", " "), str(count), words[cause]]
+        [cause.replace("_", " "), str(count), ending(cause)]
         for cause, count in zip(found.causes, counts, strict=True)
     ]
 

@@ -14,26 +14,10 @@ import numpy as np
 from vibro_cli.mechanics.system import DRY_FRICTION
 from vibro_cli.scenario.fields import Model, field_at, unit_at
 from vibro_cli.scenario.problems import parsed_path
-from vibro_cli.systems.columns import Column
+from vibro_cli.systems.columns import END_CAUSES, Column
 from vibro_cli.systems.contract import System
 
-END_CAUSES = {
-    "time": "The time asked for was reached.",
-    "collisions": "The number of impacts asked for was reached.",
-    "no_more_collisions": "It is proved that no further impact can follow.",
-    "inadmissible": "After the next impact the law would let two bodies go through one another; "
-    "the run stops before it.",
-    "end_of_trace": "A body came to an end of the trace.",
-    "lift_off": "A body left the one-sided trace.",
-    "rest": "All bodies are at rest.",
-    "bounces": "The number of impacts on the wall asked for was reached.",
-    "wall_contact": "A ball came to roll along the wall, which is not solved.",
-    "accumulation": "Impacts without end in finite time, which are not solved.",
-}
-STATES = {
-    "invalid": "The scenario is not possible.",
-    "failed": "The run failed.",
-}
+_STATES = {"invalid": "the scenario is not possible", "failed": "the run failed"}
 REFERENCES = {
     "A": "K. R. (Stevanović) Hedrih: Vibro-impact dynamics of two rolling balls along curvilinear "
     "trace. Procedia Engineering 199 (2017) 663–668. "
@@ -48,6 +32,12 @@ REFERENCES = {
     "along curvilinear trace of series of circle arcs: phase trajectory portraits, some analogies "
     "and vibro-impacts (D)",
 }
+
+
+def ending(cause: str) -> str:
+    """Return what ended a run, or its state where it has no such cause, as a sentence."""
+    words = END_CAUSES.get(cause) or _STATES.get(cause, cause)
+    return f"{words[:1].upper()}{words[1:]}."
 
 
 def named(table: str, key: str, root: Model) -> tuple[str, str]:

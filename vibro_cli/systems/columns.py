@@ -14,6 +14,20 @@ from vibro_cli.kernels.impact.laws import LAW_NAMES
 
 SCHEMA_VERSION = "1"
 
+END_CAUSES = {
+    "time": "the time asked for was reached",
+    "collisions": "the number of impacts asked for was reached",
+    "no_more_collisions": "no further impact is possible",
+    "inadmissible": "after the impact law two bodies would go through one another",
+    "end_of_trace": "a body came to an end of the trace",
+    "lift_off": "a body left the trace",
+    "rest": "all bodies are at rest",
+    "bounces": "the number of impacts on the wall asked for was reached",
+    "wall_contact": "a ball comes to roll along the wall, which is not solved",
+    "accumulation": "impacts follow one another without end in finite time, which is not solved",
+}
+"""What the causes that end a run mean, in words."""
+
 ColumnType = Literal["float64", "int64", "bool", "string"]
 Columns = dict[str, Any]
 """Columns by their names; arrays of equal length."""

@@ -116,19 +116,6 @@ INADMISSIBLE_HINT = (
     "--set collision.inadmissible=normal-impulse goes on, with Newton's law for such impacts"
 )
 
-END_CAUSES = {
-    "time": "the time asked for was reached",
-    "collisions": "the number of impacts asked for was reached",
-    "no_more_collisions": "no further impact is possible",
-    "inadmissible": "after the impact law two bodies would go through one another",
-    "end_of_trace": "a body came to an end of the trace",
-    "lift_off": "a body left the trace",
-    "rest": "all bodies are at rest",
-    "bounces": "the number of impacts on the wall asked for was reached",
-    "wall_contact": "a ball comes to roll along the wall, which is not solved",
-    "accumulation": "impacts follow one another without end in finite time, which is not solved",
-}
-
 EARLY_ENDS = {
     "end_of_trace": "came to an end of the trace",
     "lift_off": "left the trace",
@@ -221,6 +208,8 @@ def summary_text(
 
 
 def _ending(record: Mapping[str, Any]) -> str:
+    from vibro_cli.systems.columns import END_CAUSES
+
     if record["status"] != "ok":
         return f"{record['status']}: {record['reason']}"
     cause = END_CAUSES.get(record["end_cause"], record["end_cause"])
