@@ -278,3 +278,39 @@ def test_what_rolls_slips_where_a_hump_that_begins_level_cannot_hold_it(
     assert 9.81 - speed**2 / rho < 0.0
     for name, times in (("lift_off", [0.1]), ("slip", [0.1] if body == "disk" else [])):
         assert events["t"][events["event"] == name] == pytest.approx(times)
+
+
+VALLEY = {"shape": "valley", "radius": 1.0, "end_slope": 1.2}
+LEVEL = {"shape": "line", "length": 1.0}
+CIRCLE = {"shape": "valley", "radius": 1.0, "end_slope": math.tau}
+# Trace, start of the ball, and when it begins to slip for good, or until it is on a level line.
+FRICTIONLESS: list[tuple[dict[str, Any], dict[str, Any], list[float]]] = [
+    ({"start_slope": 0.0, "arcs": [LEVEL, VALLEY]}, {"position": 0.5, "speed": 1.0}, [0.5]),
+    ({"start_slope": -1.2, "arcs": [VALLEY]}, {"angle": -0.5}, [0.0]),
+    ({"start_slope": 0.0, "arcs": [CIRCLE], "closed": True}, {"angle": 1.0, "speed": 8.0}, [0.0]),
+    (
+        {"start_slope": -1.2, "arcs": [VALLEY], "turning": {"x": 0.3, "rate": 1.0}},
+        {"angle": -0.5},
+        [0.0],
+    ),
+]
+
+
+@pytest.mark.parametrize(("trace", "start", "begins"), FRICTIONLESS)
+def test_without_friction_a_body_slips_wherever_rolling_needs_any(
+    trace: dict[str, Any], start: dict[str, Any], begins: list[float]
+) -> None:
+    """It is not over with that at a bottom or a crest, where friction vanishes for no time."""
+    ball = {"radius": 0.1, "mass": 1.0, "arc": 1, **start}
+    document = {"gravity": 9.81, "trace": trace, "balls": [ball], "output": {"friction": 0.0}}
+    run = simulate(scenario_of({**document, "stop": {"time": 2.5}}))
+    times = np.linspace(1e-3, 2.5 - 1e-3, 997)
+    earlier, later = (run.sample(times + shift)["speed"] for shift in (-STEP, STEP))
+    needed = np.abs(later - earlier) > 1e-9
+    slips = np.zeros(len(times), dtype=bool)
+    for t in begins:
+        slips |= times > t
+    on_arc = run.sample(times)["arc"] == len(trace["arcs"])
+    assert np.array_equal(needed, slips & on_arc)
+    found = run.events["event"] == "slip"
+    assert run.events["t"][found] == pytest.approx(begins, abs=1e-12)

@@ -274,7 +274,10 @@ def _add_limits(world: World, search: Search) -> bool:
             if not done:
                 return False
         now.kind = SLIP
-    return not slips or _add(search, _courses(world, search, one, friction), SLIP)
+    # Without any friction none is passed within a flight, see set_sides.
+    if not slips or friction == 0.0:
+        return True
+    return _add(search, _courses(world, search, one, friction), SLIP)
 
 
 @kernel
@@ -336,7 +339,7 @@ def _look_at_group(world: World, search: Search, friction: float) -> tuple[int, 
         fit_forces(world, leader, search.flights[1])
         now.group = leader + 1
     place = (row.body - row.group_first) % world.settings[0].bodies
-    set_sides(span, world.forces[place], friction)
+    set_sides(world, span, world.forces[place], friction)
     return place, True, friction >= 0.0
 
 
@@ -347,7 +350,7 @@ def _look_at_rest(world: World, search: Search, friction: float) -> bool:
     flight = search.flights[0]
     recall_flight(world, world.log[span.row], span.row, flight)
     set_ends(world, span.row, span.duration, flight)
-    set_sides(span, world.forces[world.settings[0].bodies], friction)
+    set_sides(world, span, world.forces[world.settings[0].bodies], friction)
     return True
 
 
@@ -364,7 +367,7 @@ def look_at_one(world: World, span: Span, friction: float, flight: Flight) -> tu
         one.start_friction = body.weight * (1.0 - 1.0 / body.kappa) * abs(piece.tangent_y)
         one.end_normal = one.start_normal
         one.end_friction = one.start_friction
-        set_sides(span, one, friction)
+        set_sides(world, span, one, friction)
         return False, False
     top = min(track.highest_s2, row.parameter) if row.root_complement >= 0.0 else track.highest_s2
     bottom = min(track.lowest_s2, top)
@@ -383,7 +386,7 @@ def look_at_one(world: World, span: Span, friction: float, flight: Flight) -> tu
     one.start_normal, one.start_friction = _forces(world, span.row, s, c, p)
     s, c, p = flow(flight, span.duration)
     one.end_normal, one.end_friction = _forces(world, span.row, s, c, p)
-    set_sides(span, one, friction)
+    set_sides(world, span, one, friction)
     one.press[0] = piece.sign * body.weight * (4.0 * flight.parameter - 2.0) / body.kappa
     one.press[1] = piece.sign * body.weight * (1.0 + 2.0 / body.kappa)
     one.press[2] = 0.0
@@ -423,8 +426,12 @@ def normal_of_one(world: World, number: int, found: Passage, flight: Flight) -> 
 
 
 @kernel
-def set_sides(span: Span, one: BodyForces, friction: float) -> None:
-    """Say on which side of its limits a body starts, and ends."""
+def set_sides(world: World, span: Span, one: BodyForces, friction: float) -> None:
+    """Say on which side of its limits a body starts, and ends.
+
+    Without any friction that is the side on which it is but at single instants: where the friction
+    of rolling vanishes, as at a bottom, it is not needed for no time.
+    """
     span.normal = one.start_normal
     span.lift_start = 1 if beyond(one.start_normal, one.start_friction, -1.0) else 0
     span.lift_end = 1 if beyond(one.end_normal, one.end_friction, -1.0) else 0
@@ -433,6 +440,12 @@ def set_sides(span: Span, one: BodyForces, friction: float) -> None:
     if friction >= 0.0:
         span.slip_start = 1 if beyond(one.start_normal, one.start_friction, friction) else 0
         span.slip_end = 1 if beyond(one.end_normal, one.end_friction, friction) else 0
+    if friction == 0.0:
+        row = world.log[span.row]
+        moves_on_arc = row.p != 0.0 and world.pieces[row.piece].sign != 0.0
+        slips = moves_on_arc or span.slip_start + span.slip_end > 0
+        span.slip_start = 1 if slips else 0
+        span.slip_end = span.slip_start
 
 
 @kernel

@@ -152,7 +152,7 @@ def look_at_one(world: World, span: Span, friction: float, flight: Flight) -> tu
     recall_flight(world, row, span.row, flight)
     set_ends(world, span.row, span.duration, flight)
     fit_forces(world, span.row, flight)
-    set_sides(span, world.forces[world.settings[0].bodies], friction)
+    set_sides(world, span, world.forces[world.settings[0].bodies], friction)
     return lifts, slips
 
 
