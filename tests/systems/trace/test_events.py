@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from vibro_cli.api import load_scenario, simulate
+from vibro_cli.scenario import scenario_of
 
 HARD = Path(__file__).parents[2] / "hard_cases"
 # Groups that part as one of them crosses, or that come over the seam of a circle together.
@@ -49,3 +50,27 @@ def test_lasting_contact_begins_and_ends_where_its_left_body_is(name: str) -> No
         ball = motion["ball"] == events["ball"][row]
         assert events["s"][row] == pytest.approx(motion["s"][ball][0], abs=1e-12)
         assert events["speed"][row] == pytest.approx(motion["speed"][ball][0], abs=1e-12)
+
+
+def test_the_event_that_ends_a_run_has_the_time_of_its_end() -> None:
+    """Of the impact as well that lifts the larger body off a level line."""
+    arcs = [
+        {"shape": "valley", "radius": 1.0, "end_slope": 0.0},
+        {"shape": "line", "length": 2.0},
+    ]
+    for angle in np.linspace(-0.8, -0.4, 41):
+        balls = [
+            {"radius": 0.05, "mass": 1.0, "arc": 1, "angle": float(angle)},
+            {"radius": 0.04, "mass": 1.0, "arc": 2, "position": 0.5, "speed": 0.7},
+        ]
+        scene = {
+            "gravity": 9.81,
+            "trace": {"start_slope": -1.2, "surface": "one-sided", "arcs": arcs},
+            "balls": balls,
+            "collision": {"law": "normal-impulse", "k": 0.5},
+            "ends": {"right": {"wall": 0.9}},
+            "stop": {"time": 9.0},
+        }
+        run = simulate(scenario_of(scene))
+        assert run.end_cause == "lift_off"
+        assert run.events["t"][-1] == run.end_time == run.collisions["t"][-1]

@@ -293,6 +293,7 @@ def _end(paths: Paths, end_cause: int, ball: int) -> Rows:
     passage = _at(paths, row, paths.duration[row])
     passage["kind"], passage["normal"] = LIFT_OFF, np.nan
     rows = _events_of(paths, passage, None)
+    rows["t"] = paths.t_end[row]
     if end_cause == END_OF_TRACE:
         rows["name"] = NAMES.index("end")
     rows["sort"] = _SORTS[NAMES.index("end")]
