@@ -314,3 +314,50 @@ def test_without_friction_a_body_slips_wherever_rolling_needs_any(
     assert np.array_equal(needed, slips & on_arc)
     found = run.events["event"] == "slip"
     assert run.events["t"][found] == pytest.approx(begins, abs=1e-12)
+
+
+def over_a_junction(speed: float, surface: str, **keys: Any) -> Run:
+    """Two bodies in contact roll into a valley; the left one then hardly presses its line."""
+    balls: list[dict[str, Any]] = [
+        {"inertia_ratio": 0.6, "radius": 0.085, "mass": 1.0, "arc": 1, "position": 0.3},
+        {"inertia_ratio": 0.85, "radius": 0.05, "mass": 1.3, "arc": 1, "touching": "previous"},
+    ]
+    arcs = [
+        {"shape": "line", "length": 1.8},
+        {"shape": "valley", "radius": 0.7, "end_slope": 0.6},
+    ]
+    document = {
+        "gravity": 3.9,
+        "trace": {"start_slope": -1.2, "surface": surface, "arcs": arcs},
+        "balls": [ball | {"speed": speed} for ball in balls],
+        "collision": {"law": "normal-impulse", "k": 0.5},
+        "stop": {"time": 0.7},
+    }
+    return simulate(scenario_of({**document, **keys}))
+
+
+@pytest.mark.parametrize("speed", [1.5, 1.75, 2.0])
+def test_extremes_across_pieces_are_those_between_segments_too(speed: float) -> None:
+    run = over_a_junction(speed, "two-sided")
+    first, second = run.events["t"][run.events["event"] == "crossing"]
+    found = [forces(run, t)[0] for t in np.linspace(first + 2 * STEP, second - 2 * STEP, 501)]
+    least = min(normal for normal, _ in found)
+    most = max(friction / normal for normal, friction in found)
+    summary = run.summary_record()
+    assert summary["min_normal_force"] == pytest.approx(least, rel=2e-6)
+    assert summary["max_friction_demand"] >= most * (1.0 - 1e-6)
+    limit = summary["max_friction_demand"]
+    for friction, slips in ((limit * (1.0 - 1e-6), True), (limit * (1.0 + 1e-6), False)):
+        events = over_a_junction(speed, "two-sided", output={"friction": friction}).events
+        assert ("slip" in events["event"]) == slips
+
+
+def test_a_body_that_lifts_off_between_segments_ends_a_one_sided_run_or_is_told() -> None:
+    for speed in (2.29967, 2.2999, 2.3002):
+        held, free = (over_a_junction(speed, surface) for surface in ("one-sided", "two-sided"))
+        assert held.end_cause == "lift_off"
+        assert free.summary_record()["min_normal_force"] < 0.0
+        lifted = free.events["t"][free.events["event"] == "lift_off"]
+        assert lifted == pytest.approx([held.end_time], abs=1e-9)
+        before, after = (forces(free, lifted[0] + shift)[0][0] for shift in (-1e-4, 1e-4))
+        assert after < 0.0 < before

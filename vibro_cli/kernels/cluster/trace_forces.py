@@ -222,6 +222,30 @@ def fit_forces(world: World, number: int, scratch: Flight) -> None:
 
 
 @kernel
+def fit_segment(world: World, number: int, duration: float, scratch: Flight) -> None:
+    """Set the forces of every body on a segment at its start, in its middle and at its end.
+
+    They are the first three of ``press`` and of ``drag``.
+    """
+    first, count, base = bodies_of(world, world.log[number])
+    for part in range(3):
+        set_forces(world, number, AT_TIME, 0.5 * part * duration, scratch)
+        for place in range(count):
+            one = world.forces[base + place]
+            body = world.bodies[number_along(world, first, place)]
+            one.press[part] = one.normal
+            one.drag[part] = (body.kappa - 1.0) * body.mass * one.acceleration
+
+
+@kernel
+def vertex(start: float, middle: float, end: float) -> float:
+    """Share of a segment at which the parabola through three values is extreme within it, or 0."""
+    bend = start - 2.0 * middle + end
+    rise = end - start
+    return 0.5 - 0.25 * rise / bend if abs(rise) < 2.0 * abs(bend) else 0.0
+
+
+@kernel
 def normal_force_now(world: World, first: int, count: int, step: int) -> float:
     """Normal force (N) of a member whose state, speed and contact forces (``solution``) are set."""
     ball = number_along(world, first, step)

@@ -4,7 +4,8 @@ Those are turning points, and the instants at which a force passes its limit: th
 body falls through zero, or rolling needs more than the friction there is. On an arc, alone or in
 contact, the normal force is ``a + b cos f + c sin f`` and the friction ``q |sin f|`` in the angle f
 of the pendulum, so both are known in closed form; on a line both are constant. Segments of a motion
-in contact across pieces are short against its time scales; there the ends of each one decide. A
+in contact across pieces are short against its time scales; there the ends of each one decide, and
+where a parabola through them and the middle has its vertex. A
 flight alone whose least normal force, over all that its energy and its piece leave it, is positive
 is not looked at any further.
 """
@@ -16,7 +17,15 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from vibro_cli.compile.kernel import kernel, struct
-from vibro_cli.kernels.cluster.trace_forces import AT_TIME, fit_forces, row_of, set_ends, set_forces
+from vibro_cli.kernels.cluster.trace_forces import (
+    AT_TIME,
+    fit_forces,
+    fit_segment,
+    row_of,
+    set_ends,
+    set_forces,
+    vertex,
+)
 from vibro_cli.kernels.flow.flight import squared_rate_at
 from vibro_cli.kernels.flow.flow import LINE, POLYNOMIAL, flow, recall_flight, time_to
 from vibro_cli.kernels.numerics.constants import NEVER
@@ -290,32 +299,68 @@ def _courses(world: World, search: Search, one: BodyForces, friction: float) -> 
         return 0
     if flight.form != POLYNOMIAL:
         return limit_courses(one, friction, flight, span.duration, search.courses)
-    # A segment: its ends decide.
-    search.courses[0].after = NEVER
-    search.courses[0].period = NEVER
-    start = beyond(one.start_normal, one.start_friction, friction)
-    if not start and beyond(one.end_normal, one.end_friction, friction):
-        search.courses[0].after = _limit_on_segment(world, span, friction, search.flights[1])
-    return 1
+    if friction < 0.0:
+        search.courses[0].after = _limit_on_segment(world, search, friction, 0.0)
+        search.courses[0].period = NEVER
+        return 1
+    for number in range(2):
+        side = 1.0 if number == 0 else -1.0
+        search.courses[number].after = _limit_on_segment(world, search, friction, side)
+        search.courses[number].period = NEVER
+    return 2
 
 
 @kernel
-def _limit_on_segment(world: World, span: Span, friction: float, scratch: Flight) -> float:
-    """Time (s) at which a body in contact across pieces passes a limit, once in its segment."""
+def _limit_on_segment(world: World, search: Search, friction: float, side: float) -> float:
+    """Time (s) at which a body in contact across pieces passes a limit in its segment, or NEVER.
+
+    With friction to a side, 0 for lift-off; its ends and its extreme between them decide.
+    """
+    span = search.spans[search.progress[0].span]
     row = world.log[span.row]
-    place = (row.body - row.group_first) % world.settings[0].bodies
+    one = world.forces[(row.body - row.group_first) % world.settings[0].bodies]
+    press = one.press
+    drag = one.drag
+    weight = 1.0 if side == 0.0 else friction
+    started = beyond(press[0], _to_side(drag[0], side), friction)
+    high = span.duration * vertex(
+        side * drag[0] - weight * press[0],
+        side * drag[1] - weight * press[1],
+        side * drag[2] - weight * press[2],
+    )
+    inner = _beyond_at(world, search, one, high, friction, side) if high > 0.0 else started
     low = 0.0
-    high = span.duration
+    if started or not inner:
+        low = high
+        high = span.duration
+        if inner or not beyond(press[2], _to_side(drag[2], side), friction):
+            return NEVER
     while True:
         middle = 0.5 * (low + high)
         if not low < middle < high:
-            return high
-        set_forces(world, span.row, AT_TIME, middle, scratch)
-        one = world.forces[place]
-        if beyond(one.normal, one.friction, friction):
+            # Friction to the other side has a limit of its own.
+            return high if side * one.acceleration >= 0.0 else NEVER
+        if _beyond_at(world, search, one, middle, friction, side):
             high = middle
         else:
             low = middle
+
+
+@kernel
+def _beyond_at(
+    world: World, search: Search, one: BodyForces, after: float, friction: float, side: float
+) -> bool:
+    """Tell whether a body is beyond a limit at a time (s) on its segment."""
+    number = search.spans[search.progress[0].span].row
+    set_forces(world, number, AT_TIME, after, search.flights[1])
+    along = math.copysign(one.friction, one.acceleration)
+    return beyond(one.normal, _to_side(along, side), friction)
+
+
+@kernel
+def _to_side(force: float, side: float) -> float:
+    """Friction (N) as it counts to a side, or for lift-off."""
+    return side * force if side != 0.0 else abs(force)
 
 
 @kernel
@@ -336,7 +381,10 @@ def _look_at_group(world: World, search: Search, friction: float) -> tuple[int, 
     leader = row_of(world, span.row, row.group_first)
     if now.group != leader + 1:
         set_ends(world, leader, span.duration, search.flights[1])
-        fit_forces(world, leader, search.flights[1])
+        if flight.form == POLYNOMIAL and row.at_rest == 0:
+            fit_segment(world, leader, span.duration, search.flights[1])
+        else:
+            fit_forces(world, leader, search.flights[1])
         now.group = leader + 1
     place = (row.body - row.group_first) % world.settings[0].bodies
     set_sides(world, span, world.forces[place], friction)

@@ -7,8 +7,8 @@ also where ``cos f = -B/A``, ``N/m = A + B cos f``. What slides (kappa = 1) need
 normal force.
 
 On one arc the normal force is ``a + b cos f + c sin f`` in the angle of the group's pendulum
-(``kernels.cluster.trace_forces``), so its extremes are exact; on a short segment across pieces the
-ends are taken, on a line it is constant.
+(``kernels.cluster.trace_forces``), so its extremes are exact; on a short segment across pieces they
+are where a parabola has its vertex, on a line it is constant.
 """
 
 from __future__ import annotations
@@ -22,11 +22,14 @@ from vibro_cli.kernels.cluster.trace_forces import (
     AT_TIME,
     bodies_of,
     fit_forces,
+    fit_segment,
     is_pendulum,
     set_forces,
+    vertex,
 )
 from vibro_cli.kernels.contact.contact_kinematics import centre_position
 from vibro_cli.kernels.flow.flow import (
+    POLYNOMIAL,
     energy_of_row,
     flow,
     group_of_body,
@@ -439,6 +442,8 @@ def group_extremes(
             if place == 0 or t > 0.0:
                 set_forces(world, number, AT_TIME, t, scratch)
                 least, demand = _counted_in(world, row, least, demand)
+        if scratch.form == POLYNOMIAL and row.at_rest == 0:
+            return _within_segment(world, number, duration, (least, demand), scratch)
         return least, demand
     low, high = pendulum_range(world, number, duration, end, scratch)
     fit_forces(world, number, scratch)
@@ -446,6 +451,29 @@ def group_extremes(
         normal, needed = extremes_on_arc(world.forces[place], low, high)
         least = min(least, normal)
         demand = max(demand, needed)
+    return least, demand
+
+
+@kernel
+def _within_segment(
+    world: World, number: int, duration: float, known: tuple[float, float], scratch: Flight
+) -> tuple[float, float]:
+    """Count in what the forces on a segment come to between its ends."""
+    row = world.log[number]
+    least, demand = known
+    fit_segment(world, number, duration, scratch)
+    for place in range(row.group_count):
+        press = world.forces[place].press
+        drag = world.forces[place].drag
+        for kind in range(2):
+            share = 0.0
+            if kind == 0:
+                share = vertex(press[0], press[1], press[2])
+            elif min(press[0], min(press[1], press[2])) > 0.0:
+                share = vertex(drag[0] / press[0], drag[1] / press[1], drag[2] / press[2])
+            if share > 0.0:
+                set_forces(world, number, AT_TIME, share * duration, scratch)
+                least, demand = _counted_in(world, row, least, demand)
     return least, demand
 
 
