@@ -76,11 +76,33 @@ OF = {
     "translational": tuple(VARIED),
 }
 
+# A sine that is zero changes: of the place of a body at the bottom, of the slope of a level line.
+LEVEL = {
+    "start_slope": "-120 deg",
+    "arcs": [
+        {"shape": "valley", "radius": 0.8, "end_slope": 0.0},
+        {"shape": "line", "length": 1.5},
+        {"shape": "valley", "radius": 1.0, "end_slope": "120 deg"},
+    ],
+}
+AT_ZERO = {
+    "bottom": scene(CIRCLE, [ball(0.0), ball(0.7, mass=3.0)], 0.9, collisions=3),
+    "level": scene(
+        LEVEL, [ball(-1.1), {"radius": 0.1, "mass": 2.0, "arc": 2, "position": 0.9}], 0.9,
+        collisions=3,
+    ),
+}  # fmt: skip
+OF |= {
+    "bottom": EVERYWHERE,
+    "level": (*EVERYWHERE, "trace.arcs[1].end_slope", "trace.arcs[2].length"),
+}
+
 
 @pytest.mark.parametrize("name", OF)
 def test_they_are_differences_of_motions_in_50_digits(name: str) -> None:
-    scenario = scenario_of(SCENES[name])
-    system, count = build_system(scenario), SCENES[name]["stop"]["collisions"]
+    document = (SCENES | AT_ZERO)[name]
+    scenario = scenario_of(document)
+    system, count = build_system(scenario), document["stop"]["collisions"]
     found = impact_times(scenario, system, list(map(parsed_path, OF[name])), count, LATEST)
     told, own = happenings_of(simulate_system(system, None, count)), scene_of_system(system)
     assert len(found.t) == count

@@ -37,8 +37,8 @@ def sine_cosine(angle: float) -> Point:
     sine = elementwise.sine(angle)
     cosine = elementwise.cosine(angle)
     return (
-        elementwise.choose(abs(sine) <= rounding, 0.0, sine),
-        elementwise.choose(abs(cosine) <= rounding, 0.0, cosine),
+        elementwise.zero_where(abs(sine) <= rounding, sine),
+        elementwise.zero_where(abs(cosine) <= rounding, cosine),
     )
 
 

@@ -142,6 +142,13 @@ def choose(condition: Some, one: Some, other: Some) -> Some:
     return np.where(condition, one, other)
 
 
+def zero_where(condition: Some, value: Some) -> Some:
+    """Return 0 where a condition holds, else the value; it changes as the value does."""
+    if isinstance(value, Dual):
+        return Dual(0.0, value.change) if condition else value
+    return choose(condition, 0.0, value)
+
+
 def least(one: Some, other: Some) -> Some:
     """Return the smaller of two."""
     return choose(one <= other, one, other)
