@@ -16,8 +16,10 @@ from scipy.stats import chi2, kstest
 
 from vibro_cli import NoFit, NotMeasured, example, fit, load_scenario, simulate, verify
 from vibro_cli.analysis.fit import Fit
+from vibro_cli.analysis.impact_times import number_at
 from vibro_cli.commands.app import run_command_line
 from vibro_cli.scenario import Scenario, scenario_of
+from vibro_cli.scenario.problems import parsed_path
 from vibro_cli.storage.folders import write_run
 from vibro_cli.stress.scenes import CIRCLE, ball, scene
 
@@ -109,6 +111,24 @@ def test_noise_below_the_rounding_of_instants_is_refused(noise: float) -> None:
 def test_noise_is_a_time_greater_than_0(noise: Any) -> None:
     with pytest.raises(ValueError, match=r"noise: found .*, expected seconds, greater than 0"):
         fit(_circle(), [0.1, 0.2, 0.3], PATHS, noise)
+
+
+def test_of_elastic_bodies_the_least_sum_with_k_up_to_1_is_found() -> None:
+    """With k held at 1 the other number has a sum of squares of its own, which is no smaller."""
+    scenario = example("particle_on_arcs").replace({"stop.collisions": 11})
+    paths = ["collision.k", "balls[2].radius", "gravity", "balls[1].radius"]
+    exact, rng = _instants(scenario), np.random.default_rng(7)
+    assert isinstance(scenario, Scenario)
+    numbers = [number_at(scenario, parsed_path(path)) for path in paths]
+    shares = (0.9998, 1.0002, 0.9998, 1.0001)
+    start = {path: one * share for path, one, share in zip(paths, numbers, shares, strict=True)}
+    for _ in range(20):
+        measured = exact + rng.normal(0.0, 1e-6, len(exact))
+        elastic = fit(scenario, measured, paths[1:], 1e-6)
+        found = fit(scenario.replace(start), measured, paths, 1e-6)
+        assert found.chi_square <= elastic.chi_square + 1e-6
+        assert found.values[0] <= 1.0
+        assert found.same_events
 
 
 def test_a_start_whose_motion_soon_is_another_one_is_good_enough() -> None:
@@ -214,6 +234,7 @@ def test_where_fewer_impacts_led_to_another_minimum_the_numbers_are_told() -> No
         ),
         ({"collision.k": ("a", 1.0)}, "collision.k: found 'a' to 1.0, expected bounds that grow"),
         ({"collision.k": (0.9, 0.2)}, "collision.k: found 0.9 to 0.2, expected bounds that grow"),
+        ({"collision.k": (1.0, 2.0)}, "collision.k: found 1.0 to 2.0, expected some of 0 to 1"),
     ],
 )
 def test_what_is_no_free_number_is_told(free: Any, words: str) -> None:

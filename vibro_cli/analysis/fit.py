@@ -27,7 +27,7 @@ from vibro_cli.analysis.impact_times import ImpactTimes, NoDerivative, impact_ti
 from vibro_cli.assemble import build_system
 from vibro_cli.errors import VibroError
 from vibro_cli.kernels.numerics.constants import EPSILON
-from vibro_cli.numerics.elementwise import Floats
+from vibro_cli.numerics.elementwise import Floats, outside
 from vibro_cli.scenario.models import Scenario
 from vibro_cli.scenario.problems import KeyPath, ScenarioError, parsed_path, path_text
 
@@ -209,12 +209,22 @@ class Free:
         """
         if not (_is_number(low) and _is_number(high) and low < high):
             raise ValueError(f"{path}: found {low!r} to {high!r}, expected bounds that grow")
-        return Free(parsed_path(path), low, high)
+        found = Free(parsed_path(path), low, high)
+        if not found.bounds[0] < found.bounds[1]:
+            raise ValueError(f"{path}: found {low!r} to {high!r}, expected some of 0 to 1")
+        return found
 
     @property
     def name(self) -> str:
         """Its path as text."""
         return path_text(self.path)
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """Its bounds; restitution is not beyond 0 and 1, and may be either."""
+        if self.path[:2] == ("collision", "k") or self.path[-1] == "wall":
+            return max(self.low, 0.0), min(self.high, 1.0)
+        return self.low, self.high
 
 
 @dataclass(frozen=True)
@@ -470,26 +480,42 @@ class _Problem:
         if not len(shown):
             return values
 
+        found = self._least(values, shown, rows, TOLERANCE if last else 1e-6)
+        if last and not found.success:
+            raise NoFit(f"the method does not arrive: {found.message}")
+        values = values.copy()
+        values[shown] = found.x
+        return values
+
+    def _least(self, values: Floats, shown: NDArray[np.int64], rows: int, tolerance: float) -> Any:
+        """The least sum of squares of the first rows over the numbers that show there."""
+        free = [self._free[n] for n in shown]
+        ends = np.array([one.bounds for one in free]).T
+        beyond = False
+
         def whole(some: Floats) -> Floats:
             found = values.copy()
             found[shown] = some
             return found
 
         def late(some: Floats) -> Floats:
+            nonlocal beyond
+            beyond = beyond or bool(np.any(outside(some, *ends)))
             try:
                 return self._late(whole(some), rows)[0]
             except NoFit:  # the step is made shorter
                 return np.full(rows, np.nan)
 
-        bounds = ([self._free[n].low for n in shown], [self._free[n].high for n in shown])
-        found = least_squares(
-            late, values[shown], jac=lambda some: self._late(whole(some), rows)[1][:, shown],
-            bounds=bounds, x_scale="jac", xtol=TOLERANCE if last else 1e-6,
-            ftol=TOLERANCE if last else 1e-6, gtol=None, max_nfev=200,
-        )  # fmt: skip
-        if last and not found.success:
-            raise NoFit(f"the method does not arrive: {found.message}")
-        return whole(found.x)
+        # Where no step is tried beyond 0 and 1, restitution need not be held there.
+        for bounds in (np.array([(one.low, one.high) for one in free]).T, ends):
+            found = least_squares(
+                late, values[shown], jac=lambda some: self._late(whole(some), rows)[1][:, shown],
+                bounds=bounds, x_scale="jac", xtol=tolerance, ftol=tolerance, gtol=None,
+                max_nfev=200,
+            )  # fmt: skip
+            if not beyond:
+                break
+        return found
 
     def _check_told(self, jacobian: Floats) -> None:
         """Raise ``NoFit`` if a number, or a combination of them, does not show in the instants."""
@@ -542,10 +568,8 @@ class _Problem:
         for length, axis in zip(lengths, axes.T, strict=True):
             for sign in (1.0, -1.0):
                 step = sign * radius * math.sqrt(max(length, 0.0)) * axis * sizes
-                low = np.array([one.low for one in self._free])
-                high = np.array([one.high for one in self._free])
                 try:
-                    at = np.clip(values + step, low, high)
+                    at = np.clip(values + step, *np.array([one.bounds for one in self._free]).T)
                     if self.motion(at, len(self._measured.t)).word != word:
                         return False
                 except NoFit:
