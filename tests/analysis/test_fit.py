@@ -333,6 +333,8 @@ def test_instants_without_noise_give_a_number_as_short_as_its_double(
     arguments = ["--free", "collision.k", "--set", "collision.k=0.88"]
     assert run_command_line(["fit", str(file), measured, *arguments]) == 0
     assert "collision.k          0.9 ± " in capsys.readouterr().out
+    assert run_command_line(["fit", str(file), measured, *arguments, "--noise", "1e-4"]) == 0
+    assert "as large or larger in 100 % of such measurements" in capsys.readouterr().out
 
 
 def test_impacts_that_rounding_of_a_number_moves_are_refused() -> None:

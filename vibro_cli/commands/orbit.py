@@ -349,7 +349,7 @@ def _lines_of_fit(found: Fit) -> Iterator[str]:
     else:
         yield (
             f"  chi square           {found.chi_square:.4g} of {found.freedom} degrees of freedom: "
-            f"as large or larger in {100.0 * found.likelihood:.2g} % of such measurements"
+            f"as large or larger in {100.0 * found.likelihood:.3g} % of such measurements"
         )
         if found.likelihood < DOUBTFUL:
             yield (
