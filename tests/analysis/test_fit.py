@@ -304,11 +304,13 @@ def test_the_command_tells_what_is_wrong(
     (tmp_path / "later.csv").write_text("n,t\n1,1.5\n2,2.5\n3,soon\n")
     (tmp_path / "good.csv").write_text("t\n1.0\n2.0\n3.0\n")
     (tmp_path / "twice.csv").write_text("t,t\n1.0,2.0\n")
+    (tmp_path / "latin.CSV").write_bytes("t,Höhe\n1.0,2.0\n".encode("latin-1"))
     free = ["--free", "collision.k"]
     for arguments, words in (
         (["bad.csv", *free], "bad.csv: row 1: t: found 'soon'"),
         (["later.csv", *free], "later.csv: row 3: t: found 'soon'"),
         (["twice.csv", *free], "twice.csv: cannot be read as a table: 2 columns are named 't'"),
+        (["latin.CSV", *free], "latin.CSV: cannot be read as a table: the name of a column is not"),
         (["none.csv", *free], "none.csv: cannot be read: No such file"),
         (["good.csv", "--free", "colision.k"], 'colision.k: found the unknown key "colision"'),
         (["good.csv", "--free", "balls[2].mas"], 'did you mean "mass"?'),

@@ -98,6 +98,13 @@ def test_a_wrong_cell_of_a_table_is_named_by_row_and_column(write: Path, name: s
     assert expected in str(caught.value)
 
 
+def test_a_table_whose_names_are_not_in_utf8_is_refused(write: Path) -> None:
+    write.with_name("points.csv").write_bytes("collision.k,Höhe\n0.5,1\n".encode("latin-1"))
+    write.write_text(AXIS + 'table = "points.csv"\n')
+    with pytest.raises(ScenarioError, match="the name of a column is not in UTF-8"):
+        load_grid(write)
+
+
 def test_a_column_of_a_table_may_have_numbers_with_and_without_units(write: Path) -> None:
     write.with_name("points.csv").write_text("balls[1].angle\n-1\n-90 deg\n-1.5e0\n")
     write.write_text(AXIS + 'table = "points.csv"\n')

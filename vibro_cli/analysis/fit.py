@@ -67,27 +67,17 @@ def read_measured(file: str | Path) -> Measured:
     """
     import pyarrow as pa
 
-    from vibro_cli.storage.tables import once_each, read_parquet
+    from vibro_cli.storage.frame import read_table
 
     path = Path(file)
     try:
-        if path.suffix == ".csv":
-            from pyarrow import csv
-
-            with path.open("rb") as stream:
-                table = once_each(csv.read_csv(stream))
-        elif path.suffix == ".parquet":
-            table = read_parquet(path)
-        else:
-            raise NotMeasured(
-                f"{path}: found the suffix {path.suffix!r}, expected .csv or .parquet"
-            )
+        table = read_table(path)
     except pa.ArrowException as error:
         raise NotMeasured(f"{path}: cannot be read as a table: {error}") from error
     columns = {
         name: table.column(name).to_pylist() for name in COLUMNS if name in table.column_names
     }
-    if path.suffix == ".csv":
+    if path.suffix.lower() == ".csv":
         columns = {name: list(map(_read, column)) for name, column in columns.items()}
     try:
         return measured_of(columns)

@@ -26,22 +26,32 @@ class UnreadableTable(VibroError):
     """A file that is no table, or cannot be read; the message says why."""
 
 
+def read_table(path: Path) -> pa.Table:
+    """A user's table from a parquet or CSV file, told by its suffix.
+
+    Raises `OSError` for a file that cannot be read, `pyarrow.ArrowException` for one that is no
+    table.
+    """
+    from vibro_cli.storage.tables import once_each, read_parquet
+
+    suffix = path.suffix.lower()
+    if suffix == ".parquet":
+        return read_parquet(path)
+    if suffix != ".csv":
+        raise pa.ArrowInvalid(f"found the suffix {path.suffix!r}, expected .csv or .parquet")
+    from pyarrow import csv
+
+    with path.open("rb") as stream:
+        return once_each(csv.read_csv(stream))
+
+
 def read_columns(path: Path) -> dict[str, np.ndarray[Any, np.dtype[Any]]]:
     """The columns of a parquet or CSV file as arrays; words are objects.
 
     Raises `UnreadableTable`, also for missing values.
     """
-    from vibro_cli.storage.tables import once_each, read_parquet
-
     try:
-        if path.suffix.lower() == ".parquet":
-            table = read_parquet(path)
-        elif path.suffix.lower() == ".csv":
-            from pyarrow import csv
-
-            table = once_each(csv.read_csv(path))
-        else:
-            raise UnreadableTable(f"whose name ends with {path.suffix or 'nothing'}")
+        table = read_table(path)
     except (OSError, pa.ArrowException) as error:
         text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
         raise UnreadableTable(f"which cannot be read ({' '.join(text.split())[:100]})") from error

@@ -292,7 +292,11 @@ def once_each(table: pa.Table) -> pa.Table:
 
     Raises `pyarrow.ArrowException` otherwise: names are all that columns are asked for by.
     """
-    for name, times in Counter(table.column_names).items():
+    try:
+        names = Counter(table.column_names)
+    except UnicodeDecodeError as error:
+        raise pa.ArrowInvalid("the name of a column is not in UTF-8") from error
+    for name, times in names.items():
         if times > 1:
             raise pa.ArrowInvalid(f"{times} columns are named {name!r}")
     return table
