@@ -49,6 +49,9 @@ def test_times_of_frames() -> None:
     np.testing.assert_array_equal(frame_times(1.0, 1.2, 0.5, 10), 1.0 + 0.05 * np.arange(5))
     assert len(frame_times(0.0, 8.0, 1.0, RATE)) == 8 * RATE + 1
     assert frame_times(0.0, 60.0, 7.0, 3)[-1] <= 60.0
+    assert len(frame_times(0.0, 19999.0, 1.0, 1)) == 20000
+    with pytest.raises(ValueError, match="a film of 20001 frames, expected at most 20000"):
+        frame_times(0.0, 20000.0, 1.0, 1)
 
 
 @pytest.mark.parametrize("pace", [1e-6, 5e-4, 0.02, 0.025, 1.0, 60.0])

@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 
 SECONDS = 30.0
 """Length of a film (s) where no span is asked for."""
-MOST_FRAMES = 20000
 FORMS = (".mp4", ".gif", ".html")
 _HUNDREDTHS = 100
 """A GIF has the time of each frame in hundredths of a second."""
@@ -141,11 +140,6 @@ class ReportCommand:
                 "FROM before the end of the run"
             )
         return start, stop
-
-    def frames(self, end: float) -> float:
-        """How long the film of a run that ends at `end` (s) lasts, in frames."""
-        start, stop = self.bounds(end)
-        return (stop - start) / self.pace * self.fps
 
     @property
     def target(self) -> Path:
@@ -316,7 +310,7 @@ def _write_figures(subject: "Subject", wishes: ReportCommand) -> None:
 
 def _check_film(run: "StoredRun", target: Path, wishes: ReportCommand) -> None:
     """Raise `CommandError` before anything is drawn if the film cannot be or take its place."""
-    from vibro_cli.figures.film import NoFilm, check_encoder
+    from vibro_cli.figures.film import NoFilm, check_encoder, frame_times
     from vibro_cli.report.film_page import GENERATOR
     from vibro_cli.report.html import is_report
     from vibro_cli.storage.files import first_bytes
@@ -327,12 +321,10 @@ def _check_film(run: "StoredRun", target: Path, wishes: ReportCommand) -> None:
         check_encoder(form)
     except NoFilm as error:
         raise CommandError(f"vibro: {run.folder}: {error}") from error
-    number = wishes.frames(float(run.summary["end_time"]))
-    if number > MOST_FRAMES:
-        raise CommandError(
-            f"vibro: a film of {number:.0f} frames, expected at most {MOST_FRAMES}; "
-            "a shorter --span, a greater --pace or a smaller --fps has fewer"
-        )
+    try:
+        frame_times(*wishes.bounds(float(run.summary["end_time"])), wishes.pace, wishes.fps)
+    except ValueError as error:
+        raise CommandError(f"vibro: {error}") from error
     if not target.exists():
         return
     head = first_bytes(target, _HEAD)
@@ -354,5 +346,5 @@ def _write_film(run: "StoredRun", target: Path, wishes: ReportCommand) -> None:
     with work_told():
         write_film(run, run.scenario.name, target, (start, stop), wishes.pace, wishes.fps)
     say(f"film of {start:g} s to {stop:g} s (the run ends at {end:g} s) in {target}")
-    if wishes.frames(end) < 1.0:
+    if (stop - start) / wishes.pace * wishes.fps < 1.0:
         say("vibro: warning: the film has one frame; a smaller --pace has more", "warning")

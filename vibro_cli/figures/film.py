@@ -139,9 +139,16 @@ def frame_times(start: float, end: float, pace: float, rate: int) -> Array:
     """Return the times (s) of frames from `start` to `end`.
 
     `pace` is the motion's time per film's time, `rate` the frames of a film's second.
+
+    Raises ``ValueError`` for more frames than a film may have.
     """
     step = pace / rate
     number = math.floor((end - start) / step * (1.0 + 1e-12)) + 1
+    if number > MOST_FRAMES:
+        raise ValueError(
+            f"a film of {number} frames, expected at most {MOST_FRAMES}; "
+            "a shorter span, a greater pace or fewer frames a second have fewer"
+        )
     times: Array = np.minimum(start + step * np.arange(number), end)
     return times
 
@@ -390,6 +397,7 @@ class _Moving(NamedTuple):
 
 
 FORMS = ("gif", "mp4")
+MOST_FRAMES = 20000
 _DPI = {"mp4": 200.0, "gif": 100.0}
 _COLOURS = 63
 """Of a GIF; one more is clear."""

@@ -340,7 +340,7 @@ class Run:
         Raises
         ------
         ValueError
-            For another suffix, pace or number of frames, and times outside the run.
+            For another suffix or pace, more than 20,000 frames, and times outside the run.
         NoFilm
             If ffmpeg is not there, or fails; of a system that has no films.
         """
