@@ -42,6 +42,7 @@ from vibro_cli.figures.maps import (
 from vibro_cli.figures.style import Look, line, mark, panel_size
 from vibro_cli.figures.ticks import Ticks, axis_words, label_axis, number_ticks
 from vibro_cli.scenario.fields import unit_at
+from vibro_cli.scenario.models import Scenario
 from vibro_cli.scenario.problems import parsed_path
 
 _FIT_HEIGHT = 24.0
@@ -150,7 +151,7 @@ def label_of_number(path: str) -> str:
     """Return the label of the axis of a family over the number at a path, with its unit."""
     if path == ENERGY:
         return "energy [J]"
-    return axis_words(words_of(path), unit_at(parsed_path(path)), Ticks((), ()))
+    return axis_words(words_of(path), unit_at(parsed_path(path), Scenario), Ticks((), ()))
 
 
 def _look(marker: str) -> Look:

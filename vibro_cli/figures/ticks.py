@@ -270,9 +270,7 @@ def label_axis(
         axis.set_label_text(axis_words(name, unit, ticks) + after)
 
 
-def _round_numbers(
-    low: float, high: float, bins: int, whole: bool = False, power: int = 0
-) -> Ticks:
+def _round_numbers(low: float, high: float, bins: int, whole: bool, power: int = 0) -> Ticks:
     locator = MaxNLocator(nbins=bins, steps=[1, 2, 2.5, 5, 10], integer=whole)
     values = locator.tick_values(low, high)
     places = tuple(float(value) for value in values if low <= value <= high)

@@ -30,7 +30,7 @@ def figures_of_run(run: Any, name: str) -> Iterator[dict[str, Any]]:
     return _shown(zip(*both, strict=True), f"run {name}")
 
 
-def figures_of_grid(grid: StoredGrid, columns: Sequence[str] = ()) -> Iterator[dict[str, Any]]:
+def figures_of_grid(grid: StoredGrid, columns: Sequence[str]) -> Iterator[dict[str, Any]]:
     """Return every figure of a grid as the page has it, with its words.
 
     `columns` are those of the summary whose maps are drawn too.

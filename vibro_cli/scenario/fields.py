@@ -21,7 +21,6 @@ from pydantic_core import ErrorDetails
 
 from vibro_cli.errors import similar
 from vibro_cli.scenario.base import Table
-from vibro_cli.scenario.models import Scenario
 from vibro_cli.scenario.problems import Fault, KeyPath, listing, shown, suggestion
 from vibro_cli.scenario.quantities import Kind, Quantity
 from vibro_cli.systems import system_named
@@ -36,7 +35,7 @@ def _models_in(annotation: Any) -> Iterator[Model]:
         yield from _models_in(part)
 
 
-def model_at(path: KeyPath, root: Model = Scenario) -> Model | None:
+def model_at(path: KeyPath, root: Model) -> Model | None:
     """Return the model of the table at a path, or None where the path leads to no table.
 
     `root` is the model of the whole scenario, here and below.
@@ -50,7 +49,7 @@ def model_at(path: KeyPath, root: Model = Scenario) -> Model | None:
     return model
 
 
-def field_at(path: KeyPath, root: Model = Scenario) -> FieldInfo | None:
+def field_at(path: KeyPath, root: Model) -> FieldInfo | None:
     """Return the field of the key that a path ends with, or of the list whose entry it leads to."""
     while path and isinstance(path[-1], int):
         path = path[:-1]
@@ -58,7 +57,7 @@ def field_at(path: KeyPath, root: Model = Scenario) -> FieldInfo | None:
     return None if model is None else model.model_fields.get(str(path[-1]))
 
 
-def kind_at(path: KeyPath, root: Model = Scenario) -> Kind | None:
+def kind_at(path: KeyPath, root: Model) -> Kind | None:
     """Return the kind of the one value at a path; None where a table or a list is, or nothing."""
     field = field_at(path, root)
     if field is None:
@@ -79,7 +78,7 @@ def unit_of(kind: Kind | None) -> str:
     return kind.unit if isinstance(kind, Quantity) else ""
 
 
-def unit_at(path: KeyPath, root: Model = Scenario) -> str:
+def unit_at(path: KeyPath, root: Model) -> str:
     """Return the unit of the number at a path, an empty text where it has none."""
     return unit_of(kind_at(path, root))
 
@@ -103,7 +102,7 @@ def descriptions(model: Model) -> Mapping[str, str]:
     return found
 
 
-def description(path: KeyPath, root: Model = Scenario) -> str:
+def description(path: KeyPath, root: Model) -> str:
     """Return the first sentence that describes a field, or an empty text."""
     model, key = model_at(path[:-1], root), path[-1]
     if model is None or not isinstance(key, str) or key not in model.model_fields:
@@ -130,13 +129,13 @@ def tables(model: Model, path: str) -> Iterator[tuple[str, Model]]:
             yield from tables(below, f"{path}.{key}" if path else key)
 
 
-def known_keys(table: KeyPath, root: Model = Scenario) -> list[str]:
+def known_keys(table: KeyPath, root: Model) -> list[str]:
     """Return the keys a table may have."""
     model = model_at(table, root)
     return [] if model is None else list(model.model_fields)
 
 
-def hint(table: KeyPath, key: str, root: Model = Scenario) -> str:
+def hint(table: KeyPath, key: str, root: Model) -> str:
     """Return the suggestion for an unknown key: a similar one, or the table it belongs to."""
     close = suggestion(key, known_keys(table, root))
     if close:
@@ -189,7 +188,7 @@ def _needed(loc: KeyPath, root: Model) -> str:
     return f"{key}: {words[:1].lower()}{words[1:]}" if words else key
 
 
-def unknown_key(loc: KeyPath, root: Model = Scenario) -> Fault:
+def unknown_key(loc: KeyPath, root: Model) -> Fault:
     """Return the fault of a key that no table has, with a suggestion."""
     table, key = loc[:-1], str(loc[-1])
     known = known_keys(table, root)

@@ -102,7 +102,7 @@ def _signalled(fault: BaseException) -> BaseException | None:
     return _signalled(cause)
 
 
-def perform(task: Task, log_format: str = "text") -> int:
+def perform(task: Task, log_format: str) -> int:
     """Run the task of a whole command line and return its exit code, whatever happens in it."""
     choose_words(as_json=log_format == "json", least="info")
     prepare_streams()

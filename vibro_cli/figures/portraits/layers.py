@@ -30,7 +30,7 @@ from vibro_cli.figures.style import Look, line, mark
 from vibro_cli.mechanics.trace import Piece
 
 
-def legend_of(path: Trajectory, behind: Background, others: Sequence[Entry] = ()) -> list[Entry]:
+def legend_of(path: Trajectory, behind: Background, others: Sequence[Entry]) -> list[Entry]:
     """Return names and looks of everything on a portrait, `others` after what is of the run."""
     jumps, marked = path.jumps, coloured_until(path) is None
     entries = [("start", START)]
