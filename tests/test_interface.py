@@ -408,6 +408,7 @@ WRONG: dict[str, tuple[Callable[[Run], object], str]] = {
         "unknown width 'x', expected one of",
     ),
     "complex": (lambda run: run.sample(cast("Any", [1j])), "times: found complex128, expected num"),
+    "huge": (lambda run: run.sample([10**400]), "times: found .*, expected num"),
     "times in words": (
         lambda run: run.sample(cast("Any", ["a"])),
         "times: found <U1, expected num",

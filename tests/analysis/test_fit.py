@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import polars as pl
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from scipy.stats import chi2, kstest
@@ -86,13 +87,20 @@ def _as_pandas(table: Any) -> pd.DataFrame:
     return pd.DataFrame(dict(table))
 
 
-@pytest.mark.parametrize("as_table", [lambda table: table, pl.DataFrame, _as_pandas])
+@pytest.mark.parametrize("as_table", [lambda table: table, pl.DataFrame, _as_pandas, pa.table])
 def test_the_table_of_a_run_is_fitted_as_it_is(as_table: Any) -> None:
     collisions = simulate(_circle(30)).collisions
     start = _circle().replace({"collision.k": 0.88, "balls[2].mass": 2.9})
     found = fit(start, as_table(collisions), PATHS)
     np.testing.assert_allclose(found.values, TRUE, rtol=1e-9)
     assert found.measured.pairs is not None
+
+
+@pytest.mark.parametrize("as_series", [list, np.array, pl.Series, pd.Series])
+def test_instants_alone_are_fitted_as_they_are(as_series: Any) -> None:
+    instants = simulate(_circle(12)).collisions["t"]
+    found = fit(_circle(), as_series(instants), PATHS)
+    np.testing.assert_array_equal(found.measured.t, instants)
 
 
 @pytest.mark.parametrize("noise", [5e-324, 1e-200, 1e-17])
@@ -249,6 +257,7 @@ def test_what_is_no_free_number_is_told(free: Any, words: str) -> None:
         ({"t": []}, "no row"),
         ({"t": [1.0, None]}, "row 2: t: found None"),
         ({"t": [1.0, 0.5]}, "row 2: t: found 0.5, expected one greater"),
+        ({"t": [10**400]}, "row 1: t: found 1000"),
         ({"t": [-1.0]}, "row 1: t"),
         ({"t": [1.0, 2.0], "n": [1, 1.5]}, "row 2: n: found 1.5, expected a whole"),
         ({"t": [1.0, 2.0], "n": [2, 1]}, "row 2: n"),

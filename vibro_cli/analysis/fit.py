@@ -12,6 +12,7 @@ The instants come from a table of a file or of Python.
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -145,7 +146,7 @@ def _numbers(columns: Mapping[str, Any], name: str) -> Floats:
     if isinstance(column, (str, bytes)) or not hasattr(column, "__iter__"):
         raise NotMeasured(f"{name}: found {column!r}, expected a column of numbers")
     for row, value in enumerate(column, 1):
-        if not _is_number(value) or not math.isfinite(value):
+        if not _is_number(value) or not abs(value) <= sys.float_info.max:
             raise NotMeasured(f"row {row}: {name}: found {value!r}, expected a number")
         found.append(float(value))
     return np.array(found, dtype=np.float64)

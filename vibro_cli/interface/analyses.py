@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
+import pyarrow as pa
 
 from vibro_cli.analysis import fit as fits
 from vibro_cli.analysis.orbit_branch import Branch, family_of
@@ -185,7 +186,7 @@ def _system_of_trace(scenario: AnyScenario) -> Any:
 
 def fit(
     scenario: AnyScenario,
-    measured: str | Path | Mapping[str, Any] | ArrayLike,
+    measured: str | Path | Mapping[str, Any] | Table | ArrayLike,
     free: Sequence[str] | Mapping[str, tuple[float, float]],
     noise: float | None = None,
 ) -> Fit:
@@ -197,8 +198,8 @@ def fit(
         With the values to begin with.
     measured
         The instants (s), a table with them (``t``, and if wanted ``n``, ``error``, ``ball_a``,
-        ``ball_b``) such as that of a run or a frame, or a CSV or parquet file, as for ``vibro
-        fit``.
+        ``ball_b``) such as that of a run, of pyarrow or a frame, or a CSV or parquet file, as for
+        ``vibro fit``.
     free
         Paths of the numbers, such as ``"collision.k"``, or their bounds by their paths (SI units,
         radians).
@@ -237,6 +238,10 @@ def _ends(path: str, bounds: Any) -> tuple[Any, Any]:
 
 def _columns_of(measured: Any) -> Mapping[str, Any]:
     """The columns of a mapping, a table or a frame by their names; instants alone as ``t``."""
+    if isinstance(measured, pa.Table):
+        measured = Table("measured", measured)
+    if getattr(measured, "ndim", None) == 1:  # also a series of pandas, whose keys are its rows
+        return {"t": measured}
     names = measured.keys() if hasattr(measured, "keys") else getattr(measured, "columns", None)
     return {"t": measured} if names is None else {name: measured[name] for name in names}
 

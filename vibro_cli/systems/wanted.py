@@ -41,7 +41,7 @@ def within_run(times: Any, end: float, extrapolate: bool) -> Instants:
         raise ValueError(f"times: found {given.dtype}, expected numbers (s)")
     try:
         instants = np.atleast_1d(given.astype(np.float64))
-    except (TypeError, ValueError):
+    except (OverflowError, TypeError, ValueError):
         raise ValueError(f"times: found {times!r:.60}, expected numbers (s)") from None
     if instants.ndim > 1:
         raise ValueError(f"times: found an array of shape {instants.shape}, expected shape (n,)")
