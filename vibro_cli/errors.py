@@ -21,6 +21,11 @@ class NoLibrary(Failure):
     """There is no library of kernels for this machine; the message says what to do."""
 
 
+def printable(text: str) -> str:
+    """Return a text on one line that no terminal takes for a command, whatever a file is called."""
+    return "".join(char if char.isprintable() else "�" for char in text)
+
+
 def similar(word: str, known: Iterable[str]) -> str | None:
     """Return the known word that a mistyped one is most like, or None."""
     from difflib import get_close_matches

@@ -26,11 +26,11 @@ from vibro_cli.commands.shared.terminal import (
     duration,
     json_text,
     lines_of,
-    printable,
     report_command,
     say,
     size,
 )
+from vibro_cli.errors import printable
 
 if TYPE_CHECKING:
     from vibro_cli.grids.chunks import Chunks, Receipt

@@ -13,7 +13,8 @@ import typer
 
 from vibro_cli.commands.shared.error_handling import DONE, CommandError
 from vibro_cli.commands.shared.options import gallery_names, json_option, output_option
-from vibro_cli.commands.shared.terminal import json_text, printable, say
+from vibro_cli.commands.shared.terminal import json_text, say, wrapped
+from vibro_cli.errors import printable
 from vibro_cli.systems import NAMES
 
 if TYPE_CHECKING:
@@ -67,7 +68,6 @@ class NewCommand:
 
 def _print_names(as_json: bool) -> int:
     """Print each name with the title of its scenario or grid."""
-    from vibro_cli.commands.shared.terminal import wrapped
     from vibro_cli.scenario.gallery import grid_names, names, title
 
     listed = [*names(), *grid_names()]

@@ -21,8 +21,8 @@ from vibro_cli.commands.shared.error_handling import (
     suggestion,
 )
 from vibro_cli.commands.shared.options import TableFormat, json_option, table_files
-from vibro_cli.commands.shared.terminal import json_text, printable, say
-from vibro_cli.errors import similar
+from vibro_cli.commands.shared.terminal import json_text, say
+from vibro_cli.errors import printable, similar
 
 if TYPE_CHECKING:
     import pyarrow

@@ -17,7 +17,7 @@ from vibro_cli.interface import Drawing, figures_of, nothing_shown
 from vibro_cli.scenario.base import Texts, check_scenarios, checked, checked_page, checked_path
 from vibro_cli.scenario.quantities import Count, Dictionary, Quantity
 from vibro_cli.storage import folders
-from vibro_cli.storage.files import available_cores
+from vibro_cli.storage.files import available_cores, write_file
 from vibro_cli.storage.frame import Table
 from vibro_cli.storage.stored import StoredColumns, as_if_stored
 from vibro_cli.storage.stored import open_run as open_stored_run
@@ -367,7 +367,6 @@ class Run:
     def report(self, file: str | Path) -> Path:
         """Write the page (.html) that explains the run, as ``vibro report``; return its path."""
         from vibro_cli.report.content import report_html
-        from vibro_cli.storage.files import write_file
 
         target = checked_page("file", file)
         stored = self.stored
@@ -403,7 +402,6 @@ def write_film(
     """Write the film of a run as figures take it, whole or not at all; raises as `Run.film`."""
     from vibro_cli.figures.film import frame_times, movie
     from vibro_cli.report.film_page import film_html
-    from vibro_cli.storage.files import write_file
 
     shown, form = run.kind.film(run, frame_times(*span, pace, fps)), target.suffix.lower()[1:]
     if form == "html":

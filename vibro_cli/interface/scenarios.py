@@ -14,7 +14,6 @@ from vibro_cli.scenario.quantities import Count, Text
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-    from pathlib import Path
 
     from vibro_cli.scenario.base import AnyScenario
 

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
-from vibro_cli.errors import VibroError, similar
+from vibro_cli.errors import VibroError, printable, similar
 
 KeyPath = tuple[str | int, ...]
 """A path into a scenario; lists are counted from 0 here and from 1 in every text."""
@@ -24,7 +24,7 @@ class Place:
 
     def __str__(self) -> str:
         numbers = [str(n) for n in (self.line, self.column) if n is not None]
-        return ":".join([_printable(self.file), *numbers])
+        return ":".join([printable(self.file), *numbers])
 
 
 @dataclass(frozen=True)
@@ -131,12 +131,8 @@ def _number_text(value: int | float) -> str:
 
 def shortened(text: str) -> str:
     """Return a text on one line, without control characters, at most 60 characters long."""
-    line = _printable(text[: _LONGEST_SHOWN + 1])
+    line = printable(text[: _LONGEST_SHOWN + 1])
     return line if len(line) <= _LONGEST_SHOWN else line[: _LONGEST_SHOWN - 3] + "..."
-
-
-def _printable(text: str) -> str:
-    return "".join(char if char.isprintable() else "�" for char in text)
 
 
 def listing(words: Iterable[str], last: str = "or") -> str:

@@ -19,6 +19,8 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any, TextIO, TypeVar
 
+from vibro_cli.errors import printable
+
 _Result = TypeVar("_Result")
 
 LEVELS = ("detail", "info", "warning", "error")
@@ -51,11 +53,6 @@ def say(text: str, level: str = "info", **details: Any) -> None:
         print("\n".join(map(printable, text.split("\n"))), file=sys.stderr, flush=True)
     except OSError:  # closed or full: nobody can be told, and the exit code still says it
         silence(sys.stderr)
-
-
-def printable(text: str) -> str:
-    """A text on one line that no terminal takes for a command, whatever a file is called."""
-    return "".join(char if char.isprintable() else "�" for char in text)
 
 
 def json_text(value: Any, stream: TextIO | None = None, indent: int | None = None) -> str:
