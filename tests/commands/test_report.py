@@ -26,6 +26,14 @@ def test_a_page_stands_beside_the_folder(vibro: Vibro) -> None:
     assert vibro(*RUN).code == 0  # and the run's folder can still be replaced
 
 
+def test_a_page_of_a_link_stands_beside_the_link(vibro: Vibro) -> None:
+    vibro(*RUN, "-o", "elsewhere/run")
+    Path("latest").symlink_to("elsewhere/run", target_is_directory=True)
+    assert vibro("report", "latest").code == 0
+    assert b'href="elsewhere/run/collisions.parquet"' in Path("latest-report.html").read_bytes()
+    assert [path.name for path in Path("elsewhere").iterdir()] == ["run"]
+
+
 def test_several_runs_have_one_page_and_a_pdf(vibro: Vibro) -> None:
     vibro(*RUN, "-o", "one")
     vibro(*RUN, "-o", "two", "--set", "collision.k=0.5")

@@ -2,6 +2,7 @@
 
 import gc
 import math
+import os
 import sys
 from collections import deque
 from collections.abc import Iterator, Sequence
@@ -146,7 +147,7 @@ class ReportCommand:
         """Where the page goes."""
         if self.output is not None:
             return Path(self.output)
-        first = self.folders[0].resolve()
+        first = Path(os.path.abspath(self.folders[0]))
         several = len(self.folders) > 1
         return first.with_name("report.html" if several else f"{first.name}-report.html")
 
