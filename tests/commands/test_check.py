@@ -132,6 +132,8 @@ def test_a_grid_is_checked_as_one(vibro: Vibro, grid: Path) -> None:
     (found,) = vibro("check", grid, "--json").lines
     assert (found["points"], found["first_point"]) == (6, None)
     assert found["grid"]["axes"][1]["values"] == [["hedrih"], ["normal-impulse"]]
+    grid.write_text(GRID.replace(', "normal-impulse"', ""))
+    assert "  axis collision.law: 1 value, hedrih to hedrih" in vibro("check", grid).text
     outcome = vibro("check", grid, "--set", "balls[1].mass=-1")
     assert outcome.code == 0
     assert "warning: the first point is invalid: balls[1].mass: found -1" in outcome.text

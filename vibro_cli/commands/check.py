@@ -126,7 +126,7 @@ def lines_of_grid(found: dict[str, Any]) -> Iterator[str]:
     yield f"{found['name']}: valid grid of {count(found['points'], 'point', 'points')}"
     yield f"  mode {grid['mode']}"
     for axis in found["axes"]:
-        values = "drawn" if axis["values"] is None else f"{axis['values']:,} values"
+        values = "drawn" if axis["values"] is None else count(axis["values"], "value", "values")
         ends = " to ".join(_shown(axis[key]) for key in ("from", "to"))
         yield f"  axis {', '.join(axis['paths'])}: {values}, {ends} {axis['unit']}".rstrip()
     kept = grid["keep"]
