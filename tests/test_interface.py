@@ -196,6 +196,22 @@ def test_every_library_takes_a_table(run: Run) -> None:
     assert lost == pytest.approx(impacts["energy_loss"].sum(), rel=1e-14)
 
 
+@pytest.mark.parametrize("take", [pd.DataFrame, np.asarray, pd.Series])
+def test_what_would_take_the_names_of_a_table_for_it_is_refused(run: Run, take: Any) -> None:
+    with pytest.raises(TypeError, match=r"collisions is no array: expected .* to_pandas\(\)"):
+        take(run.collisions)
+
+
+@pytest.mark.parametrize(
+    ("name", "table"), [("three_arcs", "bounces"), ("elliptic_wall", "events")]
+)
+def test_a_table_that_a_system_has_not_is_told(name: str, table: str) -> None:
+    lone = simulate(example(name).replace({"stop.time": 0.1}))
+    assert table not in lone.tables
+    with pytest.raises(KeyError, match=f"runs of system = {lone.scenario.system} have no table"):
+        getattr(lone, table)
+
+
 def test_a_library_that_is_missing_is_named(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("vibro_cli.storage.frame.find_spec", lambda name: None)
     with pytest.raises(ImportError, match=r"to_polars\(\) needs polars, .*pip install polars"):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -94,6 +95,9 @@ def test_the_table_of_a_run_is_fitted_as_it_is(as_table: Any) -> None:
     found = fit(start, as_table(collisions), PATHS)
     np.testing.assert_allclose(found.values, TRUE, rtol=1e-9)
     assert found.measured.pairs is not None
+    assert re.fullmatch(
+        r"<Fit \w+: collision\.k = \S+ ± \S+, balls\[2\]\.mass = \S+ ± \S+>", repr(found)
+    )
 
 
 @pytest.mark.parametrize("as_series", [list, np.array, pl.Series, pd.Series])

@@ -244,6 +244,11 @@ class Fit:
     """Whether the same happens within the confidence region: else the errors are for this order"""
     evaluations: int
 
+    def __repr__(self) -> str:
+        numbers = zip(self.free, self.values, self.errors, strict=True)
+        told = ", ".join(f"{one.name} = {value:.10g} ± {sure:.2g}" for one, value, sure in numbers)
+        return f"<Fit {self.scenario.name}: {told}>"
+
     @property
     def errors(self) -> Floats:
         """Standard errors."""

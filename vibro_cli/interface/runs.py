@@ -133,7 +133,7 @@ class Run:
     def _there(self, name: str) -> Table:
         found = self._table(name)
         if found is None:
-            raise KeyError(name)
+            raise KeyError(f"runs of system = {self.scenario.system} have no table {name}")
         return found
 
     def sample(self, times: ArrayLike, side: str = "after", extrapolate: bool = False) -> Table:

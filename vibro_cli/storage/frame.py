@@ -153,6 +153,10 @@ class Table:
     def __iter__(self) -> Iterator[str]:
         return iter(self.keys())
 
+    def __array__(self, *_: object, **__: object) -> NDArray[Any]:
+        # As a sequence, pandas and numpy would take it for the names of its columns.
+        raise TypeError(f"{self.name} is no array: expected a column, or to_pandas()")
+
     def __len__(self) -> int:
         """Return the number of columns, as of a dictionary; ``rows`` is that of the rows."""
         return len(self._data.schema)
