@@ -1,6 +1,7 @@
 """The Python interface: what the command line does, with the same words and the same results."""
 
 import copy
+import inspect
 import json
 import logging
 import pickle
@@ -237,6 +238,15 @@ def test_every_public_name_is_there() -> None:
         assert name == "__version__" or thing.__doc__
         if isinstance(thing, type) and issubclass(thing, Exception):
             assert issubclass(thing, VibroError)
+
+
+def test_what_a_public_function_returns_is_public() -> None:
+    """A user who annotates a function of their own needs the name."""
+    for name in vibro_cli.__all__:
+        thing = getattr(vibro_cli, name)
+        if inspect.isfunction(thing):
+            returned = re.findall(r"\b[A-Z]\w+", inspect.signature(thing).return_annotation)
+            assert set(returned) <= set(vibro_cli.__all__), name
 
 
 def test_sample_is_a_table_of_the_motion(run: Run) -> None:

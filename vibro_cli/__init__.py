@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from vibro_cli.grids.dataset import FolderInUse as FolderInUse
     from vibro_cli.grids.dataset import GridChanged as GridChanged
     from vibro_cli.grids.dataset import NoManifest as NoManifest
+    from vibro_cli.grids.dataset import Verdict as Verdict
     from vibro_cli.interface import Drawing as Drawing
     from vibro_cli.interface.analyses import Fit as Fit
     from vibro_cli.interface.analyses import GridBasins as GridBasins
@@ -46,6 +47,7 @@ if TYPE_CHECKING:
     from vibro_cli.interface.scenarios import example as example
     from vibro_cli.interface.scenarios import load_scenario as load_scenario
     from vibro_cli.interface.scenarios import portrait as portrait
+    from vibro_cli.scenario.base import AnyScenario as AnyScenario
     from vibro_cli.scenario.models import Scenario as Scenario
     from vibro_cli.scenario.problems import ScenarioError as ScenarioError
     from vibro_cli.storage.files import FolderRefused as FolderRefused
@@ -62,7 +64,7 @@ _HOME = {
     "vibro_cli.api": ("NotRecalled",),
     "vibro_cli.errors": ("VibroError",),
     "vibro_cli.figures.film": ("NoFilm",),
-    "vibro_cli.grids.dataset": ("FolderInUse", "GridChanged", "NoManifest"),
+    "vibro_cli.grids.dataset": ("FolderInUse", "GridChanged", "NoManifest", "Verdict"),
     "vibro_cli.interface": ("Drawing",),
     "vibro_cli.interface.analyses": (
         "Fit",
@@ -76,6 +78,7 @@ _HOME = {
     "vibro_cli.interface.runs": ("Run", "open_run", "simulate", "simulate_many", "verify"),
     "vibro_cli.interface.scenarios": ("check", "example", "load_scenario", "portrait"),
     "vibro_cli.scenario": ("Scenario", "ScenarioError"),
+    "vibro_cli.scenario.base": ("AnyScenario",),
     "vibro_cli.storage.frame": ("Table",),
     "vibro_cli.storage.files": ("FolderRefused",),
     "vibro_cli.storage.folders": ("NotContinuable",),
