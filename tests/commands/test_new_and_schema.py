@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import shlex
 import tomllib
 from pathlib import Path
 
@@ -38,6 +39,8 @@ def test_a_scenario_is_written_with_its_comments_and_is_valid(vibro: Vibro) -> N
     assert first == "#:schema ./vibro-trace.schema.json"
     assert rest == (GALLERY / "three_arcs.toml").read_text()
     assert "vibro run three_arcs.toml" in outcome.err
+    told = vibro("new", "three_arcs", "-o", "my file.toml").err.partition("solve it with: ")[2]
+    assert shlex.split(told) == ["vibro", "run", "my file.toml"]
     assert vibro("check", "three_arcs.toml").code == 0
 
 

@@ -4,6 +4,7 @@ The schema is for editors; the tables of results are described likewise.
 """
 
 import json
+import shlex
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -103,7 +104,7 @@ def _write(name: str, output: str | None, force: bool, as_json: bool) -> int:
     if as_json:
         print(json_text({"file": str(path), "files": [str(one) for one in files]}))
     told = " and ".join(printable(str(one)) for one in files)
-    say(f"{told} written; solve it with: vibro {command} {printable(str(path))}")
+    say(f"{told} written; solve it with: vibro {command} {shlex.quote(printable(str(path)))}")
     return DONE
 
 
