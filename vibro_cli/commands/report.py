@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     Subject = Runs | StoredGrid
 
 
-SECONDS = 30.0
-"""Length of a film (s) where no span is asked for."""
 FORMS = (".mp4", ".gif", ".html")
 _HUNDREDTHS = 100
 """A GIF has the time of each frame in hundredths of a second."""
@@ -129,6 +127,8 @@ class ReportCommand:
     def bounds(self, end: float) -> tuple[float, float]:
         """First and last time (s) of the film of a run that ends at `end` (s)."""
         if self.span is None:
+            from vibro_cli.figures.film import SECONDS
+
             return 0.0, min(end, SECONDS * self.pace)
         low, _, high = self.span.partition(":")
         try:

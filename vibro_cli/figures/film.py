@@ -398,6 +398,8 @@ class _Moving(NamedTuple):
 
 FORMS = ("gif", "mp4")
 MOST_FRAMES = 20000
+SECONDS = 30.0
+"""Length of a film (s) where no end is asked for."""
 _DPI = {"mp4": 200.0, "gif": 100.0}
 _COLOURS = 63
 """Of a GIF; one more is clear."""

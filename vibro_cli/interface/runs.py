@@ -344,13 +344,13 @@ class Run:
         NoFilm
             If ffmpeg is not there, or fails; of a system that has no films.
         """
-        from vibro_cli.figures.film import FORMS
+        from vibro_cli.figures.film import FORMS, SECONDS
 
         target, last = checked_path("file", file), self.summary["end_time"]
         fps, pace = checked("fps", fps, _FPS), checked("pace", pace, _PACE)
         start = checked("start", start, Quantity())
         form = target.suffix.lower().removeprefix(".")
-        end = min(last, start + _SECONDS * pace) if end is None else end
+        end = min(last, start + SECONDS * pace) if end is None else end
         stop = checked("end", end, Quantity())
         if form not in (*FORMS, "html") or (form == "gif" and 100 % fps):
             raise ValueError(
@@ -392,8 +392,6 @@ class Run:
 
 _FPS, _PACE = Count(1, 100), Quantity(at_least=1e-6)
 """As of `vibro report`."""
-_SECONDS = 30.0
-"""Length of a film (s) where no end is asked for."""
 
 
 def write_film(
