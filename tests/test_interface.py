@@ -792,6 +792,12 @@ def test_what_a_notebook_shows(run: Run) -> None:
     assert "collision.k[1]" in run.scenario._repr_html_() or "0.9" in run.scenario._repr_html_()
 
 
+def test_what_a_file_says_of_its_columns_is_no_markup_in_a_notebook() -> None:
+    field = pa.field("<i>t", pa.float64(), metadata={"unit": "<script>", "description": "<b>"})
+    shown = vibro_cli.Table("<u>", pa.table([[1.0]], schema=pa.schema([field])))._repr_html_()
+    assert set(re.findall(r"<(\w+)", shown)) == {"div", "table", "caption", "tr", "th", "td"}
+
+
 def test_a_figure_of_a_grid_reads_the_columns_that_it_shows(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

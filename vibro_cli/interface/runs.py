@@ -382,7 +382,7 @@ class Run:
     def _repr_html_(self) -> str:
         """Show the summary in a notebook."""
         rows = "".join(
-            f"<tr><th>{escape(name)}{f' [{unit}]' if unit else ''}</th>"
+            f"<tr><th>{escape(f'{name} [{unit}]' if unit else name)}</th>"
             f"<td>{escape(_shown(self.summary[name]))}</td></tr>"
             for name, unit in self._there("summary").units.items()
             if self.summary[name] is not None

@@ -189,7 +189,7 @@ class Table:
     def _repr_html_(self) -> str:
         """Show the first rows in a notebook."""
         heads = "".join(
-            f"<th>{escape(name)}{f' [{unit}]' if unit else ''}</th>"
+            f"<th>{escape(f'{name} [{unit}]' if unit else name)}</th>"
             for name, unit in self.units.items()
         )
         rows = "".join(
