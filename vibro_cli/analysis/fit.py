@@ -68,30 +68,24 @@ def read_measured(file: str | Path) -> Measured:
     """
     import pyarrow as pa
 
-    from vibro_cli.storage.frame import read_table
+    from vibro_cli.storage.frame import cell, read_table
 
     path = Path(file)
     try:
         table = read_table(path)
     except pa.ArrowException as error:
         raise NotMeasured(f"{path}: cannot be read as a table: {error}") from error
-    columns = {
-        name: table.column(name).to_pylist() for name in COLUMNS if name in table.column_names
-    }
-    if path.suffix.lower() == ".csv":
-        columns = {name: list(map(_read, column)) for name, column in columns.items()}
+    read = cell if path.suffix.lower() == ".csv" else lambda value: value
     try:
-        return measured_of(columns)
+        return measured_of(
+            {
+                name: [*map(read, table[name].to_pylist())]
+                for name in COLUMNS
+                if name in table.column_names
+            }
+        )
     except NotMeasured as error:
         raise NotMeasured(f"{path}: {error}") from error
-
-
-def _read(value: Any) -> Any:
-    """Return the number that a text is, if it is one: one word makes all of a column texts."""
-    try:
-        return float(value) if isinstance(value, str) else value
-    except ValueError:
-        return value
 
 
 def measured_of(columns: Mapping[str, Any]) -> Measured:

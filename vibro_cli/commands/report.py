@@ -26,8 +26,6 @@ if TYPE_CHECKING:
 
 
 FORMS = (".mp4", ".gif", ".html")
-_HUNDREDTHS = 100
-"""A GIF has the time of each frame in hundredths of a second."""
 _HEAD = 2000
 """Bytes of an existing file that say what it is."""
 
@@ -115,7 +113,7 @@ class ReportCommand:
             )
         if not math.isfinite(self.pace):
             raise typer.BadParameter(f"--pace: found {self.pace}, expected a finite number")
-        if form == ".gif" and _HUNDREDTHS % self.fps:
+        if form == ".gif" and 100 % self.fps:  # it counts in hundredths of a second
             raise typer.BadParameter(
                 f"--fps: found {self.fps}, expected a divisor of 100 for a GIF, as 10, 20, 25, 50"
             )

@@ -67,17 +67,15 @@ def _array(column: pa.ChunkedArray, from_csv: bool) -> np.ndarray[Any, np.dtype[
     if pa.types.is_integer(column.type) or pa.types.is_floating(column.type):
         return np.asarray(column.to_numpy())
     values = column.to_pylist()
-    if from_csv and pa.types.is_string(column.type):
-        values = [*map(_cell, values)]  # one word in a column makes words of its numbers
-    return np.array(values, dtype=object)
+    return np.array([*map(cell, values)] if from_csv else values, dtype=object)
 
 
-def _cell(text: str) -> int | float | str:
-    """A field of a CSV file: a number where it is one."""
-    for number in (int, float):
+def cell(value: Any) -> Any:
+    """A field of a CSV file: a number where it is one; a word in a column makes words of all."""
+    for number in (int, float) if isinstance(value, str) else ():
         with suppress(ValueError):
-            return number(text)
-    return text
+            return number(value)
+    return value
 
 
 _SHOWN = 5
