@@ -125,23 +125,9 @@ def draw_all(
 
 
 def draw_one(run: Any, name: str, body: int = 1, width: str = "double") -> Drawn | None:
-    """Return one figure of a run, None where it has nothing to show.
+    """Return one figure of a run of any system, None where it has nothing to show.
 
-    Parameters
-    ----------
-    run
-        Of any system.
-    name
-        One of the kinds of its system.
-    body
-        From 1, where there is a figure of each body.
-    width
-        ``"single"`` or ``"double"``: one column of a journal (85 mm) or two (170 mm).
-
-    Raises
-    ------
-    ValueError
-        For another kind, body or width.
+    The arguments are those of `Run.figure`; raises ValueError for another kind, body or width.
     """
     kinds = run.kind.figures
     width_of(width)
