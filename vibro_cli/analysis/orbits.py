@@ -475,7 +475,7 @@ Steps = Callable[[Floats, Floats], Iterator[tuple[Floats, float]]]
 
 
 def _shares_of_newton(rows: Floats, right: Floats) -> Iterator[tuple[Floats, float]]:
-    step: Floats = np.linalg.lstsq(rows, right, rcond=1e-12)[0]
+    step = np.asarray(np.linalg.lstsq(rows, right, rcond=1e-12)[0], dtype=np.float64)
     yield from ((share * step, 1.0 - 0.1 * share) for share in SHARES)
 
 

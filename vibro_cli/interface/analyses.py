@@ -65,7 +65,7 @@ class OrbitFamily(Branch):
         return f"<OrbitFamily of {self.scenario.name}: {orbits_of}; {special}>"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Fit(fits.Fit):
     """Fitted numbers and how sure they are, from :func:`fit`."""
 
@@ -91,11 +91,6 @@ class Fit(fits.Fit):
         from vibro_cli.figures.analyses import fit_figure
 
         return Drawing("residuals", fit_figure(dict(self.table)))
-
-    def __repr__(self) -> str:
-        rows = zip(self.free, self.values, self.errors, strict=True)
-        told = (f"{one.name} = {value:.6g} ± {error:.2g}" for one, value, error in rows)
-        return f"<Fit {', '.join(told)}>"
 
 
 @dataclass(frozen=True)
