@@ -53,7 +53,7 @@ def programs() -> list[Program]:
     return [
         Program("trace", of_trace),
         Program("rotating", solving, TURNING),
-        *(Program(name, system_named(name).kernels) for name in NAMES[1:]),
+        *(Program(one.name, one.kernels, flags=one.flags) for one in map(system_named, NAMES[1:])),
         Program("judge", (judge_flights, follow_all)),
     ]
 

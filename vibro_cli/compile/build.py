@@ -32,7 +32,8 @@ ZIG = "ziglang"
 _SYSTEMS = ("c++", "g++", "clang++")
 
 # Same operations in the same order as the interpreter: no contraction and no reassociation. What
-# is left out is errno and traps, which nobody reads, and vectorisers, which only cost time here.
+# is left out is errno and traps, which nobody reads, and vectorisers, which only cost time but in
+# programs that ask for them.
 _FLAGS = (
     *("-O3", "-std=c++17", "-fPIC", "-fvisibility=hidden", "-w"),
     *("-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math"),
@@ -113,8 +114,7 @@ def build(
         shutil.copy(PRELUDE, work)
         for program in programs:
             (work / f"{program.name}.cpp").write_text(program.source())
-        names = [program.name for program in programs]
-        made = _compiled(command, more_flags, names, levels, work)
+        made = _compiled(command, more_flags, programs, levels, work)
         record = work / RECORD
         record.write_text(json.dumps(_record(levels), indent=1) + "\n")
         for path in (*made, record):
@@ -139,15 +139,18 @@ def _work_folder(folder: Path) -> Iterator[Path]:
 def _compiled(
     command: Sequence[str],
     more_flags: Sequence[str],
-    names: Sequence[str],
+    programs: Sequence[Program],
     levels: Sequence[str],
     work: Path,
 ) -> list[Path]:
     """Compile and link the sources for every kind of processor."""
     tasks = [
-        [*command, *flags(level, command), *more_flags, "-c", "-o", f"{name}.o", source]
+        [
+            *(*command, *flags(level, command), *program.flags, *more_flags),
+            *("-c", "-o", f"{program.name}-{level}.o", f"{program.name}.cpp"),
+        ]
         for level in levels
-        for source, name in ((f"{name}.cpp", f"{name}-{level}") for name in names)
+        for program in programs
     ]
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         list(pool.map(lambda task: _run(task, work), tasks))
@@ -156,7 +159,7 @@ def _compiled(
     own_runtime = ["-nostdlib", "-lc"] if ZIG in command else []
     link = [*command, "-shared", "-fPIC", *more_flags]
     for level in levels:
-        objects = [f"{name}-{level}.o" for name in names]
+        objects = [f"{program.name}-{level}.o" for program in programs]
         _run([*link, "-o", library_name(level), *objects, *own_runtime, "-lm"], work)
     return [work / library_name(level) for level in levels]
 

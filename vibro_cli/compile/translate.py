@@ -92,6 +92,7 @@ class Program:
     name: str  # of the file
     entries: Sequence[Kernel]  # called from Python
     overrides: Overrides | None = None
+    flags: Sequence[str] = ()  # for the compiler, after those of all programs
     functions: dict[Any, Function] = field(default_factory=dict)
     declared: dict[Kind, None] = field(default_factory=dict)
     constants: dict[str, tuple[Any, str]] = field(default_factory=dict)

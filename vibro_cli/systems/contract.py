@@ -221,6 +221,9 @@ class System(ABC):
         """
         return ()
 
+    flags: ClassVar[tuple[str, ...]] = ()
+    """For the compiler of these kernels, after those of all programs."""
+
     def world(self, system: Any, limits: Limits) -> Any:
         """Return the records of a system at the start, interpreted, with empty logs.
 

@@ -254,22 +254,25 @@ def find_group(world: World, a: int, b: int) -> int:
     The balls of the group stand in ``world.group``, first of them a and b.
     """
     clock = world.clock[0]
-    for ball in range(len(world.balls)):
-        world.shares[ball].place = 0
+    for place in range(clock.group):  # of the event before
+        world.shares[world.group[place]].place = 0
     world.group[0], world.group[1] = a, b
     world.shares[a].place, world.shares[b].place = 1, 2
     clock.group = 2
     count = 1
     world.touches[0].a, world.touches[0].b = a, b
     done = 0
-    while done < clock.group:
+    while done < clock.group and count < len(world.touches):
         ball = world.group[done]
+        sift_touching(world, ball)
         for other in range(len(world.balls)):
+            if world.sifted[other] > 0.0:
+                continue
             place = world.shares[other].place
             # Each pair once, by whichever of the two comes first; the pair of the event is there.
             if other == ball or 0 < place <= done or (done == 0 and place == 2):
                 continue
-            if count < len(world.touches) and are_touching(world, ball, other):
+            if count < len(world.touches):
                 world.touches[count].a = min(ball, other)
                 world.touches[count].b = max(ball, other)
                 count += 1
@@ -282,15 +285,17 @@ def find_group(world: World, a: int, b: int) -> int:
 
 
 @kernel
-def are_touching(world: World, a: int, b: int) -> bool:
-    """Whether two balls touch at this instant, but for the rounding of their places."""
-    x, y = present_place(world, a)
-    other_x, other_y = present_place(world, b)
-    dx = other_x - x
-    dy = other_y - y
-    distance = touching_distance(world, a, b)
-    size = abs(x) + abs(y) + abs(dx) + abs(dy) + distance
-    return dx * dx + dy * dy <= distance * (distance + 2.0 * TOUCHING * size)
+def sift_touching(world: World, ball: int) -> None:
+    """Set 0 for all that touch a ball at this instant, but for the rounding of their places."""
+    x, y = world.x[ball], world.y[ball]
+    radius = world.radii[ball]
+    for other in range(len(world.balls)):
+        dx = world.x[other] - x
+        dy = world.y[other] - y
+        distance = 2.0 * math.sqrt(radius * world.radii[other])
+        size = abs(x) + abs(y) + abs(dx) + abs(dy) + distance
+        touches = dx * dx + dy * dy <= distance * (distance + 2.0 * TOUCHING * size)
+        world.sifted[other] = 0.0 if touches else 1.0
 
 
 # The square of the share of the impulses at which the residuals are nothing but rounding.

@@ -2,13 +2,14 @@
 
 The row of a ball holds the first of its meetings with the wall and with the balls after it in the
 list. After an event only the rows that it concerns are searched anew, and the matches of the
-tournament above them are played again: log2 n each.
+tournament above them are played again: log2 n each. Most pairs are sifted out by a bound of the
+time until they touch, in loops over plain arrays that the compiler makes several rounds of at once.
 """
 
 from __future__ import annotations
 
 from vibro_cli.compile.kernel import kernel
-from vibro_cli.kernels.numerics.constants import NEVER
+from vibro_cli.kernels.numerics.constants import EPSILON, NEVER
 from vibro_cli.kernels.numerics.double_double import add_to_time, time_between
 from vibro_cli.kernels.table.impacts import bounce, collide, collide_jointly, find_group
 from vibro_cli.kernels.table.walls import (
@@ -32,32 +33,77 @@ from vibro_cli.kernels.world import (
 
 
 @kernel
-def time_to_pair(world: World, a: int, x: float, y: float, b: int) -> float:
-    """Return the time (s) from now until a ball, now at ``(x, y)`` (m), touches another; or NEVER.
+def note_motion(world: World, ball: int) -> None:
+    """Note where a ball is now and how it moves."""
+    world.x[ball], world.y[ball] = present_place(world, ball)
+    world.vx[ball] = world.balls[ball].vx
+    world.vy[ball] = world.balls[ball].vy
+
+
+@kernel
+def time_to_pair(world: World, a: int, b: int) -> float:
+    """Return the time (s) from now until two balls touch, or NEVER.
 
     They touch at the horizontal distance ``2 sqrt(r_a r_b)`` of their centres (C, part 1).
     """
     one = world.balls[a]
     other = world.balls[b]
-    other_x, other_y = present_place(world, b)
     distance = touching_distance(world, a, b)
     rounding = RESOLVED * (one.fastest + other.fastest)
-    dx = other_x - x
-    dy = other_y - y
+    dx = world.x[b] - world.x[a]
+    dy = world.y[b] - world.y[a]
     return time_to_distance(dx, dy, other.vx - one.vx, other.vy - one.vy, distance, rounding)
+
+
+# What rounding may take from d^2 - D^2 in `sift`, as a share of d^2 + D^2; see there.
+SIFTED = 32.0 * EPSILON
+# Squares of speeds (m^2/s^2) below which products with the least lengths, 1e-30 m, lose digits.
+SLOW = 1.0e-240
+
+
+@kernel
+def sift(world: World, ball: int, first: int, last: int) -> None:
+    """Set for other balls a time (s) that ``time_to_pair`` is not below: NEVER for most.
+
+    Where ``c = d^2 - D^2`` and the approach ``b = -d w`` are positive, the distance is that of
+    touching at ``t = c/(root + b)``, ``root^2 = b^2 - w^2 c``: not before ``c/2b``, and nowhere if
+    ``w^2 c > b^2``. With w^2 t <= 2b, which ``time_to_distance`` asks for, all roundings, there
+    (of ``root`` too) and here, are as one of c by less than 22 EPSILON of d^2 + D^2. Of very slow
+    balls nothing is said: squares of their speeds have few digits, or none.
+    """
+    x, y = world.x[ball], world.y[ball]
+    vx, vy = world.vx[ball], world.vy[ball]
+    four_radii = 4.0 * world.radii[ball]
+    for other in range(first, last):
+        dx = world.x[other] - x
+        dy = world.y[other] - y
+        wx = world.vx[other] - vx
+        wy = world.vy[other] - vy
+        approach = -(dx * wx + dy * wy)
+        square = wx * wx + wy * wy
+        apart = dx * dx + dy * dy
+        touching = four_radii * world.radii[other]
+        beyond = (apart - touching) - SIFTED * (apart + touching)
+        time = beyond / (2.0 * approach if approach > 0.0 else 1.0)
+        time = NEVER if square * beyond > approach * approach else time
+        time = time if square > SLOW else 0.0
+        world.sifted[other] = NEVER if approach <= 0.0 else time
 
 
 @kernel
 def search_row(world: World, ball: int) -> None:
     """Find what a ball meets next of the wall and of the balls after it."""
     row = world.meetings[ball]
-    x, y = present_place(world, ball)
     best = NEVER
     if world.wall[0].kind != NO_WALL:
         row.kind = MEETS_WALL
+        x, y = world.x[ball], world.y[ball]
         best = meet_wall(world, world.bodies[ball], world.balls[ball], x, y, row)
+    sift(world, ball, ball + 1, len(world.balls))
     for other in range(ball + 1, len(world.balls)):
-        time = time_to_pair(world, ball, x, y, other)
+        if world.sifted[other] >= best:
+            continue
+        time = time_to_pair(world, ball, other)
         if time < best:
             best = time
             row.kind = MEETS_BALL
@@ -82,20 +128,22 @@ def _set_time(world: World, ball: int, time: float) -> None:
 def renew(world: World, ball: int) -> None:
     """Search anew all that the motion of one ball decides."""
     search_row(world, ball)
-    x, y = present_place(world, ball)
+    clock = world.clock[0]
+    stale = 0
+    sift(world, ball, 0, ball)
     for earlier in range(ball):
-        row = world.meetings[earlier]
-        if row.kind == MEETS_BALL and row.other == ball:
-            search_row(world, earlier)
-            continue
-        time = time_to_pair(world, ball, x, y, earlier)
-        if time >= NEVER:
-            continue
-        clock = world.clock[0]
-        if time < time_between(row.t, row.t_low, clock.t, clock.t_low):
-            row.kind = MEETS_BALL
-            row.other = ball
-            _set_time(world, earlier, time)
+        if world.partners[earlier] == ball:
+            world.stale[stale] = earlier
+            stale += 1
+        elif world.sifted[earlier] < NEVER:
+            row = world.meetings[earlier]
+            time = time_to_pair(world, ball, earlier)
+            if time < time_between(row.t, row.t_low, clock.t, clock.t_low):
+                row.kind = MEETS_BALL
+                row.other = ball
+                _set_time(world, earlier, time)
+    for number in range(stale):
+        search_row(world, world.stale[number])
 
 
 @kernel
@@ -112,7 +160,9 @@ def sooner(world: World, one: int, other: int) -> int:
 
 @kernel
 def _play(world: World, ball: int) -> None:
-    """Play the matches of one ball again, up to the root."""
+    """Play the matches of one ball again, up to the root; note the ball that it meets."""
+    row = world.meetings[ball]
+    world.partners[ball] = row.other if row.kind == MEETS_BALL else -1
     leaves = len(world.tree)
     node = (leaves + ball) // 2
     while node >= 1:
@@ -133,11 +183,13 @@ def advance(world: World) -> int:
     """Run until the end, or until a log is full; return the cause."""
     clock = world.clock[0]
     settings = world.settings[0]
+    for ball in range(len(world.balls)):
+        note_motion(world, ball)
     if clock.begun == 0:
         for ball in range(len(world.balls)):
             search_row(world, ball)
         clock.begun = 1
-    # What the tournament shows follows from the meetings alone.
+    # What the tournament shows, and who meets whom, follows from the meetings alone.
     for ball in range(len(world.balls)):
         _play(world, ball)
     while True:
@@ -173,10 +225,13 @@ def _event(world: World) -> int:
     clock.stalled = clock.stalled + 1 if step <= 1.0e-15 * clock.t else 0
     if clock.stalled > MOST_AT_ONCE * len(world.balls):
         return END_ACCUMULATION
+    for number in range(len(world.balls)):
+        world.x[number], world.y[number] = present_place(world, number)
     if meeting.kind == MEETS_BALL:
         return _meet(world, ball, meeting.other, instant)
     cause = bounce(world, ball)
     if cause == RUNNING:
+        note_motion(world, ball)
         renew(world, ball)
     return cause
 
@@ -190,6 +245,8 @@ def _meet(world: World, ball: int, other: int, instant: int) -> int:
     else:
         cause = collide_jointly(world, count, instant)
     if cause == RUNNING:
+        for place in range(world.clock[0].group):
+            note_motion(world, world.group[place])
         for place in range(world.clock[0].group):
             renew(world, world.group[place])
     return cause

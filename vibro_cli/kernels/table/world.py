@@ -207,6 +207,14 @@ class World(NamedTuple):
     balls: Sequence[Ball]
     meetings: Sequence[Meeting]
     tree: list[int]  # tournament of the meetings: winners of matches, root at 1; one for each leaf
+    partners: list[int]  # the ball that each meets next, -1 without one
+    stale: list[int]  # balls whose meetings are to be searched anew
+    radii: list[float]  # of the balls, m
+    x: list[float]  # their centres at the present instant, m
+    y: list[float]
+    vx: list[float]  # m/s
+    vy: list[float]
+    sifted: list[float]  # what is found of all balls at once
     touches: Sequence[Touch]
     shares: Sequence[Share]
     group: list[int]  # balls that touch one another now

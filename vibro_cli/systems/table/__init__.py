@@ -21,6 +21,7 @@ class BallsOnTable(System):
     papers = ("A", "B", "C")
     exponents = 4
     default_figures = ("plan", "energy")
+    flags = ("-ftree-vectorize",)  # of loops over all balls, `sift` in their names
 
     def mechanics_warnings(self, scenario: Any, system: Any) -> tuple[str, ...]:
         from vibro_cli.mechanics.system import law_warnings

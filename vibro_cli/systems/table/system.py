@@ -114,6 +114,10 @@ def make_world(system: TableSystem, limits: Limits) -> World:
         balls=[_ball(state) for state in system.initial],
         meetings=[Meeting() for _ in system.bodies],
         tree=[leaves] * leaves,  # no ball where none has played
+        partners=[-1] * len(system.bodies),
+        stale=[0] * len(system.bodies),
+        radii=[body.radius for body in system.bodies],
+        **{name: [0.0] * len(system.bodies) for name in ("x", "y", "vx", "vy", "sifted")},
         touches=[Touch() for _ in range(most_touches(len(system.bodies)))],
         shares=[Share() for _ in system.bodies],
         group=[0] * max(len(system.bodies), 2),
