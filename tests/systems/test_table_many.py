@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import Any, cast
 
 import mpmath as mp
@@ -14,7 +15,8 @@ from vibro_cli.compile.kernel import Overrides, kernel
 from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.table.loop import note_motion, sift, time_to_pair
 from vibro_cli.kernels.table.world import World
-from vibro_cli.scenario import any_scenario_of
+from vibro_cli.mechanics.system import touching_distance
+from vibro_cli.scenario import ScenarioError, any_scenario_of
 from vibro_cli.systems.driver import Driver
 from vibro_cli.systems.table.build import build
 from vibro_cli.systems.table.scenario import TableScenario
@@ -149,3 +151,33 @@ def test_most_pairs_are_sifted_out() -> None:
             meeting += time_to_pair(world, number, other) < NEVER
     # Kept are those that would meet if they were alone, and no more, but for rounding.
     assert kept == meeting < 0.1 * (256 * 255 / 2)
+
+
+def test_overlaps_are_those_of_all_pairs_and_few_are_measured(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    draw = np.random.default_rng(6)
+    measured: list[Any] = []
+
+    def distance(one: Any, other: Any) -> float:
+        measured.append(one)
+        return touching_distance(one, other)
+
+    monkeypatch.setattr("vibro_cli.systems.table.build.touching_distance", distance)
+    for overlapping in (0.0, 0.9):
+        x, y = (3.0 * R * number for number in np.divmod(draw.permutation(400), 20))
+        x = x + overlapping * R * draw.normal(size=400)
+        radii = R * draw.uniform(0.5, 1.0, size=400)
+        balls = [ball(float(x[n]), float(y[n]), radius=float(radii[n])) for n in range(400)]
+        touch = 2.0 * np.sqrt(np.outer(radii, radii))
+        apart = np.hypot(np.subtract.outer(x, x), np.subtract.outer(y, y))
+        pairs = np.argwhere(np.tril(apart < touch, -1))
+        measured.clear()
+        found: list[tuple[str, ...]] = []
+        try:
+            world_of(table(balls, time=1.0))
+        except ScenarioError as error:
+            found = re.findall(r"balls (\d+) and (\d+) that overlap", str(error))
+        assert [[int(n) - 1 for n in names] for names in found] == pairs[:, ::-1].tolist()
+        assert len(measured) <= 400 * 5 * 20  # of its own column of 20, and of two at each side
+        assert (len(pairs) > 20) == (overlapping > 0.0)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from itertools import combinations
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 from vibro_cli.systems.contract import System
@@ -26,7 +26,8 @@ class BallsOnTable(System):
     def mechanics_warnings(self, scenario: Any, system: Any) -> tuple[str, ...]:
         from vibro_cli.mechanics.system import law_warnings
 
-        return tuple(law_warnings(system, [*combinations(system.bodies, 2)]))
+        # Any two can meet; if any two are unequal, so are two that follow one another in the list.
+        return tuple(law_warnings(system, [*pairwise(system.bodies)]))
 
     @property
     def kernels(self) -> tuple[Kernel, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 from vibro_cli.assemble import Findings, bodies_of
 from vibro_cli.mechanics.system import Body, touching_distance
@@ -85,11 +86,25 @@ def _check_wall(
 
 
 def _check_overlaps(scenario: TableScenario, bodies: tuple[Body, ...], findings: Findings) -> None:
-    for b, other in enumerate(scenario.balls):
-        for a, one in enumerate(scenario.balls[:b]):
+    for b, a, touch, apart in sorted(_overlaps(scenario, bodies)):
+        found = f"balls {a + 1} and {b + 1} that overlap by {touch - apart:.6g} m"
+        expected = f"centres at least 2 sqrt(r_a r_b) = {touch!r} m apart"
+        findings.add(f"balls[{b + 1}].x", found, expected)
+
+
+def _overlaps(
+    scenario: TableScenario, bodies: tuple[Body, ...]
+) -> Iterator[tuple[int, int, float, float]]:
+    """Pairs of balls that overlap, the later first; their distance of touching and their own."""
+    balls = scenario.balls
+    width = 2.0 * max(body.radius for body in bodies)
+    order = sorted(range(len(balls)), key=lambda number: balls[number].x)
+    for at, first in enumerate(order):
+        for second in map(order.__getitem__, range(at + 1, len(order))):
+            if balls[second].x - balls[first].x > width:
+                break  # nor do those that are farther along x
+            a, b = min(first, second), max(first, second)
             touch = touching_distance(bodies[a], bodies[b])
-            apart = math.hypot(other.x - one.x, other.y - one.y)
-            if apart < touch * (1.0 - 1e-14) - 1e-15 * (abs(one.x) + abs(one.y)):
-                found = f"balls {a + 1} and {b + 1} that overlap by {touch - apart:.6g} m"
-                expected = f"centres at least 2 sqrt(r_a r_b) = {touch!r} m apart"
-                findings.add(f"balls[{b + 1}].x", found, expected)
+            apart = math.hypot(balls[b].x - balls[a].x, balls[b].y - balls[a].y)
+            if apart < touch * (1.0 - 1e-14) - 1e-15 * (abs(balls[a].x) + abs(balls[a].y)):
+                yield b, a, touch, apart
