@@ -295,9 +295,12 @@ class Name(Kind):
         if not isinstance(value, str):
             raise fault(shown(value), expected)
         usable = 1 <= len(value) <= 100 and value.isprintable() and not set(value) & set("/\\")
-        if usable and value.strip() == value and value not in (".", ".."):
-            return value
-        raise fault(shown(value), expected)
+        if not usable or value.strip() != value or value in (".", ".."):
+            raise fault(shown(value), expected)
+        # File systems take names of 255 bytes, and names of files in the making have more to them.
+        if len(value.encode()) > 200:
+            raise fault(shown(value), "a name of at most 200 bytes in UTF-8")
+        return value
 
     def schema(self) -> dict[str, Any]:
         """Return the JSON Schema: a string without slashes."""
