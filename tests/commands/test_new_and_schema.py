@@ -149,6 +149,8 @@ def test_what_is_no_regular_file_is_never_replaced(vibro: Vibro) -> None:
     [
         (["four_arcs"], 'gallery: found "four_arcs", expected ball_on_arcs, '),
         ([], "expected the NAME of a scenario, or --list"),
+        (["three_arcs", "--list"], "expected the NAME of a scenario, or --list"),
+        (["--all", "--list"], "expected the NAME of a scenario, or --list"),
         (["../pyproject"], 'found "../pyproject"'),
     ],
 )

@@ -210,9 +210,11 @@ def test_json_tells_what_was_changed_and_where_it_is(
         (["--json", "-o", "-"], "both need standard output"),
         (["--json", "--format", "csv"], "both need standard output"),
         (["b.toml", "-o", "-"], "one table is streamed at a time"),
+        (["--figures", "portrait", "--no-figures"], "found --figures and --no-figures"),
+        (["--set"], "requires an argument. (see vibro run --help)"),
     ],
 )
-def test_what_cannot_share_standard_output_is_wrong_usage(
+def test_what_does_not_go_together_is_wrong_usage(
     vibro: Vibro, arguments: list[str], message: str
 ) -> None:
     outcome = vibro("run", "a.toml", *arguments)

@@ -139,7 +139,8 @@ def _parse_and_run(arguments: list[str]) -> int:
     try:
         task: Any = app(arguments, prog_name="vibro", standalone_mode=False)
     except typer.TyperException as error:
-        raise usage_error(error) from error
+        command = f"vibro {arguments[0]}" if arguments[0] in COMMANDS else "vibro"
+        raise usage_error(error, command) from error
     except typer.Abort as error:
         raise KeyboardInterrupt from error
     return int(task()) if callable(task) else int(task or 0)

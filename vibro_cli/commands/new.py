@@ -54,8 +54,8 @@ class NewCommand:
     ] = False
 
     def __post_init__(self) -> None:
-        wrong = (self.name is not None or self.output == "-") if self.whole else self.name is None
-        if wrong and not self.listing:
+        asked = (self.name is not None) + self.listing + self.whole
+        if asked != 1 or (self.whole and self.output == "-"):
             raise typer.BadParameter("expected the NAME of a scenario, or --list, or --all")
 
     def __call__(self) -> int:

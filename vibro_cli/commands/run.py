@@ -4,6 +4,7 @@ Tables are written while the solver goes on.
 """
 
 import contextlib
+import os
 import signal
 import sys
 from collections.abc import Iterator, Sequence
@@ -111,6 +112,8 @@ class RunCommand:
     ] = False
 
     def __post_init__(self) -> None:
+        if self.no_figures and self.figures is not None and "VIBRO_FIGURES" not in os.environ:
+            raise typer.BadParameter("found --figures and --no-figures, expected one of them")
         if (self.earlier is None) == (not self.scenarios):
             raise CommandError(
                 "vibro: Missing argument 'SCENARIO', or --continue DIR (see vibro run --help)"

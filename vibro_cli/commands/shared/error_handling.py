@@ -202,11 +202,9 @@ _EXPECTED = {
 """What was expected, by the kind of pydantic's error, with the numbers of its context."""
 
 
-def usage_error(error: typer.TyperException) -> CommandError:
-    """What is wrong with a command line, on one line."""
-    context = getattr(error, "ctx", None)
-    help_command = f"{context.command_path if context else 'vibro'} --help"
-    return CommandError(f"vibro: {' '.join(_words(error).split())} (see {help_command})")
+def usage_error(error: typer.TyperException, command: str) -> CommandError:
+    """What is wrong with a command line, on one line, and whose help tells more."""
+    return CommandError(f"vibro: {' '.join(_words(error).split())} (see {command} --help)")
 
 
 def _words(error: typer.TyperException) -> str:
