@@ -170,6 +170,8 @@ def test_tables_say_what_they_are(run: Run) -> None:
     assert table.units["t"] == "s"
     assert table.descriptions["t"].startswith("time of the impact")
     assert repr(table) == f"<Table collisions: {table.rows} rows, {len(table)} columns>"
+    summary = run.tables["summary"]
+    assert repr(summary) == f"<Table summary: 1 row, {len(summary)} columns>"
     with pytest.raises(KeyError, match="collisions has no column 'time'"):
         table["time"]
     assert not table["t"].flags.writeable

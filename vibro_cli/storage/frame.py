@@ -112,6 +112,10 @@ class Table:
         return int(self._data.num_rows)
 
     @property
+    def _rows_told(self) -> str:
+        return f"{self.rows} {'row' if self.rows == 1 else 'rows'}"
+
+    @property
     def units(self) -> dict[str, str]:
         """The unit of every column: "" for a plain number and for words."""
         return self._told(b"unit")
@@ -182,7 +186,7 @@ class Table:
         return polars.DataFrame(self.to_arrow())
 
     def __repr__(self) -> str:
-        return f"<Table {self.name}: {self.rows} rows, {len(self)} columns>"
+        return f"<Table {self.name}: {self._rows_told}, {len(self)} columns>"
 
     def _repr_html_(self) -> str:
         """Show the first rows in a notebook."""
@@ -195,7 +199,7 @@ class Table:
             for row in self._data.slice(0, _SHOWN).to_pylist()
         )
         first = f", the first {_SHOWN}" if self.rows > _SHOWN else ""
-        caption = f"{escape(self.name)}: {self.rows} rows{first}"
+        caption = f"{escape(self.name)}: {self._rows_told}{first}"
         # Of many columns: to be scrolled by itself, its caption where it is seen.
         begin = f'<table><caption style="text-align: left">{caption}</caption>'
         return f'<div style="overflow-x: auto">{begin}<tr>{heads}</tr>{rows}</table></div>'

@@ -113,7 +113,7 @@ class Driver:
         overrides: Overrides | None = None,
     ) -> None:
         if engine_name not in ENGINES:
-            raise ValueError(f"engine must be compiled or python, not {engine_name!r}")
+            raise ValueError(f"engine: found {engine_name!r}, expected one of {', '.join(ENGINES)}")
         self._loop = loop
         self._overrides = overrides
         self._logged: dict[str, list[Any]] = {name: [] for name in loop.logs}

@@ -254,7 +254,7 @@ def events_until(times: Any, instants: Any, side: str) -> Any:
     Raises ValueError for another side.
     """
     if side not in ("after", "before"):
-        raise ValueError(f'side must be "after" or "before", not {side!r}')
+        raise ValueError(f"side: found {side!r}, expected 'after' or 'before'")
     return np.searchsorted(times, instants, side="right" if side == "after" else "left")
 
 

@@ -123,7 +123,7 @@ def test_shape_of_a_sample() -> None:
     assert sample["t"].tolist() == [0.1] * 5 + [0.2] * 5
     assert sample["ball"].tolist() == [1, 2, 3, 4, 5] * 2
     assert list(sample) == ["t", "ball", "arc", "angle", "s", "x", "y", "speed", "energy"]
-    with pytest.raises(ValueError, match="side"):
+    with pytest.raises(ValueError, match="side: found 'beside', expected 'after'"):
         run.sample([0.1], "beside")
 
 
