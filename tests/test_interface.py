@@ -555,6 +555,23 @@ def test_a_wrong_width_of_a_section_of_a_grid_is_told(tmp_path: Path, run: Run) 
         grid.section(width="x")
 
 
+def test_folders_are_found_after_the_working_directory_has_changed(
+    tmp_path: Path, run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    grid = sweep(run.scenario, {"collision.k": [0.7, 0.8]}, "grid", collisions=True)
+    stored = open_run(run.save("run", figures=False))
+    monkeypatch.chdir("/")
+    assert grid.summary.rows == 2
+    assert grid.collisions.rows == grid.summary["collisions"].sum()
+    assert grid.save(tmp_path / "copy").is_dir()
+    assert stored.collisions["t"].tolist() == run.collisions["t"].tolist()
+    for one, name in ((grid, "grid"), (stored, "run")):
+        page = one.report(tmp_path / f"{name}.html").read_text(encoding="utf-8")
+        assert f"<code>{name}</code>" in page
+        assert f'href="{name}/' in page
+
+
 def test_a_wrong_argument_of_a_sweep_begins_no_folder(tmp_path: Path, run: Run) -> None:
     with pytest.raises(ValueError, match="workers: found -1, expected a whole number of at least"):
         sweep(run.scenario, {"collision.k": [0.5]}, tmp_path / "grid", workers=-1)

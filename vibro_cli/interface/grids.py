@@ -98,7 +98,7 @@ class Grid:
         Raises ``FileExistsError`` where something is there.
         """
         target = checked_path("folder", folder, "folder")
-        shutil.copytree(self.stored.folder, target)
+        shutil.copytree(self.stored.place, target)
         return target
 
     @cached_property

@@ -100,11 +100,12 @@ class Run:
     def _data(self, name: str) -> AnyTable | None:
         if name not in {table.file for table in self._kind.tables()}:
             return None
-        if self.stored is None or self.folder is None:
+        if self.stored is None or self.stored.place is None:
             return folders.run_table(self.solved, name, self.scenario)
-        self.folder.stat()  # raises where it is gone
-        file = f"{name}.parquet"
-        return FileTable(self.folder / file) if file in self.stored.manifest["files"] else None
+        self.stored.place.stat()  # raises where it is gone
+        if f"{name}.parquet" not in self.stored.manifest["files"]:
+            return None
+        return FileTable(self.stored.place / f"{name}.parquet")
 
     @property
     def _kind(self) -> System:

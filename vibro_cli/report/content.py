@@ -341,7 +341,7 @@ def _impacts(run: StoredRun, name: str, beside: Path) -> dict[str, Any]:
         "label": f"Impacts of {name}",
         "caption": f"Impacts of {name}, a to the left of b",
     }
-    return words | first_rows(run.collisions, columns, run.folder, "collisions", beside)
+    return words | first_rows(run.collisions, columns, run.place, "collisions", beside)
 
 
 def _logs(run: StoredRun, name: str, beside: Path) -> list[dict[str, Any]]:
@@ -351,7 +351,7 @@ def _logs(run: StoredRun, name: str, beside: Path) -> list[dict[str, Any]]:
         columns = [column for column in kept.table.columns if column.name not in _LEFT_OUT]
         title = f"{kept.title} of {name}"
         said = {"label": title, "caption": title, "words": kept.words, "none": kept.none}
-        found.append(said | first_rows(run.table(table), columns, run.folder, table, beside))
+        found.append(said | first_rows(run.table(table), columns, run.place, table, beside))
     return found
 
 

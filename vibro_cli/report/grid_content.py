@@ -63,7 +63,7 @@ def _page(grid: StoredGrid, beside: Path, version: str, columns: Sequence[str]) 
         ],
         "refused": _refused(grid),
         "points": _points(grid),
-        "link": link(grid.folder / "summary", beside),
+        "link": link(grid.place / "summary", beside),
         "versions": versions(grid.manifest),
     }
 

@@ -62,6 +62,11 @@ class StoredRun:
     _solved: Any = field(default=None, repr=False)
     """The run itself, of one that is not stored, or its motion where that is at hand."""
     _tables: dict[str, Columns] = field(default_factory=dict, repr=False)
+    place: Path | None = field(init=False, repr=False)
+    """The folder, found also after the working directory has changed"""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "place", self.folder and self.folder.absolute())
 
     @cached_property
     def motion(self) -> Motion:
@@ -96,8 +101,8 @@ class StoredRun:
     def table(self, name: str) -> Columns:
         """Return the columns of a table; null is NaN in numbers and None in words."""
         if name not in self._tables:
-            assert self.folder is not None
-            self._tables[name] = StoredColumns(self.folder / f"{name}.parquet")
+            assert self.place is not None
+            self._tables[name] = StoredColumns(self.place / f"{name}.parquet")
         return self._tables[name]
 
     @property
@@ -128,9 +133,9 @@ class StoredRun:
     @property
     def exponents(self) -> Columns | None:
         """How exponents converge, or None if they were not asked for."""
-        if self.folder is None:
+        if self.place is None:
             return self.run.exponents
-        there = (self.folder / "exponents.parquet").exists()
+        there = (self.place / "exponents.parquet").exists()
         return self.table("exponents") if there else None
 
     @cached_property
@@ -259,6 +264,11 @@ class StoredGrid:
     """A row for each point: the axes' values, then the columns of the summary table."""
     owner: object = None
     """What removes the folder once it is not used any more, if it is temporary."""
+    place: Path = field(init=False, repr=False)
+    """The folder, found also after the working directory has changed"""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "place", self.folder.absolute())
 
     @property
     def name(self) -> str:
@@ -329,8 +339,8 @@ class StoredGrid:
 
         Those of finished chunks: the summary of a chunk is written last.
         """
-        finished = {part.name for part in _parts(self.folder / "summary")}
-        parts = [part for part in _parts(self.folder / name) if part.name in finished]
+        finished = {part.name for part in _parts(self.place / "summary")}
+        parts = [part for part in _parts(self.place / name) if part.name in finished]
         if not parts and any(file.startswith(f"{name}/") for file in self.manifest["files"]):
             raise FileNotFoundError(ENOENT, "the table is gone", str(self.folder / name))
         return parts
@@ -358,7 +368,7 @@ def open_grid(folder: Path, owner: object = None) -> StoredGrid:
     manifest = read_manifest(folder)
     if manifest is None or not str(manifest["schema"]).startswith("vibro-grid/"):
         raise NotAGrid(f"{folder} holds no grid of vibro; expected its manifest")
-    parts = _parts(folder / "summary")
+    parts = _parts(folder.absolute() / "summary")
     if not parts:
         raise NotAGrid(f"{folder} holds no finished point of its grid")
     for damage in check_files(folder, manifest["files"]):
