@@ -331,6 +331,7 @@ def test_the_command_tells_what_is_wrong(
         (["circle.json", *free], "expected .csv or .parquet"),
         (["bad.csv", "--free", "collision.k=1:0"], "expected PATH or PATH=LOW:HIGH"),
         (["bad.csv", "--free", "collision.k=0.5"], "expected PATH or PATH=LOW:HIGH"),
+        (["bad.csv", "--free", "balls[1].angle=-80 deg:1"], "both in SI units and radians"),
     ):
         measured = str(tmp_path / arguments[0])
         assert run_command_line(["fit", str(file), measured, *arguments[1:]]) == 2
@@ -350,6 +351,24 @@ def test_instants_without_noise_give_a_number_as_short_as_its_double(
     assert "collision.k          0.9 ± " in capsys.readouterr().out
     assert run_command_line(["fit", str(file), measured, *arguments, "--noise", "1e-4"]) == 0
     assert "as large or larger in 100 % of such measurements" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(("bound", "at_it"), [(0.85, True), (0.95, False)])
+def test_a_number_at_its_bound_is_told(
+    bound: float, at_it: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    instants = _instants(_circle())
+    squares = [
+        float(np.sum((_instants(_circle().replace({"collision.k": k})) - instants) ** 2))
+        for k in (bound, bound + 1e-4)
+    ]
+    assert (squares[1] < squares[0]) is at_it  # whether there is a better value beyond
+    file = tmp_path / "circle.json"
+    file.write_text(json.dumps(_circle().resolved()))
+    (tmp_path / "measured.csv").write_text("\n".join(["t", *map(repr, instants.tolist())]))
+    arguments = ["--free", f"collision.k=0.5:{bound}", "--set", "collision.k=0.8"]
+    assert run_command_line(["fit", str(file), str(tmp_path / "measured.csv"), *arguments]) == 0
+    assert (f"may not pass {bound}, which its 95 % do" in capsys.readouterr().out) is at_it
 
 
 def test_impacts_that_rounding_of_a_number_moves_are_refused() -> None:

@@ -294,7 +294,8 @@ def parsed_free(texts: Sequence[str]) -> list[Free]:
             found.append(Free.of(path, low, high))
         except (TypeError, ValueError) as error:
             raise CommandError(
-                f"vibro: --free: found {text!r}, expected PATH or PATH=LOW:HIGH with LOW < HIGH"
+                f"vibro: --free: found {text!r}, expected PATH or PATH=LOW:HIGH with LOW < HIGH, "
+                "both in SI units and radians"
             ) from error
     return found
 
@@ -339,6 +340,7 @@ def _lines_of_fit(found: Fit) -> Iterator[str]:
             f"  {one['path']:20} {value} ± {one['error']:.2g}, 95 % within {low} to {high}; "
             f"it was {one['start']:.10g}"
         )
+    yield from _lines_of_bounds(found)
     names = [one.name for one in found.free]
     for row, name in enumerate(names):
         for column, other in enumerate(names[:row]):
@@ -361,6 +363,17 @@ def _lines_of_fit(found: Fit) -> Iterator[str]:
             "  events               change within the 95 % region: the errors are those of the "
             "order of events found"
         )
+
+
+def _lines_of_bounds(found: Fit) -> Iterator[str]:
+    """Numbers that stand at a bound, where they have no normal distribution."""
+    for one, (low, high) in zip(found.free, found.interval, strict=True):
+        for bound in one.bounds:
+            if low < bound < high:
+                yield (
+                    f"  bounds               {one.name} may not pass {bound:.10g}, which its 95 % "
+                    "do: error and interval are those without the bound"
+                )
 
 
 def _rounded(value: float, error: float) -> str:
