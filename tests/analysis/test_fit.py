@@ -232,6 +232,16 @@ def test_where_fewer_impacts_led_to_another_minimum_the_numbers_are_told() -> No
     assert str(caught.value).endswith(told)
 
 
+def test_where_the_method_does_not_arrive_the_numbers_are_told() -> None:
+    scenario = example("three_arcs").replace({"stop.collisions": 16})
+    start = {"collision.k": 0.99, "balls[2].density": 9000.0}
+    with pytest.raises(NoFit, match=r"does not arrive: \d+ motions led to") as caught:
+        fit(scenario.replace(start), _instants(scenario), [*start], SIGMA)
+    k, density = map(float, re.findall(r" = ([^\s,;]+)", str(caught.value)))
+    there = _instants(scenario.replace({"collision.k": k, "balls[2].density": density}))
+    assert np.max(np.abs(there - _instants(scenario))) > 1000.0 * SIGMA
+
+
 @pytest.mark.parametrize(
     ("free", "words"),
     [

@@ -460,9 +460,7 @@ class _Problem:
         try:
             jacobian = self._late(values, rows)[1]
         except NoFit as error:
-            pairs = zip(self._free, values, strict=True)
-            reached = ", ".join(f"{one.name} = {value:.4g}" for one, value in pairs)
-            raise NoFit(f"{error}; the impacts before led to {reached}") from error
+            raise NoFit(f"{error}; the impacts before led to {self._in_words(values)}") from error
         last = rows == len(self._measured.t)
         if last:
             self._check_told(jacobian)
@@ -471,11 +469,18 @@ class _Problem:
             return values
 
         found = self._least(values, shown, rows, TOLERANCE if last else 1e-6)
-        if last and not found.success:
-            raise NoFit(f"the method does not arrive: {found.message}")
         values = values.copy()
         values[shown] = found.x
+        if last and not found.success:
+            raise NoFit(
+                f"the method does not arrive: {found.nfev} motions led to {self._in_words(values)}"
+                "; begin nearer, or with fewer impacts"
+            )
         return values
+
+    def _in_words(self, values: Floats) -> str:
+        pairs = zip(self._free, values, strict=True)
+        return ", ".join(f"{one.name} = {value:.4g}" for one, value in pairs)
 
     def _least(self, values: Floats, shown: NDArray[np.int64], rows: int, tolerance: float) -> Any:
         """The least sum of squares of the first rows over the numbers that show there."""
