@@ -269,6 +269,39 @@ def test_volumes_shrink_by_the_square_of_the_restitution_at_each_impact(
         np.testing.assert_allclose(exponents[:2], -exponents[:1:-1], atol=0.002)
 
 
+@pytest.mark.parametrize("rate", [0.0, 1.5])
+def test_at_rest_on_a_crest_exponents_are_those_of_a_saddle(rate: float) -> None:
+    """Vectors grow so much in the one flight that without care all become parallel to rounding."""
+    hump = {"shape": "hump", "radius": 0.5, "end_slope": -0.6}
+    trace: dict[str, Any] = {"start_slope": 0.6, "arcs": [hump]}
+    if rate > 0.0:
+        trace["turning"] = {"through_arc": 1, "rate": rate}
+    system = system_of(scene(trace, [ball(0.0, arc=1)], time=20.0))
+    found = follow_system(system, 20.0, None)
+    radius = 0.5 + system.bodies[0].radius
+    growth = math.sqrt((system.gravity / radius + rate * rate) / system.bodies[0].kappa)
+    tau = float(time_scale(system))
+    sine, cosine = math.sinh(20.0 * growth), math.cosh(20.0 * growth)
+    exact = np.array([[cosine, sine / growth], [growth * sine, cosine]])
+    np.testing.assert_allclose(found.matrix, exact, rtol=1e-12)
+    first = math.log(math.hypot(cosine, tau * growth * sine))
+    assert found.sums == pytest.approx([first, -first], abs=1e-11)
+
+
+def test_volumes_shrink_by_impacts_alone_where_a_body_lingers_at_a_crest() -> None:
+    arcs = [
+        {"shape": "valley", "radius": 1.0, "end_slope": 0.8},
+        {"shape": "hump", "radius": 0.5, "end_slope": -0.8},
+        {"shape": "valley", "radius": 1.0, "end_slope": 1.2},
+    ]
+    balls = [ball(0.2, arc=1), ball(-1e-14, arc=2)]
+    system = system_of(scene({"start_slope": -1.2, "arcs": arcs}, balls, 0.9, time=16.0))
+    found = follow_system(system, 16.0, None)
+    impacts = len(found.smooth)
+    assert impacts > 5
+    assert np.sum(found.sums) == pytest.approx(2.0 * impacts * math.log(0.9), abs=1e-9)
+
+
 def test_a_run_in_several_stretches_is_one_run(monkeypatch: pytest.MonkeyPatch) -> None:
     system = system_of(SCENES["translational"])
     whole = follow_system(system, None, 60)

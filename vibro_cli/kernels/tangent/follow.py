@@ -38,7 +38,7 @@ from vibro_cli.kernels.tangent.flight_jacobian import flight_jacobian
 from vibro_cli.kernels.tangent.frame import (
     Tangents,
     begin_frame,
-    carry_vectors,
+    carry_far,
     change_force,
     orthogonalise,
     scaled_back,
@@ -372,7 +372,7 @@ def _carry(
     recall_flight(world, row, number, flight)
     if age > 0.0 and not leans(world, number, flight):
         one, two, three, four = flight_jacobian(flight, age, tangents.series)
-        carry_vectors(tangents, ball, one, two, three, four)
+        carry_far(tangents, ball, one, two, three, four)
 
 
 @kernel

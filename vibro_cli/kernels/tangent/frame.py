@@ -79,6 +79,10 @@ class Tangents(NamedTuple):
 LOST = 1.0e-10
 
 
+# Once vectors have grown by this, fewer than ten digits are left of what is across them.
+MOST = 2.0**10
+
+
 @kernel
 def begin_frame(tangents: Tangents) -> None:
     """Set the tangent map of the start: nothing has changed."""
@@ -240,14 +244,49 @@ def carry_vectors(
     That is of way and speed (m, m/s).
     """
     tau = tangents.state[0].time_scale
+    _multiply_body(tangents, body, one, two / tau, three * tau, four)
+
+
+@kernel
+def _multiply_body(
+    tangents: Tangents, body: int, one: float, two: float, three: float, four: float
+) -> None:
     frame = tangents.frame
-    two /= tau
-    three *= tau
     for column in range(len(frame)):
         way = frame[2 * body, column]
         rate = frame[2 * body + 1, column]
         frame[2 * body, column] = one * way + two * rate
         frame[2 * body + 1, column] = three * way + four * rate
+
+
+@kernel
+def carry_far(
+    tangents: Tangents, body: int, one: float, two: float, three: float, four: float
+) -> None:
+    """Carry as `carry_vectors`, by a derivative of determinant 1 that may be of any size.
+
+    At a saddle vectors grow so much that they would become parallel. So ``J = U diag(g, 1/g) V^T``
+    is carried out in parts, and the frame made orthonormal after each.
+    """
+    tau = tangents.state[0].time_scale
+    greatest = max(max(abs(one), abs(two) / tau), max(abs(three) * tau, abs(four)))
+    if greatest <= MOST or greatest == math.inf:
+        carry_vectors(tangents, body, one, two, three, four)
+        return
+    a, b, c, d = one / greatest, two / tau / greatest, three * tau / greatest, four / greatest
+    turn = 0.5 * math.atan2(2.0 * (a * b + c * d), a * a + c * c - b * b - d * d)
+    cos, sin = math.cos(turn), math.sin(turn)
+    x, y = a * cos + b * sin, c * cos + d * sin
+    length = math.sqrt(x * x + y * y)
+    _multiply_body(tangents, body, cos, sin, -sin, cos)
+    left = length * greatest
+    while left > 1.0:
+        part = min(left, MOST)
+        _multiply_body(tangents, body, part, 0.0, 0.0, 1.0 / part)
+        orthogonalise(tangents)
+        left /= part
+    x, y = x / length, y / length
+    _multiply_body(tangents, body, x, -y, y, x)
 
 
 @kernel
