@@ -30,6 +30,7 @@ from vibro_cli.analysis.orbits import (
     started,
     state_at,
     state_of,
+    velocity,
 )
 from vibro_cli.api import load_scenario
 from vibro_cli.assemble import build_system
@@ -394,6 +395,17 @@ def test_an_orbit_begun_elsewhere_has_the_same_events() -> None:
     other = replace(found, shot=replace(found.shot, jumps=(("12", "12", "1|"), ("12", "12"))))
     with pytest.raises(NoOrbit, match="the events change"):
         begun_between(other, longest=True)
+
+
+def test_an_orbit_begun_almost_in_the_middle_is_begun_there() -> None:
+    """The upper ball flies up and down in a period: a quarter of it from its turn in the middle."""
+    found = begun_between(find_orbit(_falling(), 1))
+    for late in (1e-10, -5e-10):
+        state = found.state + late * found.period * velocity(found.system, found.state)
+        beside = newton(found.system, state, found.period)
+        assert abs(beside.shot.times[0] - found.shot.times[0]) > 0.5 * abs(late) * found.period
+        begun = begun_between(beside)
+        assert abs(begun.state[3]) == pytest.approx(0.25 * PULL * begun.period, rel=1e-12)
 
 
 def test_a_body_alone_has_no_orbit_of_impacts() -> None:

@@ -393,7 +393,7 @@ def begun_between(orbit: Orbit, longest: bool = False) -> Orbit:
         ]
     run = simulate_system(orbit.system, period, None)
     for middle in middles:
-        if abs(middle) < 1.0e-9 * period:
+        if abs(middle) < CLOSED * period:
             break
         state = state_at(run, middle % period)
         try:
