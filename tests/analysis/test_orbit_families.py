@@ -125,11 +125,13 @@ def test_a_family_turns_back_where_its_orbit_is_its_own_reversal() -> None:
     assert other.state == pytest.approx(one.state * [1.0, -1.0, 1.0, -1.0], abs=1e-9)
 
 
-@pytest.mark.parametrize(("low", "high"), [(9.6, 9.9), (9.129, 10.417), (9.0, 10.8)])
+@pytest.mark.parametrize(
+    ("low", "high"), [(9.6, 9.9), (9.129, 10.417), (9.0, 10.8), (9.809, 9.815), (9.8099, 9.8129)]
+)
 def test_a_family_turns_back_where_its_orbit_is_its_own_mirror_image(
     low: float, high: float
 ) -> None:
-    """Of equal balls on a trace that is one; wide ranges and narrow ones have the same turn.
+    """Of equal balls on a trace that is one; ranges of any width have the same turn.
 
     Beyond it are the mirror images of the orbits before it.
     """

@@ -67,6 +67,8 @@ _NEARLY_GRAZING = 1.0e-3
 _CHANGE = 1.0e-7
 # Of the range: what is nearer to an end of it is there.
 _ROUNDING = 1.0e-12
+# Less of a direction than this share may be rounding, of differences over the change above.
+_LEAST_CHANGE = 1.0e-3
 # Orbits tried to see whether multipliers pass a number between two points and come back.
 _DIPS = 12
 # An orbit that nearer to it has a part of its period, as a share of its size, has it.
@@ -188,6 +190,13 @@ class Family:
         self._across = np.eye(len(self._units))[-1]  # the plane of equal values
         first = begun_between(first)
         self._first = Point(value, first, self._packed(first.state, first.period, value))
+        # In a narrow range a direction would be that of the value nearly alone, and two families
+        # that cross have the same: the value counts no more than what changes with it.
+        tangent = self._tangent(self._first, self._across)
+        changes = float(np.linalg.norm(tangent[:-1]))
+        self._share = changes / max(changes, abs(tangent[-1])) if changes > _LEAST_CHANGE else 1.0
+        self._units[-1] *= self._share
+        self._first = replace(self._first, along=self._packed(first.state, first.period, value))
 
     def _packed(self, state: Floats, period: float, value: float) -> Floats:
         packed: Floats = np.concatenate([state, [period, value]]) * self._units
@@ -259,7 +268,10 @@ class Family:
             tangent = turned
             points.append(new)
             least = min(step, _CUT)
-            here, step = new, min(max(step / max(excess, 2.0 / 3.0), least), LONGEST_STEP)
+            longest = LONGEST_STEP / float(
+                np.hypot(self._share * np.linalg.norm(tangent[:-1]), tangent[-1])
+            )
+            here, step = new, min(max(step / max(excess, 2.0 / 3.0), least), longest)
         return points, "points"
 
     def _ahead(self, here: Point, change: Floats, tangent: Floats) -> tuple[Floats, Floats]:
@@ -394,7 +406,7 @@ class Family:
 
     def _passed(self, points: list[Point]) -> list[Special]:
         """Where multipliers pass -1 or 1; at a fold one passes 1."""
-        found = []
+        found: list[Special] = []
         for kind, at in (("doubling", -1.0), ("exchange", 1.0)):
             # Of multipliers that stay there the sign is chance.
             distances = [_distance(point.orbit, at) for point in points]
@@ -403,7 +415,10 @@ class Family:
                 if distances[n] * distances[m] < 0.0:
                     one = self._change(kind, points, n, m, partial(_distance, at=at))
                     turns = _turn(points[n], one.point, points[m]) and kind == "exchange"
-                    found.append(replace(one, kind="fold") if turns else one)
+                    # Of an orbit at a fold but for rounding they may seem to do so on both sides.
+                    again = turns and found and found[-1].after == n - 1
+                    if not (again and _turn(found[-1].point, points[n], one.point)):
+                        found.append(replace(one, kind="fold") if turns else one)
         return found
 
     def _turning(self, n: int, before: Point, here: Point, after: Point) -> Special:
@@ -416,7 +431,7 @@ class Family:
         chord = (after.along - before.along) / _apart(after, before)
         known, fault = [before, after, here], _NOT_ONE
         try:
-            while len(known) < _TRIED and abs(_distance(known[-1].orbit, 1.0)) > PARTED**2:
+            while len(known) < _TRIED and not _comes_to_one(known[-1].orbit):
                 near = known[-4:]
                 places = np.array([chord @ (one.along - here.along) for one in near])
                 along = np.polyfit(places, [one.along for one in near], len(near) - 1)
@@ -426,7 +441,7 @@ class Family:
         except NoOrbit as error:
             fault = str(error)
         found = min(known, key=lambda one: abs(_distance(one.orbit, 1.0)))
-        if abs(_distance(found.orbit, 1.0)) <= PARTED**2:
+        if _comes_to_one(found.orbit):
             fault = ""
         is_beyond = chord @ (found.along - here.along) >= 0.0
         return Special("fold", found, n if is_beyond else n - 1, fault)
@@ -561,6 +576,14 @@ def _beyond(place: int, orbit: Orbit) -> float:
 
 def _apart(one: Point, other: Point) -> float:
     return float(np.linalg.norm(one.along - other.along))
+
+
+def _comes_to_one(orbit: Orbit) -> bool:
+    """Whether a multiplier is at 1, as nearly as that can be known.
+
+    Next to there the start is off by the residual over the distance, and the distance by as much.
+    """
+    return _distance(orbit, 1.0) ** 2 <= max(PARTED**4, orbit.residual)
 
 
 def _distance(orbit: Orbit, at: float) -> float:
