@@ -324,6 +324,24 @@ def test_orbits_are_found_from_starts_that_are_not_next_to_one(
         assert come == pytest.approx((start.position, start.speed), abs=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("left", "right"), [((0.5, 0.07, 0.0), (0.7, 0.06, -0.2)), ((1.6, 0.1, 0.2), (1.8, 0.06, -0.1))]
+)
+def test_bodies_at_rest_are_no_orbit(
+    left: tuple[float, float, float], right: tuple[float, float, float]
+) -> None:
+    """On a level line they part after an impact for good, unless they come to a wall."""
+    trace = {"start_slope": 0.0, "arcs": [{"shape": "line", "length": 3.0}]}
+    balls = [
+        {"radius": radius, "mass": mass, "arc": 1, "position": way, "speed": speed}
+        for mass, (way, radius, speed) in zip((1.0, 2.0), (left, right), strict=True)
+    ]
+    walls = {"left": {"wall": 1.0}, "right": {"wall": 1.0}}
+    document = scene(trace, balls, law="hedrih", time=30.0) | {"ends": walls}
+    with pytest.raises(NoOrbit, match="no speed"):
+        find_orbit(system_of(document), 1, None, 30.0)
+
+
 def test_impacts_that_take_energy_have_no_orbit() -> None:
     system = system_of(scene(VALLEY, [ball(-0.7), ball(0.6)], 0.8, time=9.0))
     with pytest.raises(NoOrbit):

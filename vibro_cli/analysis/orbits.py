@@ -451,7 +451,7 @@ def newton(system: TraceSystem, state: Floats, period: float, energy: float | No
             break
     else:
         raise NoOrbit(
-            f"Newton's method does not converge: it comes to an orbit that fails to close by "
+            f"Newton's method does not converge: it comes to a motion that fails to close by "
             f"{found.residual:.2g} of the size of its state; begin nearer to one, or with another "
             "number of impacts or period"
         )
@@ -605,4 +605,8 @@ def find_orbit(
     orbit = gone_through_once(newton(system, state_of(system), period))
     if not any(word.isdigit() for word in orbit.shot.word):
         raise NoOrbit("the orbit next to this start has no impact")
+    # Bodies at rest come back too: within what an orbit may fail to close by they meet as well.
+    slow = NEARLY_CLOSED * size_of(system, orbit.state) / float(time_scale(system))
+    if orbit.shot.approach < slow:
+        raise NoOrbit("the orbit next to this start has an impact or a bounce of no speed")
     return begun_between(orbit, longest=True)
