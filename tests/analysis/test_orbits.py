@@ -342,6 +342,18 @@ def test_bodies_at_rest_are_no_orbit(
         find_orbit(system_of(document), 1, None, 30.0)
 
 
+def test_a_body_on_a_junction_is_found_again_on_its_piece() -> None:
+    """So that it may stand in a scenario, which no place beyond a piece may."""
+    for slope in np.linspace(-0.9, 0.8, 86).tolist():
+        first = {"shape": "valley", "radius": 1.0, "end_slope": slope}
+        trace = {"start_slope": -1.2, "arcs": [first, {**first, "end_slope": 1.2}]}
+        system = system_of(scene(trace, [ball(slope), ball(1.1, arc=2)], time=1.0))
+        begun = started(system, state_of(system))
+        end = system.trace.pieces[0].angle_end
+        assert begun.initial[0].piece == 0
+        assert end - 1e-14 < begun.initial[0].position <= end
+
+
 def test_impacts_that_take_energy_have_no_orbit() -> None:
     system = system_of(scene(VALLEY, [ball(-0.7), ball(0.6)], 0.8, time=9.0))
     with pytest.raises(NoOrbit):
@@ -429,6 +441,23 @@ def test_an_orbit_begun_almost_in_the_middle_is_begun_there() -> None:
 def test_a_body_alone_has_no_orbit_of_impacts() -> None:
     with pytest.raises(NoOrbit, match="expected two or more"):
         find_orbit(system_of(scene(VALLEY, [ball(-0.7)], time=9.0)))
+
+
+def test_a_family_is_shown_as_curved_as_it_is_next_to_a_doubling() -> None:
+    """A multiplier parts from -1 as the root there, so that a chord over a step would be far off.
+
+    Between the orbits shown it is known from the product of maps by hand.
+    """
+    scenario = example("falling_balls")
+    table = orbit_family(scenario, orbit(scenario, impacts=1), "balls[2].mass", 0.9, 2.1).table
+    mass, size = table["value"], table["multiplier"]
+    for left in range(list(table["special"]).index("doubling")):
+        share = np.array([0.25, 0.5, 0.75])
+        between = mass[left] + share * (mass[left + 1] - mass[left])
+        period = np.interp(between, mass, table["period"])  # its curve is smooth
+        maps = [_by_hand(2.0, *one) for one in zip(between, 0.5 * period * PULL, strict=True)]
+        known = [np.max(np.abs(np.linalg.eigvals(one))) for one in maps]
+        assert size[left] + share * (size[left + 1] - size[left]) == pytest.approx(known, abs=0.01)
 
 
 def test_the_command_writes_table_and_figure(

@@ -75,6 +75,8 @@ _DIPS = 12
 _PART = 1.0e-7
 # Shares of the way back from where a period halves at which the orbits tell where that is.
 _NEARING = (0.2, 0.4, 0.6, 0.8)
+# Shares of a step from a doubling on at which unstable orbits are found too.
+_APPROACH = (1.0 / 64.0, 1.0 / 16.0, 1.0 / 4.0)
 # Orbits tried for where a family turns back.
 _TRIED = 9
 _JUMP = "the multipliers jump, as where an impact passes a junction"
@@ -228,6 +230,7 @@ class Family:
             if _turn(*three) and not folds & {n - 1, n}:  # those at folds are known
                 special.append(self._turning(n, *three))
         special.sort(key=lambda one: (one.after, _apart(one.point, points[one.after])))
+        points, special = self._with_approaches(points, special)
         last = len(points) - 1
         ends = Special(start, points[0], 0), Special(end, points[last], last)
         return Branch(points, [ends[0], *special, ends[1]])
@@ -445,6 +448,31 @@ class Family:
             fault = ""
         is_beyond = chord @ (found.along - here.along) >= 0.0
         return Special("fold", found, n if is_beyond else n - 1, fault)
+
+    def _with_approaches(
+        self, points: list[Point], special: list[Special]
+    ) -> tuple[list[Point], list[Special]]:
+        """All points, and unstable ones nearer to doublings: multipliers part as the root there."""
+        found, moved = points[:1], []
+        for n, (one, other) in enumerate(pairwise(points)):
+            here = [change for change in special if change.after == n]
+            alone = here[0] if len(here) == 1 and here[0].kind == "doubling" else None
+            if alone is not None:
+                found += self._nearer(alone.point, one)[::-1]
+            moved += [replace(change, after=len(found) - 1) for change in here]
+            if alone is not None:
+                found += self._nearer(alone.point, other)
+            found.append(other)
+        return found, moved
+
+    def _nearer(self, change: Point, unstable: Point) -> list[Point]:
+        """Orbits from a change of stability on to one beside it, none if that one is stable."""
+        shares = () if unstable.orbit.stable else _APPROACH
+        found = []
+        with suppress(NoOrbit):
+            for share in shares:
+                found.append(self._between(change, unstable, share))
+        return found
 
     def _with_dips(self, points: list[Point], at: float) -> list[Point]:
         """All points, and one wherever multipliers pass a number and come back between two."""

@@ -199,7 +199,8 @@ def place_of(system: TraceSystem, body: int, way: float) -> tuple[int, float]:
     on = system.trace.pieces[piece]
     if not 0.0 <= way <= lengths[piece]:
         raise NoOrbit(f"body {body + 1} would start off the trace")
-    return piece, on.angle_start + way / on.path_scale(system.bodies[body].radius)
+    position = on.angle_start + way / on.path_scale(system.bodies[body].radius)
+    return piece, min(position, on.angle_end)  # rounding may lead beyond
 
 
 def state_of(system: TraceSystem) -> Floats:
