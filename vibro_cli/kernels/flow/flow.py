@@ -492,9 +492,10 @@ def recall_group(world: World, row: FlightRow, number: int, flight: Flight) -> N
     flight.frequency = row.frequency
     flight.line_acceleration = row.line_acceleration
     flight.segment = row.segment
-    # Rows of segments are in order of their flights.
-    low = 0
-    high = world.clock[0].segment_rows
+    # Rows of segments are in order of their flights, of which each has one or none.
+    segments = world.clock[0].segment_rows
+    low = max(segments - (world.clock[0].flight_rows - number), 0)
+    high = min(number, segments)
     while low < high:
         middle = (low + high) // 2
         if world.segments[middle].flight < number:
