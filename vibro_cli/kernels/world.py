@@ -216,7 +216,7 @@ class BodyForces:
     start_friction: float
     end_normal: float
     end_friction: float
-    press: Series  # normal force in the angle or the way of the motion, N; see fit_segment
+    press: Series  # normal force in the angle or the way of the motion, N; see note_forces
     drag: Series  # friction, with its sign
 
 

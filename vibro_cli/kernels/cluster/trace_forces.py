@@ -179,11 +179,13 @@ def set_ends(world: World, number: int, duration: float, scratch: Flight) -> Non
     """Set the forces of every body of a motion at its start, and after its duration (s)."""
     _, count, base = bodies_of(world, world.log[number])
     set_forces(world, number, AT_TIME, duration, scratch)
+    note_forces(world, number, 2)
     for place in range(count):
         one = world.forces[base + place]
         one.end_normal = one.normal
         one.end_friction = one.friction
     set_forces(world, number, AT_TIME, 0.0, scratch)
+    note_forces(world, number, 0)
     for place in range(count):
         one = world.forces[base + place]
         one.start_normal = one.normal
@@ -222,27 +224,29 @@ def fit_forces(world: World, number: int, scratch: Flight) -> None:
 
 
 @kernel
-def fit_segment(world: World, number: int, duration: float, scratch: Flight) -> None:
-    """Set the forces of every body on a segment at its start, in its middle and at its end.
-
-    They are the first three of ``press`` and of ``drag``.
-    """
-    first, count, base = bodies_of(world, world.log[number])
-    for part in range(3):
-        set_forces(world, number, AT_TIME, 0.5 * part * duration, scratch)
-        for place in range(count):
-            one = world.forces[base + place]
-            body = world.bodies[number_along(world, first, place)]
-            one.press[part] = one.normal
-            one.drag[part] = (body.kappa - 1.0) * body.mass * one.acceleration
+def note_forces(world: World, number: int, part: int) -> None:
+    """Note the forces now set as those at the start (0), middle (1) or end (2) of a segment."""
+    _, count, base = bodies_of(world, world.log[number])
+    for place in range(count):
+        one = world.forces[base + place]
+        one.press[part] = one.normal
+        one.drag[part] = math.copysign(one.friction, one.acceleration)
 
 
 @kernel
-def vertex(start: float, middle: float, end: float) -> float:
-    """Share of a segment at which the parabola through three values is extreme within it, or 0."""
+def extreme_on_segment(one: BodyForces, side: float, weight: float) -> tuple[float, float]:
+    """Share of a segment at which ``side F - weight N`` is extreme, or 0; and its value there.
+
+    As of the parabola through the forces that are noted.
+    """
+    start = side * one.drag[0] - weight * one.press[0]
+    middle = side * one.drag[1] - weight * one.press[1]
+    end = side * one.drag[2] - weight * one.press[2]
     bend = start - 2.0 * middle + end
     rise = end - start
-    return 0.5 - 0.25 * rise / bend if abs(rise) < 2.0 * abs(bend) else 0.0
+    if abs(rise) < 2.0 * abs(bend):
+        return 0.5 - 0.25 * rise / bend, middle - 0.125 * rise * rise / bend
+    return 0.0, start
 
 
 @kernel

@@ -5,9 +5,8 @@ body falls through zero, or rolling needs more than the friction there is. On an
 contact, the normal force is ``a + b cos f + c sin f`` and the friction ``q |sin f|`` in the angle f
 of the pendulum, so both are known in closed form; on a line both are constant. Segments of a motion
 in contact across pieces are short against its time scales; there the ends of each one decide, and
-where a parabola through them and the middle has its vertex. A
-flight alone whose least normal force, over all that its energy and its piece leave it, is positive
-is not looked at any further.
+where a parabola through them and the middle has its vertex. A flight alone whose least normal
+force, over all that its energy and its piece leave it, is positive is not looked at any further.
 """
 
 from __future__ import annotations
@@ -19,12 +18,12 @@ from typing import NamedTuple
 from vibro_cli.compile.kernel import kernel, struct
 from vibro_cli.kernels.cluster.trace_forces import (
     AT_TIME,
+    extreme_on_segment,
     fit_forces,
-    fit_segment,
+    note_forces,
     row_of,
     set_ends,
     set_forces,
-    vertex,
 )
 from vibro_cli.kernels.flow.flight import squared_rate_at
 from vibro_cli.kernels.flow.flow import LINE, POLYNOMIAL, flow, recall_flight, time_to
@@ -299,68 +298,63 @@ def _courses(world: World, search: Search, one: BodyForces, friction: float) -> 
         return 0
     if flight.form != POLYNOMIAL:
         return limit_courses(one, friction, flight, span.duration, search.courses)
-    if friction < 0.0:
-        search.courses[0].after = _limit_on_segment(world, search, friction, 0.0)
-        search.courses[0].period = NEVER
-        return 1
-    for number in range(2):
-        side = 1.0 if number == 0 else -1.0
-        search.courses[number].after = _limit_on_segment(world, search, friction, side)
-        search.courses[number].period = NEVER
-    return 2
+    count = 0
+    for side in range(-1, 2):
+        if (side == 0) == (friction < 0.0):
+            after = _limit_on_segment(world, search, one, float(side), abs(friction))
+            search.courses[count].after = after
+            search.courses[count].period = NEVER
+            count += 1
+    return count
 
 
 @kernel
-def _limit_on_segment(world: World, search: Search, friction: float, side: float) -> float:
+def _limit_on_segment(
+    world: World, search: Search, one: BodyForces, side: float, weight: float
+) -> float:
     """Time (s) at which a body in contact across pieces passes a limit in its segment, or NEVER.
 
-    With friction to a side, 0 for lift-off; its ends and its extreme between them decide.
+    ``side F - weight N`` passes zero then; its ends and its extreme between them decide.
     """
     span = search.spans[search.progress[0].span]
-    row = world.log[span.row]
-    one = world.forces[(row.body - row.group_first) % world.settings[0].bodies]
-    press = one.press
-    drag = one.drag
-    weight = 1.0 if side == 0.0 else friction
-    started = beyond(press[0], _to_side(drag[0], side), friction)
-    high = span.duration * vertex(
-        side * drag[0] - weight * press[0],
-        side * drag[1] - weight * press[1],
-        side * drag[2] - weight * press[2],
-    )
-    inner = _beyond_at(world, search, one, high, friction, side) if high > 0.0 else started
+    start = _excess(one.press[0], one.drag[0], side, weight)
+    end = _excess(one.press[2], one.drag[2], side, weight)
+    share, _ = extreme_on_segment(one, side, weight)
     low = 0.0
-    if started or not inner:
+    high = share * span.duration
+    inner = _excess_at(world, search, one, high, side, weight) if share > 0.0 else start
+    if start > 0.0 or inner <= 0.0:
         low = high
         high = span.duration
-        if inner or not beyond(press[2], _to_side(drag[2], side), friction):
+        if inner > 0.0 or end <= 0.0:
             return NEVER
     while True:
         middle = 0.5 * (low + high)
         if not low < middle < high:
             # Friction to the other side has a limit of its own.
             return high if side * one.acceleration >= 0.0 else NEVER
-        if _beyond_at(world, search, one, middle, friction, side):
+        if _excess_at(world, search, one, middle, side, weight) > 0.0:
             high = middle
         else:
             low = middle
 
 
 @kernel
-def _beyond_at(
-    world: World, search: Search, one: BodyForces, after: float, friction: float, side: float
-) -> bool:
-    """Tell whether a body is beyond a limit at a time (s) on its segment."""
+def _excess_at(
+    world: World, search: Search, one: BodyForces, after: float, side: float, weight: float
+) -> float:
+    """As ``_excess``, of a body in contact at a time (s) after the start of its segment."""
     number = search.spans[search.progress[0].span].row
     set_forces(world, number, AT_TIME, after, search.flights[1])
     along = math.copysign(one.friction, one.acceleration)
-    return beyond(one.normal, _to_side(along, side), friction)
+    return _excess(one.normal, along, side, weight)
 
 
 @kernel
-def _to_side(force: float, side: float) -> float:
-    """Friction (N) as it counts to a side, or for lift-off."""
-    return side * force if side != 0.0 else abs(force)
+def _excess(normal: float, along: float, side: float, weight: float) -> float:
+    """How far ``side F - weight N`` is beyond zero and its rounding."""
+    rounding = FORCE_ROUNDING * (abs(normal) + abs(along))
+    return side * along - weight * normal - rounding
 
 
 @kernel
@@ -381,8 +375,9 @@ def _look_at_group(world: World, search: Search, friction: float) -> tuple[int, 
     leader = row_of(world, span.row, row.group_first)
     if now.group != leader + 1:
         set_ends(world, leader, span.duration, search.flights[1])
-        if flight.form == POLYNOMIAL and row.at_rest == 0:
-            fit_segment(world, leader, span.duration, search.flights[1])
+        if flight.form == POLYNOMIAL:
+            set_forces(world, leader, AT_TIME, 0.5 * span.duration, search.flights[1])
+            note_forces(world, leader, 1)
         else:
             fit_forces(world, leader, search.flights[1])
         now.group = leader + 1

@@ -21,11 +21,11 @@ from vibro_cli.compile.kernel import kernel, struct
 from vibro_cli.kernels.cluster.trace_forces import (
     AT_TIME,
     bodies_of,
+    extreme_on_segment,
     fit_forces,
-    fit_segment,
     is_pendulum,
+    note_forces,
     set_forces,
-    vertex,
 )
 from vibro_cli.kernels.contact.contact_kinematics import centre_position
 from vibro_cli.kernels.flow.flow import (
@@ -306,9 +306,10 @@ def _tally_forces(
     if row.grouped == 1 or row.at_rest == 1:
         first, _, _ = bodies_of(world, row)
         if first == row.body:
-            least, demand = group_extremes(world, number, duration, end, scratch)
-            outcome.least_force = min(outcome.least_force, least)
-            outcome.most_demand = max(outcome.most_demand, demand)
+            known = (outcome.least_force, outcome.most_demand)
+            least, demand = group_extremes(world, number, duration, end, known, scratch)
+            outcome.least_force = least
+            outcome.most_demand = demand
         return
     tally_alone(world, number, duration, end, outcome, scratch)
 
@@ -424,25 +425,27 @@ def group_extremes(
     number: int,
     duration: float,
     end: tuple[float, float, float],
+    known: tuple[float, float],
     scratch: Flight,
 ) -> tuple[float, float]:
-    """Least normal force (N) and greatest demand of friction of a group, or of a body at rest.
+    """Least normal force (N) and greatest demand of friction: known, of a group or a body at rest.
 
     ``number`` is the row of the flight of its first body, whose state after the duration (s) is
     ``end``.
     """
     row = world.log[number]
     recall_flight(world, row, number, scratch)
-    least = math.inf
-    demand = 0.0
+    least, demand = known
     if not is_pendulum(scratch):
-        turn = turning_time(scratch, duration)
-        for place in range(3):
-            t = 0.0 if place == 0 else (duration if place == 1 else turn)
-            if place == 0 or t > 0.0:
+        segment = scratch.form == POLYNOMIAL and row.at_rest == 0
+        middle = 0.5 * duration if segment else turning_time(scratch, duration)
+        for part in range(3):
+            t = 0.0 if part == 0 else (middle if part == 1 else duration)
+            if part == 0 or t > 0.0:
                 set_forces(world, number, AT_TIME, t, scratch)
+                note_forces(world, number, part)
                 least, demand = _counted_in(world, row, least, demand)
-        if scratch.form == POLYNOMIAL and row.at_rest == 0:
+        if segment:
             return _within_segment(world, number, duration, (least, demand), scratch)
         return least, demand
     low, high = pendulum_range(world, number, duration, end, scratch)
@@ -458,20 +461,16 @@ def group_extremes(
 def _within_segment(
     world: World, number: int, duration: float, known: tuple[float, float], scratch: Flight
 ) -> tuple[float, float]:
-    """Count in what the forces on a segment come to between its ends."""
+    """Count in the forces on a segment where they go, between its ends, beyond what is known."""
     row = world.log[number]
     least, demand = known
-    fit_segment(world, number, duration, scratch)
     for place in range(row.group_count):
-        press = world.forces[place].press
-        drag = world.forces[place].drag
-        for kind in range(2):
-            share = 0.0
-            if kind == 0:
-                share = vertex(press[0], press[1], press[2])
-            elif min(press[0], min(press[1], press[2])) > 0.0:
-                share = vertex(drag[0] / press[0], drag[1] / press[1], drag[2] / press[2])
-            if share > 0.0:
+        for side in range(-1, 2):
+            weight = 1.0 if side == 0 else demand
+            if weight == math.inf:
+                continue  # no demand goes beyond
+            share, value = extreme_on_segment(world.forces[place], float(side), weight)
+            if share > 0.0 and value > (-least if side == 0 else 0.0):
                 set_forces(world, number, AT_TIME, share * duration, scratch)
                 least, demand = _counted_in(world, row, least, demand)
     return least, demand
