@@ -99,7 +99,7 @@ class OrbitCommand:
             if family is not None and self.figures:
                 drawn = pictures({"orbits": family.figure().figure})
             start = found.as_start(scenario)
-            table = orbit_table(family or found, start)
+            table = orbit_table(found, start) if family is None else family.table
             write_results("orbit", folder, drawn, start, table=table)
         print_found(record_of(found, family), _lines(scenario.name, found, family), self.as_json)
         if folder is not None:

@@ -57,7 +57,7 @@ class OrbitFamily(Branch):
 
         width_of(width)
         label = label_of_number(self.vary)
-        return Drawing("orbits", branch_figure(orbit_columns(self), label, width))
+        return Drawing("orbits", branch_figure(dict(self.table), label, width))
 
     def __repr__(self) -> str:
         special = ", ".join(one.kind for one in self.special)
