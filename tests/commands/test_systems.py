@@ -134,6 +134,27 @@ def test_a_run_goes_on(path: Path, vibro: Vibro) -> None:
         assert (Path("part") / name).read_bytes() == (Path("whole") / name).read_bytes()
 
 
+def test_a_run_of_thousands_of_balls_goes_on(vibro: Vibro) -> None:
+    """Its scenario, written out in full, is longer than the text of one may be."""
+    wall = "shape = 'rectangle'\nwidth = 0.9\ndepth = 0.9\nk = 1"
+    balls = [
+        f"[[balls]]\nradius = 4e-3\nmass = 1\nx = {i % 80 / 100 - 0.4}\ny = {i // 80 / 100 - 0.4}"
+        for i in range(6400)
+    ]
+    last = (
+        "[[balls]]\nradius = 4e-3\nmass = 1\nx = -0.4\ny = 0.41\nvelocity_x = 0.3\nvelocity_y = -1"
+    )
+    text = "\n".join([f"system = 'table'\n[wall]\n{wall}\n[collision]\nk = 0.9", *balls, last])
+    Path("many.toml").write_text(text, "utf-8")
+    short, whole = ["--set", "stop.collisions=10"], ["--set", "stop.collisions=30"]
+    assert vibro("run", "many.toml", "-o", "part", "--no-figures", *short).code == 0
+    assert len((Path("part") / "scenario.json").read_bytes()) > 1_000_000
+    assert vibro("run", "--continue", "part", "--no-figures", *whole).code == 0
+    assert vibro("run", "many.toml", "-o", "whole", "--no-figures", *whole).code == 0
+    for name in ("collisions.parquet", "checkpoint.json", "scenario.json"):
+        assert (Path("part") / name).read_bytes() == (Path("whole") / name).read_bytes()
+
+
 def test_the_portrait_of_springs(vibro: Vibro) -> None:
     path = str(GALLERY / "springs/two_disks.toml")
     outcome = vibro("portrait", path, "-o", "drawn", "--json")

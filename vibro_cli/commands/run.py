@@ -214,10 +214,12 @@ def _run_all(wishes: RunCommand) -> int:
 
 def _continue(wishes: RunCommand, folder: Path) -> int:
     """Go on with an earlier run."""
-    from vibro_cli.commands.shared.loading import load_any, read_earlier
+    from vibro_cli.commands.shared.loading import read_earlier, refusals_told
+    from vibro_cli.scenario.loading import load_stored
 
     source, found = read_earlier(folder, wishes.overrides)
-    scenario, _ = load_any(str(source), wishes.overrides)
+    with refusals_told(str(source)):
+        scenario = load_stored(source, wishes.overrides)
     wishes.kinds_of(scenario.system)
     _check_folders(wishes, [scenario])
     return solve(wishes, scenario, found)

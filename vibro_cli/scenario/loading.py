@@ -193,6 +193,15 @@ def load_any(source: str | Path, overrides: Sequence[str] = ()) -> AnyScenario:
     return any_scenario_of(load_document(source), overrides)
 
 
+def load_stored(source: str | Path, overrides: Sequence[str] = ()) -> AnyScenario:
+    """Read the scenario that a run keeps in its folder; else as :func:`load_any`.
+
+    It is written out in full, and so may be longer than a text that is given.
+    """
+    text = Path(source).read_text("utf-8")
+    return any_scenario_of(_parsed(text, "json", str(source)), overrides)
+
+
 def scenario_of(document: Document | Mapping[str, Any], overrides: Sequence[str] = ()) -> Scenario:
     """Return the scenario of a trace; else as :func:`any_scenario_of`.
 
@@ -381,6 +390,11 @@ def parse_document(text: str, form: str, file: str = "<text>", name: str = "scen
     if len(text) > MOST_BYTES:
         most = f"{MOST_BYTES:,} characters"
         raise _error(file, f"more than {most}", f"at most {most}")
+    return _parsed(text, form, file, name)
+
+
+def _parsed(text: str, form: str, file: str, name: str = "scenario") -> Document:
+    """The data of a text of any length."""
     try:
         data, tree = forms.read(text, form)
     except FormError as error:

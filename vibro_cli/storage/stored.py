@@ -18,7 +18,7 @@ from vibro_cli.api import NotRecalled, recalled, recalled_motion
 from vibro_cli.assemble import build_any
 from vibro_cli.errors import VibroError
 from vibro_cli.scenario.base import AnyScenario
-from vibro_cli.scenario.loading import load_any
+from vibro_cli.scenario.loading import load_stored
 from vibro_cli.storage.files import check_files, manifest_of, read_manifest
 from vibro_cli.storage.folders import NotContinuable, read_earlier_run
 from vibro_cli.storage.tables import (
@@ -180,7 +180,7 @@ def open_run(folder: Path) -> StoredRun:
     earlier = read_earlier_run(folder)
     _check_tables(folder, earlier.manifest)
     summary = json.loads((folder / "summary.json").read_bytes())
-    scenario = load_any(earlier.scenario)
+    scenario = load_stored(earlier.scenario)
     return StoredRun(folder, scenario, earlier.manifest, summary, earlier.checkpoint)
 
 
