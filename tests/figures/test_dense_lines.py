@@ -7,12 +7,14 @@ import numpy as np
 import pytest
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
+from matplotlib.text import Annotation
 
 from tests.effort import calls
 from tests.figures.layout import assert_texts_are_apart, texts
 from vibro_cli import example, simulate
 from vibro_cli.figures.chart import draw_marks
 from vibro_cli.figures.runs.over_time import energies, energy_lines, seen
+from vibro_cli.scenario import any_scenario_of
 from vibro_cli.systems import NAMES as SYSTEMS
 from vibro_cli.systems import system_named
 from vibro_cli.systems.springs.figures import springs_energy
@@ -82,6 +84,38 @@ def test_paths_of_a_long_run_on_a_table_end_together_before_they_are_a_stain() -
         slack = 0.001 * float(until) * (ends["speed"][ball] + 0.1)  # the label has three digits
         assert np.hypot(*(end - [ends["x"][ball], ends["y"][ball]])) < slack
     assert_texts_are_apart(figure)
+
+
+def test_paths_of_very_many_balls_are_seen_and_end_together() -> None:
+    """Each of 700 balls has a path; arrows are shorter than the way from ball to ball twice."""
+    rng = np.random.default_rng(3)
+    balls = [
+        {
+            "radius": 0.3, "mass": 1.0, "x": n % 28, "y": n // 28,
+            "velocity_x": rng.normal(), "velocity_y": rng.normal(),
+        }
+        for n in range(700)
+    ]  # fmt: skip
+    scenario = {"system": "table", "balls": balls, "collision": {"k": 1.0}, "stop": {"time": 2.0}}
+    run = simulate(any_scenario_of(scenario)).solved
+    axes = table_plan(run).axes[0]
+    (until,) = re.findall(r"the first (\S+) s of 2 s", axes.get_xlabel())
+    paths = [one.get_segments() for one in axes.collections if isinstance(one, LineCollection)]
+    events = 2 * int(np.sum(run.collisions["t"] <= float(until)))
+    assert len(paths) == 700
+    assert abs(events - 700) < 5  # and 700 first flights
+    ends = run.sample([float(until)])
+    drawn = np.array([np.asarray(path[-1])[-1] for path in paths]).T
+    wanted = [[ends[f"{axis}"][n] for n in range(700)] for axis in "xy"]
+    np.testing.assert_allclose(drawn, wanted, atol=0.01 * float(until) * 5.0)
+    lengths = [
+        np.hypot(*np.subtract(one.xy, one.xyann))
+        for one in axes.texts
+        if isinstance(one, Annotation)
+    ]
+    assert len(lengths) >= 700
+    assert max(lengths) < 2.0
+    assert not [text for text in axes.texts if text.get_text().isdigit()]
 
 
 @pytest.mark.parametrize(("bodies", "until"), [(8, 400_000.0), (16, 800_000.0)])

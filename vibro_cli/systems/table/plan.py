@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from itertools import pairwise
 from typing import Any
 
@@ -27,10 +28,16 @@ MOST_ARROWS = 40
 """Events up to which the velocities before and after each are drawn."""
 MOST_LINES = 600
 """Flights of all balls together after which paths end, before they are a stain in one colour."""
+_FLIGHTS = 2
+"""Flights that a ball has on average before they end, however many balls there are."""
+MOST_NUMBERS = 100
+"""Balls up to which each has its number beside it."""
 _MANY = 150
 """Of a ball with more flights than this the lines are thin and faint."""
-_ARROW = 0.09
-"""Length of the arrow of the fastest ball, as a share of the figure's width."""
+_ARROW, _BETWEEN = 0.09, 1.5
+"""Length of the arrow of the fastest ball, as a share of the figure's width; of very many arrows
+as a multiple of the way from one to the next, if they stood in a square.
+"""
 _HEAD = {"before": "white", "after": style.BLACK, "at the start": style.BLACK}
 """Colours of the heads of arrows of velocity, by when it is."""
 _SIDE = {"before": "pre", "after": "post"}
@@ -64,8 +71,9 @@ def table_plan(run: Run, width: str = "single") -> Figure:
         for ball, path in enumerate(paths):
             _draw_path(axes, run, ball, path)
         _draw_impacts(axes, run, until)
-        _draw_velocities(axes, arrows, _ARROW * float(high[0] - low[0]))
-        _draw_numbers(axes, run, paths)
+        _draw_velocities(axes, arrows, float(high[0] - low[0]))
+        if len(paths) <= MOST_NUMBERS:
+            _draw_numbers(axes, run, paths)
         axes.set_title(_title(run, until), pad=2.0, color=style.FRAME_GREY)
         if entries:
             draw_legend(sheet.figure, [entries])
@@ -85,7 +93,8 @@ def _shown_until(run: Run) -> float:
     """Return the time (s) up to which paths are drawn: the end, or when they have many flights."""
     motion: Any = run.trajectory
     starts = np.sort(np.concatenate([events["t"] for events in motion.balls]))
-    return float(starts[MOST_LINES]) if len(starts) > MOST_LINES else run.end_time
+    most = max(MOST_LINES, _FLIGHTS * len(motion.balls))
+    return float(starts[most]) if len(starts) > most else run.end_time
 
 
 def _path(run: Run, ball: int, until: float) -> Floats:
@@ -175,14 +184,15 @@ def _draw_impacts(axes: Axes, run: Run, until: float) -> None:
             axes.add_patch(Circle(place, radius, fill=False, edgecolor=color, linewidth=0.6))
 
 
-def _draw_velocities(axes: Axes, arrows: list[Arrow], length: float) -> None:
+def _draw_velocities(axes: Axes, arrows: list[Arrow], extent: float) -> None:
     """Arrows of the velocity at the start and before (open) and after (full) each impact.
 
-    They are black, for paths have the colours of the balls; `length` (m) is the longest one's.
+    They are black, for paths have the colours of the balls; `extent` (m) is the panel's width.
     """
     if not arrows:
         return
-    scale = length / max(float(np.hypot(*velocity)) for _, velocity, _ in arrows)
+    share = min(_ARROW, _BETWEEN / math.sqrt(len(arrows)))
+    scale = share * extent / max(float(np.hypot(*velocity)) for _, velocity, _ in arrows)
     for place, velocity, when in arrows:
         step = scale * np.array(velocity)
         end = np.array(place) if when == "before" else np.array(place) + step
@@ -190,7 +200,8 @@ def _draw_velocities(axes: Axes, arrows: list[Arrow], length: float) -> None:
             "", xy=tuple(end), xytext=tuple(end - step), zorder=6.0,
             arrowprops={
                 "arrowstyle": "-|>", "edgecolor": style.BLACK, "facecolor": _HEAD[when],
-                "linewidth": 0.5, "shrinkA": 0.0, "shrinkB": 0.0, "mutation_scale": 5.0,
+                "linewidth": 0.5, "shrinkA": 0.0, "shrinkB": 0.0,
+                "mutation_scale": 5.0 * share / _ARROW,
             },
         )  # fmt: skip
     draw_scale(axes, scale, 1)
