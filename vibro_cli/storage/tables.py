@@ -21,7 +21,7 @@ from errno import ESTALE
 from functools import cache, partial
 from itertools import chain
 from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple, TypeAlias
+from typing import Any, BinaryIO, TypeAlias
 
 import numpy as np
 import pyarrow as pa
@@ -108,13 +108,6 @@ class Origin:
     more: Mapping[str, str] = field(default_factory=dict)
 
 
-class Words(NamedTuple):
-    """A column of words as numbers, from 0, of a few different ones."""
-
-    numbers: np.ndarray[Any, np.dtype[Any]]
-    words: Sequence[str]
-
-
 def arrow_schema(table: Table, origin: Origin) -> pa.Schema:
     """The arrow schema of a table, with units and descriptions of its fields and its origin."""
     scenario = json.dumps(origin.scenario, ensure_ascii=False, allow_nan=False)
@@ -147,10 +140,9 @@ def _arrow_fields(table: Table) -> list[pa.Field]:
 
 def _arrow_column(column: Column, values: Any) -> pa.Array:
     """One column as arrow: masked entries, None and, in a nullable float column, NaN are null."""
-    if column.words and not isinstance(values, Words) and values.dtype != object:
-        values = Words(np.ma.getdata(values), column.words)
-    if isinstance(values, Words):
-        return pa.Array.from_buffers(pa.string(), len(values.numbers), [None, *_of_numbers(values)])
+    if column.words and values.dtype != object:
+        content = _of_numbers(np.ma.getdata(values), column.words)
+        return pa.Array.from_buffers(pa.string(), len(values), [None, *content])
     array = values if type(values) is np.ndarray else np.ma.getdata(values)
     mask = _missing(column, values, array)
     if mask is not None and not column.nullable:
@@ -206,19 +198,18 @@ def _repeated(word: bytes, count: int) -> list[pa.Buffer]:
     return [pa.py_buffer(offsets), pa.py_buffer(word * count)]
 
 
-def _of_numbers(column: Words) -> list[pa.Buffer]:
-    """Offsets and bytes of words that are given by their numbers."""
-    encoded = [word.encode() for word in column.words]
-    count = len(column.numbers)
-    if count and np.min(column.numbers) == np.max(column.numbers):
-        part = encoded[int(column.numbers[0])]
-        return _repeated(part, count)
+def _of_numbers(numbers: np.ndarray[Any, np.dtype[Any]], words: Sequence[str]) -> list[pa.Buffer]:
+    """Offsets and bytes of words that are given by their numbers, from 0."""
+    encoded = [word.encode() for word in words]
+    count = len(numbers)
+    if count and np.min(numbers) == np.max(numbers):
+        return _repeated(encoded[int(numbers[0])], count)
     lengths = np.array([len(word) for word in encoded])
-    offsets = np.zeros(len(column.numbers) + 1, dtype=np.int32)
-    np.cumsum(lengths[column.numbers], out=offsets[1:])
+    offsets = np.zeros(count + 1, dtype=np.int32)
+    np.cumsum(lengths[numbers], out=offsets[1:])
     padded = np.array(encoded).view(np.uint8).reshape(len(encoded), -1)
     inside = np.arange(padded.shape[1]) < lengths[:, None]
-    content = padded[column.numbers][inside[column.numbers]]
+    content = padded[numbers][inside[numbers]]
     return [pa.py_buffer(offsets), pa.py_buffer(content)]
 
 

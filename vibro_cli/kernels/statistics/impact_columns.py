@@ -18,7 +18,7 @@ from vibro_cli.compile.kernel import BoolMatrix, FloatMatrix, IntMatrix, kernel
 from vibro_cli.kernels.contact.contact_kinematics import centre_position
 from vibro_cli.kernels.flow.rotating_flight import potential_head
 from vibro_cli.kernels.flow.rotating_flow import pull, stiffness
-from vibro_cli.kernels.impact.laws import LAW_NAMES, TRANSLATIONAL, separation_speed
+from vibro_cli.kernels.impact.laws import TRANSLATIONAL, separation_speed
 from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.kernels.statistics.run_statistics import residual_gap
 from vibro_cli.kernels.world import ImpactRow, PieceData, TrackData, World, track_on
@@ -339,12 +339,6 @@ ENDS = ("a", "b")
 PLACES = ("angle", "s", "x", "y")
 MOTIONS = ("rate", "omega", "speed", "energy")
 PHASES = ("regime", "eight")
-WORDS = {
-    "law": LAW_NAMES,
-    **{f"regime_{end}_{when}": REGIMES for end, when in product(ENDS, ("pre", "post"))},
-    **{f"eight_{end}_{when}": EIGHTS for end, when in product(ENDS, ("pre", "post"))},
-}
-"""What the numbers in columns of words stand for, from 0."""
 
 NUMBERS = (
     "t",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from vibro_cli.systems.contract import ImpactLog, Sink, System, TimedScene
+from vibro_cli.systems.contract import ImpactLog, Sink, System
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -77,10 +77,6 @@ class Trace(System):
         from vibro_cli.systems.trace.event_loop import TraceStretches
 
         return TraceStretches(driver, stop_time)
-
-    @property
-    def timed_scenes(self) -> dict[str, TimedScene]:
-        return {}  # vibro_cli/benchmark/scenes.py has its own
 
     def skipped(self, clock: Mapping[str, Any], wanted: Wanted, end: float) -> tuple[str, ...]:
         from vibro_cli.systems.trace.tables import skipped

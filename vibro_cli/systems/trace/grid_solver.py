@@ -22,12 +22,11 @@ from vibro_cli.grids.solving import (
     is_followed,
 )
 from vibro_cli.kernels.ensemble.records import Points, Stack
-from vibro_cli.kernels.statistics.impact_columns import WORDS
 from vibro_cli.kernels.statistics.run_statistics import Results
 from vibro_cli.kernels.world import LOG_FULL, ImpactRow, World
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.scenario.problems import KeyPath
-from vibro_cli.storage.tables import Words, record_batch
+from vibro_cli.storage.tables import record_batch
 from vibro_cli.systems.columns import Table
 from vibro_cli.systems.driver import zeros
 from vibro_cli.systems.run import summed_up
@@ -123,8 +122,6 @@ def impact_columns(
         runs = runs_of(one.system, one.points + 1, one.counts, firsts, one.masses)
         filled.fill(one.world, one.log, runs, sidedness(one.system), one.stack)
     columns = filled.columns()
-    for name in columns.keys() & WORDS.keys():
-        columns[name] = Words(columns[name], WORDS[name])
     if "side" in columns:
         columns["side"] = np.ma.masked_equal(columns["side"], 0)
     return columns
