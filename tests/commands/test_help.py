@@ -11,7 +11,7 @@ from vibro_cli.commands.app import COMMANDS
 from vibro_cli.commands.help import TOPICS
 from vibro_cli.commands.shared.papers import rows_of
 from vibro_cli.commands.shared.terminal import as_terminal_text
-from vibro_cli.mechanics.laws import LAWS
+from vibro_cli.mechanics.system import LAWS
 from vibro_cli.scenario.fields import json_schema
 from vibro_cli.scenario.quantities import UNITS, to_si
 

@@ -9,7 +9,7 @@ import pytest
 from tests.fake_run import FakeRun
 from vibro_cli.commands.shared.terminal import size, summary_text
 from vibro_cli.kernels.impact.laws import LAW_NAMES
-from vibro_cli.mechanics.laws import LAWS
+from vibro_cli.mechanics.system import LAWS
 from vibro_cli.scenario.models import Law
 from vibro_cli.systems.columns import END_CAUSES
 

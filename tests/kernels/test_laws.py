@@ -21,7 +21,7 @@ from vibro_cli.kernels.impact.laws import (
     separation_speed,
 )
 from vibro_cli.kernels.world import BodyData
-from vibro_cli.mechanics.laws import LAWS, law_keeps_energy
+from vibro_cli.mechanics.system import LAWS, law_keeps_energy
 
 SETTINGS = settings(deadline=None, derandomize=True, max_examples=300)
 EPSILON = 2.0**-52

@@ -8,9 +8,7 @@ import pytest
 
 from vibro_cli.api import recalled, recalled_motion, simulate_streamed
 from vibro_cli.scenario import any_scenario_of
-from vibro_cli.systems import gathered
-from vibro_cli.systems.gathered import Gathered
-from vibro_cli.systems.run import Run
+from vibro_cli.systems.run import Gathered, Run
 from vibro_cli.systems.springs import timed_scenes as springs_scenes
 from vibro_cli.systems.table import timed_scenes as table_scenes
 
@@ -26,7 +24,7 @@ SCENES = {
 def test_the_motion_is_that_of_the_run(
     scene: str, interrupted: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(gathered, "MOST_ROWS", 20)
+    monkeypatch.setattr("vibro_cli.systems.run.MOST_ROWS", 20)
     monkeypatch.setattr("vibro_cli.systems.driver.COMPILED_ROWS", 256)
     monkeypatch.setattr("vibro_cli.systems.run.LEAST_ROWS", 500)
     timed = {**table_scenes.TIMED_SCENES, **springs_scenes.TIMED_SCENES}[scene].document

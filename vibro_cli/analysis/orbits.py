@@ -20,8 +20,7 @@ from vibro_cli.assemble import with_start_of
 from vibro_cli.errors import VibroError
 from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.mechanics import initial_conditions
-from vibro_cli.mechanics.laws import LAWS
-from vibro_cli.mechanics.system import InitialState, TraceSystem, neighbours
+from vibro_cli.mechanics.system import LAWS, InitialState, TraceSystem, neighbours
 from vibro_cli.numerics.elementwise import Floats
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.trace import simulate_system

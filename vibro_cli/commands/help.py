@@ -161,7 +161,7 @@ def grid_file() -> str:
 
 def laws() -> str:
     """The impact laws, and what happens at an impact that they do not allow."""
-    from vibro_cli.mechanics.laws import LAWS
+    from vibro_cli.mechanics.system import LAWS
 
     rows = [(f"`{name}`", law.statement) for name, law in LAWS.items()]
     return f"""Two neighbours collide when their centres are r_a + r_b apart and approach.

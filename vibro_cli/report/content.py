@@ -11,8 +11,7 @@ import numpy as np
 
 from vibro_cli.assemble import warnings_of
 from vibro_cli.figures.source import first_of, made
-from vibro_cli.mechanics.laws import LAWS
-from vibro_cli.mechanics.system import Body, TraceSystem, mechanics_warnings
+from vibro_cli.mechanics.system import LAWS, Body, TraceSystem, mechanics_warnings
 from vibro_cli.report.html import GENERATOR, figures_of_run, rendered
 from vibro_cli.report.papers import analogy, series_rows
 from vibro_cli.report.words import (

@@ -387,7 +387,7 @@ class Finding:
 
     file: str
     state: str
-    """missing, damaged or unknown."""
+    """missing or damaged."""
     detail: str
 
     def __str__(self) -> str:

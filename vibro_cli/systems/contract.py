@@ -32,8 +32,7 @@ if TYPE_CHECKING:
     from vibro_cli.storage.stored import StoredRun
     from vibro_cli.systems.columns import Table
     from vibro_cli.systems.driver import Driver, EventLoop
-    from vibro_cli.systems.gathered import Gathered
-    from vibro_cli.systems.run import Stretch, Stretches
+    from vibro_cli.systems.run import Gathered, Stretch, Stretches
     from vibro_cli.systems.tables import Bodies, ImpactRows
     from vibro_cli.systems.tangents import LoggedMap
     from vibro_cli.systems.wanted import Limits, Wanted
@@ -353,11 +352,11 @@ class System(ABC):
 
         `rows` is how many its logs have, where it ended or was `interrupted`.
         """
-        from vibro_cli.systems import gathered
+        from vibro_cli.systems import run
 
-        if sum(rows.values()) <= gathered.MOST_ROWS:
+        if sum(rows.values()) <= run.MOST_ROWS:
             return None
-        return gathered.solved_again(self, system, limits, rows, interrupted)  # type: ignore[no-any-return]
+        return run.solved_again(self, system, limits, rows, interrupted)  # type: ignore[no-any-return]
 
     exponents: ClassVar[int] = 0
     """How many Lyapunov exponents there are for each body, the numbers that are its state; none

@@ -14,8 +14,7 @@ from vibro_cli.kernels.world import END_NAMES, RUNNING
 from vibro_cli.mechanics.system import Body, ImpactSystem
 from vibro_cli.systems.contract import ImpactLog, Rows, Sink, System
 from vibro_cli.systems.driver import record_array
-from vibro_cli.systems.gathered import Gathered
-from vibro_cli.systems.run import Stretch
+from vibro_cli.systems.run import Gathered, Stretch
 from vibro_cli.systems.tangents import exponent_table, grown_columns
 from vibro_cli.systems.wanted import NO_LIMITS, Sampling, Wanted
 

@@ -24,8 +24,7 @@ from vibro_cli.kernels.statistics.impact_columns import (
 )
 from vibro_cli.kernels.statistics.run_statistics import FinalState, Outcome, Results, tally
 from vibro_cli.kernels.world import END_NAMES, RUNNING, Flight, ImpactRow, World
-from vibro_cli.mechanics.laws import law_keeps_energy
-from vibro_cli.mechanics.system import TraceSystem
+from vibro_cli.mechanics.system import TraceSystem, law_keeps_energy
 from vibro_cli.numerics.elementwise import Floats
 from vibro_cli.systems.columns import (
     KINETIC,
@@ -45,8 +44,7 @@ from vibro_cli.systems.columns import (
 )
 from vibro_cli.systems.contract import Sink
 from vibro_cli.systems.driver import called, with_logs, zeros
-from vibro_cli.systems.gathered import Gathered
-from vibro_cli.systems.run import Stretch
+from vibro_cli.systems.run import Gathered, Stretch
 from vibro_cli.systems.tangents import exponent_table, grown_columns
 from vibro_cli.systems.trace import SYSTEM
 from vibro_cli.systems.trace.events import NAMES, Events, event_columns
