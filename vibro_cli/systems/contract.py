@@ -14,6 +14,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 from functools import partial
 from importlib import import_module
 from importlib.util import find_spec
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol
 
 if TYPE_CHECKING:
@@ -181,9 +182,12 @@ class System(ABC):
         rows = many_samples(scenario.output.step, scenario.stop.time, len(scenario.balls))
         return (*self.mechanics_warnings(scenario, system), *rows)
 
-    @abstractmethod
     def mechanics_warnings(self, scenario: Any, system: Any) -> tuple[str, ...]:
-        """Return what is doubtful about its mechanics, a sentence each."""
+        """Return what is doubtful about its mechanics, a sentence each: here about the law."""
+        from vibro_cli.mechanics.system import law_warnings
+
+        # Whichever can meet: if any two are unequal, so are two that follow one another.
+        return tuple(law_warnings(system, [*pairwise(system.bodies)]))
 
     def limits(self, scenario: Any) -> Limits:
         """Return where the run of a scenario stops."""

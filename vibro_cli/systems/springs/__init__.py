@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 from vibro_cli.systems.contract import Rows, System
@@ -21,11 +20,6 @@ class BodiesOnSprings(System):
     exponents = 2
     default_figures = ("portrait", "motion", "energy")
     has_families = True
-
-    def mechanics_warnings(self, scenario: Any, system: Any) -> tuple[str, ...]:
-        from vibro_cli.mechanics.system import law_warnings
-
-        return tuple(law_warnings(system, [*pairwise(system.bodies)]))
 
     @property
     def kernels(self) -> tuple[Kernel, ...]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 from vibro_cli.systems.contract import System
@@ -22,12 +21,6 @@ class BallsOnTable(System):
     exponents = 4
     default_figures = ("plan", "energy")
     flags = ("-ftree-vectorize",)  # of loops over all balls, `sift` in their names
-
-    def mechanics_warnings(self, scenario: Any, system: Any) -> tuple[str, ...]:
-        from vibro_cli.mechanics.system import law_warnings
-
-        # Any two can meet; if any two are unequal, so are two that follow one another in the list.
-        return tuple(law_warnings(system, [*pairwise(system.bodies)]))
 
     @property
     def kernels(self) -> tuple[Kernel, ...]:
