@@ -35,16 +35,18 @@ MOST_ALIASES = 100
 MOST_VALUES = 200_000
 """Values of a YAML text with its aliases written out."""
 
+# A string that does not end is one token, to where it would have to: to look for its end again from
+# each quote in it would take a time that grows with the square of the text.
 _TOML_TOKEN = re.compile(
     r"""(?P<comment>\#[^\n]*)
-    |(?P<string>\"{3}(?:\\[\s\S]|[^\\])*?\"{3,5}|'{3}[\s\S]*?'{3,5}
-                |"(?:\\.|[^"\\\n])*"|'[^'\n]*')
+    |(?P<string>\"{3}(?:\\[\s\S]|[^\\])*?(?:\"{3,5}|\\?\Z)|'{3}[\s\S]*?'{3,5}
+                |"(?:\\.|[^"\\\n])*"?|'[^'\n]*')
     |(?P<open>[\[{])|(?P<close>[\]}])|(?P<key>=)|(?P<end>[,\n])|(?P<dot>\.)
     |(?P<bare>[^\s=,\[\]{}\#"'.]+)""",
     re.VERBOSE,
 )
 _JSON_TOKEN = re.compile(
-    r"""(?P<key>"(?:\\.|[^"\\])*"\s*:)|(?P<string>"(?:\\.|[^"\\])*")
+    r"""(?P<key>"(?:\\.|[^"\\])*"\s*:)|(?P<string>"(?:\\.|[^"\\])*"?)
     |(?P<open>[\[{])|(?P<close>[\]}])|(?P<bare>[^\s,:\[\]{}"]+)""",
     re.VERBOSE,
 )
