@@ -118,3 +118,10 @@ def test_problems_of_overrides_and_of_the_file_come_together() -> None:
 @pytest.mark.parametrize("text", ["[" * 1000, ".".join("a" * 1000), '"', "1\nx = 2", "{a.b.c"])
 def test_what_is_no_value_of_toml_is_a_text(text: str) -> None:
     assert parse_value(text) == text
+
+
+def test_a_value_may_be_as_long_as_that_of_a_file() -> None:
+    times = [float(n) for n in range(30_000)]
+    assert value_at(data(), f"output.times={times}") == times
+    (problem,) = bad(data(), [f"balls[1].angle={'a' * 200_000}"])
+    assert (problem.path, len(problem.found)) == ("balls[1].angle", 62)
