@@ -120,10 +120,9 @@ def tables() -> str:
 
 def of_system(system: str) -> str:
     """Every key of a system's scenarios, and every column of its tables."""
-    from vibro_cli.storage.tables import markdown_of
-    from vibro_cli.systems import system_named
+    from vibro_cli.storage.tables import as_markdown
 
-    return f"{scenario(system)}\n{markdown_of(system_named(system).tables())}"
+    return f"{scenario(system)}\n{as_markdown(system)}"
 
 
 _GRID = """A grid file (TOML, JSON or YAML) names a scenario, or has one inline, and the axes that

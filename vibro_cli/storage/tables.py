@@ -15,7 +15,7 @@ import json
 import math
 import threading
 from collections import Counter
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from errno import ESTALE
 from functools import cache, partial
@@ -59,15 +59,10 @@ def as_json() -> dict[str, object]:
     }
 
 
-def as_markdown() -> str:
-    """The description of all tables as it stands in README.md."""
-    return markdown_of(system_named("trace").tables())
-
-
-def markdown_of(tables: Iterable[Table]) -> str:
-    """The description of tables as Markdown."""
+def as_markdown(system: str = "trace") -> str:
+    """The description of all tables of a system as Markdown, as it stands in docs/."""
     parts = []
-    for table in tables:
+    for table in system_named(system).tables():
         lines = [
             f"`{table.file}.parquet`: {table.row} in each row.",
             "",
