@@ -116,10 +116,13 @@ class _Impacts:
 def impacts_of_runs(
     kept: ImpactLog, systems: Sequence[Any], logs: Sequence[Any]
 ) -> tuple[Rows, Any]:
-    """Return the columns of a table of impacts of some runs, and the number of each row's run."""
+    """Return the columns of a table of impacts of some runs, and the number of each row's run.
+
+    Words are given by their numbers.
+    """
     run = np.repeat(np.arange(len(logs)), [len(log) for log in logs])
     rows = kept.rows(kept.bodies(systems), np.concatenate(list(logs)), run)
-    return kept.table.in_words(kept.table.filled(rows)), run
+    return kept.table.filled(rows), run
 
 
 class Bodies:
