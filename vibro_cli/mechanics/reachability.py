@@ -21,7 +21,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import lru_cache, reduce
+from functools import lru_cache, partial, reduce
 from itertools import combinations, pairwise, permutations
 from operator import and_
 from typing import Any
@@ -477,27 +477,24 @@ def over_others(
                 break
 
 
-@dataclass(frozen=True)
-class _Room:
-    """What a body and any other leave between them at most: what the largest one leaves."""
+def _is_full(
+    trace: Trace, radii: tuple[float, ...], largest: float, left: int, row: tuple[int, ...]
+) -> bool:
+    """Whether a row right of a body is too long for it, and so every longer one.
 
-    trace: Trace
-    radii: tuple[float, ...]
-    largest: float
-
-    def is_left_by(self, left: int, row: tuple[int, ...]) -> bool:
-        """Whether a row right of a body is too long for it, and so every longer one."""
-        radius, more_than_rounding = self.radii[left], 1.0 + 1e-9
-        if len(self.trace.pieces) > 1:
-            bends = (1.0 / p.radius for p in self.trace.pieces if p.sign > 0.0)
-            pocket = pocket_radius(max(bends, default=0.0), radius, self.largest)
-            return max(self.radii[n] for n in row) > pocket * more_than_rounding
-        piece = self.trace.pieces[0]
-        if contact_angle(piece, self.largest, self.largest) == math.inf:
-            return False
-        sizes = (radius, *(self.radii[n] for n in row))
-        taken = sum(contact_angle(piece, a, b) for a, b in pairwise(sizes))
-        return taken > contact_angle(piece, radius, self.largest) * more_than_rounding
+    It has no room between the body and even the `largest` one, which leaves the most.
+    """
+    radius, more_than_rounding = radii[left], 1.0 + 1e-9
+    if len(trace.pieces) > 1:
+        bends = (1.0 / p.radius for p in trace.pieces if p.sign > 0.0)
+        pocket = pocket_radius(max(bends, default=0.0), radius, largest)
+        return max(radii[n] for n in row) > pocket * more_than_rounding
+    piece = trace.pieces[0]
+    if contact_angle(piece, largest, largest) == math.inf:
+        return False
+    sizes = (radius, *(radii[n] for n in row))
+    taken = sum(contact_angle(piece, a, b) for a, b in pairwise(sizes))
+    return taken > contact_angle(piece, radius, largest) * more_than_rounding
 
 
 def overreaching(trace: Trace, radii: tuple[float, ...]) -> tuple[Overreach, ...]:
@@ -510,8 +507,8 @@ def overreaching(trace: Trace, radii: tuple[float, ...]) -> tuple[Overreach, ...
     across: dict[tuple[float, float], tuple[int, int] | None] = {}
     found: list[Overreach] = []
     largest = max(radii, default=0.0)
-    room = _Room(trace, radii, largest)
-    for (left, right), row in over_others(len(radii), trace.closed, room.is_left_by):
+    is_full = partial(_is_full, trace, radii, largest)
+    for (left, right), row in over_others(len(radii), trace.closed, is_full):
         if fits_between(trace, (radii[left], radii[right]), tuple(radii[n] for n in row)):
             found.append(Overreach(min(left, right), max(left, right), row))
     # The largest body encloses, where it touches the trace, all the others there.
