@@ -202,19 +202,22 @@ def _turning_faults(data: Data) -> Iterator[Fault]:
 def _ball_faults(data: Data) -> Iterator[Fault]:
     balls, pieces = rows(data, "balls"), _pieces(data)
     for index, ball in balls:
-        loc = ("balls", index)
-        yield from one_of(ball, MASS, loc, needed=True)
-        yield from one_of(ball, START, loc, needed=True)
-        yield from one_of(ball, MOTION, loc, needed=False)
-        yield from body_faults(ball, loc, lone=len(data["balls"]) == 1)
-        if index == 0 and "touching" in ball:
-            yield Fault(
-                (*loc, "touching"),
-                shown(ball["touching"]),
-                "angle or position: the first body has none to its left",
-                on_key=True,
-            )
-        yield from _start_faults(ball, loc, pieces)
+        yield from faults_in_row(data, index, ball, START, MOTION)
+        yield from _start_faults(ball, ("balls", index), pieces)
+
+
+def faults_in_row(
+    data: Data, index: int, ball: Data, start: tuple[str, ...], motion: tuple[str, ...]
+) -> Iterator[Fault]:
+    """Check one of the bodies in a row; its keys of `start` end with `touching`."""
+    loc = ("balls", index)
+    yield from one_of(ball, MASS, loc, needed=True)
+    yield from one_of(ball, start, loc, needed=True)
+    yield from one_of(ball, motion, loc, needed=False)
+    yield from body_faults(ball, loc, lone=len(data["balls"]) == 1)
+    if index == 0 and "touching" in ball:
+        expected = f"{listing(start[:-1])}: the first body has none to its left"
+        yield Fault((*loc, "touching"), shown(ball["touching"]), expected, on_key=True)
 
 
 def body_faults(ball: Data, loc: tuple[str | int, ...], lone: bool) -> Iterator[Fault]:

@@ -28,16 +28,15 @@ from vibro_cli.scenario.models import (
     Data,
     Growth,
     Stop,
-    body_faults,
     collision_faults,
-    one_of,
+    faults_in_row,
     output_faults,
     rows,
     spread_restitution,
     stop_faults,
     with_bodies,
 )
-from vibro_cli.scenario.problems import Fault, shown
+from vibro_cli.scenario.problems import Fault
 
 # Keys of one table of which at most one may be given.
 PLACE = ("position", "touching")
@@ -123,11 +122,4 @@ def _default_motion(ball: Data) -> dict[str, float]:
 
 def _ball_faults(data: Data) -> Iterator[Fault]:
     for index, ball in rows(data, "balls"):
-        loc = ("balls", index)
-        yield from one_of(ball, MASS, loc, needed=True)
-        yield from one_of(ball, PLACE, loc, needed=True)
-        yield from one_of(ball, MOTION, loc, needed=False)
-        yield from body_faults(ball, loc, lone=len(data["balls"]) == 1)
-        if index == 0 and "touching" in ball:
-            expected = "position: the first body has none to its left"
-            yield Fault((*loc, "touching"), shown(ball["touching"]), expected, on_key=True)
+        yield from faults_in_row(data, index, ball, PLACE, MOTION)
