@@ -53,7 +53,7 @@ from vibro_cli.figures.style import Look, line, width_of
 from vibro_cli.mechanics.system import touching_distance
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.springs.phase_plane import SpringsLandscape
-from vibro_cli.systems.springs.portrait import Motions, motions, springs_portrait
+from vibro_cli.systems.springs.portrait import Motions, by_groups, motions, springs_portrait
 
 _BEAM = 0.02
 """Half of what a spring hangs from, and how far its coils swing, as shares of half the width."""
@@ -144,10 +144,7 @@ def springs_energy(run: Run, ball: int, until: float) -> tuple[Array, Array]:
 def springs_course(run: Run, ball: int, found: Motions, until: float) -> tuple[Array, Array, Array]:
     """Return times (s) up to one, displacements (m) and speeds (m/s) of a body in its motions."""
     parts: list[Any] = [None] * len(found.start)
-    for group in set(zip(found.first.tolist(), found.last.tolist(), strict=True)):
-        rows = np.flatnonzero((found.first == group[0]) & (found.last == group[1]))
-        hills = SpringsLandscape.of(run.system, *group)
-        shift = hills.offsets[ball - 1 - group[0]]
+    for rows, hills, shift in by_groups(run.system, ball - 1, found):
         x, v, x_end, v_end = (column[rows] for column in found.states)
         start = found.start[rows]
         most = until - start + hills.period(x - shift, v)
