@@ -305,7 +305,7 @@ def read_json(text: str) -> Any:
         reason = error.msg[:1].lower() + error.msg[1:]
         raise FormError(error.pos, f"broken JSON ({reason})", "valid JSON") from None
     except _GivenTwice:
-        json_places(text)
+        _JsonScanner(text).scan()
         raise
 
 
@@ -316,13 +316,11 @@ def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return table
 
 
-def json_places(text: str) -> Node:
-    """Return the tree of places of a JSON text; a key given twice is a `FormError`."""
-    return _JsonScanner(text).scan()
-
-
 class _JsonScanner(Scanner):
-    """Walks through valid JSON, whose values are those of TOML but for the keys of tables."""
+    """Walks through valid JSON, whose values are those of TOML but for the keys of tables.
+
+    A key given twice is a `FormError`.
+    """
 
     def scan(self) -> Node:
         self._skip(_BLANK)
@@ -501,7 +499,7 @@ def places(text: str, form: str) -> Node:
     """Return the tree of places of a text that could be read in a form."""
     if form == "yaml":
         return read_yaml(text)[1]
-    return toml_places(text) if form == "toml" else json_places(text)
+    return toml_places(text) if form == "toml" else _JsonScanner(text).scan()
 
 
 def line_and_column(text: str, offset: int) -> tuple[int, int]:
