@@ -38,8 +38,9 @@ from vibro_cli.stress.oracles.interval_oracle import (
 from vibro_cli.stress.oracles.oracle import first_contact
 from vibro_cli.stress.oracles.scene import Scene, mp, scene_of_system
 from vibro_cli.stress.scenes import Document, Finding, Plan
-from vibro_cli.systems.driver import zeros
-from vibro_cli.systems.trace.world import compiled_world, half_angle, make_world
+from vibro_cli.systems.driver import compiled_world, zeros
+from vibro_cli.systems.trace import SYSTEM
+from vibro_cli.systems.trace.world import half_angle, make_world
 from vibro_cli.systems.wanted import Limits
 
 KINDS = (
@@ -406,7 +407,7 @@ def _centre(flight: Any, body: Any, place: float) -> tuple[float, float]:
 
 def first_contacts(family: Family, states: States) -> Any:
     """The solver's first contacts of flights, up to the first end of one: an `Answer` for each."""
-    world = compiled_world(make_world(family.system, Limits(collisions=1)))
+    world = compiled_world(SYSTEM.loop, make_world(family.system, Limits(collisions=1)))
     copies: list[Any] = [np.array(array) for array in world]
     fresh = World(*copies)
     starts = np.tile(copies[World._fields.index("flights")], len(states.places))

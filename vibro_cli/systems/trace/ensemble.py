@@ -19,10 +19,10 @@ from vibro_cli.kernels.statistics.run_statistics import FinalState, Outcome, Res
 from vibro_cli.kernels.tangent.frame import TangentState
 from vibro_cli.kernels.world import Flight, ImpactRow, World
 from vibro_cli.mechanics.system import TraceSystem
-from vibro_cli.systems.driver import records_of, zeros
+from vibro_cli.systems.driver import compiled_world, records_of, zeros
 from vibro_cli.systems.tangents import room_for
 from vibro_cli.systems.trace import SYSTEM
-from vibro_cli.systems.trace.world import compiled_world, initial_flight, make_world, pairs_of
+from vibro_cli.systems.trace.world import initial_flight, make_world, pairs_of
 
 _STACKED = {name: cls for name, cls in records_of(Stack).items() if name != "of_runs"}
 """The records of a world of which a stack has those of each system, and what they are there."""
@@ -41,7 +41,7 @@ class Batch:
     ) -> None:
         self._overrides = SYSTEM.overrides(system)
         logs_of = None if beside is None else beside.world
-        self.world: World = compiled_world(make_world(system), logs_of)
+        self.world: World = compiled_world(SYSTEM.loop, make_world(system), logs_of)
         """The records of the system; bodies, pairs, flights and clock are those of the last run."""
         copies: Any = {name: np.array(getattr(self.world, name)) for name in SYSTEM.loop.state}
         self._fresh = self.world._replace(**copies)

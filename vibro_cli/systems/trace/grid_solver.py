@@ -28,7 +28,7 @@ from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.scenario.problems import KeyPath
 from vibro_cli.storage.tables import record_batch
 from vibro_cli.systems.columns import Table
-from vibro_cli.systems.driver import zeros
+from vibro_cli.systems.driver import compiled_world, zeros
 from vibro_cli.systems.run import summed_up
 from vibro_cli.systems.tangents import exponent_columns
 from vibro_cli.systems.trace import SYSTEM
@@ -50,7 +50,7 @@ from vibro_cli.systems.trace.system_template import (
 )
 from vibro_cli.systems.trace.tables import ImpactTable, runs_of, sidedness, summary_columns
 from vibro_cli.systems.trace.tangents import time_scale
-from vibro_cli.systems.trace.world import compiled_world, make_world
+from vibro_cli.systems.trace.world import make_world
 from vibro_cli.systems.wanted import Limits, Wanted
 
 _ROWS_AT_LEAST = 1 << 14
@@ -394,7 +394,7 @@ class TraceSolver:
         for log in kept.values():
             counts, points = np.array([len(log)]), self._indices[row]
             world = make_world(system)
-            world = world if self._engine == "python" else compiled_world(world)
+            world = world if self._engine == "python" else compiled_world(SYSTEM.loop, world)
             parts.logged.append(Logged(system, world, points, counts, log))
 
 

@@ -40,9 +40,7 @@ from vibro_cli.mechanics.reachability import contact_angle, reach
 from vibro_cli.mechanics.system import Body, TraceSystem
 from vibro_cli.mechanics.trace import Piece, Trace, sine_cosine
 from vibro_cli.numerics import elementwise
-from vibro_cli.systems import driver
 from vibro_cli.systems.driver import body_record, law_and_stops
-from vibro_cli.systems.trace import SYSTEM
 from vibro_cli.systems.wanted import NO_LIMITS, Limits
 
 # Bounds are kept above the rounding of what they bound.
@@ -400,9 +398,3 @@ def initial_flight(system: TraceSystem, number: int) -> Flight:
         frequency = body.natural_rate(system.gravity, rho)
         flight.p = state.speed / (2.0 * frequency * rho)
     return flight
-
-
-def compiled_world(world: World, logs_of: World | None = None) -> World:
-    """Return a world of a trace as arrays, see :func:`systems.driver.compiled_world`."""
-    arrays: World = driver.compiled_world(SYSTEM.loop, world, logs_of)
-    return arrays
