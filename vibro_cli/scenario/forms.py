@@ -17,9 +17,11 @@ from __future__ import annotations
 import json
 import re
 import tomllib
+from bisect import bisect_right
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import lru_cache
 from itertools import count
 from typing import Any
 
@@ -505,7 +507,15 @@ def places(text: str, form: str) -> Node:
 def line_and_column(text: str, offset: int) -> tuple[int, int]:
     """Return line and column, counted from 1, of an offset into a text."""
     offset = min(max(offset, 0), len(text))
-    return text.count("\n", 0, offset) + 1, offset - (text.rfind("\n", 0, offset) + 1) + 1
+    starts = _line_starts(text)
+    line = bisect_right(starts, offset)
+    return line, offset - starts[line - 1] + 1
+
+
+@lru_cache(maxsize=1)
+def _line_starts(text: str) -> list[int]:
+    """Where the lines of a text begin; kept for the next of its problems."""
+    return [0, *(match.end() for match in re.finditer("\n", text))]
 
 
 @dataclass(eq=False)
