@@ -65,6 +65,16 @@ class Family:
         """The pieces of the left and of the right body: the first and the last."""
         return self.system.trace.pieces[0], self.system.trace.pieces[-1]
 
+    @property
+    def sizes(self) -> list[float]:
+        """Their radii (m), lengths of lines."""
+        return [piece.length if piece.is_line else piece.radius for piece in self.pieces]
+
+    @property
+    def touch(self) -> float:
+        """Distance (m) of the centres in contact."""
+        return sum(body.radius for body in self.system.bodies)
+
 
 def random_family(rng: np.random.Generator, number: int) -> Family:
     """A random family, every kind in turn; what the mechanics refuse is drawn again."""
@@ -150,13 +160,11 @@ def random_states(rng: np.random.Generator, family: Family, count: int) -> State
         near = 10.0 ** rng.uniform(-1.5, 0.0, count)
         places[:, 0] = first.angle_end + (places[:, 0] - first.angle_end) * near
         places[:, 1] = last.angle_start + (places[:, 1] - last.angle_start) * near
-    sizes = [piece.length if piece.is_line else piece.radius for piece in (first, last)]
-    typical = math.sqrt(_GRAVITY * min(sizes))
+    typical = math.sqrt(_GRAVITY * min(family.sizes))
     speeds = rng.normal(0.0, 1.0, (count, 2)) * typical * 10.0 ** rng.uniform(-1.5, 0.3, (count, 1))
-    longest = math.sqrt(max(sizes) / _GRAVITY) * 10.0 ** rng.uniform(0.0, 1.0, count)
+    longest = math.sqrt(max(family.sizes) / _GRAVITY) * 10.0 ** rng.uniform(0.0, 1.0, count)
     states = States(places, speeds, longest)
-    touch = sum(body.radius for body in family.system.bodies)
-    return states.part(distances(family, states) > touch * (1.0 + LEAST_GAP))
+    return states.part(distances(family, states) > family.touch * (1.0 + LEAST_GAP))
 
 
 def _centres(piece: Piece, positions: Any, body_radius: float) -> tuple[Any, Any]:
@@ -251,10 +259,6 @@ def _follow_body(family: Family, ball: int, states: States, times: Any) -> tuple
     return places, rates * rho
 
 
-def _slopes(piece: Piece, places: Any) -> Any:
-    return np.full(len(places), piece.start_slope) if piece.is_line else piece.sign * places
-
-
 def _place_beside(family: Family, places: Any, distance: Any) -> tuple[Any, Any]:
     """Places of the right body at the given distances of the centres, and where there is one."""
     first, last = family.pieces
@@ -280,7 +284,7 @@ def _second_derivative(family: Family, states: States) -> tuple[Any, Any]:
     dx, dy = (centres[1][axis] - centres[0][axis] for axis in range(2))
     tangents = []
     for ball, piece in enumerate(family.pieces):
-        slopes = _slopes(piece, states.places[:, ball])
+        slopes = piece.slope(states.places[:, ball])
         tangents.append((np.cos(slopes), np.sin(slopes)))
     along = [dx * tx + dy * ty for tx, ty in tangents]
     speed_a = states.speeds[:, 0]
@@ -303,13 +307,12 @@ def near_grazing(rng: np.random.Generator, family: Family, tries: int) -> tuple[
     Returns fewer than ``tries``: where bodies would leave their pieces or press there are none.
     """
     first, last = family.pieces
-    sizes = [piece.length if piece.is_line else piece.radius for piece in (first, last)]
+    sizes, touch = family.sizes, family.touch
     powers = rng.uniform(_SMALLEST, _LARGEST, tries)
     # Every fourth a whole power of ten, both ends among them.
     powers = np.where(rng.random(tries) < 0.25, np.round(powers), powers)
     overshoot = min(sizes) * 10.0**powers
     overshoot *= rng.choice([-1.0, 1.0], tries)
-    touch = sum(body.radius for body in family.system.bodies)
     low = first.angle_start
     if first is not last:
         reach = 4.0 * touch / (1.0 if first.is_line else first.radius)
@@ -336,73 +339,49 @@ def _go_back(family: Family, states: States, overshoot: Any) -> tuple[States, An
             places, speeds = _follow_body(family, ball, before, step)
             before.places[:, ball], before.speeds[:, ball] = places, speeds
             inside &= (places > piece.angle_start) & (places < piece.angle_end)
-    touch = sum(body.radius for body in family.system.bodies)
     if family.pieces[0] is family.pieces[1]:
         inside &= before.places[:, 0] < before.places[:, 1]
-    inside &= distances(family, before) > touch * (1.0 + LEAST_GAP)
+    inside &= distances(family, before) > family.touch * (1.0 + LEAST_GAP)
     return before.part(inside), overshoot[inside]
 
 
 TOLERANCES = (1.0e-9, 1.0e-12)
 
 
-def first_event(flight: Any, bodies: Any, tolerance: float) -> float | None:
+def first_event(one: Sample, tolerance: float) -> float | None:
     """Instant (s) at which ``solve_ivp`` finds the gap to close, None if it finds no such.
 
-    The flight and its bodies are as the judge is told of them; DOP853 with ``rtol = tolerance`` and
-    a hundredth of it as ``atol``, an event function for the gap, terminal and falling: as a user
-    writes it.
+    DOP853 with ``rtol = tolerance`` and a hundredth of it as ``atol``, an event function for the
+    gap, terminal and falling: as a user writes it.
     """
     from scipy.integrate import solve_ivp
 
-    touch = float(bodies["radius"].sum())
+    pieces, bodies = one.family.pieces, one.family.system.bodies
+    scales = [piece.path_scale(body.radius) for piece, body in zip(pieces, bodies, strict=True)]
 
-    def rate(t: float, y: Any) -> list[float]:
-        return [*_motion(flight, bodies[0], y[0], y[1]), *_motion(flight, bodies[1], y[2], y[3])]
+    def change(t: float, y: Any) -> list[float]:
+        found = []
+        for n, (piece, body) in enumerate(zip(pieces, bodies, strict=True)):
+            pull = -_GRAVITY / body.kappa * math.sin(piece.slope(y[2 * n]))
+            found += [y[2 * n + 1], pull / scales[n]]
+        return found
 
-    def gap(t: float, y: Any) -> float:
-        ax, ay = _centre(flight, bodies[0], y[0])
-        bx, by = _centre(flight, bodies[1], y[2])
-        return math.hypot(bx - ax, by - ay) - touch
+    def gap(t: float, y: Any) -> Any:
+        (ax, ay), (bx, by) = (
+            _centres(piece, place, body.radius)
+            for piece, place, body in zip(pieces, y[::2], bodies, strict=True)
+        )
+        return np.hypot(bx - ax, by - ay) - one.family.touch
 
     gap.terminal, gap.direction = True, -1.0  # type: ignore[attr-defined]
-    start = [value for body in bodies for value in _start(body)]
+    rates = one.states.speeds[one.number] / scales
+    start = np.stack([one.states.places[one.number], rates], axis=1).ravel()
     solution = solve_ivp(
-        rate, (0.0, flight["horizon"]), start, method="DOP853", rtol=tolerance,
+        change, (0.0, one.horizon), start, method="DOP853", rtol=tolerance,
         atol=0.01 * tolerance, events=gap,
     )  # fmt: skip
     found = np.asarray(solution.t_events[0])
     return float(found[0]) if len(found) else None
-
-
-def _path_radius(body: Any) -> float:
-    return float(body["size"] - body["sign"] * body["radius"])
-
-
-def _start(body: Any) -> tuple[float, float]:
-    scale = 1.0 if body["sign"] == 0.0 else _path_radius(body)
-    return float(body["place"]), float(body["speed"] / scale)
-
-
-def _motion(flight: Any, body: Any, place: float, rate: float) -> tuple[float, float]:
-    pull = -flight["gravity"] / body["kappa"]
-    if body["sign"] == 0.0:
-        return rate, pull * math.sin(flight["slope"])
-    return rate, body["sign"] * pull / _path_radius(body) * math.sin(place)
-
-
-def _centre(flight: Any, body: Any, place: float) -> tuple[float, float]:
-    """Centre of a body, from the junction of the two pieces (or the centre of the one arc)."""
-    sine, cosine = math.sin(flight["slope"]), math.cos(flight["slope"])
-    sign, radius = body["sign"], body["radius"]
-    if sign == 0.0:
-        along = place - (body["size"] if body["side"] < 0.0 else 0.0)
-        return along * cosine - radius * sine, along * sine + radius * cosine
-    rho = _path_radius(body)
-    x, y = rho * math.sin(place), -sign * rho * math.cos(place)
-    if body["side"] != 0.0:
-        x, y = x - sign * body["size"] * sine, y + sign * body["size"] * cosine
-    return x, y
 
 
 def first_contacts(family: Family, states: States) -> Any:
@@ -438,10 +417,12 @@ FLIGHTS_OF_A_FAMILY = 2500
 class Sample(NamedTuple):
     """A flight with the instants (s) of its first contact; infinite if there is none."""
 
-    flight: Any
-    """As the judge is told of it."""
-    bodies: Any
-    scene: Scene
+    family: Family
+    states: States
+    number: int
+    """Of the flight among these"""
+    horizon: float
+    """How long the solver and the judge have looked ahead, s"""
     judged: float
     solved: float
 
@@ -479,7 +460,7 @@ def compare(family: Family, states: States, keep: int) -> Tally:
     flights, bodies = for_judge(family, states, answers["horizon"])
     verdicts = judge_all(flights, bodies)
     tally = Tally(flights=len(flights))
-    size = max(p.length if p.is_line else p.radius for p in family.pieces)
+    size = max(family.sizes)
     for number, (answer, verdict) in enumerate(zip(answers, verdicts, strict=True)):
         kind, displacement = _classify(answer, verdict, size)
         tally.kinds[kind] += 1
@@ -491,10 +472,8 @@ def compare(family: Family, states: States, keep: int) -> Tally:
     tally.contacts = int((verdicts["status"] == CONTACT).sum())
     judged = np.where(verdicts["status"] == CONTACT, verdicts["high"], np.inf)
     solved = np.where(answers["met"] > 0, answers["t"], np.inf)
-    for number in range(min(keep, len(flights))):
-        pair, scene = bodies[2 * number :][:2], scene_of_flight(family, states, number)
-        sample = Sample(flights[number], pair, scene, judged[number], solved[number])
-        tally.sample.append(sample)
+    instants = zip(range(keep), answers["horizon"], judged, solved, strict=False)
+    tally.sample = [Sample(family, states, *one) for one in instants]
     return tally
 
 
@@ -575,7 +554,8 @@ def _findings_of(tally: Tally, name: str) -> list[Finding]:
 def _by_fifty_digits(sample: list[Sample], plan: Plan) -> Finding:
     wrong, chosen = 0, _spread(sample, plan.amount(20, 1000))
     for one in chosen:
-        exact = first_contact(one.scene, mp.mpf(float(one.flight["horizon"])))
+        scene = scene_of_flight(one.family, one.states, one.number)
+        exact = first_contact(scene, mp.mpf(float(one.horizon)))
         instant = float("inf") if exact is None else float(exact)
         agree = [
             instant == other or abs(instant - other) < 1.0e-6 for other in (one.judged, one.solved)
@@ -593,7 +573,7 @@ def _by_scipy(sample: list[Sample], plan: Plan) -> list[Finding]:
     for tolerance in TOLERANCES:
         missed = 0
         for one in chosen:
-            found = first_event(one.flight, one.bodies, tolerance)
+            found = first_event(one, tolerance)
             missed += found is None or bool(found > one.judged + 1.0e-3)
         tried = f"near-grazing flights with contact, SciPy's DOP853 at rtol {tolerance:g}"
         quantity = "missed by SciPy's event finder"
