@@ -16,6 +16,7 @@ import numpy as np
 from vibro_cli.kernels.impact.laws import LAW_NAMES
 from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.mechanics.reachability import contact_angle
+from vibro_cli.stress.oracles.arrangement import solve_rows
 from vibro_cli.stress.oracles.oracle import Oracle
 from vibro_cli.stress.oracles.scene import Pair, mp, scene_of_system, weight_and_response
 from vibro_cli.stress.scenes import (
@@ -111,10 +112,15 @@ def _error(run: Run, rows: Sequence[int], k: Sequence[float]) -> float:
         va, vb = (mp.mpf(float(table[f"speed_{end}_pre"][row])) for end in "ab")
         relative.append(qa * va - qb * vb)
         resolved.append(max(abs(qa * va), abs(qb * vb)) / abs(relative[-1]))
-    matrix = _matrix(factors)
+    # Of every pair its relative speed, and what its unit of impulse takes from that.
+    speeds, changes = (
+        [{n: pair[0][which], n + 1: -pair[1][which]} for n, pair in enumerate(factors)]
+        for which in (0, 1)
+    )
     change = [(1 + mp.mpf(one)) * u for one, u in zip(k, relative, strict=True)]
-    impulses = mp.lu_solve(matrix, mp.matrix(change))
-    rounded = mp.lu_solve(matrix, mp.matrix([u * r for u, r in zip(change, resolved, strict=True)]))
+    impulses = solve_rows(speeds, changes, change)
+    lost = [u * r for u, r in zip(change, resolved, strict=True)]
+    rounded = solve_rows(speeds, changes, lost)
     worst = 0.0
     for n, row in enumerate(rows):
         exact = (1 - mp.mpf(k[n])) / 2 * impulses[n] * relative[n]
@@ -133,18 +139,6 @@ def _factors(law: str, size: Any, one: Any, two: Any) -> Factors:
     beta = 2 * mp.asin(mp.sqrt(one.radius * two.radius / (paths[0] * paths[1])))
     normals = [path * mp.sin(beta) / (one.radius + two.radius) for path in reversed(paths)]
     return weight_and_response(law, one, normals[0]), weight_and_response(law, two, normals[1])
-
-
-def _matrix(factors: Sequence[Factors]) -> Any:
-    """Change of every pair's relative speed by every pair's impulse."""
-    matrix = mp.zeros(len(factors))
-    for n, ((qa, ha), (qb, hb)) in enumerate(factors):
-        matrix[n, n] = qa * ha + qb * hb
-        if n > 0:
-            matrix[n, n - 1] = -qa * factors[n - 1][1][1]
-        if n < len(factors) - 1:
-            matrix[n, n + 1] = -qb * factors[n + 1][0][1]
-    return matrix
 
 
 SEEDS = 64
