@@ -23,6 +23,7 @@ from vibro_cli.benchmark.measurement import (
     TABLE,
     Row,
     parquet,
+    shared_out,
 )
 from vibro_cli.benchmark.methods.runner import Event, LegRunner, Lost, Method, Motion, Setting
 from vibro_cli.benchmark.methods.with_heyoka import batches
@@ -173,6 +174,13 @@ def read_rows(path: Path) -> tuple[list[Row], dict[str, Any]]:
     columns = {name: table.column(name).to_pylist() for name in names}
     rows = [Row(**{name: columns[name][n] for name in names}) for n in range(table.num_rows)]
     return rows, json.loads(table.schema.metadata[b"vibro:scenario"])
+
+
+def test_work_that_fails_in_a_thread_is_told() -> None:
+    """Else the time of what is left would be taken for that of all of it."""
+    assert shared_out(range(1, 101), [lambda one: one, lambda one: one]) == 5050
+    with pytest.raises(ZeroDivisionError):
+        shared_out([2, 0, 1], [lambda one: 2 // one])
 
 
 def test_rows_come_back_from_the_table(tmp_path: Path) -> None:

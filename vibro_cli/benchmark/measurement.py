@@ -5,11 +5,12 @@ from __future__ import annotations
 import contextlib
 import os
 import platform
+import queue
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
@@ -200,22 +201,19 @@ Work = TypeVar("Work")
 
 def shared_out(work: Iterable[Work], solvers: Sequence[Callable[[Work], int]]) -> int:
     """Have solvers, each in a thread of its own, take work until none is left; return their sum."""
-    left, lock, done = iter(work), threading.Lock(), list[int]()
+    free: queue.SimpleQueue[Callable[[Work], int]] = queue.SimpleQueue()
+    for solver in solvers:
+        free.put(solver)
 
-    def serve(solve: Callable[[Work], int]) -> None:
-        while True:
-            with lock:
-                taken = next(left, None)
-            if taken is None:
-                return
-            done.append(solve(taken))
+    def solved(one: Work) -> int:
+        solver = free.get()
+        try:
+            return solver(one)
+        finally:
+            free.put(solver)
 
-    crew = [threading.Thread(target=serve, args=(solve,)) for solve in solvers]
-    for thread in crew:
-        thread.start()
-    for thread in crew:
-        thread.join()
-    return sum(done)
+    with ThreadPoolExecutor(len(solvers)) as crew:
+        return sum(crew.map(solved, work))
 
 
 def command(*arguments: str) -> tuple[float, int | None]:
