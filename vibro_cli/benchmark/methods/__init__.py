@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from importlib import import_module
+from collections.abc import Callable
 from importlib.util import find_spec
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
-if TYPE_CHECKING:
-    from vibro_cli.benchmark.methods.runner import Method
+from vibro_cli.benchmark.methods import with_heyoka, with_integrators, with_series, with_vibro
+from vibro_cli.benchmark.methods.runner import Method
 
 
 class _Source(NamedTuple):
-    """Where methods are declared: a function of a module of this folder."""
+    """Methods that belong together."""
 
-    module: str
-    function: str = "methods"
+    methods: Callable[[], list[Method]]
     library: str = ""
     """What has to be installed."""
     quick: bool = False
@@ -22,13 +21,13 @@ class _Source(NamedTuple):
 
 
 _SOURCES = (
-    _Source("with_vibro", quick=True),
-    _Source("with_series", quick=True),
-    _Source("with_heyoka", library="heyoka", quick=True),
-    _Source("with_heyoka", "batches", "heyoka"),
-    _Source("with_integrators", "diffrax", "diffrax"),
-    _Source("with_integrators", "cyrk", "CyRK"),
-    _Source("with_integrators", "scipy", quick=True),
+    _Source(with_vibro.methods, quick=True),
+    _Source(with_series.methods, quick=True),
+    _Source(with_heyoka.methods, "heyoka", quick=True),
+    _Source(with_heyoka.batches, "heyoka"),
+    _Source(with_integrators.diffrax, "diffrax"),
+    _Source(with_integrators.cyrk, "CyRK"),
+    _Source(with_integrators.scipy, quick=True),
 )
 PEERS = tuple(dict.fromkeys(source.library for source in _SOURCES if source.library))
 
@@ -46,6 +45,5 @@ def methods(quick: bool) -> list[Method]:
     found: list[Method] = []
     for source in _SOURCES:
         if (source.quick or not quick) and source.library in ("", *installed_peers()):
-            module = import_module(f"vibro_cli.benchmark.methods.{source.module}")
-            found += getattr(module, source.function)()
+            found += source.methods()
     return [one._replace(settings=one.settings[:2]) for one in found] if quick else found
