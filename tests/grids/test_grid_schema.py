@@ -10,8 +10,8 @@ import jsonschema
 import pytest
 
 from tests.two_balls import SCENARIO
+from vibro_cli.grids.axes import GENERATORS
 from vibro_cli.grids.document import grid_schema, load_grid
-from vibro_cli.grids.models import GENERATORS
 from vibro_cli.scenario import ScenarioError
 from vibro_cli.systems import NAMES as SYSTEMS
 

@@ -7,17 +7,25 @@ import math
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic_core import PydanticCustomError
 
-from vibro_cli.grids.models import GENERATORS, AxisTable
 from vibro_cli.scenario import fields
 from vibro_cli.scenario import quantities as kinds
+from vibro_cli.scenario.base import (
+    Listed,
+    Rule,
+    Table,
+    at_least_one,
+    at_most_one,
+    exactly_one,
+)
 from vibro_cli.scenario.fields import Model, unknown_key
 from vibro_cli.scenario.models import Scenario
 from vibro_cli.scenario.problems import (
+    A_PATH,
     Faulty,
     KeyPath,
     listing,
@@ -25,6 +33,77 @@ from vibro_cli.scenario.problems import (
     path_text,
     shown,
 )
+
+GENERATORS = ("values", "linspace", "logspace", "uniform", "table")
+"""Keys of an axis of which each gives its values in a way of its own."""
+PATHS = ("path", "paths")
+
+
+class _Path(kinds.Text):
+    """A path of the scenario, such as balls[1].angle."""
+
+    def read(self, value: object) -> str:
+        text = super().read(value)
+        try:
+            parsed_path(text)
+        except ValueError:
+            raise kinds.fault(shown(text), self.meaning) from None
+        return text
+
+
+@dataclass(frozen=True)
+class _Ends(kinds.Kind):
+    """Both ends of an axis, which may carry a unit, and how many values it has.
+
+    The numbers are those of a path, and are read with it.
+    """
+
+    count_needed: bool = True
+
+    def read(self, value: object) -> list[Any]:
+        forms = {2: "[low, high]", 3: "[low, high, count]"}
+        if self.count_needed:
+            del forms[2]
+        if isinstance(value, list) and len(value) in forms:
+            return value
+        raise kinds.fault(shown(value), listing(forms.values()))
+
+    def schema(self) -> dict[str, Any]:
+        end = {"type": ["number", "string"]}
+        return {
+            "type": "array",
+            "prefixItems": [end, end, kinds.COUNT.schema()],
+            "minItems": 3 if self.count_needed else 2,
+            "items": False,
+        }
+
+
+class AxisTable(Table):
+    """Some scalars of the scenario, and the values they go through."""
+
+    rules: ClassVar[tuple[Rule, ...]] = (
+        exactly_one(*GENERATORS),
+        at_most_one(*PATHS),
+        at_least_one(*PATHS, "table"),
+    )
+
+    path: Annotated[str | None, _Path(A_PATH)] = None
+    """The scalar of the scenario that the axis changes, such as balls[1].angle; counted from 1."""
+    paths: Annotated[tuple[Annotated[str, _Path(A_PATH)], ...] | None, Listed("paths", 1)] = None
+    """Or several scalars, which go through their values together."""
+    values: Annotated[tuple[Any, ...] | None, Listed("values", 1)] = None
+    """The values, numbers or words; of several paths one for all, or a list with one for each."""
+    linspace: Annotated[list[Any] | None, _Ends()] = None
+    """[low, high, count]: equal steps, both ends included; the ends may carry a unit."""
+    logspace: Annotated[list[Any] | None, _Ends()] = None
+    """[low, high, count]: equal ratios, both ends included."""
+    uniform: Annotated[list[Any] | None, _Ends(count_needed=False)] = None
+    """[low, high]: the interval that a mode with n draws from; [low, high, count]: random
+    values."""
+    table: Annotated[str | None, kinds.Text("the name of a .parquet or .csv file")] = None
+    """A .parquet or .csv file, whose columns are named by paths: a row is one value of the axis;
+    with path or paths only those columns."""
+
 
 # What a grid's tables do not depend on.
 _WITHOUT_EFFECT = ("name", "output")

@@ -3,20 +3,31 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, ClassVar
 
-from pydantic import ValidationError
+from pydantic import Field, ValidationError
 
-from vibro_cli.grids.axes import Axis, Design, read_axis
-from vibro_cli.grids.models import GridFile, Keep, faults_between
+from vibro_cli.grids.axes import GENERATORS, PATHS, Axis, AxisTable, Design, read_axis
 from vibro_cli.scenario import fields, loading
-from vibro_cli.scenario.base import AnyScenario, model_of, plain, system_of
+from vibro_cli.scenario import quantities as kinds
+from vibro_cli.scenario.base import (
+    AnyScenario,
+    Listed,
+    Rule,
+    Table,
+    Texts,
+    exactly_one,
+    model_of,
+    plain,
+    system_of,
+)
 from vibro_cli.scenario.fields import DIALECT, SCHEMA_KEY, identifier, json_schema, schema_of
 from vibro_cli.scenario.forms import Source
 from vibro_cli.scenario.loading import Document, apply, load_document, located
+from vibro_cli.scenario.models import Data, one_of, rows, section
 from vibro_cli.scenario.problems import (
     Fault,
     Faulty,
@@ -32,6 +43,71 @@ from vibro_cli.scenario.problems import (
 from vibro_cli.storage.tables import table_named
 from vibro_cli.systems import system_named
 from vibro_cli.systems.columns import GROWTH, Column
+
+SAMPLED = ("latin-hypercube", "sobol")
+"""Modes that draw a number of points from the axes."""
+MODES = ("product", "zip", *SAMPLED)
+_SOURCES = ("base", "scenario")
+
+
+class Keep(Table):
+    """What is kept of each scenario beside its summary."""
+
+    collisions: Annotated[bool, kinds.FLAG] = False
+    """Whether every impact is kept, beside the summaries."""
+    columns: Annotated[tuple[str, ...] | None, Texts("columns", 1)] = None
+    """Columns of the tables of impacts; all of them if not given."""
+
+
+class GridFile(Table):
+    """A scenario, by reference or inline, and the axes that change it."""
+
+    name: Annotated[str | None, kinds.NAME] = None
+    """Name of the grid and of its folder; the file's stem if not given."""
+    base: Annotated[str | None, kinds.Text("the name of a scenario file")] = None
+    """File of the scenario that the axes change, from this file's folder."""
+    scenario: dict[str, Any] = Field(default_factory=dict)
+    """Or that scenario itself, inline; what the axes give may be left out."""
+    mode: Annotated[str, kinds.Word(MODES)] = MODES[0]
+    """How the axes make points: product (each value with each, the last axis changing fastest),
+    zip (one after the other), or a design of n points."""
+    n: Annotated[int | None, kinds.COUNT] = None
+    """Number of points of a latin-hypercube or sobol design."""
+    seed: Annotated[int, kinds.Count(least=0)] = 0
+    """Seed of whatever is random."""
+    axes: Annotated[tuple[AxisTable, ...], Listed("axes", 1)]
+    """The axes, at least one."""
+    keep: Keep = Field(default_factory=Keep)
+    """What is kept of each scenario beside its summary."""
+    chunk_points: Annotated[int | None, kinds.COUNT] = None
+    """Points of a part on the disk; as many as make a good file if not given."""
+
+    rules: ClassVar[tuple[Rule, ...]] = (
+        exactly_one(*_SOURCES),
+        {
+            "if": {"properties": {"mode": {"enum": list(SAMPLED)}}, "required": ["mode"]},
+            "then": {"required": ["n"]},
+            "else": {"not": {"required": ["n"]}},
+        },
+    )
+
+
+def _faults_between(data: Data) -> Iterator[Fault]:
+    """Check the rules between the keys of a grid file, of its data as they are."""
+    yield from one_of(data, _SOURCES, (), needed=True)
+    mode = data.get("mode", MODES[0])
+    if mode in SAMPLED and "n" not in data:
+        yield Fault((), "nothing", f"n, the number of points of mode {mode}")
+    if mode in MODES and mode not in SAMPLED and "n" in data:
+        expected = f"no n in mode {mode}: the axes tell"
+        yield Fault(("n",), shown(data["n"]), expected, on_key=True)
+    for i, axis in rows(data, "axes"):
+        yield from one_of(axis, GENERATORS, ("axes", i), needed=True)
+        yield from one_of(axis, PATHS, ("axes", i), needed="table" not in axis)
+    keep = section(data, "keep")
+    if "columns" in keep and keep.get("collisions", False) is False:
+        loc = ("keep", "columns")
+        yield Fault(loc, "columns without collisions", "collisions = true", on_key=True)
 
 
 @dataclass(frozen=True)
@@ -127,7 +203,7 @@ def grid_of(document: Document, folder: Path, overrides: Sequence[str] = ()) -> 
 
 def _keys_of(document: Document) -> GridFile:
     """What the file says, as far as it can be checked without its scenario."""
-    faults = list(faults_between(document.data))
+    faults = list(_faults_between(document.data))
     try:
         given = GridFile.model_validate(document.data)
     except ValidationError as error:
