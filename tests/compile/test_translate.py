@@ -90,6 +90,16 @@ def control(limit: int) -> int:
 
 
 @kernel
+def strides(step: int) -> int:
+    found = 0
+    for i in range(5, 0, step):
+        found = 10 * found + i
+    for i in range(0, 5, step):
+        found = 10 * found + i
+    return found
+
+
+@kernel
 def constants(i: int, j: int) -> float:
     pair = (FACTORS[i], TABLE[i][j])
     return pair[0] + pair[1] + math.pi + float(len(FACTORS))
@@ -141,7 +151,7 @@ def _half(x: Lanes) -> Lanes:
     return 0.5 * x
 
 
-ENTRIES = (arithmetic, functions, control, constants, swapped, cells, in_lanes)
+ENTRIES = (arithmetic, functions, control, strides, constants, swapped, cells, in_lanes)
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -168,6 +178,11 @@ def test_functions_are_those_of_the_interpreter(a: float, b: float) -> None:
 @pytest.mark.parametrize("limit", [0, 1, 7, 12, 50])
 def test_loops_go_where_the_interpreter_goes(limit: int) -> None:
     assert compiled(control)(limit) == control(limit)
+
+
+@pytest.mark.parametrize("step", [-7, -2, -1, 1, 2, 7])
+def test_strides_go_up_and_down(step: int) -> None:
+    assert compiled(strides)(step) == strides(step)
 
 
 def test_constants_and_tuples() -> None:
@@ -238,6 +253,24 @@ def of_two_types(rows: Sequence[Cell], a: float) -> float:
 @kernel
 def of_itself(a: float) -> float:
     return of_itself(a - 1.0) if a > 0.0 else a
+
+
+@kernel
+def of_itself_after_a_return(a: float) -> float:
+    if a < 0.0:
+        return a
+    return of_itself_after_a_return(a - 1.0)
+
+
+@kernel
+def of_itself_for_nothing(a: float) -> None:
+    if a > 0.0:
+        of_itself_for_nothing(a - 1.0)
+
+
+@kernel
+def of_the_first_that_is_not_zero(i: int, j: int) -> int:
+    return i or j
 
 
 @kernel
@@ -341,6 +374,9 @@ def of_no_variable(a: float) -> float:
         (of_list, "a kernel has no list"),
         (of_two_types, "x is given values of two types"),
         (of_itself, "of_itself calls itself"),
+        (of_itself_after_a_return, "calls itself"),
+        (of_itself_for_nothing, "calls itself"),
+        (of_the_first_that_is_not_zero, "found i, expected one truth value"),
         (of_other_loops, "expected `for name in range"),
         (of_no_field, "has no field y"),
         (of_keywords, "by position only"),

@@ -344,8 +344,9 @@ class Function:
         name = self._declare(statement.target, statement.target.id, t.INT)
         self._temporaries += 1
         at, end = f"at_{self._temporaries}", f"end_{self._temporaries}"
-        sign = ">" if len(bounds) == 3 and step.startswith("(-") else "<"
-        head = f"for (int64_t {at} = {low}, {end} = {high}; {at} {sign} {end}; {at} += {step})"
+        up, down = f"{at} < {end}", f"{at} > {end}"
+        going = up if step == "1" else f"({step} > 0 ? {up} : {down})"
+        head = f"for (int64_t {at} = {low}, {end} = {high}; {going}; {at} += {step})"
         self._inner(head, statement.body, f"{name} = {at};")
 
     def _write_AnnAssign(self, statement: ast.AnnAssign) -> None:
@@ -428,9 +429,9 @@ class Function:
             return f"[](auto given) {{ return {kind.cpp}{{{', '.join(codes)}}}; }}({code})"
         self._fail(node, f"found a value of type {given.cpp}, expected {kind.cpp}")
 
-    def _condition(self, node: ast.expr) -> str:
+    def _condition(self, node: ast.expr, kinds: Sequence[Kind] = (t.BOOL, t.INT)) -> str:
         value = self._value(node)
-        if value.kind not in (t.BOOL, t.INT):
+        if value.kind not in kinds:
             lanes = " of lanes (see choose, any_lane)" if value.kind.form == "mask" else ""
             self._fail(node, f"found {ast.unparse(node)}{lanes}, expected one truth value")
         return value.code
@@ -523,7 +524,9 @@ class Function:
 
     def _value_BoolOp(self, node: ast.BoolOp) -> Value:
         sign = " && " if isinstance(node.op, ast.And) else " || "
-        return Value(f"({sign.join(map(self._condition, node.values))})", t.BOOL)
+        # Python would return a whole number itself.
+        codes = [self._condition(one, (t.BOOL,)) for one in node.values]
+        return Value(f"({sign.join(codes)})", t.BOOL)
 
     def _value_Compare(self, node: ast.Compare) -> Value:
         values = [self._value(one) for one in (node.left, *node.comparators)]
@@ -579,10 +582,10 @@ class Function:
             self._fail(node, f"{kernel.__name__} is given {len(values)} of {len(names)} arguments")
         kinds = tuple(_passed(kind, value.kind) for kind, value in zip(wanted, values, strict=True))
         function = self.program.function(kernel, kinds)
-        if function.returns is None and function._declared != t.NOTHING:
+        if function not in self.program.translated:
             self._fail(node, f"{kernel.__name__} calls itself")
         given = [self._cast(value, kind, node) for value, kind in zip(values, kinds, strict=True)]
-        return Value(f"{function.name}({', '.join(given)})", function.returns or t.NOTHING)
+        return Value(f"{function.name}({', '.join(given)})", function.returns)
 
 
 def _passed(wanted: Kind, given: Kind) -> Kind:
