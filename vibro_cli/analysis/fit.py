@@ -544,7 +544,7 @@ class _Problem:
         covariance: Any = np.linalg.inv(jacobian.T @ jacobian)
         noise = self._noise
         if not self._known:
-            rounding = np.finfo(float).eps * float(self._measured.t[-1])
+            rounding = EPSILON * float(self._measured.t[-1])
             variance = max(float(late @ late) / (rows - len(self._free)), rounding**2)
             covariance, noise = covariance * variance, noise * math.sqrt(variance)
         return Fit(
