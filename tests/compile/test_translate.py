@@ -180,6 +180,12 @@ def test_loops_go_where_the_interpreter_goes(limit: int) -> None:
     assert compiled(control)(limit) == control(limit)
 
 
+@pytest.mark.parametrize(("a", "b"), [(-4.0, 2.0), (-0.0, 2.0), (4.0, -2.0), (0.0, -2.0)])
+def test_what_is_left_of_whole_multiples_has_the_sign_of_the_divisor(a: float, b: float) -> None:
+    assert compiled(arithmetic)(a, b, 1, 1)[1] == a % b == 0.0
+    assert math.copysign(1.0, compiled(arithmetic)(a, b, 1, 1)[1]) == math.copysign(1.0, a % b)
+
+
 @pytest.mark.parametrize("step", [-7, -2, -1, 1, 2, 7])
 def test_strides_go_up_and_down(step: int) -> None:
     assert compiled(strides)(step) == strides(step)
@@ -350,6 +356,11 @@ def of_shifts(i: int) -> int:
 
 
 @kernel
+def of_whole_quotients_of_reals(a: float) -> float:
+    return a // 0.3
+
+
+@kernel
 def of_membership(a: float) -> bool:
     return a in FACTORS
 
@@ -367,6 +378,7 @@ def of_no_variable(a: float) -> float:
         (of_fewer_names, "expected a tuple of 3 values"),
         (of_no_elements, "a has no elements"),
         (of_shifts, "a kernel has no such operator"),
+        (of_whole_quotients_of_reals, "a kernel has no such operator"),
         (of_membership, "a in FACTORS"),
         (of_no_variable, "ENTRIES is no variable"),
         (of_no_type, "expected a type of numbers"),

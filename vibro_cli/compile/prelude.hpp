@@ -200,7 +200,8 @@ static inline int64_t mod(int64_t one, int64_t other) {
 }
 static inline double mod(double one, double other) {
   double rest = std::fmod(one, other);
-  return rest != 0 && ((rest < 0) != (other < 0)) ? rest + other : rest;
+  if (rest == 0) return std::copysign(0.0, other);
+  return (rest < 0) != (other < 0) ? rest + other : rest;
 }
 static inline int64_t floordiv(int64_t one, int64_t other) {
   return (one - mod(one, other)) / other;

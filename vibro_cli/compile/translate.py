@@ -217,7 +217,6 @@ class Function:
     def __init__(self, program: Program, kernel: Kernel, kinds: tuple[Kind, ...]) -> None:
         self.program = program
         self.kernel = kernel
-        self.kinds = kinds
         self._file = shown(kernel.__code__.co_filename)
         self._node = _definitions(kernel.__code__.co_filename)[kernel.__code__.co_firstlineno]
         self.parameters, _, self._declared = signature(kernel)
@@ -504,13 +503,14 @@ class Function:
         wanted = t.FLOAT if is_real else t.INT if kind == t.BOOL else kind
         one, other = (self._cast(Value(code, kind), wanted, node) for code in codes)
         name = {ast.Pow: "std::pow", ast.Mod: "py::mod", ast.FloorDiv: "py::floordiv"}
-        if type(node.op) in name:
-            if kind.size:
-                self._fail(node, f"{ast.unparse(node)}: lanes have no such operator")
-            return Value(f"{name[type(node.op)]}({one}, {other})", wanted)
-        sign = _OPERATORS.get(type(node.op))
-        if sign is None or kind.form == "mask" or (sign == "&" and wanted != t.INT):
+        function, sign = name.get(type(node.op)), _OPERATORS.get(type(node.op))
+        if function and kind.size:
+            self._fail(node, f"{ast.unparse(node)}: lanes have no such operator")
+        is_whole = isinstance(node.op, (ast.FloorDiv, ast.BitAnd))
+        if not (function or sign) or kind.form == "mask" or (is_whole and wanted != t.INT):
             self._fail(node, f"{ast.unparse(node)}: a kernel has no such operator")
+        if function:
+            return Value(f"{function}({one}, {other})", wanted)
         return Value(f"({one} {sign} {other})", wanted)
 
     def _value_UnaryOp(self, node: ast.UnaryOp) -> Value:
