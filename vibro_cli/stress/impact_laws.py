@@ -35,7 +35,7 @@ from vibro_cli.stress.scenes import (
     solve,
     system_of,
 )
-from vibro_cli.stress.symmetry import mirrored
+from vibro_cli.stress.symmetry import run_of_image
 from vibro_cli.systems.run import Run
 
 COEFFICIENTS = (0.0, 1.0e-300, 0.05, 0.5, 0.8, 0.95, 0.999, 1.0 - 2.0**-53)
@@ -299,7 +299,7 @@ def _symmetric(plan: Plan) -> list[Finding]:
         run = attempted(document, failed)
         if run is None:
             continue
-        image = solve(mirrored(document))
+        image = run_of_image(run, document)
         if run.end_cause != "time":
             failed.take(1.0, document)
             continue

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from vibro_cli.kernels.numerics.constants import EPSILON
+from vibro_cli.stress.physics import mirrored_system
 from vibro_cli.stress.scenes import (
     THREE_ARCS,
     VALLEY,
@@ -48,17 +49,11 @@ def _balls(rng: np.random.Generator, count: int, low: float, high: float) -> lis
     ]  # fmt: skip
 
 
-def mirrored(document: Document) -> Document:
-    """The mirror image of a scene whose trace is its own mirror image."""
-    arcs = len(document["trace"]["arcs"])
-    balls = [
-        {
-            **old, "arc": arcs + 1 - old["arc"], "angle": -old["angle"],
-            "speed": -old.get("speed", 0.0),
-        }
-        for old in reversed(document["balls"])
-    ]  # fmt: skip
-    return {**document, "balls": balls}
+def run_of_image(run: Run, document: Document) -> Run:
+    """The run of the mirror image of a document's scene, of which there is a run."""
+    stop = document["stop"]
+    image = mirrored_system(run.system)
+    return simulate_system(image, stop.get("time"), stop.get("collisions"), "python")
 
 
 def _pairs_of_columns(run: Run, image: Run) -> list[tuple[Any, Any]]:
@@ -87,7 +82,8 @@ def _mirror_on_one_arc(rng: np.random.Generator, count: int) -> Finding:
         balls = _balls(rng, int(rng.integers(2, 5)), -2.0, 2.0)
         k = float(rng.choice([1.0, 0.9, 0.6]))
         document = scene(VALLEY, balls, k, collisions=60, time=20.0)
-        run, image = solve(document), solve(mirrored(document))
+        run = solve(document)
+        image = run_of_image(run, document)
         different = len(run.collisions["t"]) != len(image.collisions["t"])
         if not different:
             pairs = _pairs_of_columns(run, image)
@@ -126,7 +122,8 @@ def _mirror_on_three(rng: np.random.Generator, count: int) -> Finding:
         balls = [*_balls(rng, 1, -1.4, 0.5), *_balls(rng, 1, -0.5, 1.4)]
         balls[1]["arc"] = 3
         document = scene(THREE_ARCS, balls, 1.0, collisions=10, time=60.0)
-        run, image = solve(document), solve(mirrored(document))
+        run = solve(document)
+        image = run_of_image(run, document)
         rows = min(len(run.collisions["t"]), len(image.collisions["t"]))
         if rows == 0:
             continue
