@@ -38,7 +38,6 @@ from vibro_cli.benchmark.measurement import (
 from vibro_cli.benchmark.methods.with_vibro import driver_of
 from vibro_cli.benchmark.scenes import BY_NAME, ball, timed_scenes
 from vibro_cli.grids.axes import Array
-from vibro_cli.grids.chunk_writer import Lease, Pieces
 from vibro_cli.grids.chunks import Chunks
 from vibro_cli.grids.document import Grid, load_grid
 from vibro_cli.grids.solving import impact_table_of
@@ -148,7 +147,7 @@ class _Solver:
     def __init__(self, system: TraceSystem, kept: Table | None) -> None:
         self._batch = Batch(system)
         self._kept = kept
-        self._logs, self._pieces = LogSpace(), Pieces()
+        self._logs = LogSpace()
         self._most = 0.0
 
     def solve(self, work: tuple[Array, Task]) -> int:
@@ -170,9 +169,7 @@ class _Solver:
             given = Logged(
                 task.system, self._batch.world, task.points, counts, log, task.starts.mass
             )
-            lease = Lease(self._pieces)
-            impact_columns(self._kept, [given], points, lease)
-            lease.give_back()
+            impact_columns(self._kept, [given], points)
         return impacts
 
 

@@ -40,11 +40,6 @@ from vibro_cli.storage.tables import (
 )
 from vibro_cli.systems.columns import Table
 
-# Bytes of a block of which pieces are cut; larger pieces have blocks of their own.
-_OF_PIECES = 1 << 25
-# Pieces begin with a line of the processor's cache.
-_LINE = 64
-
 
 class Room:
     """Blocks of memory by name, each as large as was ever asked for; for one thread at a time."""
@@ -66,74 +61,6 @@ class Room:
 
 Rooms = list[Room]
 """Rooms that nobody works in, for any thread to take and give back."""
-
-
-@dataclass(eq=False)
-class _Block:
-    memory: Array
-    used: int = 0
-    leases: int = 0
-
-
-class Pieces:
-    """Pieces of memory for one thread, one after another; any thread may give them back."""
-
-    def __init__(self) -> None:
-        self._lock = threading.Lock()
-        self._block = _Block(np.empty(0, dtype=np.uint8))
-        self._spare: list[_Block] = []
-
-    def cut(self, size: int) -> tuple[Array, _Block]:
-        """Return so many bytes, and what to give back once they are not needed any more."""
-        with self._lock:
-            if self._block.leases == 0:
-                self._block.used = 0
-            if self._block.used + size > self._block.memory.nbytes:
-                self._block = self._another(size)
-            block, begin = self._block, self._block.used
-            block.used += -(-size // _LINE) * _LINE
-            block.leases += 1
-            return block.memory[begin : begin + size], block
-
-    def _another(self, size: int) -> _Block:
-        if self._block.leases == 0:
-            self._spare.append(self._block)
-        # The one used last may still be in the processor's cache.
-        for block in reversed(self._spare):
-            if block.memory.nbytes >= size:
-                self._spare.remove(block)
-                block.used = 0
-                return block
-        if self._spare:  # all of them are too small
-            self._spare.remove(min(self._spare, key=lambda block: block.memory.nbytes))
-        return _Block(np.empty(max(size + size // 4, _OF_PIECES), dtype=np.uint8))
-
-    def give_back(self, block: _Block) -> None:
-        """Take back a piece."""
-        with self._lock:
-            block.leases -= 1
-            if block.leases == 0 and block is not self._block:
-                self._spare.append(block)
-
-
-class Lease:
-    """Arrays of pieces, given back together."""
-
-    def __init__(self, pieces: Pieces) -> None:
-        self._pieces = pieces
-        self._blocks: list[_Block] = []
-
-    def __call__(self, shape: tuple[int, ...], kind: type) -> Any:
-        """Return an array without contents."""
-        size = int(np.prod(shape)) * np.dtype(kind).itemsize
-        memory, block = self._pieces.cut(size)
-        self._blocks.append(block)
-        return memory.view(kind).reshape(shape)
-
-    def give_back(self) -> None:
-        """Give all arrays back: nobody must look at them any more."""
-        while self._blocks:
-            self._pieces.give_back(self._blocks.pop())
 
 
 # Columns of impacts that readers of a few scenarios or moments look at first.
@@ -175,8 +102,6 @@ class _Part:
     file: PartFile
     batches: list[pa.RecordBatch] = field(default_factory=list)
     """Rows that wait for their group to be whole."""
-    solved: list[Solved] = field(default_factory=list)
-    """The stretches they are of."""
     groups: int = 0
 
 
@@ -205,8 +130,6 @@ class Making:
             name: _Part(part_file(grid, impact_table_of(grid, name), chunk, self._room))
             for name in grid.kept_tables
         }
-        # Stretches whose rows some parts still need.
-        self._needed: dict[int, int] = {}
 
     @staticmethod
     def of(grid: Grid, chunks: Chunks, chunk: int, rooms: Rooms) -> Making:
@@ -254,25 +177,16 @@ class Making:
     def _take(self, solved: Solved) -> None:
         self._summaries.append(solved.summary)
         self._impacts += solved.impacts
-        if self._parts:
-            self._needed[id(solved)] = len(self._parts)
         for name, part in self._parts.items():
             part.batches.append(solved.kept[name])
-            part.solved.append(solved)
             if sum(batch.num_rows for batch in part.batches) >= _ROWS_OF_A_GROUP:
                 self._end_group(part)
 
     def _end_group(self, part: _Part) -> None:
-        """Write the rows of a part that wait, and give back what is not needed any more."""
+        """Write the rows of a part that wait."""
         part.file.add(part.batches)
         part.groups += 1
         part.batches.clear()
-        for solved in part.solved:
-            self._needed[id(solved)] -= 1
-            if not self._needed[id(solved)]:
-                del self._needed[id(solved)]
-                solved.give_back()
-        part.solved.clear()
 
     def _whole(self) -> Encoded:
         """The parts, once all stretches are taken in."""

@@ -83,8 +83,6 @@ class Solved:
     """Number of impacts, kept or not."""
     kept: Mapping[str, pa.RecordBatch]
     """Rows of the tables of impacts that are kept, by their names."""
-    give_back: Callable[[], None] = lambda: None
-    """Called once these rows are not needed any more."""
 
 
 class Solver(Protocol):

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from vibro_cli.grids.axes import Array
-from vibro_cli.grids.chunk_writer import Lease, Pieces
 from vibro_cli.grids.document import Grid
 from vibro_cli.grids.solving import (
     Columns,
@@ -105,18 +104,16 @@ class LogSpace:
         return log[:rows]
 
 
-def impact_columns(
-    table: Table, logged: Sequence[Logged], points: Array, room: Lease
-) -> dict[str, Any]:
+def impact_columns(table: Table, logged: Sequence[Logged], points: Array) -> dict[str, Any]:
     """Return the columns of a table of impacts, all `logged` of some points, in order of these.
 
-    `points` are their numbers, from 0, one after another; `room` is where the columns are.
+    `points` are their numbers, from 0, one after another.
     """
     counts = np.zeros(len(points), dtype=np.int64)
     for one in logged:
         counts[np.searchsorted(points, one.points)] = one.counts
     rows = np.cumsum(counts) - counts
-    filled = ImpactTable(int(counts.sum()), [column.name for column in table.columns], room)
+    filled = ImpactTable(int(counts.sum()), [column.name for column in table.columns])
     for one in logged:
         firsts = rows[np.searchsorted(points, one.points)]
         runs = runs_of(one.system, one.points + 1, one.counts, firsts, one.masses)
@@ -197,7 +194,6 @@ class TraceSolver:
         self._room = 0.0
         self._logs = LogSpace()
         self._table = impact_table_of(grid) if grid.keep.collisions else None
-        self._pieces = Pieces()
         self._wanted = Wanted(lyapunov=is_followed(grid))
         self._sums: Any = None
         self._reader = Reader(grid.base)
@@ -218,10 +214,9 @@ class TraceSolver:
         impacts = int(np.ma.filled(summary["collisions"], 0).sum())
         if self._table is None:
             return Solved(summary, impacts, {})
-        lease = Lease(self._pieces)
-        columns = impact_columns(self._table, parts.logged, indices, lease)
+        columns = impact_columns(self._table, parts.logged, indices)
         kept = {"collisions": record_batch(self._table, columns)}
-        return Solved(summary, impacts, kept, lease.give_back)
+        return Solved(summary, impacts, kept)
 
     def _groups(
         self, values: dict[KeyPath, Array], count: int
