@@ -28,7 +28,7 @@ from vibro_cli.analysis.singular import portrait_of
 from vibro_cli.api import simulate
 from vibro_cli.assemble import build_any as assembled
 from vibro_cli.commands.app import run_command_line
-from vibro_cli.commands.shared.papers import LETTERS, commands, rows_of
+from vibro_cli.commands.help import LETTERS, commands_of_papers, rows_of
 from vibro_cli.figures import style
 from vibro_cli.mechanics.reachability import contact_angle
 from vibro_cli.report import content as report_content
@@ -462,7 +462,7 @@ def test_every_command_of_the_page_runs(
     """And what is said to be shown is there: figures, sections of reports, columns of tables."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "scenarios").symlink_to(FOLDER)
-    for command in commands():
+    for command in commands_of_papers():
         assert run_command_line(shlex.split(command)[1:]) == 0, command
     capsys.readouterr()
     for _, _, command, shown in (row for letter in LETTERS for row in rows_of(letter)):
@@ -502,7 +502,7 @@ def test_figures_that_are_named_exist() -> None:
     known = {name for system in NAMES for name in system_named(system).figures}
     named = {
         kind
-        for command in commands()
+        for command in commands_of_papers()
         if "--figures" in command
         for kind in command.partition("--figures ")[2].split()[0].split(",")
     }

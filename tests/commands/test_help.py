@@ -8,9 +8,7 @@ import pytest
 
 from tests.commands.conftest import Vibro
 from vibro_cli.commands.app import COMMANDS
-from vibro_cli.commands.help import TOPICS
-from vibro_cli.commands.shared.papers import rows_of
-from vibro_cli.commands.shared.terminal import as_terminal_text
+from vibro_cli.commands.help import TOPICS, as_terminal_text, rows_of
 from vibro_cli.mechanics.system import LAWS
 from vibro_cli.scenario.fields import json_schema
 from vibro_cli.scenario.quantities import UNITS, to_si

@@ -1,26 +1,27 @@
 """`vibro help`: the reference on the terminal.
 
-Commands with examples, keys, tables, exit codes, environment: said once. `vibro help TOPIC` prints
-it, and docs/ holds it between markers; a test keeps them equal.
+Commands with examples, keys, tables, the papers, exit codes, environment: said once, as Markdown.
+`vibro help TOPIC` prints it, and docs/ holds it between markers; a test keeps them equal.
 """
 
 import re
-from collections.abc import Callable, Iterator
+import shutil
+import sys
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Annotated, Any
+from itertools import groupby
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from vibro_cli.commands.shared.error_handling import DONE, EXIT_CODES, CommandError, suggestion
 from vibro_cli.commands.shared.options import COMMON, json_option
-from vibro_cli.commands.shared.terminal import (
-    as_terminal_text,
-    json_text,
-    markdown_table,
-    terminal_width,
-)
+from vibro_cli.commands.shared.terminal import COLUMNS, json_text, wrapped
 from vibro_cli.systems import NAMES as SYSTEMS
+
+if TYPE_CHECKING:
+    from vibro_cli.systems.contract import PaperRow, System
 
 ENVIRONMENT = {
     "VIBRO_ENGINE": "`--engine` of every command that has it",
@@ -217,13 +218,12 @@ def environment() -> str:
 def figures() -> str:
     """The kinds of figures of runs of each system, and of grids."""
     from vibro_cli.figures.kinds import GRID_KINDS
-    from vibro_cli.systems import system_named
 
     kinds: dict[str, tuple[str, list[str]]] = {}
-    for name in SYSTEMS:
-        for key, kind in system_named(name).figures.items():
+    for system in _systems():
+        for key, kind in system.figures.items():
             title = re.sub(r" body$", " each body", kind.title)
-            kinds.setdefault(key, (title, []))[1].append(name)
+            kinds.setdefault(key, (title, []))[1].append(system.name)
     of_runs = [(f"`{key}`", title, ", ".join(of)) for key, (title, of) in kinds.items()]
     of_grids = [(f"`{key}`", kind.title, kind.needs) for key, kind in GRID_KINDS.items()]
     run = markdown_table(("figure", "shows", "of"), of_runs)
@@ -231,10 +231,76 @@ def figures() -> str:
     return f"Of a run:\n\n{run}\n\nOf a grid:\n\n{grid}\n"
 
 
-def _papers() -> str:
-    from vibro_cli.commands.shared.papers import papers
+LETTERS = "ABCD"
+"""Of the papers."""
+SYMBOLS: tuple[tuple[str, str, str], ...] = (
+    ("bodies 1, 2", "`a` and `b` of a row, the left and the right one; `ball_a`, `ball_b`", ""),
+    ("t₀: arrival, impact", "`_pre`; on a table `arrival_`", ""),
+    ("t₀ + τ: outgoing", "`_post`; on a table `outgoing_`", ""),
+    ("φ_i in valleys, φ₂ on the hump", "`angle_a`, `angle_b`: φ, ψ", "rad"),
+    ("φ̇_i", "`rate_a_pre`, …", "rad/s"),
+    ("ω_P", "`omega_a_pre`, … (about the contact point P)", "rad/s"),
+    ("v_C", "`speed_a_pre`, …", "m/s"),
+    ("representative points N", "marks of `portrait`, `energy_portrait`", ""),
+    ("T₀, T₁₂, T₁₃; α", "`contact_points`; `arrival_angle`", "rad"),
+    ("J_P = κ m r², κ = 1 + i_C²/r²", "J_P, κ of `vibro check`", "kg m², –"),
+    ("k, coefficient of restitution", "`collision.k`", "–"),
+    ("ω_i² = 2g/κ(R − r)", "`omega_squared` of `vibro check --json`", "1/s²"),
+    ("k_i, modulus", "`modulus` of `vibro check --json`", "–"),
+    ("β, λ₁, λ₂", "`beta`, `lambda_1`, `lambda_2` of `vibro check --json`", "rad, –"),
+    ("E_k(t₀), E_k(t₀ + τ)", "`kinetic_energy_a_pre`, …", "J"),
+    ("E_i = const", "`energy_a_pre`, …", "J"),
+    ("ΔE_k", "`energy_loss`", "J"),
+    ("K = ∫F dt", "`impulse`", "N s"),
+    ("L, moment of impulse", "`impulse_moment`", "N m s"),
+    ("oscillatory, progressive", "`regime_a_pre`, …; on a table always progressive: no force", ""),
+    ("homoclinic “eight”", "`eight_a_pre`, …; orange in `energy_portrait`", ""),
+    ("time between impacts", "`dt`", "s"),
+)  # fmt: skip
 
-    return papers()
+_NOT_SOLVED = """Not solved, and refused: two balls on two curvilinear traces, parallel or crossing
+(conclusions of A and B). Their line of centres leaves the planes of both traces, and the papers'
+law, which acts on the angular velocities alone, has nothing to say of that direction; with unequal
+radii it would be inadmissible as a rule. A scenario has one trace; straight ones, parallel or
+crossing, are a table (`vibro help table-system`). Mentioned by the papers only, and not solved:
+deformable balls, bearings, dampers, and Coulomb friction beside impact limiters.
+"""
+
+
+_BEFORE = """\
+The commands read the gallery from the folder `scenarios/` (`vibro new --all` writes it); some look
+at results of those above."""
+
+
+def papers() -> str:
+    """Every figure and equation of the papers with the command that shows it; the symbols."""
+    parts = [_BEFORE]
+    for letter in LETTERS:
+        cells = [(where, what, f"`{run}`", shown) for where, what, run, shown in rows_of(letter)]
+        parts += [
+            f"Paper {letter}:",
+            markdown_table(("where", "what", "command", "shown by"), cells),
+        ]
+    own = [symbol for kind in _systems() for symbol in kind.shown_of_papers.symbols]
+    symbols = markdown_table(("the papers", "here", "unit"), (*SYMBOLS, *own))
+    return "\n\n".join([*parts, "Symbols:", symbols, _NOT_SOLVED])
+
+
+def rows_of(letter: str) -> "list[PaperRow]":
+    """What of a paper is shown, system by system."""
+    return [row for kind in _systems() for row in kind.shown_of_papers.rows.get(letter, ())]
+
+
+def _systems() -> "list[System]":
+    from vibro_cli.systems import system_named
+
+    return [system_named(name) for name in SYSTEMS]
+
+
+def commands_of_papers() -> list[str]:
+    """Every command of the page on the papers, each once, in its order."""
+    rows = [row for letter in LETTERS for row in rows_of(letter)]
+    return list(dict.fromkeys(command for _, _, command, _ in rows))
 
 
 TOPICS: dict[str, tuple[str, Callable[[], str] | None]] = {
@@ -250,7 +316,7 @@ TOPICS: dict[str, tuple[str, Callable[[], str] | None]] = {
         for name in SYSTEMS[1:]
     },
     "figures": ("the kinds of figures", figures),
-    "papers": ("which command shows what of the papers", _papers),
+    "papers": ("which command shows what of the papers", papers),
     "exit-codes": ("what the exit codes mean", exit_codes),
     "environment": ("the variables of the environment that are read", environment),
 }
@@ -306,3 +372,114 @@ def _text(topic: str | None, program: Any) -> str:
     raise CommandError(
         f"vibro: no help on {topic!r}{suggestion(topic, known)}, expected one of {', '.join(known)}"
     )
+
+
+_WIDEST = 100
+# Of a table the last column is broken into lines, and gets at least this width.
+_LEAST_TEXT = 28
+_BETWEEN = 2
+_CELL = re.compile(r"(?<!\\)\|")
+
+
+def terminal_width() -> int:
+    """The width to write in: that of the terminal, within reason, or the usual one."""
+    if not sys.stdout.isatty():
+        return COLUMNS
+    return min(max(shutil.get_terminal_size().columns, COLUMNS // 2), _WIDEST)
+
+
+def as_terminal_text(markdown: str, width: int) -> str:
+    """Markdown of the kind the reference has, tables, paragraphs, lists and code, as plain text."""
+    lines: list[str] = []
+    within_code = False
+    for kind, group in groupby(markdown.splitlines(), key=_kind):
+        block = list(group)
+        if kind == "fence":
+            within_code = not within_code
+        elif kind == "table" and not within_code:
+            lines += _table([_cells(row) for row in block], width)
+        elif kind == "text" and not within_code:
+            lines += [line for part in _paragraphs(block) for line in _filled(part, width)]
+        else:
+            lines += block
+    return "\n".join(lines) + "\n"
+
+
+def _kind(line: str) -> str:
+    """What a line belongs to; nothing for one that stays as it is."""
+    if line.startswith("```"):
+        return "fence"
+    if line.startswith("|"):
+        return "table"
+    return "text" if line.strip() and not line.startswith("    ") else ""
+
+
+def _paragraphs(block: Sequence[str]) -> Iterator[str]:
+    """The paragraphs and entries of lists of some lines."""
+    text = ""
+    for line in block:
+        if line.startswith("- ") and text:
+            yield text
+            text = ""
+        text = f"{text} {line.strip()}".strip()
+    yield text
+
+
+def _filled(text: str, width: int) -> list[str]:
+    """A paragraph, or an entry of a list, in lines."""
+    return wrapped(_plain(text), "", "  " if text.startswith("- ") else "", width)
+
+
+def _plain(text: str) -> str:
+    """A text without the marks of Markdown."""
+    return re.sub(r"\[([^]]*)\]\([^)]*\)", r"\1", text).replace("`", "").replace("\\|", "|")
+
+
+def _cells(row: str) -> list[str]:
+    return [_plain(cell.strip()) for cell in _CELL.split(row)[1:-1]]
+
+
+def markdown_table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
+    """A table in Markdown."""
+    names = list(head)
+    lines = [f"| {' | '.join(row)} |" for row in (names, *rows)]
+    return "\n".join([lines[0], f"|{'---|' * len(names)}", *lines[1:]])
+
+
+def _table(rows: Sequence[Sequence[str]], width: int) -> Iterator[str]:
+    """A table, head first, then the line below it: in columns where there is room for them."""
+    head, body = rows[0], rows[2:]
+    used = [n for n, name in enumerate(head) if any(row[n] for row in body)]
+    *short, last = used
+    widths = [max(len(row[n]) for row in [head, *body]) for n in short]
+    # A few long cells of the first column stand on a line of their own.
+    widths[0] = min(widths[0], width // 3)
+    offset = sum(widths) + _BETWEEN * len(widths)
+    if width - offset < _LEAST_TEXT:
+        yield from _entries(body, short, last, width)
+        return
+    for row in [head, *body]:
+        cells = [row[n] for n in short]
+        text = wrapped(row[last], width=width - offset) or [""]
+        if len(cells[0]) > widths[0]:
+            yield cells[0]
+            cells[0] = ""
+        start = "".join(c.ljust(w + _BETWEEN) for c, w in zip(cells, widths, strict=True))
+        yield (start + text[0]).rstrip()
+        yield from (" " * offset + line for line in text[1:])
+
+
+def _entries(
+    body: Sequence[Sequence[str]], short: Sequence[int], last: int, width: int
+) -> Iterator[str]:
+    """A table without room for its columns: each row a line, and its text below that.
+
+    A command stands on a line of its own, whole, so that it can be copied.
+    """
+    for row in body:
+        cells = [row[n] for n in short if row[n]]
+        commands = [cell for cell in cells if cell.startswith("vibro ")]
+        words = "  ".join(cell for cell in cells if cell not in commands)
+        yield from wrapped(words, "", "    ", width)
+        yield from (f"    {command}" for command in commands)
+        yield from wrapped(row[last], "    ", "    ", width)
