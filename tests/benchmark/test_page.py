@@ -7,8 +7,7 @@ import pytest
 from tests.report.page_parser import Page
 from vibro_cli.benchmark.conclusions import conclude
 from vibro_cli.benchmark.measurement import Row
-from vibro_cli.figures.work_precision import growth, work_precision
-from vibro_cli.report.benchmark_page import benchmark_html
+from vibro_cli.report.benchmark_page import benchmark_html, growth, work_precision
 
 
 def timed(method: str, setting: str, microseconds: float, error: float) -> Row:

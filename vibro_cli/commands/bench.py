@@ -3,7 +3,6 @@
 Run time against error is drawn; the stability suite tells every mark and what was reached.
 """
 
-import contextlib
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -97,19 +96,14 @@ def _line(row: "Row") -> str:
 def _write(rows: "list[Row]", details: dict[str, Any], target: Path) -> None:
     from vibro_cli import __version__
     from vibro_cli.benchmark.measurement import parquet
-    from vibro_cli.figures.over_axis import NothingToShow
-    from vibro_cli.figures.work_precision import growth, work_precision
     from vibro_cli.interface import pictures
-    from vibro_cli.report.benchmark_page import benchmark_html
+    from vibro_cli.report.benchmark_page import benchmark_html, drawn
     from vibro_cli.storage.files import write_folder
 
-    figures = {"work_precision": work_precision(rows)}
-    with contextlib.suppress(NothingToShow):  # a benchmark of some scenes only has no such part
-        figures["growth"] = growth(rows)
     files = {
         "benchmark.parquet": parquet(rows, details),
         "benchmark.html": benchmark_html(rows, details, __version__),
-        **pictures(figures),
+        **pictures(drawn(rows)),
     }
     write_folder("benchmark", target, files, details)
 

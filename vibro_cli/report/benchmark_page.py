@@ -1,15 +1,23 @@
-"""The page of a benchmark: conclusions in words, figures, the whole table, machine and versions."""
+"""The figures of a benchmark and its page: run time against error, growth of the cost, in words."""
 
 from __future__ import annotations
 
+import contextlib
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
 from vibro_cli.benchmark.conclusions import conclude
 from vibro_cli.benchmark.measurement import Row
-from vibro_cli.benchmark.scenes import SCENES
+from vibro_cli.benchmark.scenes import BY_NAME, SCENES
+from vibro_cli.figures import style
+from vibro_cli.figures.chart import Cell, in_rows
+from vibro_cli.figures.labels import LINE, draw_legend, rows_of
 from vibro_cli.figures.over_axis import NothingToShow
-from vibro_cli.figures.work_precision import growth, work_precision
+from vibro_cli.figures.style import width_of
 from vibro_cli.report.html import rendered, shown
 
 GENERATOR = "vibro bench"
@@ -28,17 +36,12 @@ _HEADS = ["Method", "Setting", "Time per impact [µs]", "Spread", "Error", "Ener
 
 def benchmark_html(rows: Sequence[Row], details: Mapping[str, Any], version: str) -> bytes:
     """Return the page of a benchmark as the bytes of an HTML file that needs no other."""
-    figures = []
-    for title, caption, draw in (
-        ("Run time against error", "Lower and further left is better; one mark for each setting, "
-         "a panel for each scene. What a method lost is not drawn.", work_precision),
-        ("Growth of the cost", "Compiled; one thread but where threads are counted.", growth),
-    ):  # fmt: skip
-        try:
-            wide, narrow = draw(rows, "double"), draw(rows, "single")
-        except NothingToShow:
-            continue  # a benchmark of some scenes only has no such part
-        figures.append(shown(title, caption, title, wide, narrow))
+    both = drawn(rows, "double"), drawn(rows, "single")
+    figures = [
+        shown(title, caption, title, *(figures[name] for figures in both))
+        for name, (title, caption, _) in _FIGURES.items()
+        if name in both[0]
+    ]
     tables = [(scene.title, _precision(rows, scene.name)) for scene in SCENES]
     values = {
         "title": "Benchmark",
@@ -84,3 +87,158 @@ def _further(row: Row) -> list[str]:
 
 def _shown(value: float | None, form: str) -> str:
     return "–" if value is None else form.format(value).replace("-", "−")
+
+
+_LEFT, _RIGHT, _BETWEEN, _BOTTOM, _TITLE = 12.0, 2.5, 4.0, 9.0, 5.0
+_HIGH = {"double": 42.0, "single": 40.0}
+_COLUMNS = {"double": 3, "single": 1}
+_LEAST = 1e-17
+"""Errors below this, and none at all, are drawn here."""
+_LOOKS: dict[str, dict[str, Any]] = {
+    "vibro": {"color": style.BLUE, "marker": "*", "markersize": 8.0},
+    "vibro, batch": {"color": style.BLUE, "marker": "p", "markerfacecolor": "white"},
+    "vibro, all rows kept": {"color": style.BLUE, "marker": "h"},
+    "vibro, interpreted": {"color": style.SKY, "marker": "*", "markersize": 6.5},
+    "heyoka": {"color": style.VERMILLION, "marker": "s"},
+    "heyoka, defaults": {"color": style.VERMILLION, "marker": "s", "markerfacecolor": "white"},
+    "heyoka, batch": {"color": style.VERMILLION, "marker": "P"},
+    "diffrax Tsit5": {"color": style.GREEN, "marker": "^"},
+    "CyRK DOP853": {"color": style.ORANGE, "marker": "D"},
+    "SciPy RK45": {"color": style.SEPARATRIX_GREY, "marker": "v"},
+    "SciPy DOP853": {"color": style.BLACK, "marker": "o"},
+    "SciPy LSODA": {"color": style.SEPARATRIX_GREY, "marker": "<", "markerfacecolor": "white"},
+    "SciPy Radau": {"color": style.SEPARATRIX_GREY, "marker": ">", "markerfacecolor": "white"},
+    "series of the papers": {"color": style.PURPLE, "marker": "X"},
+}
+_LINE: dict[str, Any] = {"linewidth": 0.7, "markersize": 3.6, "markeredgewidth": 0.7}
+# Half the height of a mark, with some room, in powers of ten of the axis of time.
+_MARK = 0.12
+_GROWTH = {
+    "bodies": "number of bodies",
+    "arcs": "number of arcs, 3 reached",
+    "scenarios": "number of scenarios",
+    "cores": "number of threads",
+}
+
+
+def look(method: str) -> dict[str, Any]:
+    """Return colour and mark of a method."""
+    return _LINE | _LOOKS.get(method, {"color": style.SEPARATRIX_GREY, "marker": "."})
+
+
+def work_precision(rows: Sequence[Row], width: str = "double") -> Figure:
+    """Return time for each impact against error, a panel for each scene.
+
+    `width` is `single` or `double`. Raises ``NothingToShow`` without any row to be drawn.
+    """
+    drawn = [
+        row for row in rows if row.part == "precision" and row.per_impact and row.error is not None
+    ]
+    if not drawn:
+        raise NothingToShow("no method got through any scene: there is nothing to draw")
+    scenes = list(dict.fromkeys(row.scene for row in drawn))
+    methods = list(dict.fromkeys(row.method for row in drawn))
+    legend = rows_of([(method, look(method)) for method in methods], width_of(width))
+    with style.journal():
+        columns = min(_COLUMNS[width], len(scenes))
+        heights = _TITLE, _HIGH[width], _BETWEEN
+        figure, axes = _sheet(len(scenes), width, columns, heights, 1.5 + LINE * len(legend))
+        powers = [math.log10(row.per_impact * 1e6) for row in drawn if row.per_impact]
+        low, high = min(powers) - _MARK, max(powers) + _MARK
+        ends = 10.0 ** math.floor(low), 10.0 ** math.ceil(high)
+        for number, (scene, panel) in enumerate(zip(scenes, axes, strict=True)):
+            _draw(panel, [row for row in drawn if row.scene == scene], methods)
+            panel.set_ylim(*ends)
+            panel.set_title(BY_NAME[scene].title, loc="left", pad=2.5)
+            first = number % columns == 0
+            panel.set_ylabel("time per impact [µs]" if first else "")
+            panel.tick_params(labelleft=first)
+            panel.set_xlabel("relative error of the times")
+        draw_legend(figure, legend)
+    return figure
+
+
+def _sheet(
+    count: int, width: str, columns: int, heights: tuple[float, float, float], top: float = 0.0
+) -> tuple[Figure, list[Axes]]:
+    """Return a figure with panels in rows.
+
+    `heights` are those of the room above a panel and of a panel, and the room between two beside
+    each other (mm), `top` the room above all.
+    """
+    above, high, gap = heights
+    wide = width_of(width)
+    inner = (wide - _LEFT - _RIGHT - (columns - 1) * gap) / columns
+    cell = Cell(inner, high, above, _BOTTOM, gap)
+    sheet, corners = in_rows(cell, count, columns, wide, _LEFT, top)
+    return sheet.figure, [sheet.panel(*corner, inner, high) for corner in corners]
+
+
+def _draw(panel: Axes, rows: Sequence[Row], methods: Sequence[str]) -> None:
+    panel.set_xscale("log")
+    panel.set_yscale("log")
+    panel.set_xlim(_LEAST, 3.0)
+    panel.set_xticks([10.0**power for power in (-16, -12, -8, -4, 0)])
+    panel.minorticks_off()
+    panel.grid(True, color=style.BAND_GREY, linewidth=0.4)
+    panel.set_axisbelow(True)
+    for method in methods:
+        own = [row for row in rows if row.method == method]
+        own.sort(key=lambda row: row.error or 0.0)
+        places = [max(row.error or 0.0, _LEAST) for row in own]
+        times = [(row.per_impact or math.nan) * 1e6 for row in own]
+        panel.plot(places, times, **look(method))
+
+
+def growth(rows: Sequence[Row], width: str = "double") -> Figure:
+    """Return time for each impact against bodies, arcs, scenarios and threads.
+
+    Raises ``NothingToShow`` without any row to be drawn.
+    """
+    measured = {
+        part: [row for row in rows if row.part == part and row.per_impact] for part in _GROWTH
+    }
+    parts = {part: own for part, own in measured.items() if own}
+    if not parts:
+        raise NothingToShow("no growth was measured: there is nothing to draw")
+    with style.journal():
+        columns = len(parts) if width == "double" else 1
+        figure, axes = _sheet(len(parts), width, columns, (2.5, 34.0, 9.0))
+        for (part, own), panel in zip(parts.items(), axes, strict=True):
+            sizes = [row.size or 0 for row in own]
+            times = [(row.per_impact or math.nan) * 1e6 for row in own]
+            panel.plot(sizes, times, **look(own[0].method))
+            panel.set_xscale("log")
+            panel.set_ylim(0.0, 1.25 * max(times))
+            panel.set_xlabel(_GROWTH[part])
+            panel.minorticks_off()
+            if part != "scenarios":
+                panel.set_xticks(sizes, [str(size) for size in sizes])
+            panel.margins(x=0.12)
+        for panel in axes if width == "single" else axes[:1]:
+            panel.set_ylabel("time per impact [µs]")
+    return figure
+
+
+_FIGURES = {
+    "work_precision": (
+        "Run time against error",
+        "Lower and further left is better; one mark for each setting, a panel for each scene. "
+        "What a method lost is not drawn.",
+        work_precision,
+    ),
+    "growth": (
+        "Growth of the cost",
+        "Compiled; one thread but where threads are counted.",
+        growth,
+    ),
+}
+
+
+def drawn(rows: Sequence[Row], width: str = "double") -> dict[str, Figure]:
+    """Return the figures by their stems; a benchmark of some scenes only has no growth."""
+    figures = {}
+    for name, (_, _, draw) in _FIGURES.items():
+        with contextlib.suppress(NothingToShow):
+            figures[name] = draw(rows, width)
+    return figures
