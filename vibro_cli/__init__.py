@@ -29,6 +29,10 @@ if TYPE_CHECKING:
     from vibro_cli.grids.dataset import NoManifest as NoManifest
     from vibro_cli.grids.dataset import Verdict as Verdict
     from vibro_cli.interface import Drawing as Drawing
+    from vibro_cli.interface import check as check
+    from vibro_cli.interface import example as example
+    from vibro_cli.interface import load_scenario as load_scenario
+    from vibro_cli.interface import portrait as portrait
     from vibro_cli.interface.analyses import Fit as Fit
     from vibro_cli.interface.analyses import GridBasins as GridBasins
     from vibro_cli.interface.analyses import OrbitFamily as OrbitFamily
@@ -43,10 +47,6 @@ if TYPE_CHECKING:
     from vibro_cli.interface.runs import simulate as simulate
     from vibro_cli.interface.runs import simulate_many as simulate_many
     from vibro_cli.interface.runs import verify as verify
-    from vibro_cli.interface.scenarios import check as check
-    from vibro_cli.interface.scenarios import example as example
-    from vibro_cli.interface.scenarios import load_scenario as load_scenario
-    from vibro_cli.interface.scenarios import portrait as portrait
     from vibro_cli.scenario.base import AnyScenario as AnyScenario
     from vibro_cli.scenario.models import Scenario as Scenario
     from vibro_cli.scenario.problems import ScenarioError as ScenarioError
@@ -65,7 +65,7 @@ _HOME = {
     "vibro_cli.errors": ("VibroError",),
     "vibro_cli.figures.film": ("NoFilm",),
     "vibro_cli.grids.dataset": ("FolderInUse", "GridChanged", "NoManifest", "Verdict"),
-    "vibro_cli.interface": ("Drawing",),
+    "vibro_cli.interface": ("Drawing", "check", "example", "load_scenario", "portrait"),
     "vibro_cli.interface.analyses": (
         "Fit",
         "GridBasins",
@@ -76,7 +76,6 @@ _HOME = {
     ),
     "vibro_cli.interface.grids": ("Grid", "open_grid", "sweep"),
     "vibro_cli.interface.runs": ("Run", "open_run", "simulate", "simulate_many", "verify"),
-    "vibro_cli.interface.scenarios": ("check", "example", "load_scenario", "portrait"),
     "vibro_cli.scenario": ("Scenario", "ScenarioError"),
     "vibro_cli.scenario.base": ("AnyScenario",),
     "vibro_cli.storage.frame": ("Table",),
