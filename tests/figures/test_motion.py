@@ -21,7 +21,7 @@ from vibro_cli import example
 from vibro_cli import simulate as solved
 from vibro_cli.api import Run, simulate
 from vibro_cli.figures.film import Film, Frames, NoFilm, Stage, clock_digits, frame_times, movie
-from vibro_cli.report.film_page import film_html
+from vibro_cli.report.html import film_html
 from vibro_cli.scenario import load_scenario
 from vibro_cli.systems.trace.figures import film as film_on_trace
 

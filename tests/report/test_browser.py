@@ -22,8 +22,8 @@ from tests.grid_folder import product, write_grid
 from tests.report.test_report import stored
 from vibro_cli.figures.film import frame_times
 from vibro_cli.report.content import report_html
-from vibro_cli.report.film_page import film_html
 from vibro_cli.report.grid_content import grid_html
+from vibro_cli.report.html import film_html
 from vibro_cli.storage.stored import open_grid, open_run
 from vibro_cli.systems.trace.figures import film as film_on_trace
 

@@ -310,7 +310,6 @@ def _write_figures(subject: "Subject", wishes: ReportCommand) -> None:
 def _check_film(run: "StoredRun", target: Path, wishes: ReportCommand) -> None:
     """Raise `CommandError` before anything is drawn if the film cannot be or take its place."""
     from vibro_cli.figures.film import NoFilm, check_encoder, frame_times
-    from vibro_cli.report.film_page import GENERATOR
     from vibro_cli.report.html import is_report
     from vibro_cli.storage.files import first_bytes
 
@@ -330,7 +329,7 @@ def _check_film(run: "StoredRun", target: Path, wishes: ReportCommand) -> None:
     ours = {
         "mp4": head[4:8] == b"ftyp",
         "gif": head.startswith(b"GIF8"),
-        "html": is_report(head, GENERATOR),
+        "html": is_report(head, "film"),
     }
     if not ours[form]:
         raise CommandError(f"vibro: {target} exists and is no film; it is left as it is")

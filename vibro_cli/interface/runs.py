@@ -400,7 +400,7 @@ def write_film(
 ) -> None:
     """Write the film of a run as figures take it, whole or not at all; raises as `Run.film`."""
     from vibro_cli.figures.film import frame_times, movie
-    from vibro_cli.report.film_page import film_html
+    from vibro_cli.report.html import film_html
 
     shown, form = run.kind.film(run, frame_times(*span, pace, fps)), target.suffix.lower()[1:]
     if form == "html":

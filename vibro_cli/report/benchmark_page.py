@@ -20,7 +20,6 @@ from vibro_cli.figures.over_axis import NothingToShow
 from vibro_cli.figures.style import width_of
 from vibro_cli.report.html import rendered, shown
 
-GENERATOR = "vibro bench"
 _METHOD = (
     "Every timing is the median over repeats, the methods by turns within one run; what a library "
     "can prepare once (compiling, building integrators, making records) is not timed. The error "
@@ -46,7 +45,6 @@ def benchmark_html(rows: Sequence[Row], details: Mapping[str, Any], version: str
     values = {
         "title": "Benchmark",
         "version": version,
-        "generator": GENERATOR,
         "method": _METHOD,
         "conclusions": conclude(rows),
         "figures": figures,
@@ -56,7 +54,7 @@ def benchmark_html(rows: Sequence[Row], details: Mapping[str, Any], version: str
         "machine": list(details["machine"].items()),
         "plan": details["plan"],
     }  # fmt: skip
-    return rendered("benchmark", values, assets="report")
+    return rendered("benchmark", values)
 
 
 def _precision(rows: Sequence[Row], scene: str) -> list[list[str]]:

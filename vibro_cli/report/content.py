@@ -12,7 +12,7 @@ import numpy as np
 from vibro_cli.assemble import warnings_of
 from vibro_cli.figures.source import first_of, made
 from vibro_cli.mechanics.system import LAWS, Body, TraceSystem, mechanics_warnings
-from vibro_cli.report.html import GENERATOR, figures_of_run, rendered
+from vibro_cli.report.html import figures_of_run, rendered
 from vibro_cli.report.papers import analogy, series_rows
 from vibro_cli.report.words import (
     cell,
@@ -74,17 +74,12 @@ def report_html(runs: Sequence[StoredRun], beside: Path, version: str) -> bytes:
     method = dict.fromkeys(
         line for run in runs for line in method_of(run.kind, run.scenario.resolved())
     )
-    values = page(runs, beside, version) | {"generator": GENERATOR, "method": tuple(method)}
-    return rendered("report", values)
-
-
-def page(runs: Sequence[StoredRun], beside: Path, version: str) -> dict[str, Any]:
-    """Return the values of a report of runs whose file is to stand in the folder `beside`."""
     names = names_of(runs)
     sections = [run.kind.report(run, name, beside) for run, name in zip(runs, names, strict=True)]
-    return {
+    values = {
         "title": names[0] if len(names) == 1 else f"{len(names)} runs compared",
         "version": version,
+        "method": tuple(method),
         "runs": [
             {
                 "anchor": f"run{place}",
@@ -98,6 +93,7 @@ def page(runs: Sequence[StoredRun], beside: Path, version: str) -> dict[str, Any
         ],
         "comparison": compared(runs, names, sections) if len(runs) > 1 else None,
     }
+    return rendered("report", values)
 
 
 def names_of(runs: Sequence[StoredRun]) -> list[str]:

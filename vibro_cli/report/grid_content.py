@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from vibro_cli.figures.maps import Endings
-from vibro_cli.report.html import GENERATOR, figures_of_grid, rendered
+from vibro_cli.report.html import figures_of_grid, rendered
 from vibro_cli.report.words import (
     cell,
     ending,
@@ -42,17 +42,11 @@ def grid_html(grid: StoredGrid, beside: Path, version: str, columns: Sequence[st
 
     `columns` are those of the summary whose maps are shown too.
     """
-    method = method_of(system_named(grid.system), grid.definition["scenario"])
-    values = _page(grid, beside, version, columns) | {"generator": GENERATOR, "method": method}
-    return rendered("grid", values, assets="report")
-
-
-def _page(grid: StoredGrid, beside: Path, version: str, columns: Sequence[str]) -> dict[str, Any]:
-    return {
+    values = {
         "title": grid.name,
         "version": version,
         "folder": str(grid.folder),
-        "said": _said(grid),
+        "said": f"{grid.unsolved or f'All {grid.points} points are solved'}.",
         "endings": _endings(grid),
         "setting": _setting(grid),
         "axes": [_axis(grid, path) for path in grid.axes],
@@ -65,12 +59,9 @@ def _page(grid: StoredGrid, beside: Path, version: str, columns: Sequence[str]) 
         "points": _points(grid),
         "link": link(grid.place / "summary", beside),
         "versions": versions(grid.manifest),
+        "method": method_of(system_named(grid.system), grid.definition["scenario"]),
     }
-
-
-def _said(grid: StoredGrid) -> str:
-    """Say whether all points are there."""
-    return f"{grid.unsolved or f'All {grid.points} points are solved'}."
+    return rendered("grid", values)
 
 
 def _endings(grid: StoredGrid) -> list[list[str]]:
