@@ -580,6 +580,20 @@ def test_a_wrong_argument_of_a_sweep_begins_no_folder(tmp_path: Path, run: Run) 
         run.scenario.replace(cast("Any", {1: 1}))
 
 
+def test_each_of_very_many_bodies_has_the_portrait_of_its_own_size() -> None:
+    """Names of files have no room for 89 numbers: body 88 is not one of those 88 others."""
+    data = example("lone_particle").given()
+    ball = {"body": "particle", "mass": 1.0, "arc": 1}
+    data["balls"] = [
+        ball | {"radius": 0.002 if number == 88 else 0.001, "angle": 0.01 * number - 0.5}
+        for number in range(1, 91)
+    ]
+    scenario = Scenario.from_dict(data)
+    names = {body: vibro_cli.portrait(scenario, body).name for body in (1, 2, 87, 88, 89)}
+    assert names.pop(88) == "portrait_88"
+    assert set(names.values()) == {"portrait_1_and_88_others"}
+
+
 def test_a_portrait_without_a_run_and_a_film(tmp_path: Path, run: Run) -> None:
     for name in SYSTEMS:
         drawn = vibro_cli.portrait(example(name)).save(tmp_path / "portrait.png")

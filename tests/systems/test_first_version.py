@@ -134,7 +134,7 @@ def test_it_is_of_no_paper_and_has_no_timed_scene_and_no_portrait(kind: System) 
     assert kind.shown_of_papers.rows == {}
     assert kind.timed_scenes == {}
     with pytest.raises(NoPortrait, match=f'found system = "{NAME}", expected a system that has'):
-        kind.portrait(None, "single", drawn=False)
+        kind.portrait(None, "single", drawn=())
 
 
 def test_it_has_no_films(kind: System) -> None:

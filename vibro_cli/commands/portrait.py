@@ -281,18 +281,18 @@ def _analysed(
         fit = _those(lambda one: one.has_families)
         raise CommandError(f"vibro: {scenario.name}: --vary is of {fit}")
     try:
-        table, figures = kind.portrait(system, wishes.width, wishes.figures)
+        drawn = range(1, len(system.bodies) + 1) if wishes.figures else ()
+        table, figures = kind.portrait(system, wishes.width, drawn)
     except NoPortrait as error:
         raise CommandError(f"vibro: {scenario.name}: {error}") from error
     found: dict[str, Any] = {"name": scenario.name, **table}
-    drawn = dict(figures)
     if wishes.vary is not None:
         found["family"], more = varied(wishes, wishes.vary, kind)
-        drawn |= more
+        figures |= more
     if wishes.compare is not None:
         found["comparison"], more = compared(wishes, wishes.compare)
-        drawn |= more
-    return found, pictures(drawn)
+        figures |= more
+    return found, pictures(figures)
 
 
 def _those(fit: "Callable[[System], bool]") -> str:

@@ -115,15 +115,10 @@ def portrait(scenario: AnyScenario, body: int = 1, width: str = "double") -> Dra
     from vibro_cli.systems import system_named
 
     system = build_any(scenario)
-    bodies = len(system.bodies)
-    body = checked("body", body, Count(1, bodies))
-    _, figures = system_named(scenario.system).portrait(system, width, True)
-    for stem, figure in figures.items():
-        if str(body) in stem.split("_"):  # equal bodies share one: portrait_1_2
-            return Drawing(stem, figure)
-    radii = [one.radius for one in system.bodies]  # balls of a table do by their radius alone
-    first = f"portrait_{radii.index(radii[body - 1]) + 1}"
-    return Drawing(first, figures[first])
+    body = checked("body", body, Count(1, len(system.bodies)))
+    _, figures = system_named(scenario.system).portrait(system, width, [body])
+    ((stem, figure),) = figures.items()
+    return Drawing(stem, figure)
 
 
 def pictures(

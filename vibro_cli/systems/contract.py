@@ -453,11 +453,12 @@ class System(ABC):
     body's portrait, and ``family_figure`` of ``portrait.py``."""
 
     def portrait(
-        self, system: Any, width: str, drawn: bool
+        self, system: Any, width: str, drawn: Collection[int]
     ) -> tuple[dict[str, Any], dict[str, Figure]]:
         """Return what a portrait without a run shows, and figures by the stems of their files.
 
-        It is from ``portrait`` of ``portrait.py``. Raises `NoPortrait` where there is none.
+        Those of the bodies `drawn` (from 1); bodies that are alike share theirs. It is from
+        ``portrait`` of ``portrait.py``. Raises `NoPortrait` where there is none.
         """
         if not self.has_part("portrait"):
             raise NoPortrait(f'found system = "{self.name}", expected a system that has portraits')

@@ -8,7 +8,7 @@ total energy, which stays between impacts and jumps with the speed.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -387,13 +387,12 @@ def swing_line(swing: dict[str, float | None]) -> str:
 
 
 def portrait(
-    system: SpringsSystem, width: str, drawn: bool
+    system: SpringsSystem, width: str, drawn: Collection[int]
 ) -> tuple[dict[str, Any], dict[str, Figure]]:
-    """Return the singular points of each body, and a figure of each."""
-    balls = range(1, len(system.bodies) + 1)
-    bodies = [springs_record(system, ball - 1) for ball in balls]
+    """Return the singular points of each body, and a figure of each of those `drawn` (from 1)."""
+    bodies = [springs_record(system, body) for body in range(len(system.bodies))]
     figures = {}
-    for ball in balls if drawn else ():
+    for ball in drawn:
         name = f"portrait_{ball}"
         WORK.tell(name)
         figures[name] = springs_structure(system, ball, width)

@@ -14,7 +14,7 @@ curves of the product of the angular momenta about the foci, which are drawn beh
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -208,9 +208,9 @@ def _draw_singular(axes: Axes, wall: Wall, radius: float) -> str:
 
 
 def portrait(
-    system: TableSystem, width: str, drawn: bool
+    system: TableSystem, width: str, drawn: Collection[int]
 ) -> tuple[dict[str, Any], dict[str, Figure]]:
-    """Return the orbits to and fro of each ball, and a figure for each radius.
+    """Return the orbits to and fro of each ball, and a figure for each radius of those `drawn`.
 
     Raises `NoPortrait` for a table without one.
     """
@@ -226,9 +226,9 @@ def portrait(
     for ball, body in enumerate(system.bodies, 1):
         record = {"ball": ball, "body": body.kind, "radius": body.radius}
         bodies.append(record | wall_record(wall, body.radius))
-        if drawn and body.radius not in radii:
-            figures[f"portrait_{ball}"] = wall_portrait(system, ball, width)
-        radii.setdefault(body.radius, ball)
+        first = radii.setdefault(body.radius, ball)
+        if ball in drawn and f"portrait_{first}" not in figures:
+            figures[f"portrait_{first}"] = wall_portrait(system, first, width)
     return {"system": "table", "bodies": bodies}, figures
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from typing import Any
 
 from matplotlib.figure import Figure
@@ -18,16 +18,19 @@ _LONGEST_NAME = 240
 
 
 def portrait(
-    system: TraceSystem, width: str, drawn: bool
+    system: TraceSystem, width: str, drawn: Collection[int]
 ) -> tuple[dict[str, Any], dict[str, Figure]]:
-    """Return the singular points of each body, and figures; equal bodies share theirs."""
+    """Return the singular points of each body, and figures of those `drawn` (from 1).
+
+    Equal bodies share theirs.
+    """
     portraits = [portrait_of(Landscape.of(system, n + 1)) for n in range(len(system.bodies))]
     groups: dict[tuple[float, float], list[int]] = {}
     for ball, one in enumerate(portraits, 1):
         body = one.landscape.body
         groups.setdefault((body.radius, body.kappa), []).append(ball)
     figures: dict[str, Figure] = {}
-    for balls in groups.values() if drawn else ():
+    for balls in (some for some in groups.values() if not set(some).isdisjoint(drawn)):
         index = ",".join(map(str, balls))
         name = index.replace(",", "_")
         if len(name) > _LONGEST_NAME:
