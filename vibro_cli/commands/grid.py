@@ -19,7 +19,6 @@ from vibro_cli.commands.shared.options import (
     scenario_files,
 )
 from vibro_cli.commands.shared.terminal import (
-    EARLY_ENDS,
     INADMISSIBLE_HINT,
     Progress,
     count,
@@ -362,6 +361,8 @@ def _state(
 
 
 def _tell(name: str, state: dict[str, Any], folder: Path, reason: str | None) -> None:
+    from vibro_cli.systems.wanted import EARLY_ENDS
+
     odd = [
         f"{state[word]:,} {word}" for word in ("invalid", "failed", "inadmissible") if state[word]
     ]

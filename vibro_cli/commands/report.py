@@ -151,42 +151,38 @@ class ReportCommand:
 
     def __call__(self) -> int:
         """Check, draw and write; what is printed is the page, or what was written."""
-        return _report(self)
+        from vibro_cli.storage.files import write_file
 
-
-def _report(wishes: ReportCommand) -> int:
-    from vibro_cli.storage.files import write_file
-
-    _check(wishes)
-    target = wishes.target
-    printed = wishes.output == "-"
-    subject = _subject(wishes)
-    _check_maps(subject, wishes.maps)
-    # Figures are collected again and again, and what is there by now stays.
-    gc.freeze()
-    gc.set_threshold(50_000, 4, 2)
-    with work_told():
-        content = _page(subject, Path.cwd() if printed else target.parent, wishes.maps)
-    if printed:
-        sys.stdout.buffer.write(content)
-        sys.stdout.buffer.flush()
-    else:
-        write_file(target, content)
-        say(f"report in {target}")
-    if wishes.pdf is not None or wishes.figures is not None:
-        _write_figures(subject, wishes)
-    if wishes.animate is not None:
-        assert isinstance(subject, list)
-        _write_film(subject[0], wishes.animate, wishes)
-    if wishes.as_json:
-        written = {
-            "page": target,
-            "pdf": wishes.pdf,
-            "figures": wishes.figures,
-            "film": wishes.animate,
-        }
-        print(json_text({kind: path and str(path) for kind, path in written.items()}))
-    return DONE
+        _check(self)
+        target = self.target
+        printed = self.output == "-"
+        subject = _subject(self)
+        _check_maps(subject, self.maps)
+        # Figures are collected again and again, and what is there by now stays.
+        gc.freeze()
+        gc.set_threshold(50_000, 4, 2)
+        with work_told():
+            content = _page(subject, Path.cwd() if printed else target.parent, self.maps)
+        if printed:
+            sys.stdout.buffer.write(content)
+            sys.stdout.buffer.flush()
+        else:
+            write_file(target, content)
+            say(f"report in {target}")
+        if self.pdf is not None or self.figures is not None:
+            _write_figures(subject, self)
+        if self.animate is not None:
+            assert isinstance(subject, list)
+            _write_film(subject[0], self.animate, self)
+        if self.as_json:
+            written = {
+                "page": target,
+                "pdf": self.pdf,
+                "figures": self.figures,
+                "film": self.animate,
+            }
+            print(json_text({kind: path and str(path) for kind, path in written.items()}))
+        return DONE
 
 
 def _subject(wishes: ReportCommand) -> "Subject":

@@ -17,7 +17,14 @@ Instants = NDArray[np.float64]
 UNLIMITED = 2**62
 """The count of a stop that is not set."""
 
-FINAL = ("inadmissible", "end_of_trace", "lift_off", "wall_contact", "accumulation")
+EARLY_ENDS = {
+    "end_of_trace": "came to an end of the trace",
+    "lift_off": "left the trace",
+    "wall_contact": "came to roll along the wall",
+    "accumulation": "ended where impacts accumulate",
+}
+"""What runs did that ended for good without an inadmissible impact, in words."""
+FINAL = ("inadmissible", *EARLY_ENDS)
 """Ends after which nothing can follow, whatever the stop."""
 
 CHANGEABLE = ("stop", "output")

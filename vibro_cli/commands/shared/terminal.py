@@ -110,14 +110,6 @@ INADMISSIBLE_HINT = (
     "--set collision.inadmissible=normal-impulse goes on, with Newton's law for such impacts"
 )
 
-EARLY_ENDS = {
-    "end_of_trace": "came to an end of the trace",
-    "lift_off": "left the trace",
-    "wall_contact": "came to roll along the wall",
-    "accumulation": "ended where impacts accumulate",
-}
-"""What runs of a grid did that end for good without an inadmissible impact."""
-
 
 def quantity(value: float | None, unit: str = "", digits: int = 6) -> str:
     """A number with its unit to some digits, or "none"."""
