@@ -64,13 +64,18 @@ class Made:
         return {name: found[name] for name in columns}
 
 
+def made() -> Any:
+    """A grid as figures take it, in the place of one that is stored."""
+    return Made()
+
+
 def offsets(figure: Figure, panel: int) -> Any:
     (drawn,) = (one for one in figure.axes[panel].collections if isinstance(one, PathCollection))
     return np.asarray(drawn.get_offsets())
 
 
 def test_the_bifurcation_diagram_has_the_last_impacts() -> None:
-    figure = bifurcation(Made())
+    figure = bifurcation(made())
     assert figure is not None
     places, speeds = offsets(figure, 0), offsets(figure, 1)
     shown = range(0, RUNS, 2)  # k is held at its first value
@@ -90,7 +95,7 @@ def cells(figure: Figure) -> Any:
 
 
 def test_the_map_of_contacts_has_their_last_impacts_and_no_others() -> None:
-    figure = GRID_KINDS["contact"].draw(Made(), "single")
+    figure = GRID_KINDS["contact"].draw(made(), "single")
     assert figure is not None
     found = cells(figure)
     for n in range(RUNS):
@@ -99,7 +104,7 @@ def test_the_map_of_contacts_has_their_last_impacts_and_no_others() -> None:
 
 
 def test_any_column_of_numbers_has_a_map() -> None:
-    grid = Made()
+    grid = made()
     known = mapped_columns(grid)
     assert "end_time" in known
     assert not {"scenario", "collision.k", "status", "end_cause"} & set(known)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -87,12 +87,15 @@ def test_the_bar_of_a_map_has_room_for_its_numbers(
 def test_angles_of_several_arcs_have_no_common_axis(made: Any) -> None:
     """On one arc the diagram shows angles, else arc lengths."""
     grid = made(TWO)
-    one, several = place_column(grid), place_column(Several(grid, ("n", "angle_a", "s_a")))
+    one, several = (
+        place_column(grid),
+        place_column(cast("Any", Several(grid, ("n", "angle_a", "s_a")))),
+    )
     assert one is not None
     assert several is not None
     assert one[0] == "angle_a"
     assert several[0] == "s_a"
-    assert place_column(Several(grid, ("n", "angle_a"))) is None
+    assert place_column(cast("Any", Several(grid, ("n", "angle_a")))) is None
 
 
 class Several:
@@ -352,7 +355,7 @@ def test_the_first_times_are_those_of_the_first_impacts(made: Any) -> None:
             runs, n = np.repeat(scenarios, 2 * FIRST), np.tile(np.arange(2 * FIRST) + 1, 5)
             return {"scenario": runs, "n": n, "t": 100.0 * runs + n}
 
-    figure = first_times(Many(grid, ("n", "t")))
+    figure = first_times(cast("Any", Many(grid, ("n", "t"))))
     assert figure is not None
     expected = [
         (angle, 100.0 * (3 * column + 1) + n)  # k is held at its first value
@@ -362,7 +365,7 @@ def test_the_first_times_are_those_of_the_first_impacts(made: Any) -> None:
     np.testing.assert_allclose(np.asarray(dots(figure).get_offsets()), expected)
     assert taken == [("scenario", "n", "t")]
     assert not figure.legends
-    assert first_times(Several(grid, ("n", "s_a"))) is None
+    assert first_times(cast("Any", Several(grid, ("n", "s_a")))) is None
 
 
 @pytest.mark.parametrize("width", ["single", "double"])
@@ -373,7 +376,7 @@ def test_runs_that_were_cut_short_have_their_ends_among_the_times(made: Any, wid
 
     grid = made(ONE)
     grid.summary.update(end_time=np.arange(5.0) + 7.0, collisions=np.array([1, 1, 1, FIRST, 1]))
-    figure = first_times(Few(grid, ("n", "t")), width)
+    figure = first_times(cast("Any", Few(grid, ("n", "t"))), width)
     assert figure is not None
     assert_texts_are_apart(figure)
     (cross,) = figure.axes[0].lines

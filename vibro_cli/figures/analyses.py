@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import ChainMap
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -33,7 +33,6 @@ from vibro_cli.figures.labels import Entry
 from vibro_cli.figures.maps import (
     Categories,
     Lattice,
-    Swept,
     category_map,
     ended,
     lattice,
@@ -44,6 +43,9 @@ from vibro_cli.figures.ticks import Ticks, axis_words, label_axis, number_ticks
 from vibro_cli.scenario.fields import unit_at
 from vibro_cli.scenario.models import Scenario
 from vibro_cli.scenario.problems import parsed_path
+
+if TYPE_CHECKING:
+    from vibro_cli.storage.stored import StoredGrid
 
 _FIT_HEIGHT = 24.0
 _POINT = mark("o", 2.2, style.BLUE)
@@ -221,13 +223,13 @@ class Mapped:
         return figure
 
 
-def default_outcome(grid: Swept) -> list[str]:
+def default_outcome(grid: StoredGrid) -> list[str]:
     """Return the columns that tell how a run ends and on which arc each body then is."""
     arcs = [name for name in grid.summary if name.startswith("arc_")]
     return ["end_cause", *(arcs if len(grid.shapes) > 1 else ())]
 
 
-def mapped_basins(grid: Swept, outcome: Sequence[str]) -> Mapped:
+def mapped_basins(grid: StoredGrid, outcome: Sequence[str]) -> Mapped:
     """Return the basins over the two axes with the most values, or over the one that has enough.
 
     Parameters
@@ -249,7 +251,7 @@ def mapped_basins(grid: Swept, outcome: Sequence[str]) -> Mapped:
     return Mapped(shown, outcomes, basins_of(outcomes, cells))
 
 
-def _evenly(grid: Swept) -> Lattice:
+def _evenly(grid: StoredGrid) -> Lattice:
     """The lattice over two axes that can be measured, else over one."""
     lattices = [found for size in (2, 1) if (found := lattice(grid, size)) is not None]
     for shown in lattices:

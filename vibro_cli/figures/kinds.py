@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from vibro_cli.figures.chart import MANY
-from vibro_cli.figures.maps import Swept, ending_map, lattice, quantity_map
+from vibro_cli.figures.maps import ending_map, lattice, quantity_map
 from vibro_cli.figures.over_axis import (
     COUNTED,
     ENERGY_LEFT,
@@ -30,6 +30,9 @@ from vibro_cli.figures.ticks import symbol_of
 from vibro_cli.scenario.base import checked
 from vibro_cli.scenario.quantities import Count
 from vibro_cli.told import WORK
+
+if TYPE_CHECKING:
+    from vibro_cli.storage.stored import StoredGrid
 
 Source = TypeVar("Source")
 
@@ -143,7 +146,7 @@ def draw_one(run: Any, name: str, body: int = 1, width: str = "double") -> Drawn
 CONTACT_WORDS = "last impact, where contact begins [s]"
 
 
-def _impacts(grid: Swept, width: str, counted: str = "collisions") -> Figure | None:
+def _impacts(grid: StoredGrid, width: str, counted: str = "collisions") -> Figure | None:
     """How many impacts of one kind there are, where there can be any."""
     values = np.asarray(grid.summary.get(counted, 0.0), dtype=np.float64)
     if not np.any(values > 0.0):
@@ -152,25 +155,25 @@ def _impacts(grid: Swept, width: str, counted: str = "collisions") -> Figure | N
     return quantity_map(grid, width, there, COUNTED[counted], whole=True)
 
 
-def _energy(grid: Swept, width: str) -> Figure | None:
+def _energy(grid: StoredGrid, width: str) -> Figure | None:
     return quantity_map(grid, width, energy_left(grid), ENERGY_LEFT, 1e3)
 
 
-def _contact(grid: Swept, width: str) -> Figure | None:
+def _contact(grid: StoredGrid, width: str) -> Figure | None:
     """When the last impact was, of the runs in which lasting contact began."""
     begun = np.asarray(grid.summary.get("contacts", 0.0), dtype=np.float64) > 0.0
     last = np.asarray(grid.summary["last_collision_time"], dtype=np.float64)
     return quantity_map(grid, width, np.where(begun, last, np.nan), CONTACT_WORDS)
 
 
-def _bifurcation(grid: Swept, width: str) -> Figure | None:
+def _bifurcation(grid: StoredGrid, width: str) -> Figure | None:
     try:
         return bifurcation(grid, width)
     except NothingToShow:
         return None
 
 
-def column_map(grid: Swept, width: str, name: str) -> Figure | None:
+def column_map(grid: StoredGrid, width: str, name: str) -> Figure | None:
     """Return the map of a column of numbers of the summary; counts are white where they are 0.
 
     Whole numbers without a unit are counts, and numbers from 1 on of what is counted, as of arcs.
@@ -186,19 +189,19 @@ def column_map(grid: Swept, width: str, name: str) -> Figure | None:
     return quantity_map(grid, width, values, label, whole=whole)
 
 
-def mapped_columns(grid: Swept) -> list[str]:
+def mapped_columns(grid: StoredGrid) -> list[str]:
     """Return the columns of numbers of the summary."""
     return [name for name in grid.summary if _is_mapped(grid, name)]
 
 
-def _is_mapped(grid: Swept, name: str) -> bool:
+def _is_mapped(grid: StoredGrid, name: str) -> bool:
     """Whether a name is that of a column of numbers of the summary, of which no other is read."""
     names = list(grid.summary)
     return name in names[names.index("status") :] and grid.summary[name].dtype != object
 
 
 _OVER_TWO = "Over the two axes with the most values, the first of them across"
-GRID_KINDS: dict[str, Kind[Swept]] = {
+GRID_KINDS: dict[str, Kind[StoredGrid]] = {
     "endings": Kind(
         ending_map,
         "How the runs end",
@@ -266,7 +269,7 @@ GRID_KINDS: dict[str, Kind[Swept]] = {
 }
 
 
-def draw_grid_kind(grid: Swept, name: str, width: str = "double") -> Figure | None:
+def draw_grid_kind(grid: StoredGrid, name: str, width: str = "double") -> Figure | None:
     """Return one figure of a grid, None where it has nothing to show.
 
     `name` is one of `GRID_KINDS`, or a column of numbers of the summary, for its map over two axes.
@@ -281,7 +284,9 @@ def draw_grid_kind(grid: Swept, name: str, width: str = "double") -> Figure | No
     raise ValueError(f"found the kind of figure {name!r}, expected one of {known}")
 
 
-def draw_grid(grid: Swept, width: str = "double", columns: Sequence[str] = ()) -> Iterator[Drawn]:
+def draw_grid(
+    grid: StoredGrid, width: str = "double", columns: Sequence[str] = ()
+) -> Iterator[Drawn]:
     """Draw every kind of figure of a grid that has something to show.
 
     `columns` are those of the summary whose maps are drawn too; raises ValueError for another one,

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -38,6 +38,9 @@ from vibro_cli.figures.ticks import (
     vertical_angle_ticks,
     vertical_ticks,
 )
+
+if TYPE_CHECKING:
+    from vibro_cli.storage.stored import StoredGrid
 
 Column = NDArray[Any]
 _MOST_WORDS = 20
@@ -78,36 +81,6 @@ def words_of(path: str) -> str:
         elif part not in _LEFT_OUT or not names:
             names.append(_WORDS.get(part, part.replace("_", " ")))
     return " of ".join(names)
-
-
-class Swept(Protocol):
-    """What the figures of a grid need of it."""
-
-    @property
-    def axes(self) -> tuple[str, ...]:
-        """Key paths of the axes: the names of their columns."""
-
-    @property
-    def units(self) -> Mapping[str, str]:
-        """Units of the columns of the summary."""
-
-    @property
-    def summary(self) -> Mapping[str, Column]:
-        """A row for each point."""
-
-    @property
-    def logarithmic(self) -> Container[str]:
-        """Key paths of the axes whose values are at even ratios."""
-
-    @property
-    def shapes(self) -> tuple[str, ...]:
-        """Shapes of the pieces of the trace, none for another system."""
-
-    def impact_columns(self) -> tuple[str, ...]:
-        """Columns of the table of impacts, none where none was kept."""
-
-    def impacts(self, columns: Sequence[str], scenarios: Column) -> dict[str, Column]:
-        """Some columns of the impacts of some scenarios."""
 
 
 @dataclass(frozen=True)
@@ -199,7 +172,7 @@ class Lattice:
         return ", ".join(f"{path} = {value}" for path, value in self.fixed)
 
 
-def lattice(grid: Swept, dimensions: int, numbers_first: bool = False) -> Lattice | None:
+def lattice(grid: StoredGrid, dimensions: int, numbers_first: bool = False) -> Lattice | None:
     """Return the points over the axes with the most values, others held at their first value.
 
     The axis that the grid has first lies across. Axes that change together count as one, the first
@@ -252,7 +225,7 @@ def _shown(value: Any) -> str:
     return f"{value:.6g}" if isinstance(value, float | np.floating) else str(value)
 
 
-def _coordinate(grid: Swept, path: str, rows: NDArray[np.int64]) -> Coordinate:
+def _coordinate(grid: StoredGrid, path: str, rows: NDArray[np.int64]) -> Coordinate:
     values, unit = grid.summary[path][rows], grid.units[path]
     if values.dtype != object:
         logarithmic = path in grid.logarithmic
@@ -331,7 +304,7 @@ class Categories:
         return list(zip(self.names, patches, strict=True))
 
 
-def ended(grid: Swept) -> Column:
+def ended(grid: StoredGrid) -> Column:
     """Return the cause that ended the run of each point, or its status where it has none."""
     summary = grid.summary
     return np.where(summary["status"] == "ok", summary["end_cause"], summary["status"])
@@ -345,7 +318,7 @@ class Endings(Categories):
     """Those that occur, in the order of `COLOURS`."""
 
     @staticmethod
-    def of(grid: Swept, rows: NDArray[np.int64]) -> Endings:
+    def of(grid: StoredGrid, rows: NDArray[np.int64]) -> Endings:
         """Return the endings of the points in rows of the summary."""
         found = ended(grid)[rows]
         code = np.full(len(rows), -1)
@@ -386,7 +359,7 @@ _LINE = 6.0
 """Least distance of two numbers of the bar (mm)."""
 
 
-def ending_map(grid: Swept, width: str = "single") -> Figure | None:
+def ending_map(grid: StoredGrid, width: str = "single") -> Figure | None:
     """Return how the runs end, a colour for each cause, over the two axes with the most values.
 
     None for a grid with fewer than two axes that change, or whose runs all end alike.
@@ -411,7 +384,7 @@ def category_map(shown: Lattice, width: str, found: Categories) -> Figure:
 
 
 def quantity_map(
-    grid: Swept,
+    grid: StoredGrid,
     width: str,
     values: Array,
     label: str,

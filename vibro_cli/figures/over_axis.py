@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -30,7 +30,6 @@ from vibro_cli.figures.maps import (
     Coordinate,
     Endings,
     Lattice,
-    Swept,
     ended,
     lattice,
     set_axis,
@@ -43,6 +42,9 @@ from vibro_cli.scenario.base import Listed, Texts, checked
 from vibro_cli.scenario.problems import suggestion
 from vibro_cli.scenario.quantities import Count
 from vibro_cli.systems.wanted import FINAL
+
+if TYPE_CHECKING:
+    from vibro_cli.storage.stored import StoredGrid
 
 _ROW = {"single": 26.0, "double": 34.0}
 _DIAGRAM = {"single": 58.0, "double": 80.0}
@@ -59,7 +61,7 @@ PLACES = (
 _ANGLES = {VALLEY: r"$\varphi$ of the left body", HUMP: r"$\psi$ of the left body"}
 
 
-def curves(grid: Swept, width: str = "single") -> Figure | None:
+def curves(grid: StoredGrid, width: str = "single") -> Figure | None:
     """Return impacts, energy left and time of the first impact over the axis with most values.
 
     On a table the impacts on the wall too.
@@ -99,7 +101,7 @@ def curves(grid: Swept, width: str = "single") -> Figure | None:
 ENERGY_LEFT = r"$E_\mathrm{end}/E_0$"
 
 
-def energy_left(grid: Swept) -> Array:
+def energy_left(grid: StoredGrid) -> Array:
     """Return the energy at the end as a share of that at the start; NaN where that was none."""
     start, end = (
         np.asarray(grid.summary[f"energy_{at}"], dtype=np.float64) for at in ("start", "end")
@@ -133,7 +135,7 @@ def _value(axes: Axes, values: Array, symbol: str, unit: str) -> None:
         value_axis(axes, shown, symbol, unit, whole=symbol in COUNTED.values())
 
 
-def place_column(grid: Swept) -> tuple[str, str, str] | None:
+def place_column(grid: StoredGrid) -> tuple[str, str, str] | None:
     """Return column, symbol and unit of the place of the impacts that were kept, if one was.
 
     The angle on a trace that is one arc; those of several arcs are not of one axis. On a table,
@@ -147,7 +149,7 @@ def place_column(grid: Swept) -> tuple[str, str, str] | None:
     return next((one for one in PLACES if one[0] in kept), None)
 
 
-def diagram(grid: Swept, width: str = "single") -> Figure | None:
+def diagram(grid: StoredGrid, width: str = "single") -> Figure | None:
     """Return the places of all impacts over the axis with most values, coloured by their number.
 
     None where no impact was kept with its number and place, or no axis of numbers changes.
@@ -155,7 +157,7 @@ def diagram(grid: Swept, width: str = "single") -> Figure | None:
     return _impacts_over(grid, width, place_column(grid), None)
 
 
-def first_times(grid: Swept, width: str = "single") -> Figure | None:
+def first_times(grid: StoredGrid, width: str = "single") -> Figure | None:
     """Return the times of the first impacts of each run over the axis with most values.
 
     With the ends of runs that were cut short before. None where no impact was kept with its number
@@ -166,7 +168,7 @@ def first_times(grid: Swept, width: str = "single") -> Figure | None:
 
 
 def _impacts_over(
-    grid: Swept, width: str, shown_column: tuple[str, str, str] | None, most: int | None
+    grid: StoredGrid, width: str, shown_column: tuple[str, str, str] | None, most: int | None
 ) -> Figure | None:
     """Return a column (name, symbol, unit) of the first impacts, or of all, over one axis."""
     shown = lattice(grid, 1, numbers_first=True)
@@ -197,7 +199,7 @@ def _impacts_over(
 
 
 def _impacts_of(
-    grid: Swept, shown: Lattice, columns: Sequence[str]
+    grid: StoredGrid, shown: Lattice, columns: Sequence[str]
 ) -> tuple[dict[str, NDArray[Any]], NDArray[np.int64]]:
     """Return columns of the impacts of the points that are shown, and the point of each impact."""
     scenarios = grid.summary["scenario"][shown.rows]
@@ -206,7 +208,7 @@ def _impacts_of(
     return impacts, order[np.searchsorted(scenarios, impacts["scenario"], sorter=order)]
 
 
-def _early_ends(grid: Swept, shown: Lattice, most: int) -> tuple[Array, Array]:
+def _early_ends(grid: StoredGrid, shown: Lattice, most: int) -> tuple[Array, Array]:
     """Return places and times (s) of the ends of runs that were cut short, with few impacts."""
     early = np.isin(ended(grid)[shown.rows].astype(str), FINAL)
     early &= np.asarray(grid.summary["collisions"])[shown.rows] < most
@@ -339,7 +341,7 @@ def _check_kept(kept: Container[str], needed: Sequence[str]) -> None:
 
 
 def bifurcation(
-    grid: Swept,
+    grid: StoredGrid,
     width: str = "single",
     quantities: Sequence[Quantity] = (),
     section: Section | None = None,
