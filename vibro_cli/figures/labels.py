@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -235,13 +234,12 @@ def leader(place: tuple[float, float], points: Array) -> Array | None:
 
 def _candidates(points: Array, half: float) -> tuple[Array, Array]:
     """Return places around points, and the cost of their distance and of the point's rank."""
-    angles = 2.0 * math.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
-    ring = np.column_stack([np.cos(angles), np.sin(angles)])
+    around = ring(_DIRECTIONS + 1)[:-1]
     places, costs = [], []
     for rank, point in enumerate(points):
         for distance in _DISTANCES:
             reach = np.array([distance + half - 0.5, distance])
-            places.append(point + ring * reach)
+            places.append(point + around * reach)
             costs.append(np.full(_DIRECTIONS, _FAR * distance + _OTHER * rank))
     return np.concatenate(places), np.concatenate(costs)
 

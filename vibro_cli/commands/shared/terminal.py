@@ -337,7 +337,7 @@ class _Work(_Line):
     def __init__(self, verb: str) -> None:
         super().__init__()
         self._verb, self._what = verb, ""
-        self._begun = threading.Timer(_EVERY, self._begin_to_show)
+        self._begun = threading.Timer(_EVERY, lambda: self._write(self._what))
         self._begun.daemon = True
         if self._shown:
             self._begun.start()
@@ -347,9 +347,6 @@ class _Work(_Line):
         self._what = f"{self._verb}: {printable(what)}"
         if self._drawn:
             self._write(self._what)
-
-    def _begin_to_show(self) -> None:
-        self._write(self._what)
 
     def end(self) -> None:
         """Remove the line, if there was time for one."""

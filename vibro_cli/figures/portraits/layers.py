@@ -22,7 +22,7 @@ from vibro_cli.analysis.levels import (
 from vibro_cli.analysis.singular import CENTRE, SADDLE, SingularPoint, singular_points
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import MOST_VECTOR_POINTS
-from vibro_cli.figures.labels import HALO, Entry, leader, place_numbers
+from vibro_cli.figures.labels import HALO, Entry, leader, place_numbers, ring
 from vibro_cli.figures.portraits.panels import Panel, Window
 from vibro_cli.figures.portraits.trajectory import MOST_NUMBERS, Branches, Jumps, Trajectory
 from vibro_cli.figures.source import Array
@@ -49,18 +49,13 @@ def legend_of(path: Trajectory, behind: Background, others: Sequence[Entry]) -> 
 
 def behind_entries(*behind: Background) -> list[Entry]:
     """Return names and looks of what stands behind the branches, of one panel or of several."""
-    curves = (
-        (any(one.eights for one in behind), ("figure eight", EIGHT)),
-        (any(one.separatrices for one in behind), ("separatrix", SEPARATRIX)),
-        (
-            any(one.arc_separatrices for one in behind),
-            ("separatrix of the full circle", ARC_SEPARATRIX),
-        ),
-        (any(one.levels for one in behind), ("level", LEVEL)),
-    )
     kinds = {point.kind for one in behind for point in one.points}
     return [
-        *(entry for is_drawn, entry in curves if is_drawn),
+        *(
+            (words, look)
+            for curves, words, look, _ in CURVES
+            if any(getattr(one, curves) for one in behind)
+        ),
         *((kind, POINT | {"marker": mark}) for kind, mark in MARKER.items() if kind in kinds),
     ]
 
@@ -227,6 +222,13 @@ LEADER = line(style.FRAME_GREY, 0.35)
 WINDOW: Look = {"facecolor": "#ececec", "edgecolor": style.FRAME_GREY, "linewidth": 0.35}
 POINT = mark("+", 3.2, style.SEPARATRIX_GREY) | {"markeredgewidth": 0.6}
 MARKER = {CENTRE: "+", SADDLE: "x"}
+CURVES = (
+    ("eights", "figure eight", EIGHT, 1.25),
+    ("separatrices", "separatrix", SEPARATRIX, 1.2),
+    ("arc_separatrices", "separatrix of the full circle", ARC_SEPARATRIX, 1.1),
+    ("levels", "level", LEVEL, 1.0),
+)
+"""The curves of a background, in words, how they look, and which lie over others."""
 
 
 def by_time(look: Look, times: Array, until: float) -> Look:
@@ -247,13 +249,8 @@ def fainter(lines: int) -> float:
 
 def draw_background(one: Panel, behind: Background) -> None:
     """Draw separatrices, level curves and singular points of one piece."""
-    for curves, look, order in (
-        (behind.levels, LEVEL, 1.0),
-        (behind.arc_separatrices, ARC_SEPARATRIX, 1.1),
-        (behind.separatrices, SEPARATRIX, 1.2),
-        (behind.eights, EIGHT, 1.25),
-    ):
-        draw_curves(one, curves, order, look)
+    for curves, _, look, order in CURVES:
+        draw_curves(one, getattr(behind, curves), order, look)
     draw_points(one, behind.points, 1.3)
 
 
@@ -408,6 +405,5 @@ def draw_numbers(one: Panel, branches: Branches, jumps: Jumps, marks: Array) -> 
 
 def _around(marks: list[Array]) -> list[Array]:
     """Return points all over marks (mm): a number may cross a curve, not a mark."""
-    angles = np.linspace(0.0, 2.0 * math.pi, 12, endpoint=False)
-    ring = _MARK * np.column_stack([np.cos(angles), np.sin(angles)])
-    return [points + offset for points in marks for offset in (*ring, *0.5 * ring)]
+    around = _MARK * ring(13)[:-1]
+    return [points + offset for points in marks for offset in (*around, *0.5 * around)]

@@ -71,18 +71,14 @@ def seen(behind: Background, shown: Sequence[Window]) -> Background:
             for one in shown
         )
 
-    return Background(
-        separatrices=tuple(filter(within, behind.separatrices)),
-        arc_separatrices=tuple(filter(within, behind.arc_separatrices)),
-        eights=tuple(filter(within, behind.eights)),
-        levels=tuple(filter(within, behind.levels)),
-        points=tuple(
-            point
-            for point in behind.points
-            for one in shown
-            if one.piece.index == point.piece and one.low <= point.position <= one.high
-        ),
+    points = tuple(
+        point
+        for point in behind.points
+        for one in shown
+        if one.piece.index == point.piece and one.low <= point.position <= one.high
     )
+    curves = {name: tuple(filter(within, getattr(behind, name))) for name, *_ in layers.CURVES}
+    return Background(points=points, **curves)
 
 
 def _is_small(piece: Piece, path: Trajectory, behind: Background) -> bool:

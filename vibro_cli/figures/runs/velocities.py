@@ -111,15 +111,10 @@ class Striking:
 
     def velocity(self, point: Array, when: int) -> Array:
         """Return the velocity (m/s) of the body's point there, before (0) or after (1)."""
-        if self.slides:
+        if self.body.slides:  # then all of its points have one velocity
             return self.speed[when] * self.tangent
         reach = point - self.resting
         return self.speed[when] / self.body.radius * np.array([reach[1], -reach[0]])
-
-    @property
-    def slides(self) -> bool:
-        """Whether it is a particle, all of whose points have one velocity."""
-        return self.body.slides
 
     def rolling(self, point: Array, when: int) -> Array:
         """Return what turning about the centre adds to its velocity (m/s) at a point."""
@@ -192,7 +187,7 @@ def touching_point(pair: Sequence[Striking]) -> tuple[Array, Array]:
 def _in_line(pair: Sequence[Striking]) -> bool:
     """Return whether both bodies are in translation along their line of centres (B fig. 1)."""
     _, normal = touching_point(pair)
-    return all(one.slides and abs(float(one.tangent @ normal)) > _ALONG for one in pair)
+    return all(one.body.slides and abs(float(one.tangent @ normal)) > _ALONG for one in pair)
 
 
 def _arrow_scale(pair: Sequence[Striking]) -> float:
@@ -243,7 +238,7 @@ def _draw(axes: Axes, surface: Array, pair: Sequence[Striking], when: int, scale
         draw_disc(axes, one.centre, one.body.radius, colour, 0.18)
         axes.plot(*one.resting, marker="o", markersize=1.6, color=style.BLACK, zorder=4.0)
         arrows = [(one.centre, one.velocity(one.centre, when), CENTRE)]
-        if not one.slides:
+        if not one.body.slides:
             arrows += [
                 (touch, one.rolling(touch, when), ROLLING),
                 (touch, one.velocity(touch, when), TOUCHING),
@@ -379,7 +374,7 @@ def _say(axes: Axes, run: Recorded, row: int, pair: Sequence[Striking], when: in
         values = [one.speed if symbol == "v" else one.omega for one in pair]
         write_values(axes, _COLUMNS, level, symbols, values, when, unit)
     impulse = float(run.collisions["impulse"][row])
-    if when == 1 and all(one.slides for one in pair) and not math.isnan(impulse):
+    if when == 1 and all(one.body.slides for one in pair) and not math.isnan(impulse):
         write_over(axes, 0.0, 0, "$K$")
         write_over(axes, SYMBOL, 0, f"= {short_number(impulse, 3)} N s")
 
