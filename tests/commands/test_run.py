@@ -202,6 +202,8 @@ def test_json_tells_what_was_changed_and_where_it_is(
     assert (line["status"], line["overrides"], line["folder"]) == (
         "invalid", {"stop.time": "inf"}, None
     )  # fmt: skip
+    (line,) = vibro("run", scenario, "--json", "--set", "name = {day = 2026-01-01}").lines
+    assert (line["status"], line["overrides"]) == ("invalid", {"name": "{day = 2026-01-01}"})
 
 
 @pytest.mark.parametrize(

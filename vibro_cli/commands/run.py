@@ -284,7 +284,7 @@ def overrides_told(texts: Sequence[str]) -> dict[str, Any]:
         try:
             told[path] = parse_value(given)
             json_text(told[path])
-        except ValueError:
+        except (TypeError, ValueError):  # of a date in a table, of an infinite number
             told[path] = given
     return told
 
