@@ -122,15 +122,14 @@ def portrait(scenario: AnyScenario, body: int = 1, width: str = "double") -> Dra
 
 
 def pictures(
-    figures: Mapping[str, Figure] | Iterable[tuple[str, Figure]],
-    forms: Sequence[str] = ("png", "pdf"),
+    figures: Mapping[str, Figure], forms: Sequence[str] = ("png", "pdf")
 ) -> dict[str, bytes]:
     """Return the files of figures, which are given by their stems, by their names."""
     from vibro_cli.figures.style import render
     from vibro_cli.told import WORK
 
     files = {}
-    for stem, figure in figures.items() if isinstance(figures, Mapping) else figures:
+    for stem, figure in figures.items():
         for form in forms:
             WORK.tell(f"{stem}.{form}")
             files[f"{stem}.{form}"] = render(figure, form)
@@ -141,8 +140,10 @@ def figures_of(run: Any, kinds: Sequence[str]) -> dict[str, bytes]:
     """Return the files of some kinds of figures of a run."""
     from vibro_cli.figures.kinds import draw_all
 
-    drawn = draw_all(run, kinds, run.kind.figure_width(run.system))
-    return pictures((one.name, one.figure) for one in drawn)
+    files: dict[str, bytes] = {}
+    for one in draw_all(run, kinds, run.kind.figure_width(run.system)):
+        files |= pictures({one.name: one.figure})
+    return files
 
 
 def kinds_in(files: Iterable[str]) -> list[str]:
