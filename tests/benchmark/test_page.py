@@ -7,6 +7,7 @@ import pytest
 from tests.report.page_parser import Page
 from vibro_cli.benchmark.conclusions import conclude
 from vibro_cli.benchmark.measurement import Row
+from vibro_cli.report import html
 from vibro_cli.report.benchmark_page import benchmark_html, growth, work_precision
 
 
@@ -101,9 +102,10 @@ def test_growth_has_a_panel_for_each_part() -> None:
         growth(ROWS[:5])
 
 
-def test_the_page_says_all_of_it() -> None:
+def test_the_page_says_all_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(html, "__version__", "1.2.3")
     details = {"machine": {"Processor": "a processor"}, "plan": "quick"}
-    content = benchmark_html(ROWS, details, "1.2.3")
+    content = benchmark_html(ROWS, details)
     said = " ".join(element.text for element in Page(content).elements)
     for text in ("a processor", "lost: astray", "2.6e−01", "arcs", "1.2.3", "the root diverges"):
         assert text in said

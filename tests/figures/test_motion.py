@@ -71,7 +71,7 @@ def test_the_clock_is_drawn_with_its_decimals() -> None:
     drawn = Film(close, 50.0)
     drawn.picture(1)
     assert "$t = 1.00002$ s" in [text.get_text() for text in drawn.figure.texts]
-    page = film_html(close, RATE, "close", "1.2.3").decode()
+    page = film_html(close, RATE, "close").decode()
     assert '"digits": 5' in page.replace('":5', '": 5')
 
 

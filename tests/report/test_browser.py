@@ -66,14 +66,14 @@ def reports(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     found = {}
     for name, runs in {"one": [first], "compared": [first, second]}.items():
         found[name] = folder / f"{name}.html"
-        found[name].write_bytes(report_html(runs, folder, "1.2.3"))
+        found[name].write_bytes(report_html(runs, folder))
     sweep = product({"balls[1].angle": [-1.2, -0.9, -0.2], "collision.k": [1.0, 0.9, 0.5]})
     grid = open_grid(write_grid(folder / "sweep", sweep, bad={4: ("invalid", "too steep")}))
     found["grid"] = folder / "grid.html"
-    found["grid"].write_bytes(grid_html(grid, folder, "1.2.3"))
+    found["grid"].write_bytes(grid_html(grid, folder))
     found["film"] = folder / "film.html"
     shown = film_on_trace(first, FILM)
-    found["film"].write_bytes(film_html(shown, 25, "three_arcs", "1.2.3"))
+    found["film"].write_bytes(film_html(shown, 25, "three_arcs"))
     return found
 
 

@@ -28,7 +28,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def content(folder: Path) -> bytes:
-    return grid_html(open_grid(folder), folder.parent, "1.2.3")
+    return grid_html(open_grid(folder), folder.parent)
 
 
 @pytest.fixture(scope="module")
@@ -95,14 +95,14 @@ def test_figures_of_both_widths_are_inside(page: Page) -> None:
 
 
 def test_equal_grids_give_equal_bytes(folder: Path, content: bytes) -> None:
-    assert grid_html(open_grid(folder), folder.parent, "1.2.3") == content
+    assert grid_html(open_grid(folder), folder.parent) == content
     assert is_report(content)
 
 
 def test_names_and_reasons_with_markup_do_no_harm(tmp_path: Path) -> None:
     bad = {1: ("invalid", NASTY)}
     made = write_grid(tmp_path / "nasty", {"balls[1].body": ["ball", NASTY]}, name=NASTY, bad=bad)
-    page = Page(grid_html(open_grid(made), tmp_path, "0"))
+    page = Page(grid_html(open_grid(made), tmp_path))
     assert NASTY in page.all("h1")[0].text
     assert len(page.all("script")) == 1
     assert not any("onerror" in one.attributes for one in page.elements)
@@ -110,5 +110,5 @@ def test_names_and_reasons_with_markup_do_no_harm(tmp_path: Path) -> None:
 
 def test_a_grid_without_a_changing_axis_says_so(tmp_path: Path) -> None:
     made = write_grid(tmp_path / "point", {"collision.k": [0.5]}, kept=False)
-    text = Page(grid_html(open_grid(made), tmp_path, "0")).with_id("figures").text
+    text = Page(grid_html(open_grid(made), tmp_path)).with_id("figures").text
     assert "there is nothing to draw" in text

@@ -6,6 +6,7 @@ import base64
 import hashlib
 import math
 import re
+from collections.abc import Iterator
 from importlib.resources import files
 from itertools import pairwise
 from pathlib import Path
@@ -17,6 +18,7 @@ import pytest
 
 from tests.report.page_parser import Page
 from vibro_cli.api import simulate
+from vibro_cli.report import html
 from vibro_cli.report.content import FIRST_ROWS, energy_balance, key_figures, report_html
 from vibro_cli.report.html import is_report
 from vibro_cli.report.papers import analogy, forms
@@ -48,9 +50,16 @@ def run(beside: Path) -> StoredRun:
     return stored(beside / "three arcs #1 ü", "three_arcs")
 
 
+@pytest.fixture(scope="module", autouse=True)
+def version() -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(html, "__version__", "1.2.3")
+        yield
+
+
 @pytest.fixture(scope="module")
 def content(run: StoredRun, beside: Path) -> bytes:
-    return report_html([run], beside, "1.2.3")
+    return report_html([run], beside)
 
 
 @pytest.fixture(scope="module")
@@ -171,7 +180,7 @@ def _plain(run: StoredRun) -> list[tuple[str, str]]:
 
 def test_names_with_markup_do_no_harm(beside: Path) -> None:
     run = stored(beside / "<b onclick=x>", "one_circle", f"name={NASTY}", "stop.collisions=3")
-    page = Page(report_html([run], beside, "0"))
+    page = Page(report_html([run], beside))
     assert NASTY in page.all("h1")[0].text
     assert len(page.all("script")) == 1
     assert len(page.all("img")) == 13
@@ -181,7 +190,7 @@ def test_names_with_markup_do_no_harm(beside: Path) -> None:
 
 def test_several_runs_are_compared(run: StoredRun, beside: Path) -> None:
     other = stored(beside / "other", "three_arcs", "collision.k=0.5", "name=softer")
-    page = Page(report_html([run, other], beside, "0"))
+    page = Page(report_html([run, other], beside))
     text = page.with_id("comparison").text
     assert "collision.k" in text
     assert "gravity" not in text  # the same in both
@@ -195,7 +204,7 @@ def test_several_runs_are_compared(run: StoredRun, beside: Path) -> None:
 
 def test_runs_of_the_same_name_are_told_apart(beside: Path) -> None:
     runs = [stored(beside / name, "one_circle", "stop.collisions=2") for name in ("one", "two")]
-    page = Page(report_html(runs, beside, "0"))
+    page = Page(report_html(runs, beside))
     heads = [one.text for one in page.all("h2")]
     assert len(heads) == len(set(heads))
     regions = [one.attributes["aria-label"] for one in page.elements if one.attributes.get("role")]
@@ -204,25 +213,25 @@ def test_runs_of_the_same_name_are_told_apart(beside: Path) -> None:
 
 def test_a_run_without_impacts_says_so(beside: Path) -> None:
     run = stored(beside / "alone", "lone_particle", "stop.time=1")
-    page = Page(report_html([run], beside, "0"))
+    page = Page(report_html([run], beside))
     assert "There was no impact." in page.with_id("run1-impacts").text
 
 
 def test_a_body_at_rest_at_the_bottom_has_no_swing(beside: Path) -> None:
     run = stored(beside / "at the bottom", "three_arcs", "balls[2].angle=0", "stop.collisions=3")
-    assert b"</html>" in report_html([run], beside, "1.2.3")
+    assert b"</html>" in report_html([run], beside)
 
 
 def test_an_inadmissible_end_is_told(beside: Path) -> None:
     run = stored(beside / "through", "unequal_hedrih")
-    page = Page(report_html([run], beside, "0"))
+    page = Page(report_html([run], beside))
     assert "go through one another" in page.with_id("run1-result").text
     assert "Inadmissible impacts: 1." in page.with_id("run1-validity").text
 
 
 def test_equal_runs_give_equal_bytes(run: StoredRun, beside: Path, content: bytes) -> None:
     assert run.folder is not None
-    assert report_html([open_run(run.folder)], beside, "1.2.3") == content
+    assert report_html([open_run(run.folder)], beside) == content
     assert is_report(content)
 
 
@@ -328,7 +337,7 @@ def test_a_skew_impact_stands_in_both_forms_with_its_normal_parts(tmp_path: Path
     """Not with the whole speeds: what is beside the line of centres stays."""
     scenario = load_any(GALLERY / "table/skew_impact.toml", ["balls[1].y=0.08"])
     write_run(simulate(scenario), scenario, tmp_path / "run", {})
-    page = Page(report_html([open_run(tmp_path / "run")], tmp_path, "1.2.3"))
+    page = Page(report_html([open_run(tmp_path / "run")], tmp_path))
     text = page.with_id("run1-analogy").text
     assert "All is of the components along the line of centres" in text
     assert "body a first" in text
@@ -340,5 +349,5 @@ def test_a_system_of_no_paper_needs_no_forms_of_the_papers(
     """Nor the columns and the restitution that they are made of."""
     monkeypatch.setattr(type(run.kind), "papers", ())
     monkeypatch.setattr("vibro_cli.report.papers.forms", None)
-    assert b'id="run1-analogy"' not in report_html([run], beside, "1.2.3")
+    assert b'id="run1-analogy"' not in report_html([run], beside)
     assert b'id="run1-analogy"' in content

@@ -94,7 +94,6 @@ def _line(row: "Row") -> str:
 
 
 def _write(rows: "list[Row]", details: dict[str, Any], target: Path) -> None:
-    from vibro_cli import __version__
     from vibro_cli.benchmark.measurement import parquet
     from vibro_cli.interface import pictures
     from vibro_cli.report.benchmark_page import benchmark_html, drawn
@@ -102,7 +101,7 @@ def _write(rows: "list[Row]", details: dict[str, Any], target: Path) -> None:
 
     files = {
         "benchmark.parquet": parquet(rows, details),
-        "benchmark.html": benchmark_html(rows, details, __version__),
+        "benchmark.html": benchmark_html(rows, details),
         **pictures(drawn(rows)),
     }
     write_folder("benchmark", target, files, details)

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from vibro_cli import __version__
 from vibro_cli.commands.shared.error_handling import DONE, CommandError
 from vibro_cli.commands.shared.options import json_option, output_option, repeatable
 from vibro_cli.commands.shared.terminal import json_text, say, work_told
@@ -235,9 +234,9 @@ def _page(subject: "Subject", beside: Path, maps: Sequence[str]) -> bytes:
     from vibro_cli.report.grid_content import grid_html
 
     if isinstance(subject, list):
-        return report_html(subject, beside, __version__)
+        return report_html(subject, beside)
     try:
-        return grid_html(subject, beside, __version__, maps)
+        return grid_html(subject, beside, maps)
     except NothingToShow as error:
         raise CommandError(f"vibro: --map: {error}") from error
 

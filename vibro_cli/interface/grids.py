@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 
-from vibro_cli import __version__
 from vibro_cli.grids.document import grid_of, load_grid
 from vibro_cli.grids.workers import solve_into
 from vibro_cli.interface import Drawing
@@ -203,7 +202,7 @@ class Grid:
 
         target = checked_page("file", file)
         columns = checked("maps", maps, Texts("columns of the summary"))
-        write_file(target, grid_html(self.stored, target.parent, __version__, columns))
+        write_file(target, grid_html(self.stored, target.parent, columns))
         return target
 
     def __repr__(self) -> str:

@@ -10,7 +10,7 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from vibro_cli import __version__, api
+from vibro_cli import api
 from vibro_cli.assemble import warnings_of
 from vibro_cli.grids.dataset import verify as verify_folder
 from vibro_cli.interface import Drawing, figures_of, nothing_shown
@@ -374,7 +374,7 @@ class Run:
         if stored is None:
             tables = {name: dict(table) for name, table in self.tables.items()}
             stored = as_if_stored(self.solved, self.scenario, tables)
-        write_file(target, report_html([stored], target.parent, __version__))
+        write_file(target, report_html([stored], target.parent))
         return target
 
     def __repr__(self) -> str:
@@ -403,10 +403,7 @@ def write_film(
     from vibro_cli.report.html import film_html
 
     shown, form = run.kind.film(run, frame_times(*span, pace, fps)), target.suffix.lower()[1:]
-    if form == "html":
-        content = film_html(shown, fps, name, __version__)
-    else:
-        content = movie(shown, fps, form)
+    content = film_html(shown, fps, name) if form == "html" else movie(shown, fps, form)
     write_file(target, content)
 
 

@@ -33,7 +33,7 @@ _HEADS = ["Method", "Setting", "Time per impact [µs]", "Spread", "Error", "Ener
           "Impacts timed", "Status"]  # fmt: skip
 
 
-def benchmark_html(rows: Sequence[Row], details: Mapping[str, Any], version: str) -> bytes:
+def benchmark_html(rows: Sequence[Row], details: Mapping[str, Any]) -> bytes:
     """Return the page of a benchmark as the bytes of an HTML file that needs no other."""
     both = drawn(rows, "double"), drawn(rows, "single")
     figures = [
@@ -44,7 +44,6 @@ def benchmark_html(rows: Sequence[Row], details: Mapping[str, Any], version: str
     tables = [(scene.title, _precision(rows, scene.name)) for scene in SCENES]
     values = {
         "title": "Benchmark",
-        "version": version,
         "method": _METHOD,
         "conclusions": conclude(rows),
         "figures": figures,

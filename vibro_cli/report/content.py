@@ -66,7 +66,7 @@ _ROUNDING = ("max_gap", "energy_drift", "energy_correction")
 """Columns whose numbers are those of rounding: their size is shown."""
 
 
-def report_html(runs: Sequence[StoredRun], beside: Path, version: str) -> bytes:
+def report_html(runs: Sequence[StoredRun], beside: Path) -> bytes:
     """Return the report of one run, or of several compared, as the bytes of an HTML file.
 
     `beside` is the folder in which the file is to stand, for its links to the tables.
@@ -78,7 +78,6 @@ def report_html(runs: Sequence[StoredRun], beside: Path, version: str) -> bytes:
     sections = [run.kind.report(run, name, beside) for run, name in zip(runs, names, strict=True)]
     values = {
         "title": names[0] if len(names) == 1 else f"{len(names)} runs compared",
-        "version": version,
         "method": tuple(method),
         "runs": [
             {

@@ -37,14 +37,13 @@ _OF_POINTS = (
 )  # fmt: skip
 
 
-def grid_html(grid: StoredGrid, beside: Path, version: str, columns: Sequence[str] = ()) -> bytes:
+def grid_html(grid: StoredGrid, beside: Path, columns: Sequence[str] = ()) -> bytes:
     """Return the report of a grid as the bytes of an HTML file that is to stand in `beside`.
 
     `columns` are those of the summary whose maps are shown too.
     """
     values = {
         "title": grid.name,
-        "version": version,
         "folder": str(grid.folder),
         "said": f"{grid.unsolved or f'All {grid.points} points are solved'}.",
         "endings": _endings(grid),

@@ -16,6 +16,7 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib.figure import Figure
 
+from vibro_cli import __version__
 from vibro_cli.figures.chart import body_look
 from vibro_cli.figures.film import SIZE, TRAIL, Frames, Stage, clock_digits
 from vibro_cli.figures.kinds import Drawn, draw_all, draw_grid
@@ -101,7 +102,7 @@ def rendered(name: str, values: Mapping[str, Any]) -> bytes:
         f"style-src {_hash(style)}; script-src {_hash(script)}"
     )
     ours = {"policy": policy, "style": style, "script": script}  # the template takes them as is
-    values = {**values, **ours, "generator": GENERATORS[name]}
+    values = {**values, **ours, "generator": GENERATORS[name], "version": __version__}
     return environment.get_template(f"{name}.html").render(values).encode()
 
 
@@ -119,7 +120,7 @@ def _hash(text: str) -> str:
     return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
 
 
-def film_html(frames: Frames, rate: int, name: str, version: str) -> bytes:
+def film_html(frames: Frames, rate: int, name: str) -> bytes:
     """Return the film of a run called `name` as the bytes of an HTML file that needs no other.
 
     `rate` is the number of frames in a second.
@@ -128,7 +129,6 @@ def film_html(frames: Frames, rate: int, name: str, version: str) -> bytes:
     ground = frames.ground
     values = {
         "title": name,
-        "version": version,
         "ground": _address(stage.figure, "svg", _FILM_DPI),
         "size": [round(side * _FILM_DPI) for side in SIZE],
         "last": len(frames.time) - 1,
