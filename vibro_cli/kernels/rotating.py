@@ -24,6 +24,7 @@ from vibro_cli.kernels.numerics.weierstrass_motion import squared_rate
 from vibro_cli.kernels.statistics import rotating_forces, run_statistics
 from vibro_cli.kernels.tangent import flight_jacobian, follow, rotating_jacobian
 from vibro_cli.kernels.world import (
+    COLLISION,
     Flight,
     FlightRow,
     PairTrack,
@@ -64,14 +65,12 @@ def begin_rotating_flight(world: World, ball: int, cause: int, from_state: int) 
 
 
 @kernel
-def begin_two_flights(
-    world: World, ball: int, other: int, cause: int, from_state: int, other_from_state: int
-) -> None:
+def begin_two_flights(world: World, ball: int, other: int, from_state: int) -> None:
     """Do what :func:`begin_rotating_flight` does for two bodies, step by step in turns."""
     _take_start(world, ball, from_state)
-    _take_start(world, other, other_from_state)
-    launch_and_log(world, ball, cause)
-    launch_and_log(world, other, cause)
+    _take_start(world, other, 0)
+    launch_and_log(world, ball, COLLISION)
+    launch_and_log(world, other, COLLISION)
 
 
 @kernel

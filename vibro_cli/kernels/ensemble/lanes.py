@@ -50,7 +50,7 @@ from vibro_cli.kernels.impact.chattering import SMALL_BOUNCE
 from vibro_cli.kernels.impact.laws import do_part, impact_of_pair, separation_speed
 from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.numerics.double_double import add_to_time, time_between
-from vibro_cli.kernels.numerics.elliptic import PARAMETER_SPLIT, set_librations, set_theta_constants
+from vibro_cli.kernels.numerics.elliptic import PARAMETER_SPLIT, set_libration, set_theta_constants
 from vibro_cli.kernels.statistics.run_statistics import (
     BELOW,
     Results,
@@ -190,7 +190,8 @@ def next_impact(world: World, group: LaneGroup) -> bool:
     b = group.swings[1]
     track_a = track_on(world, 0, run.piece)
     track_b = track_on(world, 1, run.piece)
-    set_librations(a, a.parameter, a.root_complement, b, b.parameter, b.root_complement)
+    set_libration(a, a.parameter, a.root_complement)
+    set_libration(b, b.parameter, b.root_complement)
     if a.frequency != b.frequency:
         a.angular_bound = widest_pull(a.frequency, a.parameter)
         b.angular_bound = widest_pull(b.frequency, b.parameter)

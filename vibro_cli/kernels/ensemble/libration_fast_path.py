@@ -35,7 +35,7 @@ from vibro_cli.kernels.numerics.double_double import add_to_time, time_between
 from vibro_cli.kernels.numerics.elliptic import (
     PARAMETER_SPLIT,
     set_libration,
-    set_two_theta_constants,
+    set_theta_constants,
 )
 from vibro_cli.kernels.world import (
     COLLISION,
@@ -132,11 +132,9 @@ def _gather(world: World, two: TwoSwings, tracks: TwoTracks) -> None:
 @kernel
 def _launch(world: World) -> None:
     """Set both flights up as the event loop has them."""
-    a = world.flights[0]
-    b = world.flights[1]
-    set_two_theta_constants(a, a.parameter, a.root_complement, b, b.parameter, b.root_complement)
     for ball in range(2):
         flight = world.flights[ball]
+        set_theta_constants(flight, flight.parameter, flight.root_complement)
         track = track_of(world, ball)
         launch(flight, world.bodies[ball], world.pieces[flight.piece], track, 0)
 

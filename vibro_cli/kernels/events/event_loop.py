@@ -59,7 +59,6 @@ from vibro_cli.kernels.impact.laws import (
 from vibro_cli.kernels.numerics.constants import EPSILON, NEVER
 from vibro_cli.kernels.numerics.double_double import add_to_time, time_between
 from vibro_cli.kernels.world import (
-    COLLISION,
     CROSSING,
     END_ACCUMULATION,
     END_COLLISIONS,
@@ -240,17 +239,17 @@ def _share_energy(world: World, pair: PairData, loss: float) -> None:
     if energy_a > energy_b:
         a.head = (total - energy_b) / body_a.weight
         anchor_at_crest(a, track_a)
-        begin_two_flights(world, pair.b, pair.a, COLLISION, 1, 0)
+        begin_two_flights(world, pair.b, pair.a, 1)
     elif energy_b > energy_a:
         b.head = (total - energy_a) / body_b.weight
         anchor_at_crest(b, track_b)
-        begin_two_flights(world, pair.a, pair.b, COLLISION, 1, 0)
+        begin_two_flights(world, pair.a, pair.b, 1)
     else:
         a.head = (energy_a + 0.5 * excess) / body_a.weight
         b.head = (energy_b + 0.5 * excess) / body_b.weight
         anchor_at_crest(a, track_a)
         anchor_at_crest(b, track_b)
-        begin_two_flights(world, pair.a, pair.b, COLLISION, 0, 0)
+        begin_two_flights(world, pair.a, pair.b, 0)
 
 
 @kernel

@@ -207,41 +207,25 @@ def set_two_theta_constants(
         set_theta_constants(a, a_m, a_root_complement)
         set_theta_constants(b, b_m, b_root_complement)
         return
-    set_librations(a, a_m, a_root_complement, b, b_m, b_root_complement)
-
-
-@kernel
-def set_librations(
-    a: ThetaConstants,
-    a_m: float,
-    a_root_complement: float,
-    b: ThetaConstants,
-    b_m: float,
-    b_root_complement: float,
-) -> None:
-    """Fill two sets for parameters up to ``PARAMETER_SPLIT``."""
     a_nome = _direct_nome(a_m, a_root_complement)
     b_nome = _direct_nome(b_m, b_root_complement)
-    a.parameter = a_m
-    a.root_complement = a_root_complement
-    a.reciprocal = 0
-    a.form = TRIGONOMETRIC
-    b.parameter = b_m
-    b.root_complement = b_root_complement
-    b.reciprocal = 0
-    b.form = TRIGONOMETRIC
-    _set_series(a, a_nome, 1.0, 0.0)
-    _set_series(b, b_nome, 1.0, 0.0)
+    _set_with_nome(a, a_m, a_root_complement, a_nome)
+    _set_with_nome(b, b_m, b_root_complement, b_nome)
 
 
 @kernel
 def set_libration(theta: ThetaConstants, m: float, root_complement: float) -> None:
     """Fill one set for a parameter up to ``PARAMETER_SPLIT``."""
+    _set_with_nome(theta, m, root_complement, _direct_nome(m, root_complement))
+
+
+@kernel
+def _set_with_nome(theta: ThetaConstants, m: float, root_complement: float, nome: float) -> None:
     theta.parameter = m
     theta.root_complement = root_complement
     theta.reciprocal = 0
     theta.form = TRIGONOMETRIC
-    _set_series(theta, _direct_nome(m, root_complement), 1.0, 0.0)
+    _set_series(theta, nome, 1.0, 0.0)
 
 
 @kernel
