@@ -12,7 +12,7 @@ from vibro_cli.compile.kinds import TranslationError
 from vibro_cli.compile.translate import Program
 from vibro_cli.kernels.ensemble.lanes import run_points_in_lanes
 from vibro_cli.kernels.ensemble.libration_fast_path import proceed_swinging
-from vibro_cli.kernels.ensemble.points import follow_points, run_points, run_stacked
+from vibro_cli.kernels.ensemble.points import follow_points, run_points
 from vibro_cli.kernels.ensemble.records import fill_stacked
 from vibro_cli.kernels.events.event_loop import proceed
 from vibro_cli.kernels.events.liftoff_slip import find_passages
@@ -34,7 +34,6 @@ def programs() -> list[Program]:
         proceed,
         tally,
         run_points,
-        run_stacked,
         sample_flights,
         find_passages,
         follow_tangents,

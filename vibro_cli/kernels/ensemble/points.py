@@ -37,18 +37,22 @@ def run_points(
     fresh: World,
     points: Points,
     results: Results,
+    stack: Stack,
     first: int,
     last: int,
     filled: int,
 ) -> tuple[int, int]:
     """Run the points of a batch from ``first`` to before ``last``.
 
-    ``fresh`` has the records of ``world`` as they are before every run; ``filled`` rows
-    of impacts are used. Without any room for impacts, they are not kept. Returns the first point
-    that was not run (there was no room left for its impacts), and the rows that are used.
+    ``stack`` has the systems of the points; of one alone, no number of a system. ``fresh`` has the
+    records of ``world`` as they are before every run; ``filled`` rows of impacts are used. Without
+    any room for impacts, they are not kept. Returns the first point that was not run (there was no
+    room left for its impacts), and the rows that are used.
     """
     keep = len(results.impacts) > 0
+    installed = -1
     for point in range(first, last):
+        installed = install(world, stack, point, installed)
         prepare_point(world, fresh, points, point)
         proceed(world, True)
         cause = proceed(world, False)
@@ -69,34 +73,6 @@ def run_points(
 
 
 @kernel
-def run_stacked(
-    world: World,
-    fresh: World,
-    points: Points,
-    results: Results,
-    stack: Stack,
-    first: int,
-    last: int,
-    filled: int,
-) -> tuple[int, int]:
-    """Run some of the points as :func:`run_points`, each with its own system."""
-    at = first
-    while at < last:
-        system = stack.of_runs[at]
-        until = at + 1
-        while until < last and stack.of_runs[until] == system:
-            until += 1
-        install(world, stack, system)
-        for j in range(len(world.pairs)):
-            fresh.pairs[j].distance = world.pairs[j].distance
-        reached, filled = run_points(world, fresh, points, results, at, until, filled)
-        if reached < until:
-            return reached, filled
-        at = until
-    return last, filled
-
-
-@kernel
 def follow_points(
     world: World,
     fresh: World,
@@ -108,18 +84,14 @@ def follow_points(
 ) -> None:
     """Run all points of a batch, with their tangent maps; impacts are not kept.
 
-    ``stack`` has the systems of the points; of one alone, no number of a system. ``tangents`` has
-    room for as many impacts as the log of the world; its ``state`` has a row for each point, with
-    its scale of time, of which the first is worked on. ``sums`` [point, direction] is filled in:
-    logarithms of the growth of the frame's vectors.
+    ``stack`` is as of :func:`run_points`. ``tangents`` has room for as many impacts as the log of
+    the world; its ``state`` has a row for each point, with its scale of time, of which the first
+    is worked on. ``sums`` [point, direction] is filled in: logarithms of the growth of the frame's
+    vectors.
     """
     installed = -1
     for point in range(len(points.own)):
-        if len(stack.of_runs) > 0 and stack.of_runs[point] != installed:
-            installed = stack.of_runs[point]
-            install(world, stack, installed)
-            for j in range(len(world.pairs)):
-                fresh.pairs[j].distance = world.pairs[j].distance
+        installed = install(world, stack, point, installed)
         prepare_point(world, fresh, points, point)
         tangents.state[0].time_scale = tangents.state[point + 1].time_scale
         proceed(world, True)

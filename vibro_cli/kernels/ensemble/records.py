@@ -72,7 +72,9 @@ def prepare_point(world: World, fresh: World, points: Points, point: int) -> Non
     settings.stop_t = points.own[point].stop_t
     settings.stop_collisions = points.own[point].stop_collisions
     for j in range(settings.pairs):
+        distance = world.pairs[j].distance  # of the system that is in place
         world.pairs[j] = fresh.pairs[j]  # type: ignore[index]
+        world.pairs[j].distance = distance
         world.pairs[j].restitution = points.restitutions[point * settings.pairs + j]
     for ball in range(settings.bodies):
         given = points.starts[point * settings.bodies + ball]
@@ -117,8 +119,14 @@ class Stack(NamedTuple):
 
 
 @kernel
-def install(world: World, stack: Stack, system: int) -> None:
-    """Put the records of a system in place."""
+def install(world: World, stack: Stack, run: int, installed: int) -> int:
+    """Put the records of a run's system in place, if they are not; returns the number of that.
+
+    ``installed`` is the one in place, at first -1. A stack of no systems leaves the world's own.
+    """
+    if len(stack.of_runs) == 0 or stack.of_runs[run] == installed:
+        return installed
+    system = stack.of_runs[run]
     numbers = stack.settings[system]
     settings = world.settings[0]
     settings.gravity = numbers.gravity
@@ -134,6 +142,7 @@ def install(world: World, stack: Stack, system: int) -> None:
         world.contacts[j] = stack.contacts[system * len(world.contacts) + j]  # type: ignore[index]
     for j in range(len(world.pairs)):
         world.pairs[j].distance = stack.pairs[system * len(world.pairs) + j].distance
+    return system
 
 
 @kernel
@@ -149,9 +158,7 @@ def fill_stacked(
     row = 0
     installed = -1
     for run in range(len(runs.counts)):
-        system = stack.of_runs[run]
-        if system != installed and runs.counts[run] > 0:
-            install(world, stack, system)
-            installed = system
+        if runs.counts[run] > 0:
+            installed = install(world, stack, run, installed)
         row = fill_run(world, log, row, runs, run, columns, around)
     return row

@@ -12,7 +12,7 @@ from vibro_cli.compile.kernel import LANES, dtype
 from vibro_cli.compile.native import compiled
 from vibro_cli.kernels.contact.libration_contact_lanes import BodyLanes, SwingLanes
 from vibro_cli.kernels.ensemble.lanes import LaneGroup, LaneSlot, RunLanes, run_points_in_lanes
-from vibro_cli.kernels.ensemble.points import follow_points, run_points, run_stacked
+from vibro_cli.kernels.ensemble.points import follow_points, run_points
 from vibro_cli.kernels.ensemble.records import PointData, Points, Stack, StartData
 from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.statistics.run_statistics import FinalState, Outcome, Results
@@ -26,6 +26,10 @@ from vibro_cli.systems.trace.world import initial_flight, make_world, pairs_of
 
 _STACKED = {name: cls for name, cls in records_of(Stack).items() if name != "of_runs"}
 """The records of a world of which a stack has those of each system, and what they are there."""
+_NO_STACK = Stack(
+    **{name: zeros(0, cls) for name, cls in _STACKED.items()},
+    of_runs=np.zeros(0, dtype=np.int64),  # type: ignore[arg-type]
+)
 
 
 class Batch:
@@ -81,10 +85,9 @@ class Batch:
             in_lanes = compiled(run_points_in_lanes)
             self.impacts_in_lanes += int(in_lanes(*given, results, 0, count, self._group))
             return results
-        run: Any = compiled(run_points if stack is None else run_stacked, self._overrides)
-        stacks = () if stack is None else (stack,)
+        run: Any = compiled(run_points, self._overrides)
         while True:
-            point, rows = map(int, run(*given, results, *stacks, point, count, rows))
+            point, rows = map(int, run(*given, results, stack or _NO_STACK, point, count, rows))
             if point == count:
                 return results
             more: Any = np.concatenate([results.impacts, results.impacts])
@@ -103,11 +106,9 @@ class Batch:
         states["time_scale"][1:] = scales
         tangents = room_for(size, len(self.world.impacts), False, states, from_start=False)
         sums = np.zeros((len(points.own), size))
-        if stack is None:
-            stack = _stack({name: zeros(0, cls) for name, cls in _STACKED.items()}, [])
-        else:
+        if stack is not None:
             self.world.far[:] = 0  # type: ignore[index]
-        given = self.world, self._fresh, points, results, stack, tangents, sums
+        given = self.world, self._fresh, points, results, stack or _NO_STACK, tangents, sums
         compiled(follow_points, self._overrides)(*given)
         return sums
 
@@ -165,10 +166,6 @@ def stack_of(system: TraceSystem, count: int, of_runs: Any) -> Stack:
     """
     world = make_world(system, far_apart=False)
     records = {name: _rows(getattr(world, name), cls, count) for name, cls in _STACKED.items()}
-    return _stack(records, of_runs)
-
-
-def _stack(records: dict[str, Any], of_runs: Any) -> Stack:
     numbers: Any = np.array(of_runs, dtype=np.int64)
     return Stack(**records, of_runs=numbers)
 
