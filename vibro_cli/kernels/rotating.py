@@ -52,12 +52,6 @@ def project(flight: Flight, s: float, c: float, p: float) -> tuple[float, float,
 
 
 @kernel
-def never_swings(flight: Flight) -> bool:
-    """Tell that a flight is no swing of a pendulum."""
-    return False
-
-
-@kernel
 def begin_rotating_flight(world: World, ball: int, cause: int, from_state: int) -> None:
     """Launch and log the flight whose state is set; its constants follow from its start."""
     _take_start(world, ball, from_state)
@@ -167,14 +161,13 @@ TURNING = Overrides(
         flow.tangential_acceleration: rotating_flow.tangential_acceleration,
         flow.nudge: rotating_flow.nudge,
         flow.quickness: rotating_flow.quickness,
-        flow.swings: never_swings,
+        flow.flow_of_two: rotating_flow.flow_of_two,
         flow.time_to: rotating_flow.time_to,
         first_contact.displacement: rotating_flow.displacement,
         flight.launch_on_piece: rotating_flight.launch_on_piece,
         flight.head_from_state: rotating_flight.head_from_state,
         flight.anchor_at_crest: rotating_flight.anchor_at_crest,
         first_contact.most_speed: rotating_flight.most_speed,
-        arc_contact.both_swing: arc_contact.are_alone,
         arc_contact.fastest_return: arc_contact.rotating_fastest_return,
         arc_contact.guessed_frequency: arc_contact.rotating_guessed_frequency,
         arc_contact.uneven_pull: arc_contact.rotating_uneven_pull,

@@ -43,7 +43,7 @@ from vibro_cli.kernels.numerics.conservative_advancement import (
     unresolved_step,
 )
 from vibro_cli.kernels.numerics.constants import EPSILON
-from vibro_cli.kernels.numerics.elliptic import HYPERBOLIC_TINY, angle_sum, twice_angle
+from vibro_cli.kernels.numerics.elliptic import angle_sum, twice_angle
 from vibro_cli.kernels.world import RELEASED, Flight, States, World, contact_of, flights_of
 
 # A step of the iteration times the frequency: a longer one leads anywhere.
@@ -242,12 +242,6 @@ UNCERTAIN = -2.0  # beside NONE_BEFORE_LIMIT
 
 
 @kernel
-def both_swing(a: Flight, b: Flight) -> bool:
-    """Tell whether two flights are such that their contact may be guessed."""
-    return swings(a) and swings(b)
-
-
-@kernel
 def contact_on_arc(
     world: World, j: int, ages: Ages, horizon: float, limit: float, orientation: float
 ) -> float:
@@ -270,7 +264,7 @@ def contact_on_arc(
         states = flow_of_two(a, b, age_a, age_b)
         world.clock[0].evaluations += 1
         t = released_step(a, b, states, _rate_of_gap(a, b, states))
-    elif t == 0.0 and both_swing(a, b):
+    elif t == 0.0 and swings(a) and swings(b):
         h, t = contact_of_swings(world, j, age_a, age_b, limit, orientation)
         if h >= 0.0:
             pair.searched = limit
@@ -426,14 +420,6 @@ def released_step(a: Flight, b: Flight, states: States, rate: float) -> float:
 LEAST_SHARE = 0.2
 # Mean square of y from contact to contact as a share of its greatest: what guesses best.
 MEAN_SQUARE = 0.35
-
-
-@kernel
-def are_alone(a: Flight, b: Flight) -> bool:
-    """Tell whether two flights on an arc are each of a body alone, and moving."""
-    if a.grouped + b.grouped + a.at_rest + b.at_rest != 0:
-        return False
-    return a.form <= HYPERBOLIC_TINY and b.form <= HYPERBOLIC_TINY
 
 
 @kernel

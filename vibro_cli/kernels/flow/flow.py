@@ -27,7 +27,7 @@ from vibro_cli.kernels.numerics.elliptic import (
     theta_functions,
     trigonometric_form,
 )
-from vibro_cli.kernels.world import Flight, FlightRow, TrackData, World, track_on
+from vibro_cli.kernels.world import Flight, FlightRow, States, TrackData, World, track_on
 
 LINE = 3  # a flight's form on a line, beside those of kernels.numerics.elliptic
 POLYNOMIAL = 4  # ... and on a segment of a motion in contact across pieces
@@ -68,9 +68,7 @@ def flow(flight: Flight, t: float) -> tuple[float, float, float]:
 
 
 @kernel
-def flow_of_two(
-    a: Flight, b: Flight, age_a: float, age_b: float
-) -> tuple[float, float, float, float, float, float]:
+def flow_of_two(a: Flight, b: Flight, age_a: float, age_b: float) -> States:
     """Return ``(S, C, P)`` of two bodies, each a time (s) after the start of its flight.
 
     The same operations as of :func:`flow` for each; for two librations they take turns, so that

@@ -31,7 +31,7 @@ from vibro_cli.kernels.numerics.weierstrass_motion import (
     squared_rate,
     time_to_place,
 )
-from vibro_cli.kernels.world import Flight
+from vibro_cli.kernels.world import Flight, States
 
 # A flight's form on a line, beside those of kernels.flow.flow: two of them have no parabola as gap.
 TURNING_LINE = 5
@@ -99,6 +99,14 @@ def flow(flight: Flight, t: float) -> tuple[float, float, float]:
     if flight.grouped == 1:
         return body_of_group(flight, s, c, rate)
     return s, c, rate
+
+
+@kernel
+def flow_of_two(a: Flight, b: Flight, age_a: float, age_b: float) -> States:
+    """Return ``(S, C, P)`` of two bodies, each a time (s) after the start of its flight."""
+    a_s, a_c, a_p = flow(a, age_a)
+    b_s, b_c, b_p = flow(b, age_b)
+    return a_s, a_c, a_p, b_s, b_c, b_p
 
 
 @kernel
