@@ -47,7 +47,13 @@ from vibro_cli.kernels.flow.rotating_flight import (
     pull_harmonics,
     square_harmonics,
 )
-from vibro_cli.kernels.flow.rotating_flow import TURNING_LINE, half_way, pull_of, time_to
+from vibro_cli.kernels.flow.rotating_flow import (
+    TURNING_LINE,
+    half_way,
+    pull_of,
+    set_motion,
+    time_to,
+)
 from vibro_cli.kernels.impact.impulse_chain import keep_release
 from vibro_cli.kernels.numerics.conservative_advancement import (
     Harmonics,
@@ -60,7 +66,7 @@ from vibro_cli.kernels.numerics.conservative_advancement import (
 )
 from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.numerics.elliptic import angle_difference, twice_angle
-from vibro_cli.kernels.numerics.weierstrass_motion import set_quartic_constants, squared_rate
+from vibro_cli.kernels.numerics.weierstrass_motion import squared_rate
 from vibro_cli.kernels.world import (
     BodyForces,
     Flight,
@@ -115,20 +121,10 @@ def set_group_flow(world: World, first: int, count: int, ball: int) -> None:
 @kernel
 def set_group_motion(flight: Flight) -> None:
     """Set the constants of a group's motion on an arc from its start."""
-    pull = pull_harmonics(flight)
-    square = square_harmonics(flight, pull)
-    _, b, c, d, e = pull
-    p = flight.flow_p
-    flight.turns_over = 1 if p != 0.0 and least_value(square, 2.0 * math.pi) > 0.0 else 0
-    set_quartic_constants(
-        flight,
-        p * p + c,
-        0.25 * (b - d),
-        (2.0 * p * p + c + 2.0 * e) / 6.0,
-        0.25 * (b + d),
-        p,
-        flight.turns_over,
-    )
+    square = square_harmonics(flight, pull_harmonics(flight))
+    moves = flight.flow_p != 0.0
+    flight.turns_over = 1 if moves and least_value(square, 2.0 * math.pi) > 0.0 else 0
+    set_motion(flight)
 
 
 @kernel

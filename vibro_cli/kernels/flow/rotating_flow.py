@@ -68,8 +68,9 @@ def set_motion(flight: Flight) -> None:
     sine, cosine = twice_angle(s, c)
     turned_sine = flight.tilt * cosine - sine
     turned_cosine = cosine + flight.tilt * sine
-    double_cosine = flight.spread * ((cosine - sine) * (cosine + sine))
-    double_sine = flight.spread * (sine * cosine)
+    twice, double = twice_angle(sine, cosine)
+    double_cosine = flight.spread * double - 2.0 * flight.twist * twice
+    double_sine = flight.spread * (sine * cosine) + flight.twist * double
     square = p * p
     set_quartic_constants(
         flight,
