@@ -292,19 +292,6 @@ def combined(g: Harmonics, weight: float, h: Harmonics) -> Harmonics:
 
 
 @kernel
-def _harmonic_step(h: Harmonics, slope: Harmonics, x: float) -> float:
-    """Step from ``x`` up to which the function has no zero."""
-    sine, cosine = sine_cosine(x)
-    value = harmonic_value(h, sine, cosine)
-    rate = harmonic_value(slope, sine, cosine)
-    size = harmonic_size(h)
-    if value < 0.0:
-        value = -value
-        rate = -rate
-    return safe_step_second_order(value, rate, 4.0 * size)
-
-
-@kernel
 def first_fall_of_harmonics(h: Harmonics, limit: float) -> float:
     """First place before ``limit`` (rad) where the function falls through zero, or ``NOWHERE``."""
     slope = harmonic_slope(h)
@@ -359,13 +346,17 @@ def least_value(h: Harmonics, limit: float) -> float:
     """Least value from 0 to ``limit`` (rad)."""
     slope = harmonic_slope(h)
     bend = harmonic_slope(slope)
+    size = harmonic_size(slope)
     x = 0.0
     least = math.inf
     while x < limit:
         sine, cosine = sine_cosine(x)
         least = min(least, harmonic_value(h, sine, cosine))
         # From one place at which it is stationary to the next.
-        x += max(_harmonic_step(slope, bend, x), LEAST_STEP)
+        rate = harmonic_value(slope, sine, cosine)
+        change = harmonic_value(bend, sine, cosine)
+        step = safe_step_second_order(abs(rate), change if rate >= 0.0 else -change, 4.0 * size)
+        x += max(step, LEAST_STEP)
     sine, cosine = sine_cosine(limit)
     return min(least, harmonic_value(h, sine, cosine))
 

@@ -51,7 +51,7 @@ def set_quartic_constants(
     motion.returns_early = 1 if (2.0 * a3 * motion.back + a1 * a4 * a4) * rate < 0.0 else 0
     p2 = 1.5 * a2
     p1 = a1 * a3 - 0.25 * a0 * a4
-    p0 = 0.25 * (a0 * (a3 * a3 - 1.5 * a2 * a4) + a1 * a1 * a4)
+    p0 = 0.25 * (a0 * motion.back + a1 * a1 * a4)
     r = _isolated_root(p2, p1, p0)
     if abs(r) * (r * r) >= abs(p0) and r != 0.0:
         product = -p0 / r
