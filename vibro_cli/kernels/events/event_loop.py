@@ -356,12 +356,9 @@ def _leave_in_group(world: World, ball: int) -> int:
     first, count = run_around(world, j % settings.bodies, False)
     for step in range(count + 1):
         bring_to(world, number_along(world, first, step), clock.t, clock.t_low)
-    if segment_only:
-        relaunch_run(world, first, count, SEGMENT)
-        return RUNNING
-    if not _enters_next(world, ball, right, exit_p):
+    if not segment_only and not _enters_next(world, ball, right, exit_p):
         return _hit_wall(world, ball, right)
-    relaunch_run(world, first, count, CROSSING)
+    relaunch_run(world, first, count, SEGMENT if segment_only else CROSSING)
     return RUNNING
 
 
