@@ -98,14 +98,6 @@ def free_acceleration(world: World, ball: int) -> float:
 
 
 @kernel
-def parts_of_weight(world: World, x: float, sine: float, cosine: float) -> tuple[float, float]:
-    """Gravity and what turning adds at a place ``x`` (m), back along a slope and onto it."""
-    settings = world.settings[0]
-    away = settings.turning_square * (x - settings.axis_x)
-    return settings.gravity * sine - away * cosine, settings.gravity * cosine + away * sine
-
-
-@kernel
 def kept_apart(a: Flight, b: Flight, contact: PairTrack, laps: int) -> bool:
     """Tell whether two oscillations on one arc never come to the crest that is between them."""
     if a.crests == 0 or a.form == POLYNOMIAL or b.form == POLYNOMIAL:
@@ -177,7 +169,6 @@ TURNING = Overrides(
         flight.project: project,
         event_loop.rate_by_energy: rate_by_energy,
         contact_kinematics.free_acceleration: free_acceleration,
-        contact_kinematics.parts_of_weight: parts_of_weight,
         clusters.launch_group_on_line: rotating_clusters.launch_group_on_line,
         clusters.set_group_flow: rotating_clusters.set_group_flow,
         clusters.set_release: rotating_clusters.set_release,
@@ -195,7 +186,6 @@ TURNING = Overrides(
         liftoff_slip.normal_of_one: rotating_forces.normal_of_one,
         liftoff_slip.limit_courses: rotating_forces.limit_courses,
         run_statistics.tally_alone: rotating_forces.tally_alone,
-        run_statistics.turning_time: rotating_forces.turning_time_on_line,
         run_statistics.pendulum_range: rotating_forces.pendulum_range,
         run_statistics.extremes_on_arc: rotating_forces.extremes_on_arc,
         flight_jacobian.flight_jacobian: rotating_jacobian.flight_jacobian,

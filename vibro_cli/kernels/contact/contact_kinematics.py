@@ -189,10 +189,11 @@ def tangent(world: World, ball: int) -> tuple[float, float]:
 def parts_of_weight(world: World, x: float, sine: float, cosine: float) -> tuple[float, float]:
     """Gravity (m/s^2) back along a slope and onto it, given its sine and cosine.
 
-    On a turning trace with what turning adds at the place ``x`` (m) of the centre.
+    With what turning adds at the place ``x`` (m) of the centre.
     """
-    gravity = world.settings[0].gravity
-    return gravity * sine, gravity * cosine
+    settings = world.settings[0]
+    away = settings.turning_square * (x - settings.axis_x)
+    return settings.gravity * sine - away * cosine, settings.gravity * cosine + away * sine
 
 
 @kernel

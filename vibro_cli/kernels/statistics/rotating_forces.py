@@ -349,15 +349,3 @@ def extremes_on_arc(one: BodyForces, low: float, high: float) -> tuple[float, fl
     if least <= 0.0:
         return least, math.inf
     return least, _greatest(drag, press, low, high, 0.0)
-
-
-@kernel
-def turning_time_on_line(flight: Flight, duration: float) -> float:
-    """Time (s) within a motion at which a group on a line turns back, or 0."""
-    if flight.form != TURNING_LINE or flight.at_rest == 1 or flight.flow_p == 0.0:
-        return 0.0
-    way = turn_on_line(flight)
-    if way * flight.flow_p <= 0.0:
-        return 0.0
-    after = time_on_line(flight, way, 0.0)
-    return after if after < duration else 0.0

@@ -36,6 +36,7 @@ from vibro_cli.kernels.flow.flow import (
     half_period,
     recall_flight,
 )
+from vibro_cli.kernels.flow.rotating_flow import TURNING_LINE, time_on_line, turn_on_line
 from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.world import (
     END_INADMISSIBLE,
@@ -438,7 +439,7 @@ def group_extremes(
     least, demand = known
     if not is_pendulum(scratch):
         segment = scratch.form == POLYNOMIAL and row.at_rest == 0
-        middle = 0.5 * duration if segment else turning_time(scratch, duration)
+        middle = 0.5 * duration if segment else _turning_time(scratch, duration)
         for part in range(3):
             t = 0.0 if part == 0 else (middle if part == 1 else duration)
             if part == 0 or t > 0.0:
@@ -489,12 +490,18 @@ def _counted_in(world: World, row: FlightRow, least: float, demand: float) -> tu
 
 
 @kernel
-def turning_time(flight: Flight, duration: float) -> float:
-    """Time (s) at which the forces of a group on a line are extreme between its ends, or 0.
+def _turning_time(flight: Flight, duration: float) -> float:
+    """Time (s) within a motion at which a group on a line of a turning trace turns back, or 0.
 
-    At rest they are constant on a line.
+    There its forces are extreme between its ends; at rest they are constant on a line.
     """
-    return 0.0
+    if flight.form != TURNING_LINE or flight.at_rest == 1 or flight.flow_p == 0.0:
+        return 0.0
+    way = turn_on_line(flight)
+    if way * flight.flow_p <= 0.0:
+        return 0.0
+    after = time_on_line(flight, way, 0.0)
+    return after if after < duration else 0.0
 
 
 @kernel
