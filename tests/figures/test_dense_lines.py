@@ -5,7 +5,7 @@ import tracemalloc
 
 import numpy as np
 import pytest
-from matplotlib.collections import LineCollection
+from matplotlib.collections import LineCollection, PatchCollection, PathCollection
 from matplotlib.figure import Figure
 from matplotlib.text import Annotation
 
@@ -116,6 +116,26 @@ def test_paths_of_very_many_balls_are_seen_and_end_together() -> None:
     assert len(lengths) >= 700
     assert max(lengths) < 2.0
     assert not [text for text in axes.texts if text.get_text().isdigit()]
+
+
+def test_thousands_of_balls_are_drawn_at_their_starts_by_two_artists() -> None:
+    """Places and radii are those of the scenario; an artist for each took most of a run."""
+    count = 300
+    balls = [
+        {"radius": 0.1 + 0.001 * n, "mass": 1.0, "x": n % 20, "y": n // 20, "velocity_x": 0.1}
+        for n in range(count)
+    ]
+    scenario = {"system": "table", "balls": balls, "collision": {"k": 1.0}, "stop": {"time": 1.0}}
+    axes = table_plan(simulate(any_scenario_of(scenario)).solved).axes[0]
+    assert len(axes.patches) == 1  # of the scale
+    (discs,) = (one for one in axes.collections if isinstance(one, PatchCollection))
+    (centres,) = (one for one in axes.collections if isinstance(one, PathCollection))
+    wanted = np.array([[ball["x"], ball["y"]] for ball in balls])
+    np.testing.assert_array_equal(centres.get_offsets(), wanted)
+    edges = [path.get_extents() for path in discs.get_paths()]
+    radii = np.array([[ball["radius"]] for ball in balls])
+    np.testing.assert_allclose([edge.min for edge in edges], wanted - radii, atol=1e-14)
+    np.testing.assert_allclose([edge.max for edge in edges], wanted + radii, atol=1e-14)
 
 
 @pytest.mark.parametrize(("bodies", "until"), [(8, 400_000.0), (16, 800_000.0)])

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection
+from matplotlib.collections import LineCollection, PatchCollection
+from matplotlib.colors import to_rgba_array
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Ellipse, Polygon
 from numpy.typing import NDArray
@@ -69,7 +70,8 @@ def table_plan(run: Run, width: str = "single") -> Figure:
         if run.system.wall is not None:
             draw_wall(axes, run.system.wall)
         for ball, path in enumerate(paths):
-            _draw_path(axes, run, ball, path)
+            _draw_path(axes, ball, path)
+        _draw_starts(axes, run, [path[0] for path in paths])
         _draw_impacts(axes, run, until)
         _draw_velocities(axes, arrows, float(high[0] - low[0]))
         if len(paths) <= MOST_NUMBERS:
@@ -135,7 +137,7 @@ def draw_wall(axes: Axes, wall: Wall) -> None:
         axes.add_patch(Ellipse(wall.center, 2.0 * a, 2.0 * b, facecolor=filled, **look))
 
 
-def _draw_path(axes: Axes, run: Run, ball: int, path: Floats) -> None:
+def _draw_path(axes: Axes, ball: int, path: Floats) -> None:
     color, dashes = _colour(ball), body_look(ball + 1)["linestyle"]
     look: dict[str, Any] = {"colors": color, "zorder": 2.0, "rasterized": len(path) > 2000}
     if len(path) > _MANY:  # where flights lie dense is seen as denser
@@ -143,10 +145,18 @@ def _draw_path(axes: Axes, run: Run, ball: int, path: Floats) -> None:
         lines = LineCollection(each, linewidths=0.3, alpha=layers.fainter(len(path)), **look)
     else:
         lines = LineCollection([path], linewidths=0.8, linestyles=[dashes], **look)
-    axes.add_collection(lines)
-    radius = run.system.bodies[ball].radius
-    axes.add_patch(Circle(tuple(path[0]), radius, facecolor=color, alpha=0.25, edgecolor=color))
-    axes.plot(*path[0], marker=".", markersize=3.0, color=color, zorder=4.0)
+    axes.add_collection(lines, autolim=False)
+
+
+def _draw_starts(axes: Axes, run: Run, places: list[Floats]) -> None:
+    """Draw the balls where they start, with their centres: thousands of them in two artists."""
+    colours = [_colour(ball) for ball in range(len(places))]
+    balls = zip(places, run.system.bodies, strict=True)
+    discs = [Circle((float(x), float(y)), body.radius) for (x, y), body in balls]
+    faint = to_rgba_array(colours, 0.25)
+    axes.add_collection(PatchCollection(discs, color=faint, zorder=1.0), autolim=False)
+    x, y = np.transpose(places)
+    axes.scatter(x, y, s=9.0, c=colours, marker=".", linewidths=1.0, zorder=4.0)
 
 
 def _colour(ball: int) -> str:
