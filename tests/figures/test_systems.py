@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from functools import cache
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ import numpy as np
 import pytest
 from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
+from matplotlib.image import imread
 from matplotlib.text import Annotation
 
 from tests.figures.layout import assert_texts_are_apart, texts
@@ -19,6 +21,7 @@ from vibro_cli.api import simulate
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import body_look
 from vibro_cli.figures.kinds import draw_all
+from vibro_cli.scenario import any_scenario_of
 from vibro_cli.scenario.loading import load_any
 from vibro_cli.systems import NAMES
 from vibro_cli.systems.springs.figures import springs_place, springs_scene
@@ -133,6 +136,26 @@ def test_arrows_on_a_table_are_told_from_paths_and_have_a_scale(name: str) -> No
             speeds += np.hypot(*parts).tolist()
     moving = sorted(speed for speed in speeds if speed > 0.0)
     assert sorted(lengths) == pytest.approx(np.multiply(_scale(axes), moving), abs=1e-9)
+
+
+def test_an_arrow_whose_head_is_beyond_the_panel_is_drawn() -> None:
+    """The fastest of two balls starts beside the wall and moves towards it: black on its way."""
+    fast, slow = (0.47, 0.0), (-0.3, 0.2)
+    balls = [
+        {"radius": 0.02, "mass": 1.0, "x": x, "y": y, "velocity_x": speed}
+        for (x, y), speed in ((fast, 2.0), (slow, 0.5))
+    ]
+    wall = {"shape": "rectangle", "width": 1.0, "depth": 1.0, "k": 1.0}
+    scenario = {"system": "table", "wall": wall, "balls": balls, "collision": {"k": 1.0}}
+    figure = table_plan(simulate(any_scenario_of(scenario | {"stop": {"time": 0.004}})))
+    file = BytesIO()
+    figure.savefig(file, dpi=figure.dpi)
+    file.seek(0)
+    axes, pixels = figure.axes[0], imread(file)
+    for (x, y), speed in ((fast, 2.0), (slow, 0.5)):
+        across, up = axes.transData.transform((x + 0.4 * speed * _scale(axes), y))
+        near = pixels[len(pixels) - int(up) - 4 : len(pixels) - int(up) + 3, int(across), :3]
+        assert near.max(axis=1).min() < 0.5
 
 
 @pytest.mark.parametrize("name", ["two_disks", "stressed_at_rest", "common_origin"])

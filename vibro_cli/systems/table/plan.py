@@ -207,7 +207,7 @@ def _draw_velocities(axes: Axes, arrows: list[Arrow], extent: float) -> None:
         step = scale * np.array(velocity)
         end = np.array(place) if when == "before" else np.array(place) + step
         axes.annotate(
-            "", xy=tuple(end), xytext=tuple(end - step), zorder=6.0,
+            "", xy=tuple(end), xytext=tuple(end - step), zorder=6.0, annotation_clip=False,
             arrowprops={
                 "arrowstyle": "-|>", "edgecolor": style.BLACK, "facecolor": _HEAD[when],
                 "linewidth": 0.5, "shrinkA": 0.0, "shrinkB": 0.0,
