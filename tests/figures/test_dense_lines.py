@@ -18,6 +18,7 @@ from vibro_cli.scenario import any_scenario_of
 from vibro_cli.systems import NAMES as SYSTEMS
 from vibro_cli.systems import system_named
 from vibro_cli.systems.springs.figures import springs_energy
+from vibro_cli.systems.table.figures import table_energies
 from vibro_cli.systems.table.plan import MOST_LINES, table_plan
 
 
@@ -153,6 +154,28 @@ def test_a_sum_of_energies_needs_no_more_memory_for_more_bodies(bodies: int, unt
     np.testing.assert_array_equal(total, wanted)
     assert peak < 8 * (2 * 400_000 * 8)
     assert len(at) < 20_000
+
+
+@pytest.mark.parametrize(("fastest", "bodies"), [(1.0, 0), (5.0, 300)])
+def test_energies_that_all_lie_on_the_axis_are_left_out(fastest: float, bodies: int) -> None:
+    """Of 300 equal balls each has a 300th of the sum, 25 times that the one five times as fast."""
+    balls = [
+        {"radius": 0.1, "mass": 1.0, "x": n % 20, "y": n // 20, "velocity_x": (-1.0) ** n}
+        for n in range(300)
+    ]
+    balls[0]["velocity_x"] = -fastest  # away from all others
+    scenario = {"system": "table", "balls": balls, "collision": {"k": 0.5}, "stop": {"time": 1.0}}
+    figure = table_energies(simulate(any_scenario_of(scenario)).solved)
+    assert figure is not None
+    *each, total = figure.axes[0].lines
+    assert len(each) == bodies
+    speeds = np.array([ball["velocity_x"] for ball in balls])
+    start = 0.5 * 1.4 * np.sum(speeds**2)  # of rolling balls
+    assert np.asarray(total.get_ydata())[0] == pytest.approx(start, rel=1e-14)
+    assert figure.axes[0].get_ylim()[1] >= start
+    named = {text.get_text() for text in texts(figure)}
+    assert "sum" in named
+    assert ("body 1" in named) == (bodies > 0)
 
 
 def test_energies_of_thousands_of_impacts_are_means_of_the_motion() -> None:

@@ -101,7 +101,8 @@ INTERVALS: Kind[Any] = Kind(
 ENERGY_CAPTION = (
     "Energy of each body and of all against time; below, what each impact loses or gains. Of "
     "lasting contact at the end some periods only. Of several bodies that jump very often, means "
-    "over equal times; the energies themselves are faint."
+    "over equal times; the energies themselves are faint. Where no body ever has a hundredth of "
+    "the greatest energy of all, only that of all."
 )
 EXPONENTS: Kind[Any] = Kind(
     exponents,

@@ -220,6 +220,8 @@ _ROOM = 0.01
 """Of the axis of time, room after an impact that ends the run."""
 _FAINT = {"alpha": 0.25, "linewidth": 0.3, "linestyle": "-"}
 """Of steps that hide one another."""
+_LEAST_SHARE = 0.01
+"""Of the height of the axis, about the width of a line: energies below it lie on the axis."""
 _LEAST_MEANS = 40
 _MOST_JUMPS = 8
 """Of bodies that jump more often than this in most spans of a mean, the steps hide one another."""
@@ -264,6 +266,7 @@ class EnergyLines(NamedTuple):
     """Energies against time as lines: times (s) and energies (J), the points that can be seen."""
 
     bodies: list[tuple[Array, Array]]
+    """Of each body; none where all would lie on the axis, under that of all."""
     window: float
     """The time (s) over which means are taken; 0 where the steps can be told apart."""
     means: list[tuple[Array, Array]]
@@ -281,16 +284,18 @@ def energy_lines(courses: Sequence[tuple[Array, Array]]) -> EnergyLines:
 
     Of several bodies, one of which jumps too often to tell them apart, there are means too.
     """
-    window = _window(courses) if len(courses) > 1 else 0.0
-    bodies = [seen([course]) for course in courses]
     spans = -(-sum(len(time) for time, _ in courses) // _AT_ONCE)
     total = seen(_sums(courses, spans), spans) if len(courses) > 1 else None
+    most = max(float(np.max(energy)) for _, energy in courses)
+    highest = max(most, float(np.max(total[1]))) if total else most
+    drawn = courses if most >= _LEAST_SHARE * highest else []
+    window = _window(drawn) if len(drawn) > 1 else 0.0
     return EnergyLines(
-        bodies,
+        [seen([course]) for course in drawn],
         window,
-        [means(course, window) for course in courses] if window else [],
+        [means(course, window) for course in drawn] if window else [],
         total,
-        max(float(np.max(energy)) for _, energy in (*bodies, *([total] if total else []))),
+        highest,
         sum(float(energy[0]) for _, energy in courses),
     )
 
@@ -357,7 +362,8 @@ def energy_chart(
     ]
     mean = f"means over {short_number(lines.window, 3)} s:"
     means_of = [(mean, {"linestyle": "none"})] if lines.window else []
-    entries = [*means_of, *body_entries(run), *total, *lost, *band_entry(contacts)]
+    bodies = body_entries(run) if lines.bodies else []
+    entries = [*means_of, *bodies, *total, *lost, *band_entry(contacts)]
     with style.journal():
         heights = HIGH.get(width, HIGH["single"])[: 1 + lossy]
         figure, panels = stacked(width, heights, entries=entries)
