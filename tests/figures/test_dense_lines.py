@@ -2,6 +2,7 @@
 
 import re
 import tracemalloc
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,7 +19,7 @@ from vibro_cli.scenario import any_scenario_of
 from vibro_cli.systems import NAMES as SYSTEMS
 from vibro_cli.systems import system_named
 from vibro_cli.systems.springs.figures import springs_energy
-from vibro_cli.systems.table.figures import table_energies
+from vibro_cli.systems.table.figures import table_contact_points, table_energies, table_velocities
 from vibro_cli.systems.table.plan import MOST_LINES, table_plan
 
 
@@ -154,6 +155,23 @@ def test_a_sum_of_energies_needs_no_more_memory_for_more_bodies(bodies: int, unt
     np.testing.assert_array_equal(total, wanted)
     assert peak < 8 * (2 * 400_000 * 8)
     assert len(at) < 20_000
+
+
+@pytest.mark.parametrize("width", ["single", "double"])
+def test_numbers_of_many_digits_have_room_in_the_figures_of_an_impact(width: str) -> None:
+    """Balls 1199 and 1200 collide at an angle; no ball before them is met."""
+    balls: list[Any] = [
+        {"radius": 0.1, "mass": 1.0, "x": n % 40, "y": n // 40} for n in range(1200)
+    ]
+    balls[-2] |= {"velocity_x": 1.2345, "velocity_y": 0.1234}
+    scenario = {"system": "table", "balls": balls, "collision": {"k": 0.5}, "stop": {"time": 1.0}}
+    run = simulate(any_scenario_of(scenario)).solved
+    velocities, points = table_velocities(run, width), table_contact_points(run, width)
+    assert velocities is not None
+    assert points is not None
+    assert_texts_are_apart(velocities)
+    assert_texts_are_apart(points)
+    assert r"$T_{1199,2}$" in {text.get_text() for text in texts(points)}
 
 
 @pytest.mark.parametrize(("fastest", "bodies"), [(1.0, 0), (5.0, 300)])

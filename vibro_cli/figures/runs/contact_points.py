@@ -177,7 +177,8 @@ def _sheet(width: str, bodies: Sequence[Rolling], top: float) -> tuple[Figure, l
 
 def _names(one: Rolling) -> list[str]:
     first = "$T_0$" if one.number == 1 else rf"$T_{{0,{one.number}}}$"
-    return [first, *(rf"$T_{{{one.number}{point}}}$" for point in (2, 3))]
+    comma = "," if one.number > 9 else ""  # of T₁₀₂, the body would be any
+    return [first, *(rf"$T_{{{one.number}{comma}{point}}}$" for point in (2, 3))]
 
 
 def _draw_elevation(axes: Axes, one: Rolling, scale: float) -> None:
@@ -196,14 +197,14 @@ def _draw_elevation(axes: Axes, one: Rolling, scale: float) -> None:
     drawn = [np.linspace([0.0, 0.0], [scale * one.speed, 0.0], 20)]
     for number, point in enumerate(one.points()[:2]):
         drawn += _draw_parts(axes, points[number], one, point, [0, 2], scale)
-    first = _names(one)[0]
+    first, *beside = _names(one)
     named = [
         Named(rf"$C_{{{one.number}}}$", (0.0, 0.0)),
         Named(rf"$P_{{{one.number}}}$", (0.0, -1.0)),
         Named(first, points[0]),
     ]
     if len(points) > 1 and abs(points[0, 0] - points[1, 0]) > _APART:
-        named.append(Named(rf"$T_{{{one.number}2,{one.number}3}}$", points[1]))
+        named.append(Named(", ".join(beside), points[1]))
     axes.plot(*np.transpose([name.point for name in named]), zorder=4.0, **style.POINT)
     write_names(axes, named, np.concatenate([*drawn, _RING]))
     radius, speed, omega = (short_number(x, 3) for x in (one.body.radius, one.speed, one.omega))

@@ -43,8 +43,8 @@ _WORDS = 10.5
 """Room for the words above a panel (mm)."""
 _COLUMNS = (0.0, 18.5)
 """Where the values of the two bodies stand (mm from the edge of a panel)."""
-SYMBOL = 3.7
-"""Room for a symbol before its value (mm)."""
+_SYMBOL, _DIGIT = 3.7, 1.0
+"""Room for a symbol before its value, and for each digit of its index from the third on (mm)."""
 _PLAIN = (1e-3, 1e3)
 """Values that reach no further, or further, get a unit with a prefix."""
 _SMALL = 1e-4
@@ -375,8 +375,7 @@ def _say(axes: Axes, run: Recorded, row: int, pair: Sequence[Striking], when: in
         write_values(axes, _COLUMNS, level, symbols, values, when, unit)
     impulse = float(run.collisions["impulse"][row])
     if when == 1 and all(one.body.slides for one in pair) and not math.isnan(impulse):
-        write_over(axes, 0.0, 0, "$K$")
-        write_over(axes, SYMBOL, 0, f"= {short_number(impulse, 3)} N s")
+        write_value(axes, 0.0, 0, "$K$", f"{short_number(impulse, 3)} N s")
 
 
 def write_values(
@@ -404,15 +403,21 @@ def write_values(
         value = values[number][when] / 10.0**power
         text = short_number(value, 3 if abs(value) >= _SMALL else 1)
         after = f" {_PREFIX[power]}{unit}" if number == there[-1] else ""
-        write_over(axes, columns[number], line, symbols[number])
-        write_over(axes, columns[number] + SYMBOL, line, f"= {text}{after}")
+        write_value(axes, columns[number], line, symbols[number], text + after)
 
 
-def write_over(axes: Axes, left: float, line: int, text: str) -> None:
-    """Write above a panel, `left` mm from its edge, in a line counted from below.
+def write_value(axes: Axes, left: float, line: int, symbol: str, value: str) -> None:
+    """Write a symbol and its value above a panel, from `left` mm from its edge.
 
     Symbols stand alone: a formula takes long to set, and equal ones are set once.
     """
+    digits = sum(map(str.isdigit, symbol))
+    write_over(axes, left, line, symbol)
+    write_over(axes, left + _SYMBOL + _DIGIT * max(digits - 2, 0), line, f"= {value}")
+
+
+def write_over(axes: Axes, left: float, line: int, text: str) -> None:
+    """Write above a panel, `left` mm from its edge, in a line counted from below."""
     wide, high = panel_size(axes)
     level = 1.0 + (0.9 + 3.3 * line) / high
     axes.text(left / wide, level, text, transform=axes.transAxes, va="baseline", **SAY)

@@ -36,12 +36,12 @@ from vibro_cli.figures.runs.velocities import (
     CENTRE,
     NORMAL,
     ROLLING,
-    SYMBOL,
     arrow,
     draw_disc,
     draw_scale,
     sheet,
     write_over,
+    write_value,
     write_values,
 )
 from vibro_cli.figures.source import Array, first_of, kept, made
@@ -285,8 +285,8 @@ def _say(axes: Axes, one: Met, when: int) -> None:
     for ball, left in zip(one.balls, _COLUMNS, strict=False):
         angle = math.degrees(ball.angle[when])
         if not math.isnan(angle):
-            write_over(axes, left, 0, rf"$\alpha_{{{ball.number}}}{mark}$")
-            write_over(axes, left + SYMBOL, 0, f"= {short_number(angle, 3)}°")
+            symbol = rf"$\alpha_{{{ball.number}}}{mark}$"
+            write_value(axes, left, 0, symbol, f"{short_number(angle, 3)}°")
 
 
 def table_contact_points(run: Run, width: str = "single") -> Figure | None:
