@@ -181,3 +181,20 @@ def test_overlaps_are_those_of_all_pairs_and_few_are_measured(
         assert [[int(n) - 1 for n in names] for names in found] == pairs[:, ::-1].tolist()
         assert len(measured) <= 400 * 5 * 20  # of its own column of 20, and of two at each side
         assert (len(pairs) > 20) == (overlapping > 0.0)
+
+
+def test_of_balls_in_a_column_only_neighbours_are_measured(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One and a half diameters apart, none is within a diameter of another."""
+    measured: list[Any] = []
+
+    def distance(one: Any, other: Any) -> float:
+        measured.append(one)
+        return touching_distance(one, other)
+
+    monkeypatch.setattr("vibro_cli.systems.table.build.touching_distance", distance)
+    world_of(table([ball(0.0, 3.0 * R * number, radius=R) for number in range(200)], time=1.0))
+    assert not measured
+    with pytest.raises(ScenarioError, match="balls 7 and 200 that overlap by"):
+        column = [ball(0.0, 3.0 * R * number, radius=R) for number in range(199)]
+        world_of(table([*column, ball(0.0, 18.5 * R, radius=R)], time=1.0))
+    assert len(measured) == 1

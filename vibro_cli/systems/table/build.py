@@ -96,15 +96,19 @@ def _overlaps(
     scenario: TableScenario, bodies: tuple[Body, ...]
 ) -> Iterator[tuple[int, int, float, float]]:
     """Pairs of balls that overlap, the later first; their distance of touching and their own."""
-    balls = scenario.balls
+    places = [(ball.x, ball.y) for ball in scenario.balls]
     width = 2.0 * max(body.radius for body in bodies)
-    order = sorted(range(len(balls)), key=lambda number: balls[number].x)
+    order = sorted(range(len(places)), key=places.__getitem__)
     for at, first in enumerate(order):
+        left, level = places[first]
         for second in map(order.__getitem__, range(at + 1, len(order))):
-            if balls[second].x - balls[first].x > width:
+            x, y = places[second]
+            if x - left > width:
                 break  # nor do those that are farther along x
+            if abs(y - level) > width:
+                continue
             a, b = min(first, second), max(first, second)
             touch = touching_distance(bodies[a], bodies[b])
-            apart = math.hypot(balls[b].x - balls[a].x, balls[b].y - balls[a].y)
-            if apart < touch * (1.0 - 1e-14) - 1e-15 * (abs(balls[a].x) + abs(balls[a].y)):
+            apart = math.hypot(x - left, y - level)
+            if apart < touch * (1.0 - 1e-14) - 1e-15 * sum(map(abs, places[a])):
                 yield b, a, touch, apart
