@@ -10,6 +10,7 @@ from dataclasses import replace
 from functools import cache
 from io import BytesIO
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,7 +23,7 @@ from vibro_cli import simulate as solved
 from vibro_cli.api import Run, simulate
 from vibro_cli.figures.film import Film, Frames, NoFilm, Stage, clock_digits, frame_times, movie
 from vibro_cli.report.html import film_html
-from vibro_cli.scenario import load_scenario
+from vibro_cli.scenario import any_scenario_of, load_scenario
 from vibro_cli.systems.trace.figures import film as film_on_trace
 
 FOLDER = Path(__file__).parents[2] / "scenarios"
@@ -292,3 +293,25 @@ def test_films_of_other_systems_show_the_bodies_where_they_are(name: str) -> Non
             x = a + b * (shown.x[frame, body] - reach * math.sin(turn))
             y = c + d * (shown.y[frame, body] - reach * math.cos(turn))
             assert np.max(np.abs(picture[int(y), int(x)] - colour)) < 40
+
+
+def test_balls_of_a_gas_do_not_overlap_in_a_film() -> None:
+    """A quarter of the table is covered, as it is, not all of it: a ball has no more than its area.
+
+    The wall is 150 pixels from its centre on a film of 640 by 360, a ball then two.
+    """
+    radius, n = 0.01, 400
+    balls = [
+        {"radius": radius, "mass": 1.0, "x": 0.033 * (i % 20), "y": 0.033 * (i // 20)}
+        for i in range(n)
+    ]
+    wall = {"shape": "circle", "radius": 0.75, "x": 0.3, "y": 0.3, "k": 1.0}
+    scenario = {"system": "table", "wall": wall, "balls": balls, "collision": {"k": 1.0}}
+    run: Any = simulate(any_scenario_of(scenario | {"stop": {"time": 0.1}}))
+    film = Film(run.kind.film(run, np.array([0.0, 0.1])), 100.0)
+    a, b, c, d = film.place(film.plan)
+    corner = [int(place + step * -0.0165) for place, step in ((a, b), (c, d))]
+    opposite = [int(place + step * (0.033 * 19 + 0.0165)) for place, step in ((a, b), (c, d))]
+    (left, right), (low, high) = (sorted(pair) for pair in zip(corner, opposite, strict=True))
+    white = np.all(film.picture(0)[low:high, left:right] == 255, axis=2)
+    assert np.mean(white) > 0.3

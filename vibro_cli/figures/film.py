@@ -252,7 +252,9 @@ TRAIL = 50
 _WIDE = 1.7
 """A plan with a greater ratio of width to height has the plane below it, not beside it."""
 _LEAST = 0.008
-"""Least radius of a body that is drawn, as a share of the width of the plan."""
+"""Least radius of a body that is drawn, as a share of the width of the plan, ..."""
+_MOST_LARGER = 100
+"""... of so many bodies at most: of more, larger ones than they are would lie over one another."""
 _LARGER = 1.6
 """How much larger letters are than in print: a film is looked at on a phone too."""
 
@@ -294,7 +296,9 @@ class Stage:
         self.plan.set_ylim(middle[1] - half[1], middle[1] + half[1])
         self.plan.set_axis_off()
         self.ground.draw(self.plan, float(half[0]))
-        self.drawn_radii = [max(one, _LEAST * 2.0 * half[0]) for one in self.ground.radii]
+        radii = self.ground.radii
+        least = _LEAST * 2.0 * half[0] if len(radii) <= _MOST_LARGER else 0.0
+        self.drawn_radii = [max(one, least) for one in radii]
 
     def _draw_plane(self, panel: Panel) -> None:
         """Draw the axes of speed against place, as wide as the motion, between frames too."""
