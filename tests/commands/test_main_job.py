@@ -1,6 +1,7 @@
 """The main job as a user does it: from a scenario of the gallery to tables and portraits."""
 
 import csv
+import hashlib
 import json
 import subprocess
 import sys
@@ -135,6 +136,23 @@ def test_a_run_goes_on_by_impacts_and_elsewhere(vibro: Vibro) -> None:
     assert vibro("run", "--continue", "part", *more).code == 0
     assert contents(Path("other")) == contents(Path("one"))
     assert contents(Path("part")) == before
+
+
+def test_a_stored_scenario_that_is_no_text_has_its_place(vibro: Vibro) -> None:
+    """Whoever saves it in another encoding, and its checksum too."""
+    vibro("run", THREE_ARCS, *FEW, "-o", "run", "--no-figures")
+    scenario, manifest = Path("run/scenario.json"), Path("run/manifest.json")
+    found = scenario.read_bytes()
+    changed = found.replace(b'"three_arcs"', '"trois étés"'.encode("latin-1"))
+    before, after = (hashlib.sha256(content).hexdigest() for content in (found, changed))
+    scenario.write_bytes(changed)
+    manifest.write_text(manifest.read_text().replace(before, after))
+    line = found[: found.index(b'"three_arcs"')].count(b"\n") + 1
+    for command in (("run", "--set", "stop.collisions=9", "--continue"), ("report",)):
+        outcome = vibro(*command, "run")
+        assert outcome.code == 2
+        assert f"run/scenario.json:{line}:" in outcome.err
+        assert "found the byte 0xe9, expected a text in UTF-8" in outcome.err
 
 
 def test_what_cannot_be_continued_is_said(vibro: Vibro) -> None:

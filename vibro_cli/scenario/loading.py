@@ -193,7 +193,7 @@ def load_stored(source: str | Path, overrides: Sequence[str] = ()) -> AnyScenari
 
     It is written out in full, and so may be longer than a text that is given.
     """
-    text = Path(source).read_text("utf-8")
+    text = _decoded(Path(source).read_bytes(), str(source))
     return any_scenario_of(_parsed(text, "json", str(source)), overrides)
 
 
@@ -310,7 +310,7 @@ def load_document(source: str | Path) -> Document:
     if str(source) == "-":
         if sys.stdin is None:
             raise _error(_STANDARD_INPUT, "standard input closed", "a scenario")
-        text = _decoded(sys.stdin.buffer.read(MOST_BYTES + 1), _STANDARD_INPUT)
+        text = _given(sys.stdin.buffer.read(MOST_BYTES + 1), _STANDARD_INPUT)
         return parse_document(text, form_of(text), _STANDARD_INPUT)
     path = Path(source)
     if path.is_dir():
@@ -325,7 +325,7 @@ def load_document(source: str | Path) -> Document:
             content = stream.read(MOST_BYTES + 1)
     except ValueError:  # a null character in the name
         raise _error(shown(str(source)), "a name with a null character", "a file") from None
-    return parse_document(_decoded(content, str(source)), form, str(source), _stem(path))
+    return parse_document(_given(content, str(source)), form, str(source), _stem(path))
 
 
 def _of_the_gallery(name: str) -> str:
@@ -345,10 +345,14 @@ def _error(file: str, found: str, expected: str, place: Place | None = None) -> 
     return ScenarioError([Problem.at(place or Place(file), "", found, expected)])
 
 
-def _decoded(content: bytes, file: str) -> str:
+def _given(content: bytes, file: str) -> str:
     if len(content) > MOST_BYTES:
         most = f"{MOST_BYTES:,} bytes"
         raise _error(file, f"more than {most}", f"at most {most}")
+    return _decoded(content, file)
+
+
+def _decoded(content: bytes, file: str) -> str:
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
