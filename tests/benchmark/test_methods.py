@@ -10,8 +10,10 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+from vibro_cli.api import simulate
 from vibro_cli.benchmark import end_to_end
 from vibro_cli.benchmark.end_to_end import COMMANDS, ROWS, SUMMARIES, measure_command, measure_grid
 from vibro_cli.benchmark.measurement import (
@@ -36,6 +38,7 @@ from vibro_cli.benchmark.scenes import (
     errors_of_times,
     reference_times,
 )
+from vibro_cli.scenario import any_scenario_of
 from vibro_cli.storage.files import write_file
 from vibro_cli.storage.tables import read_parquet
 from vibro_cli.systems.trace import simulate_system
@@ -207,3 +210,14 @@ def test_commands_are_measured_beside_their_event_loops(monkeypatch: pytest.Monk
         assert command.seconds is not None
         assert 0.0 < alone.seconds < command.seconds
         assert command.memory is None or command.memory > 2**24
+
+
+def test_impacts_at_one_instant_are_timed_together(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A row of 200 repeats itself after 30: what a pair does, six others do at the same instant."""
+    monkeypatch.setattr(end_to_end, "REPEATS", 1)
+    name = "springs, 200 disks"
+    monkeypatch.setattr(end_to_end, "COMMANDS", {name: COMMANDS[name]})
+    rows = [row for found in measure_command(PLANS["quick"]) for row in found]
+    assert [(row.size, row.impacts) for row in rows] == 2 * [(1, 7)] + 2 * [(10, 14)]
+    run = simulate(any_scenario_of(COMMANDS[name].document))
+    np.testing.assert_array_equal(np.diff(run.collisions["ball_a"]), [30] * 6)

@@ -221,17 +221,17 @@ def measure_command(plan: Plan) -> Iterator[list[Row]]:
 
 
 def _measured(name: str, document: Document, impacts: int) -> list[Row]:
-    rows = [
-        Row(COMMAND_PART, name, method, size=impacts, impacts=impacts)
-        for method in (EVENT_LOOP, COMMAND)
-    ]
     times: list[list[float]] = [[], []]
     with tempfile.TemporaryDirectory(prefix="vibro-bench-") as folder:
         source = Path(folder) / "scene.json"
         source.write_bytes(json_bytes(document))
-        _event_loop(document, impacts)  # machine code is loaded, or made anew
+        _, found = _event_loop(document, impacts)  # machine code is loaded, or made anew
+        rows = [
+            Row(COMMAND_PART, name, method, size=impacts, impacts=found)
+            for method in (EVENT_LOOP, COMMAND)
+        ]
         for _ in range(REPEATS):
-            times[0].append(_event_loop(document, impacts))
+            times[0].append(_event_loop(document, impacts)[0])
             target = str(source.with_name("out"))
             taken, memory = command("run", str(source), "--no-figures", "-o", target, "--force")
             times[1].append(taken)
@@ -241,14 +241,14 @@ def _measured(name: str, document: Document, impacts: int) -> list[Row]:
     return rows
 
 
-def _event_loop(document: Document, impacts: int) -> float:
-    """Time (s) of a run; the rows of a trace are dropped."""
+def _event_loop(document: Document, impacts: int) -> tuple[float, int]:
+    """Time (s) of a run and its impacts; the rows of a trace are dropped."""
     scenario: Any = any_scenario_of(document)
     driver = driver_of(scenario)
     start = time.perf_counter()
     driver.run()
     taken = time.perf_counter() - start
     found = int(driver.clock_value("collisions"))
-    if found != impacts:
+    if found < impacts:  # more are those of the instant at which it stops
         raise RuntimeError(f"{scenario.name}: found {found} impacts, expected {impacts}")
-    return taken
+    return taken, found
