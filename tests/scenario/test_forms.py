@@ -192,6 +192,14 @@ def test_hostile_texts_end_soon_and_in_one_kind_of_error(case: str) -> None:
     assert processor_time(read, times=1) < 10_000 * usual
 
 
+def test_a_text_with_more_than_100_000_keys_is_refused_at_the_first_of_them() -> None:
+    source = "\n".join(f"{i:x}=1" for i in range(100_001))
+    with pytest.raises(ScenarioError) as caught:
+        parse_scenario(source, "toml")
+    (problem,) = caught.value.problems
+    assert (problem.line, problem.found) == (100_001, "more than 100000 keys")
+
+
 def test_places_of_many_problems_are_found_in_one_pass_over_the_text() -> None:
     """As by counting lines from the start for each, in less than a tenth of the time."""
     text = "k = 1\n" * 100_000 + "k = 1"
