@@ -387,7 +387,7 @@ class Finding:
 
     file: str
     state: str
-    """missing or damaged."""
+    """missing, damaged or unknown."""
     detail: str
 
     def __str__(self) -> str:
