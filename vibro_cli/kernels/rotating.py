@@ -163,7 +163,6 @@ TURNING = Overrides(
         arc_contact.fastest_return: arc_contact.rotating_fastest_return,
         arc_contact.guessed_frequency: arc_contact.rotating_guessed_frequency,
         arc_contact.uneven_pull: arc_contact.rotating_uneven_pull,
-        arc_contact.released_step: rotating_flight.released_step,
         flight.begin_flight: begin_rotating_flight,
         flight.begin_two_flights: begin_two_flights,
         flight.project: project,

@@ -147,14 +147,14 @@ class Flight(QuarticConstants):
     series: Series  # acceleration along the path on it, in powers of t/segment (m/s^2)
     nodal: Series  # scratch: acceleration at the nodes
     normal: Series  # normal force on it (N), where the trace is one-sided
-    tilt: float  # on a turning trace those of its track, and bounds on the speed of the centre
-    spread: float  # (m/s) and on the fourth derivative of f (rad/s^4)
+    tilt: float  # on a turning trace those of its track
+    spread: float
     twist: float  # of a group: tilt, spread and twist of its pull
     line_growth: float
     crests: int
-    most_speed: float
+    most_speed: float  # bound on the speed of the centre, m/s
     steepest: float  # greatest fall of f'' with f on its arc (1/s^2)
-    snap_bound: float
+    snap_bound: float  # on the fourth derivative of f (rad/s^4), on any trace
 
 
 @struct

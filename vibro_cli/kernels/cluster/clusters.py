@@ -21,6 +21,7 @@ from vibro_cli.kernels.flow.flight import (
     is_at,
     launch_on_line,
     set_exit_time,
+    snap_of_pendulum,
     squared_rate_at,
     start_from_state,
 )
@@ -417,6 +418,7 @@ def set_group_flow(world: World, first: int, count: int, ball: int) -> None:
     w2 = flight.frequency * flight.frequency
     flight.angular_bound = w2
     flight.jerk_bound = 2.0 * w2 * flight.frequency * math.sqrt(flight.parameter)
+    flight.snap_bound = snap_of_pendulum(w2, flight.parameter)
     tangential = track.path_radius * w2
     central = 4.0 * track.path_radius * w2 * flight.parameter
     flight.acceleration_bound = math.sqrt(tangential * tangential + central * central)

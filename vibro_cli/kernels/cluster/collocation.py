@@ -296,10 +296,13 @@ def _bound_member(flight: Flight, track: TrackData) -> float:
     """
     acceleration = 0.0
     jerk = 0.0
+    snap = 0.0
     for k in range(SERIES_LENGTH):
         acceleration += abs(flight.series[k])
         jerk += k * abs(flight.series[k])
+        snap += k * (k - 1) * abs(flight.series[k])
     jerk /= flight.segment
+    flight.snap_bound = 2.0 * flight.half_curvature * (snap / flight.segment / flight.segment)
     flight.jerk_bound = jerk
     speed = abs(flight.flow_p) + acceleration * flight.segment
     central = 0.0

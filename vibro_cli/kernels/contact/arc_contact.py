@@ -30,6 +30,7 @@ from vibro_cli.kernels.flow.flow import (
     angular_acceleration,
     angular_acceleration_at,
     angular_jerk,
+    angular_jerk_at,
     flow_of_two,
     quickness,
     swings,
@@ -263,7 +264,7 @@ def contact_on_arc(
     if t == 0.0 and pair.touching == RELEASED:
         states = flow_of_two(a, b, age_a, age_b)
         world.clock[0].evaluations += 1
-        t = released_step(a, b, states, _rate_of_gap(a, b, states))
+        t = _released_step(a, b, ages, states)
     elif t == 0.0 and swings(a) and swings(b):
         h, t = contact_of_swings(world, j, age_a, age_b, limit, orientation)
         if h >= 0.0:
@@ -399,21 +400,21 @@ def _cubic_guess(gap: float, rate: float, second: float, third: float) -> float:
 
 
 @kernel
-def released_step(a: Flight, b: Flight, states: States, rate: float) -> float:
+def _released_step(a: Flight, b: Flight, ages: Ages, states: States) -> float:
     """Step up to which a pair whose contact force has just vanished stays apart.
 
     There the gap starts as ``j h^3/6``, bounded below by ``j h^3/6 - B h^4/24`` with j its jerk and
-    ``B`` the sum of ``w^2 (f'^2 + w^2)``.
+    ``B`` the sum of the bounds on the fourth derivatives of both angles.
     """
+    age_a, age_b = ages
     a_s, a_c, a_p, b_s, b_c, b_p = states
-    wa = a.frequency
-    wb = b.frequency
-    third = angular_jerk(b, b_s, b_c, b_p) - angular_jerk(a, a_s, a_c, a_p)
-    bound_a = wa * wa * (4.0 * wa * wa * (1.0 + a.parameter))
-    bound_b = wb * wb * (4.0 * wb * wb * (1.0 + b.parameter))
+    wa = a.own_frequency
+    wb = b.own_frequency
+    rate = _rate_of_gap(a, b, states)
+    third = angular_jerk_at(b, age_b, b_s, b_c, b_p) - angular_jerk_at(a, age_a, a_s, a_c, a_p)
     if third <= 0.0 or rate < -1.0e-9 * (abs(wa * a_p) + abs(wb * b_p)):
         return 1.0e-9 / (wa + wb)
-    return 3.0 * third / (bound_a + bound_b)
+    return 3.0 * third / (a.snap_bound + b.snap_bound)
 
 
 # The frequency of a difference of angles is taken as no less than this share of the greatest one.

@@ -216,12 +216,19 @@ def _launch_on_arc(flight: Flight, track: TrackData) -> None:
     w2 = track.frequency * track.frequency
     flight.angular_bound = w2 * sine
     flight.jerk_bound = 2.0 * w2 * track.frequency * math.sqrt(max(m - low, 0.0))
+    flight.snap_bound = snap_of_pendulum(w2, m)
     # |A|^2 = (g/kappa)^2 (4 S^2 C^2 + 16 P^4) is convex in S^2: its ends bound it.
     p2_low = m - low
     p2_high = m - high
     flight.acceleration_bound = track.gravity_rate * math.sqrt(
         max(x_low + 16.0 * p2_low * p2_low, x_high + 16.0 * p2_high * p2_high)
     )
+
+
+@kernel
+def snap_of_pendulum(w2: float, m: float) -> float:
+    """Bound on the fourth derivative (rad/s^4) of the angle of a pendulum, ``w^2 (f'^2 + w^2)``."""
+    return w2 * (4.0 * w2 * (1.0 + m))
 
 
 @kernel

@@ -184,6 +184,18 @@ def angular_jerk(flight: Flight, s: float, c: float, p: float) -> float:
 
 
 @kernel
+def angular_jerk_at(flight: Flight, age: float, s: float, c: float, p: float) -> float:
+    """As :func:`angular_jerk`, on a segment across pieces too (at its ``age``, s)."""
+    if flight.form != POLYNOMIAL or flight.at_rest == 1:
+        return angular_jerk(flight, s, c, p)
+    x = age / flight.segment
+    jerk = 0.0
+    for k in range(SERIES_LENGTH - 1, 0, -1):
+        jerk = jerk * x + k * flight.series[k]
+    return 2.0 * flight.half_curvature * (jerk / flight.segment)
+
+
+@kernel
 def pendulum_jerk(w: float, s: float, c: float, rate: float) -> float:
     """``-w^2 cos f f'`` (rad/s^3)."""
     return -(w * w) * ((c - s) * (c + s)) * rate

@@ -14,10 +14,9 @@ import math
 
 from vibro_cli.compile.kernel import kernel
 from vibro_cli.kernels.flow.flight import LIFT_OFF, leaves_at_once
-from vibro_cli.kernels.flow.flow import POLYNOMIAL, angle_from_start, place_from_start
+from vibro_cli.kernels.flow.flow import angle_from_start, place_from_start
 from vibro_cli.kernels.flow.rotating_flow import (
     TURNING_LINE,
-    angular_jerk,
     half_way,
     set_motion,
     squared_speed,
@@ -42,7 +41,6 @@ from vibro_cli.kernels.world import (
     BodyData,
     Flight,
     PieceData,
-    States,
     TrackData,
 )
 
@@ -364,20 +362,3 @@ def launch_on_line(flight: Flight, track: TrackData) -> None:
 def most_speed(flight: Flight, track: TrackData, until: float) -> float:
     """Bound on the speed (m/s) of a body's centre on a flight that is no segment."""
     return flight.most_speed
-
-
-@kernel
-def released_step(a: Flight, b: Flight, states: States, rate: float) -> float:
-    """Step up to which a pair whose contact force has just vanished stays apart.
-
-    As ``arc_contact.released_step``, with the flights' own bounds on the fourth derivative.
-    """
-    a_s, a_c, a_p, b_s, b_c, b_p = states
-    wa = a.own_frequency
-    wb = b.own_frequency
-    third = angular_jerk(b, b_s, b_c, b_p) - angular_jerk(a, a_s, a_c, a_p)
-    if a.form == POLYNOMIAL or b.form == POLYNOMIAL:
-        third = 0.0
-    if third <= 0.0 or rate < -1.0e-9 * (abs(wa * a_p) + abs(wb * b_p)):
-        return 1.0e-9 / (wa + wb)
-    return 3.0 * third / (a.snap_bound + b.snap_bound)
