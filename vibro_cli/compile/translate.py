@@ -342,10 +342,9 @@ class Function:
         low, high, step = (("0", *bounds, "1") if len(bounds) == 1 else (*bounds, "1"))[:3]
         name = self._declare(statement.target, statement.target.id, t.INT)
         self._temporaries += 1
-        at, end = f"at_{self._temporaries}", f"end_{self._temporaries}"
-        up, down = f"{at} < {end}", f"{at} > {end}"
-        going = up if step == "1" else f"({step} > 0 ? {up} : {down})"
-        head = f"for (int64_t {at} = {low}, {end} = {high}; {going}; {at} += {step})"
+        at, end, by = (f"{word}_{self._temporaries}" for word in ("at", "end", "by"))
+        going = f"{by} > 0 ? {at} < {end} : {at} > {end}"
+        head = f"for (int64_t {at} = {low}, {end} = {high}, {by} = {step}; {going}; {at} += {by})"
         self._inner(head, statement.body, f"{name} = {at};")
 
     def _write_AnnAssign(self, statement: ast.AnnAssign) -> None:
