@@ -583,6 +583,7 @@ def test_a_wrong_argument_of_a_sweep_begins_no_folder(tmp_path: Path, run: Run) 
 def test_each_of_very_many_bodies_has_the_portrait_of_its_own_size() -> None:
     """Names of files have no room for 89 numbers: body 88 is not one of those 88 others."""
     data = example("lone_particle").given()
+    data["collision"] = {"k": 1.0}
     ball = {"body": "particle", "mass": 1.0, "arc": 1}
     data["balls"] = [
         ball | {"radius": 0.002 if number == 88 else 0.001, "angle": 0.01 * number - 0.5}
