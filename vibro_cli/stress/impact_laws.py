@@ -78,16 +78,20 @@ def joint_losses(plan: Plan) -> Finding:
 
 
 def _closing_row(rng: np.random.Generator) -> Document:
-    """Bodies in contact at the start, each faster than the next one."""
+    """Bodies in contact at the start, each of a greater angular rate than the next one.
+
+    On the arc this is what closes a pair: a larger body that is faster than the next may part.
+    """
     equal = bool(rng.random() < 0.3)
-    balls, speed = [], 2.0
+    balls, rate = [], 2.0
     for number in range(int(rng.integers(3, 7))):
         radius, mass = (0.1, 1.0) if equal else (rng.uniform(0.05, 0.1), rng.uniform(0.3, 3.0))
+        speed = float(rate * (1.0 - radius))  # of the centre, in a valley of 1 m
         own = ball(-0.8, radius=float(radius), mass=float(mass), body="disk", speed=speed)
         if number > 0:
             del own["angle"]
             own["touching"] = "previous"
-        speed -= float(rng.uniform(0.1, 2.0))
+        rate -= float(rng.uniform(0.1, 2.0))
         balls.append(own)
     law = str(rng.choice(LAW_NAMES))
     document = scene(VALLEY, balls, 1.0, law, collisions=len(balls) - 1, time=1.0)
