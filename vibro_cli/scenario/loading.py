@@ -310,7 +310,7 @@ def load_document(source: str | Path) -> Document:
     if str(source) == "-":
         if sys.stdin is None:
             raise _error(_STANDARD_INPUT, "standard input closed", "a scenario")
-        text = _given(sys.stdin.buffer.read(MOST_BYTES + 1), _STANDARD_INPUT)
+        text = _bounded(sys.stdin.buffer.read(MOST_BYTES + 1), _STANDARD_INPUT)
         return parse_document(text, form_of(text), _STANDARD_INPUT)
     path = Path(source)
     if path.is_dir():
@@ -325,7 +325,7 @@ def load_document(source: str | Path) -> Document:
             content = stream.read(MOST_BYTES + 1)
     except ValueError:  # a null character in the name
         raise _error(shown(str(source)), "a name with a null character", "a file") from None
-    return parse_document(_given(content, str(source)), form, str(source), _stem(path))
+    return parse_document(_bounded(content, str(source)), form, str(source), _stem(path))
 
 
 def _of_the_gallery(name: str) -> str:
@@ -345,10 +345,15 @@ def _error(file: str, found: str, expected: str, place: Place | None = None) -> 
     return ScenarioError([Problem.at(place or Place(file), "", found, expected)])
 
 
-def _given(content: bytes, file: str) -> str:
-    if len(content) > MOST_BYTES:
-        most = f"{MOST_BYTES:,} bytes"
+def _check_size(size: int, unit: str, file: str) -> None:
+    if size > MOST_BYTES:
+        most = f"{MOST_BYTES:,} {unit}"
         raise _error(file, f"more than {most}", f"at most {most}")
+
+
+def _bounded(content: bytes, file: str) -> str:
+    """The text of a file that is given."""
+    _check_size(len(content), "bytes", file)
     return _decoded(content, file)
 
 
@@ -386,9 +391,7 @@ def parse_document(text: str, form: str, file: str = "<text>", name: str = "scen
     """
     if form not in FORMS.values():
         raise ValueError(f'form: found "{form}", expected toml, json or yaml')
-    if len(text) > MOST_BYTES:
-        most = f"{MOST_BYTES:,} characters"
-        raise _error(file, f"more than {most}", f"at most {most}")
+    _check_size(len(text), "characters", file)
     return _parsed(text, form, file, name)
 
 
