@@ -120,6 +120,24 @@ def test_whole_numbers_are_a_range() -> None:
         sweep(example("three_arcs"), {"collision.k": "abc"})
 
 
+def test_the_points_and_the_seed_of_a_design_have_names() -> None:
+    """Of a Latin hypercube each of n strata has one point; another seed draws other ones."""
+    parameters = inspect.signature(sweep).parameters
+    assert {"n", "seed"} <= {*parameters}
+    drawn = [
+        sweep(
+            example("three_arcs").replace({"stop.collisions": 1}),
+            {"collision.k": {"uniform": [0.0, 1.0]}},
+            mode="latin-hypercube", n=8, seed=seed,
+        ).summary["collision.k"]
+        for seed in (1, 2)
+    ]  # fmt: skip
+    assert [sorted(np.floor(8.0 * values).astype(int)) for values in drawn] == [[*range(8)]] * 2
+    assert not np.array_equal(drawn[0], drawn[1])
+    with pytest.raises(ScenarioError, match=r'unknown key "sead".*did you mean "seed"'):
+        sweep(example("three_arcs"), {"collision.k": [0.5]}, sead=2)  # type: ignore[arg-type]
+
+
 def test_replace_changes_what_set_changes() -> None:
     texts = ["collision.k=0.7", "balls[1].angle=-60 deg", "balls[2].mass=2 kg", "stop.time=1e1"]
     changes = {

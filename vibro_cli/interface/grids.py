@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, Never, NoReturn
 
 import numpy as np
 
@@ -221,10 +221,12 @@ def sweep(
     folder: str | Path | None = None,
     *,
     mode: str | None = None,
+    n: int | None = None,
+    seed: int | None = None,
     collisions: bool | Sequence[str] | None = None,
     workers: int = 0,
     force: bool = False,
-    **more: int,
+    **unknown: Never,
 ) -> Grid:
     """Solve a scenario for many values of some of its keys, as ``vibro grid`` does.
 
@@ -243,13 +245,17 @@ def sweep(
         grid cannot be pickled.
     mode
         How the axes are combined: ``"product"``, as by default, ``"zip"``, ``"latin-hypercube"`` or
-        ``"sobol"``; the latter two take ``n`` (and ``seed``) too.
+        ``"sobol"``.
+    n, seed
+        Of the latter two: the number of points, and the seed they are drawn with, 0 by default.
     collisions
         Whether every impact is kept too; or the names of the columns that are. By default none is.
     workers
         Threads; 0 for one on each processor.
     force
         Whether another grid in the folder is replaced.
+    unknown
+        There are no others: they are refused with what they may stand for.
 
     Raises
     ------
@@ -262,7 +268,7 @@ def sweep(
         For axes and the like beside a grid file.
     """
     workers = checked("workers", workers, Count(0))
-    grid = _grid_of(source, axes=axes, mode=mode, collisions=collisions, **more)
+    grid = _grid_of(source, axes=axes, mode=mode, n=n, seed=seed, collisions=collisions, **unknown)
     temporary = None
     if folder is None:
         temporary = _Temporary()
