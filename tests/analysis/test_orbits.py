@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from scipy.integrate import solve_ivp
 
 from vibro_cli import example, orbit, orbit_family, simulate
 from vibro_cli.analysis import orbits
@@ -39,7 +40,7 @@ from vibro_cli.figures import style
 from vibro_cli.figures.analyses import branch_figure
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.scenario.problems import ScenarioError
-from vibro_cli.stress.scenes import CIRCLE, THREE_ARCS, VALLEY, ball, scene, system_of
+from vibro_cli.stress.scenes import CIRCLE, THREE_ARCS, VALLEY, ball, scene, system_of, valley
 from vibro_cli.systems.trace import simulate_system
 
 pytestmark = pytest.mark.long
@@ -322,6 +323,52 @@ def test_orbits_are_found_from_starts_that_are_not_next_to_one(
     for body, start in enumerate(found.system.initial, 1):
         come = end[f"angle_{body}"][0], end[f"speed_{body}"][0]
         assert come == pytest.approx((start.position, start.speed), abs=1e-9)
+
+
+def _after_pendulums(orbit: Orbit) -> Any:
+    """Angles and rates a period later: two pendulums with a contact, by a Runge-Kutta method."""
+    one, other = orbit.system.bodies
+    radius, total = 0.9, one.mass + other.mass
+    closed = 2.0 * math.asin(0.1 / radius)
+
+    def rates(_: float, z: Any) -> list[float]:
+        pull = orbit.system.gravity / (one.kappa * radius)
+        return [z[1], -pull * math.sin(z[0]), z[3], -pull * math.sin(z[2])]
+
+    def gap(_: float, z: Any) -> float:
+        return float(z[2] - z[0] - closed)
+
+    gap.terminal, gap.direction = True, -1.0  # type: ignore[attr-defined]
+    t = 0.0
+    z = np.ravel([(start.position, start.speed / radius) for start in orbit.system.initial])
+    while t < orbit.period:
+        found = solve_ivp(
+            rates, (t, orbit.period), z, method="DOP853", events=gap, rtol=1e-13, atol=1e-14
+        )
+        t, z = found.t[-1], found.y[:, -1].copy()
+        if found.status == 1:
+            mean = (one.mass * z[1] + other.mass * z[3]) / total
+            z[1::2] = 2.0 * mean - z[1::2]
+    return z
+
+
+@pytest.mark.parametrize(
+    ("slope", "angles", "mass", "impacts"),
+    [
+        (60, (-0.81, 0.006), 1.00007, 3),
+        (60, (-0.427, 0.269), 2.69, 5),
+        (170, (0.3946, 1.0176), 1.0, 5),
+    ],
+)
+def test_orbits_are_found_where_many_motions_nearly_close(
+    slope: int, angles: tuple[float, float], mass: float, impacts: int
+) -> None:
+    """Bodies nearly equal, or of a period that hardly depends on the amplitude."""
+    balls = [ball(angles[0]), ball(angles[1], mass=mass)]
+    found = find_orbit(system_of(scene(valley(slope), balls, time=50.0)), impacts, None, 50.0)
+    assert found.residual < 1e-13
+    start = [(start.position, start.speed / 0.9) for start in found.system.initial]
+    np.testing.assert_allclose(_after_pendulums(found), np.ravel(start), atol=1e-10)
 
 
 @pytest.mark.parametrize(

@@ -48,6 +48,10 @@ LEAST_PERIOD = 1.0e-6
 # largest singular value.
 SHARES = tuple(2.0**-power for power in range(13))
 PENALTIES = tuple(10.0**power for power in range(-8, 1))
+# Singular values below this share of the largest one are of directions in which how a motion closes
+# hardly changes. Motions that nearly close are a curve along them, which a straight step leaves by
+# its square; a second step, of the others alone, leads back to it.
+STIFF = 1.0e-3
 
 
 class NoOrbit(VibroError):
@@ -445,11 +449,12 @@ def newton(system: TraceSystem, state: Floats, period: float, energy: float | No
     if any(event.endswith("|") for event in shot.word) and all(k != 1.0 for k in walls):
         raise NoOrbit(_LOSSY.format(walls[0]))
     guess = _Guess(state, period, shot, residual_of(system, shot, state, energy))
-    for steps in (_shares_of_newton, _steps_of_marquardt):
-        found = _improved(system, guess, energy, steps)
-        if found.residual <= NEARLY_CLOSED:
-            break
-    else:
+    found = _improved(system, guess, energy, _shares_of_newton)
+    if found.residual > NEARLY_CLOSED:
+        found = _improved(system, guess, energy, _steps_of_marquardt)
+    if found.residual > NEARLY_CLOSED:
+        found = _improved(system, guess, energy, _steps_of_marquardt, bent=True)
+    if found.residual > NEARLY_CLOSED:
         raise NoOrbit(
             f"Newton's method does not converge: it comes to a motion that fails to close by "
             f"{found.residual:.2g} of the size of its state; begin nearer to one, or with another "
@@ -491,14 +496,23 @@ def _steps_of_marquardt(rows: Floats, right: Floats) -> Iterator[tuple[Floats, f
         yield across.T @ (told * sizes / (sizes**2 + (penalty * sizes[0]) ** 2)), 0.95
 
 
-def _improved(system: TraceSystem, guess: _Guess, energy: float | None, steps: Steps) -> _Guess:
-    """The motion to which steps lead that come nearer, each with the same events."""
+def _improved(
+    system: TraceSystem, guess: _Guess, energy: float | None, steps: Steps, bent: bool = False
+) -> _Guess:
+    """The motion to which steps lead that come nearer, each with the same events.
+
+    ``bent``: of a step that comes no nearer the end is taken back across, see `STIFF`.
+    """
     scale, tau = scale_of(system), float(time_scale(system))
     columns = np.append(1.0 / scale, 1.0 / (system.gravity * tau))  # m/s, by which a period counts
     for _ in range(MOST_STEPS):
         rows, right = equations(system, guess.shot, guess.state, energy)
         for step, most in steps(rows * columns, right):
             new = _stepped(system, guess, step * columns, energy)
+            if bent and new is not None and new.residual >= most * guess.residual:
+                rows, right = equations(system, new.shot, new.state, energy)
+                back = np.linalg.lstsq(rows * columns, right, rcond=STIFF)[0]
+                new = _stepped(system, new, back * columns, energy)
             if new is not None and new.residual < most * guess.residual:
                 guess = new
                 break
