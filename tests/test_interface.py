@@ -48,6 +48,7 @@ from vibro_cli import (
     sweep,
     verify,
 )
+from vibro_cli.interface.grids import Design
 from vibro_cli.storage import stored
 
 pytestmark = pytest.mark.long
@@ -122,8 +123,9 @@ def test_whole_numbers_are_a_range() -> None:
 
 def test_the_points_and_the_seed_of_a_design_have_names() -> None:
     """Of a Latin hypercube each of n strata has one point; another seed draws other ones."""
-    parameters = inspect.signature(sweep).parameters
-    assert {"n", "seed"} <= {*parameters}
+    assert sweep.__annotations__["design"] == "Unpack[Design]"
+    assert [*Design.__annotations__] == ["n", "seed"]
+    assert "\nn, seed\n" in str(inspect.getdoc(sweep))
     drawn = [
         sweep(
             example("three_arcs").replace({"stop.collisions": 1}),
@@ -135,7 +137,7 @@ def test_the_points_and_the_seed_of_a_design_have_names() -> None:
     assert [sorted(np.floor(8.0 * values).astype(int)) for values in drawn] == [[*range(8)]] * 2
     assert not np.array_equal(drawn[0], drawn[1])
     with pytest.raises(ScenarioError, match=r'unknown key "sead".*did you mean "seed"'):
-        sweep(example("three_arcs"), {"collision.k": [0.5]}, sead=2)  # type: ignore[arg-type]
+        sweep(example("three_arcs"), {"collision.k": [0.5]}, sead=2)  # type: ignore[call-arg]
 
 
 def test_replace_changes_what_set_changes() -> None:

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Never, NoReturn
+from typing import TYPE_CHECKING, NoReturn, TypedDict, Unpack
 
 import numpy as np
 
@@ -215,18 +215,24 @@ class Grid:
         return self.summary._repr_html_()
 
 
+class Design(TypedDict, total=False):
+    """What the modes take that draw points."""
+
+    n: int
+    """How many"""
+    seed: int
+
+
 def sweep(
     source: AnyScenario | str | Path,
     axes: Mapping[str, Any] | None = None,
     folder: str | Path | None = None,
     *,
     mode: str | None = None,
-    n: int | None = None,
-    seed: int | None = None,
     collisions: bool | Sequence[str] | None = None,
     workers: int = 0,
     force: bool = False,
-    **unknown: Never,
+    **design: Unpack[Design],
 ) -> Grid:
     """Solve a scenario for many values of some of its keys, as ``vibro grid`` does.
 
@@ -246,16 +252,14 @@ def sweep(
     mode
         How the axes are combined: ``"product"``, as by default, ``"zip"``, ``"latin-hypercube"`` or
         ``"sobol"``.
-    n, seed
-        Of the latter two: the number of points, and the seed they are drawn with, 0 by default.
     collisions
         Whether every impact is kept too; or the names of the columns that are. By default none is.
     workers
         Threads; 0 for one on each processor.
     force
         Whether another grid in the folder is replaced.
-    unknown
-        There are no others: they are refused with what they may stand for.
+    n, seed
+        Of the modes that draw points: how many, and the seed, 0 by default.
 
     Raises
     ------
@@ -268,7 +272,7 @@ def sweep(
         For axes and the like beside a grid file.
     """
     workers = checked("workers", workers, Count(0))
-    grid = _grid_of(source, axes=axes, mode=mode, n=n, seed=seed, collisions=collisions, **unknown)
+    grid = _grid_of(source, axes=axes, mode=mode, collisions=collisions, **design)
     temporary = None
     if folder is None:
         temporary = _Temporary()
