@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 import polars as pl
 import pyarrow as pa
+import pyarrow.csv as csv
 import pyarrow.parquet as pq
 import pytest
 from scipy.stats import chi2, kstest
@@ -23,7 +24,7 @@ from vibro_cli.commands.app import run_command_line
 from vibro_cli.scenario import Scenario, scenario_of
 from vibro_cli.scenario.problems import parsed_path
 from vibro_cli.storage.folders import write_run
-from vibro_cli.stress.scenes import CIRCLE, ball, scene
+from vibro_cli.stress.scenes import CIRCLE, ball, scene, valley
 
 pytestmark = pytest.mark.long
 
@@ -72,6 +73,33 @@ def test_noise_that_is_not_known_is_told_by_the_residuals() -> None:
     np.testing.assert_allclose(known.errors, found.errors, rtol=1e-6)
     np.testing.assert_allclose(known.values, found.values, rtol=1e-9)
     assert np.all(known.interval[:, 1] < found.interval[:, 1])  # Student's against the normal one
+
+
+def test_a_wrong_minimum_tells_of_impacts_that_are_nearer_to_another(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Without the noise no sum of squares is too great."""
+    balls = [ball(0.625933, mass=2.82355), ball(0.975102, mass=1.90052)]
+    true = scenario_of(scene(valley(150), balls, 0.920916, "hedrih", collisions=20))
+    instants = _instants(true)
+    paths = ["collision.k", "balls[2].mass", "balls[1].angle"]
+    start = true.replace(dict(zip(paths, (0.995, 2.183, 0.5329), strict=True)))
+    assert fit(true, instants, paths).misplaced == 0
+    found = fit(start, instants, paths)
+    computed = _instants(found.scenario)
+    nearest = [int(np.argmin(np.abs(instants - one))) for one in computed]
+    others = sum(near != own for own, near in enumerate(nearest))
+    assert found.misplaced == others > 10
+
+    (tmp_path / "start.json").write_text(json.dumps(start.resolved()), encoding="utf-8")
+    csv.write_csv(pa.table({"t": instants}), tmp_path / "t.csv")
+    free = [f"--free={path}" for path in paths]
+    command = ["fit", str(tmp_path / "start.json"), str(tmp_path / "t.csv"), *free]
+    assert run_command_line(command) == 0
+    warning = f"{others} of 20 computed impacts are nearer to another measured one"
+    assert warning in capsys.readouterr().out
+    assert run_command_line([*command, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["misplaced"] == others
 
 
 def test_instants_that_are_missing_and_errors_of_each_count() -> None:

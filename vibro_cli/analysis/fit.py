@@ -279,6 +279,14 @@ class Fit:
             return None
         return float(chi2.sf(self.chi_square, self.freedom))
 
+    @property
+    def misplaced(self) -> int:
+        """How many computed instants are nearer to another measured impact than to their own."""
+        measured = self.measured.t
+        middles = 0.5 * (measured[1:] + measured[:-1])
+        nearest = np.searchsorted(middles, measured - self.residuals)
+        return int(np.sum(nearest != np.arange(len(measured))))
+
 
 def fit_impacts(
     scenario: Scenario, measured: Measured, free: Sequence[Free], noise: float | None = None

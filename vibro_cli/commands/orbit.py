@@ -321,6 +321,7 @@ def record_of_fit(found: Fit) -> dict[str, Any]:
         "noise_known": found.noise_known,
         "chi_square": found.chi_square,
         "likelihood": found.likelihood,
+        "misplaced": found.misplaced,
         "residual": float((found.residuals**2).mean() ** 0.5),
         "same_events": found.same_events,
         "events": list(found.word),
@@ -348,6 +349,12 @@ def _lines_of_fit(found: Fit) -> Iterator[str]:
     yield f"  residuals            {record['residual']:.3g} s, root mean square"
     if found.likelihood is None:
         yield "  noise                not given: the errors are those the residuals tell"
+        if found.misplaced:
+            yield (
+                f"  warning              {found.misplaced} of {record['impacts']} computed impacts "
+                "are nearer to another measured one than to their own: the minimum is a wrong one, "
+                "or impacts were missed (give n)"
+            )
     else:
         yield (
             f"  chi square           {found.chi_square:.4g} of {found.freedom} degrees of freedom: "
