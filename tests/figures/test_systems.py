@@ -172,3 +172,26 @@ def test_arrows_of_bodies_on_springs_are_as_long_as_their_speeds(name: str) -> N
                 length == pytest.approx(abs(table[f"speed_{end}_post"][row]), abs=1e-9)
                 for length in [*lengths, 0.0]
             )
+
+
+def test_names_on_the_scene_of_springs_stand_beside_the_coils() -> None:
+    """Not over their straight parts either, between the corners of the zigzag."""
+    spring = {"stiffness": 40.0, "length": 0.12, "height": 0.06, "foot": 0.0}
+    other = {"stiffness": 60.0, "length": 0.08, "height": 0.08, "foot": 0.05}
+    disk = {"body": "disk", "radius": 0.02}
+    first = disk | {"mass": 0.2, "position": -0.15, "spring": spring}
+    second = disk | {"mass": 0.3, "position": 0.1, "speed": -0.5, "spring": other}
+    data = {"system": "springs", "balls": [first, second]}
+    run = simulate(any_scenario_of(data | {"collision": {"k": 0.95}, "stop": {"time": 2}}))
+    figure = springs_scene(run)
+    figure.draw_without_rendering()
+    for axes in figure.axes:
+        coils = [line for line in axes.lines if len(np.asarray(line.get_xydata())) > 10]
+        assert len(coils) == 2
+        heights = [text for text in axes.texts if text.get_text().startswith("$b_")]
+        assert len(heights) == 2
+        for name in heights:
+            box = name.get_window_extent()
+            for coil in coils:
+                drawn = coil.get_path().transformed(coil.get_transform())
+                assert not drawn.intersects_bbox(box.padded(-0.15 * box.height), filled=False)

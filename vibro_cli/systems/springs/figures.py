@@ -346,7 +346,12 @@ def _draw(axes: Axes, run: Run, one: Instant, scale: float, each: float) -> None
         ]
         ends = np.array([[-reach, 0.0], [reach, 0.0]])
         beam = np.linspace(foot + ends[0], foot + ends[1], 20)
-        drawn += [coil, beam, centre + shown * _RING, np.linspace(upright[0], upright[1], 30)]
+        drawn += [
+            *np.linspace(coil[:-1], coil[1:], 8),
+            beam,
+            centre + shown * _RING,
+            np.linspace(upright[0], upright[1], 30),
+        ]
     write_names(axes, named, np.concatenate(drawn))
 
 
