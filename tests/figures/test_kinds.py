@@ -141,6 +141,28 @@ def test_bodies_stand_on_the_scene_where_they_start() -> None:
     assert box.width / (right - left) == pytest.approx(box.height / (high - low), rel=1e-9)
 
 
+def test_numbers_of_bodies_that_touch_belong_to_their_bodies() -> None:
+    """On the scene a number is nearest to its own ball, or a line leads from it to that one."""
+    resting = [{"touching": "previous"}] * 3
+    starts = [{"angle": "-30 deg"}, {"angle": "-3.5 deg"}, *resting]
+    balls = [{"radius": 0.01, "density": 7800, "arc": 1} | start for start in starts]
+    arc = {"shape": "valley", "radius": 0.5, "end_slope": "80 deg"}
+    data = {"gravity": 9.81, "trace": {"start_slope": "-80 deg", "arcs": [arc]}, "balls": balls}
+    run = simulate(any_scenario_of(data | {"collision": {"k": 1.0}, "stop": {"time": 0.1}}))
+    (axes,) = scene(run, "single").axes
+    apart = 2.0 * np.arcsin(0.01 / 0.49)  # balls of radius 0.01 whose centres move at 0.49 from O
+    angles = np.radians([-30.0, -3.5, -3.5, -3.5, -3.5]) + apart * np.array([0, 0, 1, 2, 3])
+    origin = 0.5 * np.array([np.sin(np.radians(80.0)), np.cos(np.radians(80.0))])
+    centres = origin + 0.49 * np.column_stack([np.sin(angles), -np.cos(angles)])
+    lines = [np.asarray(line.get_xydata()) for line in axes.lines if line.zorder == 4.5]
+    names = [text for text in axes.texts if text.get_fontstyle() != "italic"]
+    assert [name.get_text() for name in names[:5]] == ["1", "2", "3", "4", "5"]
+    for number, (name, centre) in enumerate(zip(names, centres, strict=False), 1):
+        distances = np.hypot(*(centres - name.get_position()).T)
+        led = any(np.allclose(line[1], centre, atol=1e-9) for line in lines)
+        assert led or np.argmin(distances) == number - 1
+
+
 def test_impacts_on_one_arc_have_angles() -> None:
     figure = impact_map(run_of("one_circle"))
     assert figure is not None

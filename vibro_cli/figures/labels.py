@@ -186,6 +186,8 @@ _OTHER = 15.0
 """Points of curves that may be covered to stand beside the preferred point."""
 _AMBIGUOUS = 40.0
 """Points of curves that may be covered not to stand nearer to another point than to one's own."""
+_ONE = 0.5
+"""Points nearer to one another than this (mm) are one on paper."""
 
 
 def place_numbers(
@@ -214,22 +216,40 @@ def place_numbers(
             continue
         candidates, costs = candidates[free], costs[free]
         costs += _covered(candidates, half, obstacles)
-        others = [*anchors[:number], *anchors[number + 1 :]]
-        costs += _AMBIGUOUS * _nearer_to(candidates, others, points)
+        costs += _AMBIGUOUS * _ambiguity(candidates, _others(anchors, number), points)
         x, y = candidates[int(np.argmin(costs))].tolist()
         places.append((x, y))
         taken.append((x, y, half))
     return places
 
 
-def leader(place: tuple[float, float], points: Array) -> Array | None:
-    """Return the line from a number to its nearest point, shape (2, 2); None if it is near."""
-    nearest = points[np.argmin(np.hypot(*(points - place).T))]
-    reach = nearest - place
-    length = float(np.hypot(*reach))
-    if length <= LEADER:
-        return None
-    return np.stack([place + reach * (0.6 * _HIGH / length), nearest])
+def leaders(
+    places: Sequence[tuple[float, float] | None], anchors: Sequence[Array]
+) -> list[Array | None]:
+    """Return the line from each number to its nearest point, shape (2, 2); None if it wants none.
+
+    A number wants one that is far, or stands nearer to a point of another number.
+    """
+    lines: list[Array | None] = []
+    for number, (place, points) in enumerate(zip(places, anchors, strict=True)):
+        if place is None:
+            lines.append(None)
+            continue
+        at = np.array([place])
+        nearest = points[np.argmin(np.hypot(*(points - at).T))]
+        reach = nearest - place
+        length = float(np.hypot(*reach))
+        others = _others(anchors, number)
+        others = others[np.hypot(*(others - nearest).T) > _ONE]
+        wanted = length > LEADER or _nearest(at, others)[0] < length
+        tie = np.stack([place + reach * (0.6 * _HIGH / length), nearest])
+        lines.append(tie if wanted else None)
+    return lines
+
+
+def _others(anchors: Sequence[Array], number: int) -> Array:
+    """Return the points of all numbers but one, shape (n, 2)."""
+    return np.concatenate([np.empty((0, 2)), *anchors[:number], *anchors[number + 1 :]])
 
 
 def _candidates(points: Array, half: float) -> tuple[Array, Array]:
@@ -244,17 +264,14 @@ def _candidates(points: Array, half: float) -> tuple[Array, Array]:
     return np.concatenate(places), np.concatenate(costs)
 
 
-def _nearer_to(candidates: Array, others: Sequence[Array], own: Array) -> Array:
-    """Return 1 for each place that is about as near to another text's points as to its own."""
-    if not others:
-        return np.zeros(len(candidates))
-    nearer = _nearest(candidates, np.concatenate(others)) < 1.2 * _nearest(candidates, own)
-    return np.where(nearer, 1.0, 0.0)
+def _ambiguity(candidates: Array, others: Array, own: Array) -> Array:
+    """Return 1 for each place as near to another text's points as to its own, 0 where far from."""
+    return np.clip(6.0 - 5.0 * _nearest(candidates, others) / _nearest(candidates, own), 0.0, 1.0)
 
 
 def _nearest(places: Array, points: Array) -> Array:
     between = places[:, None, :] - points[None, :, :]
-    nearest: Array = np.hypot(between[..., 0], between[..., 1]).min(axis=1)
+    nearest: Array = np.hypot(between[..., 0], between[..., 1]).min(axis=1, initial=np.inf)
     return nearest
 
 
@@ -318,10 +335,9 @@ def write_names(
     written = (np.reshape(figures, (-1, 2)) - corner) * scale
     reserved = [(float(x), float(y), _CHARACTER) for x, y in written]
     places = place_numbers(plain, anchors, covered, size, reserved)
-    for name, place, anchor in zip(names, places, anchors, strict=True):
+    for name, place, line in zip(names, places, leaders(places, anchors), strict=True):
         if place is None:
             continue
-        line = leader(place, anchor)
         if line is not None:
             ends = line / scale + corner
             axes.plot(ends[:, 0], ends[:, 1], color=name.colour, linewidth=0.35, zorder=4.5)

@@ -22,7 +22,7 @@ from vibro_cli.analysis.levels import (
 from vibro_cli.analysis.singular import CENTRE, SADDLE, SingularPoint, singular_points
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import MOST_VECTOR_POINTS
-from vibro_cli.figures.labels import HALO, Entry, leader, place_numbers, ring
+from vibro_cli.figures.labels import HALO, Entry, leaders, place_numbers, ring
 from vibro_cli.figures.portraits.panels import Panel, Window
 from vibro_cli.figures.portraits.trajectory import MOST_NUMBERS, Branches, Jumps, Trajectory
 from vibro_cli.figures.source import Array
@@ -393,13 +393,12 @@ def draw_numbers(one: Panel, branches: Branches, jumps: Jumps, marks: Array) -> 
     texts = [str(number) for number in jumps.number[here]]
     anchors = [np.stack(pair) for pair in zip(after, before, strict=True)]
     places = place_numbers(texts, anchors, obstacles, one.size)
-    for text, place, points in zip(texts, places, anchors, strict=True):
+    for text, place, tie in zip(texts, places, leaders(places, anchors), strict=True):
         if place is None:
             continue
         one.axes.text(*one.from_millimetres(place), text, path_effects=HALO, zorder=3.0, **NUMBER)
-        line = leader(place, points)
-        if line is not None:
-            ends = np.array([one.from_millimetres((x, y)) for x, y in line])
+        if tie is not None:
+            ends = np.array([one.from_millimetres((x, y)) for x, y in tie])
             one.axes.plot(ends[:, 0], ends[:, 1], zorder=2.3, **LEADER)
 
 
