@@ -14,6 +14,7 @@ import pytest
 from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
 from matplotlib.image import imread
+from matplotlib.path import Path as Polyline
 from matplotlib.text import Annotation
 
 from tests.figures.layout import assert_texts_are_apart, texts
@@ -26,7 +27,7 @@ from vibro_cli.scenario.loading import load_any
 from vibro_cli.systems import NAMES
 from vibro_cli.systems.springs.figures import springs_place, springs_scene
 from vibro_cli.systems.springs.portrait import motions, springs_portrait, springs_structure
-from vibro_cli.systems.table.figures import table_energies
+from vibro_cli.systems.table.figures import table_contact_points, table_energies
 from vibro_cli.systems.table.plan import table_plan
 from vibro_cli.systems.table.portrait import has_wall_portrait, wall_portrait
 
@@ -195,3 +196,23 @@ def test_names_on_the_scene_of_springs_stand_beside_the_coils() -> None:
             for coil in coils:
                 drawn = coil.get_path().transformed(coil.get_transform())
                 assert not drawn.intersects_bbox(box.padded(-0.15 * box.height), filled=False)
+
+
+def test_names_of_possible_contact_points_stand_beside_the_tangent_planes() -> None:
+    """Over none of the lines through T that are as long as these."""
+    run = run_of(FOLDER / "table" / "elliptic_wall.toml", "balls[1].x=-0.8")
+    figure = table_contact_points(run)
+    assert figure is not None
+    figure.draw_without_rendering()
+    found = 0
+    for axes in figure.axes:
+        lines = [np.asarray(line.get_xydata()) for line in axes.lines]
+        across = [ends for ends in lines if 1.0 < np.hypot(*(ends[-1] - ends[0])) < 1.7]
+        planes = [ends for ends in across if np.hypot(*ends.mean(axis=0)) > 0.9]  # in radii
+        found += len(planes)
+        for name in axes.texts:
+            box = name.get_window_extent()
+            for ends in planes:
+                drawn = Polyline(axes.transData.transform(ends))
+                assert not drawn.intersects_bbox(box.padded(-0.15 * box.height), filled=False)
+    assert found == 3  # one from the side, two from above

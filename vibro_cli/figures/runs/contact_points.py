@@ -192,9 +192,10 @@ def _draw_elevation(axes: Axes, one: Rolling, scale: float) -> None:
     outward = points[0]
     axes.plot(*np.transpose([[0.0, 0.0], points[0]]), zorder=2.0, **_AXIS)
     along = 0.75 * np.array([-outward[1], outward[0]])
-    axes.plot(*np.transpose([points[0] - along, points[0] + along]), zorder=2.0, **_PLANE)
+    plane = np.linspace(points[0] - along, points[0] + along, 60)
+    axes.plot(*plane.T, zorder=2.0, **_PLANE)
     arrow(axes, np.zeros(2), scale * np.array([one.speed, 0.0]), colour, CENTRE)
-    drawn = [np.linspace([0.0, 0.0], [scale * one.speed, 0.0], 20)]
+    drawn = [plane, np.linspace([0.0, 0.0], [scale * one.speed, 0.0], 20)]
     for number, point in enumerate(one.points()[:2]):
         drawn += _draw_parts(axes, points[number], one, point, [0, 2], scale)
     first, *beside = _names(one)
@@ -229,7 +230,9 @@ def _draw_plan(axes: Axes, one: Rolling, scale: float) -> None:
         if number:
             axes.plot(*np.transpose([[0.0, 0.0], place]), zorder=2.0, **_THIN)
             across = 0.55 * np.array([-place[1], place[0]])
-            axes.plot(*np.transpose([place - across, place + across]), zorder=2.0, **_PLANE)
+            plane = np.linspace(place - across, place + across, 60)
+            axes.plot(*plane.T, zorder=2.0, **_PLANE)
+            drawn.append(plane)
         drawn += _draw_parts(axes, place, one, point, [0, 1], scale)
     turned = 180.0 if one.ahead < 0.0 else 0.0
     aside = math.degrees(one.aside)
