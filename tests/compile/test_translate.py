@@ -17,17 +17,17 @@ from vibro_cli.compile.kernel import (
     Lanes,
     Series,
     any_lane,
-    both,
-    choose,
     dtype,
-    either,
+    extract,
     has_bit,
-    in_lane,
+    insert,
     kernel,
-    opposite,
+    mask_and,
+    mask_not,
+    mask_or,
+    pack,
+    select,
     struct,
-    two_lanes,
-    with_lane,
 )
 from vibro_cli.compile.kinds import TranslationError
 from vibro_cli.compile.native import add_library, compiled
@@ -141,12 +141,12 @@ def _reach(cell: Cell) -> float:
 def in_lanes(rows: Sequence[Wide]) -> float:
     a = rows[0]
     larger = a.x > a.y
-    mixed = choose(larger, math.sqrt(a.x), -a.y)
-    mixed = choose(either(larger, both(a.x > 0.0, opposite(larger))), mixed, 0.0)
-    mixed = choose(has_bit(a.y, 1), mixed + 1.0, abs(mixed))
+    mixed = select(larger, math.sqrt(a.x), -a.y)
+    mixed = select(mask_or(larger, mask_and(a.x > 0.0, mask_not(larger))), mixed, 0.0)
+    mixed = select(has_bit(a.y, 1), mixed + 1.0, abs(mixed))
     a.x = max(min(mixed, 1e3), 2.0 * a.y)
-    pair = with_lane(two_lanes(in_lane(a.x, 3), 2.0), 1, 5.0)
-    return in_lane(pair * pair, 1) + _half(in_lane(a.x, 0)) if any_lane(larger) else -1.0
+    pair = insert(pack(extract(a.x, 3), 2.0), 1, 5.0)
+    return extract(pair * pair, 1) + _half(extract(a.x, 0)) if any_lane(larger) else -1.0
 
 
 @kernel
@@ -310,7 +310,7 @@ def of_lanes_as_truth(rows: Sequence[Wide]) -> float:
 @kernel
 def of_power_of_lanes(rows: Sequence[Wide]) -> float:
     root = rows[0].x ** 0.5
-    return in_lane(root, 0)
+    return extract(root, 0)
 
 
 @kernel

@@ -8,7 +8,7 @@ reassociation), so they give the same bits. Nothing heavy is imported here: this
 
 A kernel without jumps may work on lanes in place of numbers: each lane then undergoes the same
 operations in the same order as the number would, and has the same bits. Where lanes differ in what
-is to be done, both are done and :func:`choose` takes one for each lane. Lanes are there in compiled
+is to be done, both are done and :func:`select` takes one for each lane. Lanes are there in compiled
 kernels only; what is written here is their meaning for one number.
 """
 
@@ -176,7 +176,7 @@ def interpreted(function: Function, overrides: Overrides | None) -> Function:
     return function if overrides is None else overrides.interpreted(function)
 
 
-def choose(condition: bool, yes: float, no: float) -> float:
+def select(condition: bool, yes: float, no: float) -> float:
     """Return one of two numbers, in each lane by the lane's own condition."""
     return yes if condition else no
 
@@ -186,17 +186,17 @@ def any_lane(condition: bool) -> bool:
     return condition
 
 
-def both(one: bool, other: bool) -> bool:
+def mask_and(one: bool, other: bool) -> bool:
     """Tell in each lane whether two conditions hold."""
     return one and other
 
 
-def either(one: bool, other: bool) -> bool:
+def mask_or(one: bool, other: bool) -> bool:
     """Tell in each lane whether one of two conditions holds."""
     return one or other
 
 
-def opposite(condition: bool) -> bool:
+def mask_not(condition: bool) -> bool:
     """Tell in each lane whether a condition does not hold."""
     return not condition
 
@@ -206,19 +206,19 @@ def has_bit(x: float, bit: int) -> bool:
     return int(x) & bit != 0
 
 
-def two_lanes(first: float, second: float) -> float:
+def pack(first: float, second: float) -> float:
     """Return two lanes of numbers."""
     assert first == second
     return first
 
 
-def in_lane(lanes: float, number: int) -> float:
+def extract(lanes: float, number: int) -> float:
     """Return the number in one lane."""
     assert number == 0
     return lanes
 
 
-def with_lane(lanes: float, number: int, value: float) -> float:
+def insert(lanes: float, number: int, value: float) -> float:
     """Return lanes with another number in one of them."""
     assert number == 0
     return value if number == 0 else lanes

@@ -107,11 +107,11 @@ static inline Mask<count> in_all(bool value) {
   return by_parts<Mask<count>>([&](int) { return Part{} - (int64_t)value; });
 }
 template <class Number>
-static inline Number choose(bool condition, Number yes, Number no) {
+static inline Number select(bool condition, Number yes, Number no) {
   return condition ? yes : no;
 }
 template <int count>
-static inline Lanes<count> choose(Mask<count> condition, Lanes<count> yes, Lanes<count> no) {
+static inline Lanes<count> select(Mask<count> condition, Lanes<count> yes, Lanes<count> no) {
   return by_parts<Lanes<count>>(
       [&](int at) { return condition.part[at] ? yes.part[at] : no.part[at]; });
 }
@@ -147,7 +147,7 @@ static inline Mask<count> has_bit(Lanes<count> lanes, int64_t bit) {
   });
 }
 template <int count>
-static inline Lanes<count> with_lane(Lanes<count> lanes, int64_t number, double value) {
+static inline Lanes<count> insert(Lanes<count> lanes, int64_t number, double value) {
 #ifdef __AVX__  // a number written into a long register's memory is waited for at the next read
   typedef typename Lanes<count>::Part Part;
   typename Mask<count>::Part place;
@@ -160,7 +160,7 @@ static inline Lanes<count> with_lane(Lanes<count> lanes, int64_t number, double 
   return lanes;
 #endif
 }
-static inline Lanes<2> two_lanes(double first, double second) {
+static inline Lanes<2> pack(double first, double second) {
   return by_parts<Lanes<2>>([&](int) { return Lanes<2>::Part{first, second}; });
 }
 static inline bool any_lane(bool value) { return value; }
@@ -183,13 +183,13 @@ static inline bool any_lane(Mask<count> mask) {
 // min and max as Python has them: the first one unless another is beyond it.
 template <class Number, class... More>
 static inline Number min(Number one, Number other, More... more) {
-  Number least = py::choose(other < one, other, one);
+  Number least = py::select(other < one, other, one);
   if constexpr (sizeof...(more) > 0) least = py::min<Number>(least, more...);
   return least;
 }
 template <class Number, class... More>
 static inline Number max(Number one, Number other, More... more) {
-  Number greatest = py::choose(other > one, other, one);
+  Number greatest = py::select(other > one, other, one);
   if constexpr (sizeof...(more) > 0) greatest = py::max<Number>(greatest, more...);
   return greatest;
 }

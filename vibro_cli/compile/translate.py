@@ -66,15 +66,15 @@ _RULES: dict[Any, Rule] = {
     float: Rule("(double)({0})", t.FLOAT),
     round: Rule("(int64_t)std::nearbyint({0})", t.INT),
     k.fused: Rule("std::fma({all})", t.FLOAT, 0),
-    k.choose: Rule("py::choose({all})", _chosen, 1),
+    k.select: Rule("py::select({all})", _chosen, 1),
     k.any_lane: Rule("py::any_lane({0})", t.BOOL),
-    k.both: Rule("{kind}({0} & {1})", t.joined, 0),
-    k.either: Rule("{kind}({0} | {1})", t.joined, 0),
-    k.opposite: Rule("({0} == {kind}{{}})", lambda kind: kind),
+    k.mask_and: Rule("{kind}({0} & {1})", t.joined, 0),
+    k.mask_or: Rule("{kind}({0} | {1})", t.joined, 0),
+    k.mask_not: Rule("({0} == {kind}{{}})", lambda kind: kind),
     k.has_bit: Rule("py::has_bit({all})", lambda kind, _: t.mask_of(kind)),
-    k.in_lane: Rule("{0}[{1}]", t.FLOAT),
-    k.with_lane: Rule("py::with_lane({all})", lambda kind, *_: kind),
-    k.two_lanes: Rule("py::two_lanes({all})", t.lanes_of(2)),
+    k.extract: Rule("{0}[{1}]", t.FLOAT),
+    k.insert: Rule("py::insert({all})", lambda kind, *_: kind),
+    k.pack: Rule("py::pack({all})", t.lanes_of(2)),
     math.sqrt: Rule("py::sqrt({0})", lambda kind: kind if kind.form == "lanes" else t.FLOAT, 0),
     math.floor: Rule("(int64_t)std::floor({0})", t.INT),
     math.ceil: Rule("(int64_t)std::ceil({0})", t.INT),
@@ -430,7 +430,7 @@ class Function:
     def _condition(self, node: ast.expr, kinds: Sequence[Kind] = (t.BOOL, t.INT)) -> str:
         value = self._value(node)
         if value.kind not in kinds:
-            lanes = " of lanes (see choose, any_lane)" if value.kind.form == "mask" else ""
+            lanes = " of lanes (see select, any_lane)" if value.kind.form == "mask" else ""
             self._fail(node, f"found {ast.unparse(node)}{lanes}, expected one truth value")
         return value.code
 

@@ -15,12 +15,12 @@ from vibro_cli.compile.kernel import (
     Lanes,
     Two,
     any_lane,
-    both,
-    choose,
-    either,
-    in_lane,
+    extract,
     kernel,
-    opposite,
+    mask_and,
+    mask_not,
+    mask_or,
+    select,
     struct,
 )
 from vibro_cli.kernels.contact.arc_contact import (
@@ -133,21 +133,21 @@ def contact_in_lanes(a: SwingLanes, b: SwingLanes, contact: PairTrack) -> tuple[
     level = math.pi - contact.far_gap
     if a.frequency != b.frequency:
         level += uneven_pull(a, b) / (fastest * fastest)
-    over = choose(rate > 0.0, 2.0 * rate, 0.0)
+    over = select(rate > 0.0, 2.0 * rate, 0.0)
     clear = safe_time(over, fastest * (2.0 * level), fastest)
     failed = clear <= 0.0
     mean_s = 0.5 * (b.flow_s + a.flow_s)
     mean_p = 0.5 * (b.flow_p + a.flow_p)
     slowed = frequency_of_difference(a, b, level, rate, mean_s, mean_p, 1.0)
     h, lost = _refined(a, b, time_of_rise(over, slowed * (2.0 * level), slowed), contact)
-    failed = either(failed, lost)
+    failed = mask_or(failed, lost)
     approach = 2.0 * (a.frequency * a.contact_p - b.frequency * b.contact_p)
-    certain = both(approach > 0.0, is_clear_with(h - clear, approach, level, fastest))
+    certain = mask_and(approach > 0.0, is_clear_with(h - clear, approach, level, fastest))
     # Short flights from contact to contact are timed otherwise (kernels.contact.first_contact).
-    long = both(a.frequency * h > LONG, h > 0.0)
-    long = both(either(long, b.frequency * h > LONG), h > 0.0)
-    far = both(approach > 0.0, approach * h > FAR)
-    return h, either(failed, opposite(both(certain, either(long, far))))
+    long = mask_and(a.frequency * h > LONG, h > 0.0)
+    long = mask_and(mask_or(long, b.frequency * h > LONG), h > 0.0)
+    far = mask_and(approach > 0.0, approach * h > FAR)
+    return h, mask_or(failed, mask_not(mask_and(certain, mask_or(long, far))))
 
 
 @kernel
@@ -169,21 +169,21 @@ def _refined(a: SwingLanes, b: SwingLanes, h: Lanes, contact: PairTrack) -> tupl
         x, cosine = half_gap_sine(contact, a_s, a_c, b_s, b_c, 1.0)
         x1, x2, x3 = derivatives_of_sine(x, cosine, rate, second, third)
         change = inverted(x, x1, x2, x3)
-        falls = both(x1 < 0.0, abs(change) * fastest <= LONGEST_CHANGE)
-        ends = both(falls, is_last(x, change, x1, x2, fastest, FINAL_CORRECTION))
-        ends = both(ends, opposite(done))
+        falls = mask_and(x1 < 0.0, abs(change) * fastest <= LONGEST_CHANGE)
+        ends = mask_and(falls, is_last(x, change, x1, x2, fastest, FINAL_CORRECTION))
+        ends = mask_and(ends, mask_not(done))
         if any_lane(ends):
             a_s, a_c, a_p = advance_slightly(a.frequency, change, a_s, a_c, a_p)
             b_s, b_c, b_p = advance_slightly(b.frequency, change, b_s, b_c, b_p)
             _keep(a, ends, a_s, a_c, a_p)
             _keep(b, ends, b_s, b_c, b_p)
-        h = choose(done, h, h + change)
-        falls = both(falls, abs(h) * (a.frequency + b.frequency) < 0.1 * REDUCTION_LIMIT)
-        lost = either(lost, both(opposite(falls), opposite(done)))
-        done = either(either(done, ends), lost)
-        if not any_lane(opposite(done)):
+        h = select(done, h, h + change)
+        falls = mask_and(falls, abs(h) * (a.frequency + b.frequency) < 0.1 * REDUCTION_LIMIT)
+        lost = mask_or(lost, mask_and(mask_not(falls), mask_not(done)))
+        done = mask_or(mask_or(done, ends), lost)
+        if not any_lane(mask_not(done)):
             break
-    return h, either(lost, opposite(done))
+    return h, mask_or(lost, mask_not(done))
 
 
 @kernel
@@ -196,9 +196,9 @@ def flow_in_lanes(swing: Flight, t: Lanes) -> tuple[Lanes, Lanes, Lanes]:
 
 @kernel
 def _keep(swing: SwingLanes, where: bool, s: Lanes, c: Lanes, p: Lanes) -> None:
-    swing.contact_s = choose(where, s, swing.contact_s)
-    swing.contact_c = choose(where, c, swing.contact_c)
-    swing.contact_p = choose(where, p, swing.contact_p)
+    swing.contact_s = select(where, s, swing.contact_s)
+    swing.contact_c = select(where, c, swing.contact_c)
+    swing.contact_p = select(where, p, swing.contact_p)
 
 
 @kernel
@@ -277,8 +277,8 @@ def contact_of_two(two: TwoSwings, a: Flight, b: Flight, contact: PairTrack, clo
     """
     wa = a.frequency
     wb = b.frequency
-    a_p = in_lane(two.flow_p, 0)
-    b_p = in_lane(two.flow_p, 1)
+    a_p = extract(two.flow_p, 0)
+    b_p = extract(two.flow_p, 1)
     rate = 2.0 * (wb * b_p - wa * a_p)
     fastest = max(wa, wb)
     level = math.pi - contact.far_gap
@@ -288,14 +288,14 @@ def contact_of_two(two: TwoSwings, a: Flight, b: Flight, contact: PairTrack, clo
     clear = safe_time(over, fastest * (2.0 * level), fastest)
     if clear <= 0.0:
         return NONE_BEFORE_LIMIT
-    mean_s = 0.5 * (in_lane(two.flow_s, 1) + in_lane(two.flow_s, 0))
+    mean_s = 0.5 * (extract(two.flow_s, 1) + extract(two.flow_s, 0))
     mean_p = 0.5 * (b_p + a_p)
     slowed = frequency_of_difference(a, b, level, rate, mean_s, mean_p, 1.0)
     guess = time_of_rise(over, slowed * (2.0 * level), slowed)
     h = _refined_of_two(two, guess, contact, clock)
     if h <= 0.0:
         return NONE_BEFORE_LIMIT
-    approach = 2.0 * (wa * in_lane(two.contact_p, 0) - wb * in_lane(two.contact_p, 1))
+    approach = 2.0 * (wa * extract(two.contact_p, 0) - wb * extract(two.contact_p, 1))
     if not is_clear_before(h - clear, approach, level, fastest):
         return NONE_BEFORE_LIMIT
     # Short flights from contact to contact are timed otherwise (kernels.contact.first_contact).
@@ -306,8 +306,8 @@ def contact_of_two(two: TwoSwings, a: Flight, b: Flight, contact: PairTrack, clo
 def _refined_of_two(two: TwoSwings, h: float, contact: PairTrack, clock: Clock) -> float:
     """Zero of the sine of half the gap (see ``kernels.contact.arc_contact``)."""
     w = two.frequency
-    wa = in_lane(w, 0)
-    wb = in_lane(w, 1)
+    wa = extract(w, 0)
+    wb = extract(w, 1)
     fastest = max(wa, wb)
     for _ in range(MOST_EVALUATIONS):
         if fastest * abs(h) > 0.1 * REDUCTION_LIMIT:
@@ -317,12 +317,12 @@ def _refined_of_two(two: TwoSwings, h: float, contact: PairTrack, clock: Clock) 
         second = pendulum_acceleration(w, s, c)
         third = pendulum_jerk(w, s, c, 2.0 * w * p)
         x, cosine = half_gap_sine(
-            contact, in_lane(s, 0), in_lane(c, 0), in_lane(s, 1), in_lane(c, 1), 1.0
+            contact, extract(s, 0), extract(c, 0), extract(s, 1), extract(c, 1), 1.0
         )
-        rate = 2.0 * (wb * in_lane(p, 1) - wa * in_lane(p, 0))
+        rate = 2.0 * (wb * extract(p, 1) - wa * extract(p, 0))
         x1, x2, x3 = derivatives_of_sine(
             x, cosine, rate,
-            in_lane(second, 1) - in_lane(second, 0), in_lane(third, 1) - in_lane(third, 0),
+            extract(second, 1) - extract(second, 0), extract(third, 1) - extract(third, 0),
         )  # fmt: skip
         if x1 >= 0.0:
             break

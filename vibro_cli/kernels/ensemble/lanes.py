@@ -18,14 +18,14 @@ from vibro_cli.compile.kernel import (
     LANES,
     Lanes,
     any_lane,
-    both,
-    choose,
-    either,
-    in_lane,
+    extract,
+    insert,
     kernel,
-    opposite,
+    mask_and,
+    mask_not,
+    mask_or,
+    select,
     struct,
-    with_lane,
 )
 from vibro_cli.kernels.contact.libration_contact_lanes import (
     LONGEST_STAY,
@@ -89,15 +89,15 @@ def range_in_lanes(
     above = argument * ((1.0 + root) * (1.0 + root))
     below = argument * math.sqrt(2.0 * (1.0 + swing.root_complement) * root)
     none = above < 2.0 * math.pi * (1.0 - 2.0 * CAUTION)
-    half = both(
+    half = mask_and(
         below > math.pi * (1.0 + 2.0 * CAUTION), above < 4.0 * math.pi * (1.0 - 2.0 * CAUTION)
     )
     whole = below > 2.0 * math.pi * (1.0 + 2.0 * CAUTION)
-    turned = both(swing.flow_p * p <= 0.0, abs(swing.flow_p) > 0.0)
-    high = choose(either(whole, turned), swing.parameter, high)
-    inward = both(swing.flow_s * swing.flow_c * swing.flow_p < 0.0, half)
-    low = choose(either(either(whole, swing.flow_s * s < 0.0), inward), 0.0, low)
-    return low, high, opposite(either(either(none, half), whole))
+    turned = mask_and(swing.flow_p * p <= 0.0, abs(swing.flow_p) > 0.0)
+    high = select(mask_or(whole, turned), swing.parameter, high)
+    inward = mask_and(swing.flow_s * swing.flow_c * swing.flow_p < 0.0, half)
+    low = select(mask_or(mask_or(whole, swing.flow_s * s < 0.0), inward), 0.0, low)
+    return low, high, mask_not(mask_or(mask_or(none, half), whole))
 
 
 @kernel
@@ -118,9 +118,9 @@ def demand_in_lanes(
     a = 4.0 * m / body.kappa - 2.0 / body.kappa
     if any_lane(abs(a) > b):
         stationary = 0.5 * (1.0 + b / a)
-        within = both(both(abs(a) > b, low <= stationary), stationary <= high)
-        there = _demand(body, piece, m, choose(within, stationary, low), most)
-        most = max(most, choose(within, there, 0.0))
+        within = mask_and(mask_and(abs(a) > b, low <= stationary), stationary <= high)
+        there = _demand(body, piece, m, select(within, stationary, low), most)
+        most = max(most, select(within, there, 0.0))
     return most
 
 
@@ -132,14 +132,14 @@ def _demand(body: BodyLanes, piece: PieceData, m: Lanes, s2: Lanes, most: Lanes)
     share = 1.0 - 1.0 / body.kappa
     pull = 2.0 * body.weight * share
     held = most * normal
-    less = both(normal > 0.0, pull * pull * square <= BELOW * (held * held))
-    less = either(share == 0.0, less)
-    if not any_lane(opposite(less)):
+    less = mask_and(normal > 0.0, pull * pull * square <= BELOW * (held * held))
+    less = mask_or(share == 0.0, less)
+    if not any_lane(mask_not(less)):
         return 0.0 * normal
     force = body.weight * (2.0 * math.sqrt(square)) * share
-    demand = choose(normal > 0.0, force / normal, math.inf)
-    demand = choose(force == 0.0, choose(normal >= 0.0, 0.0, math.inf), demand)
-    return choose(less, 0.0, demand)
+    demand = select(normal > 0.0, force / normal, math.inf)
+    demand = select(force == 0.0, select(normal >= 0.0, 0.0, math.inf), demand)
+    return select(less, 0.0, demand)
 
 
 @struct
@@ -197,24 +197,24 @@ def next_impact(world: World, group: LaneGroup) -> bool:
         b.angular_bound = widest_pull(b.frequency, b.parameter)
     h, failed = contact_in_lanes(a, b, world.contacts[run.piece])
     t, t_low = add_to_time(run.t, run.t_low, h)
-    failed = either(failed, time_between(t, t_low, run.stop_t, 0.0) >= 0.0)
-    failed = either(failed, project_swing(a))
-    failed = either(failed, project_swing(b))
+    failed = mask_or(failed, time_between(t, t_low, run.stop_t, 0.0) >= 0.0)
+    failed = mask_or(failed, project_swing(a))
+    failed = mask_or(failed, project_swing(b))
     excess, lost = _collide(world, group)
-    failed = either(failed, lost)
-    failed = either(failed, either(_is_other(a, track_a), _is_other(b, track_b)))
+    failed = mask_or(failed, lost)
+    failed = mask_or(failed, mask_or(_is_other(a, track_a), _is_other(b, track_b)))
     duration = (t - run.t) + (t_low - run.t_low)
-    failed = either(failed, _count(world, group, duration, failed))
-    run.t = choose(failed, run.t, t)
-    run.t_low = choose(failed, run.t_low, t_low)
-    done = choose(failed, 0.0, 1.0)
+    failed = mask_or(failed, _count(world, group, duration, failed))
+    run.t = select(failed, run.t, t)
+    run.t_low = select(failed, run.t_low, t_low)
+    done = select(failed, 0.0, 1.0)
     run.failed = 1.0 - done
     run.collisions += done
     run.impacts += done
-    run.energy_correction += choose(failed, 0.0, abs(excess))
+    run.energy_correction += select(failed, 0.0, abs(excess))
     _take(a, failed)
     _take(b, failed)
-    return either(failed, run.collisions >= run.stop_collisions)
+    return mask_or(failed, run.collisions >= run.stop_collisions)
 
 
 @kernel
@@ -252,27 +252,27 @@ def _collide(world: World, group: LaneGroup) -> tuple[Lanes, bool]:
     energy_b = body_b.weight * head_b
     less = energy_a < energy_b
     # The body with less energy takes it from its state, the other one the rest.
-    head = (total - choose(less, energy_a, energy_b)) / choose(less, body_b.weight, body_a.weight)
-    a.next_head = choose(less, head_a, head)
-    b.next_head = choose(less, head, head_b)
+    head = (total - select(less, energy_a, energy_b)) / select(less, body_b.weight, body_a.weight)
+    a.next_head = select(less, head_a, head)
+    b.next_head = select(less, head, head_b)
     m, root = _energy_of_state(a, b, less)
     rest, rest_root = _energy_of_head(track_a, track_b, less, head)
-    a.next_m = choose(less, m, rest)
-    b.next_m = choose(less, rest, m)
-    a.next_root = choose(less, root, rest_root)
-    b.next_root = choose(less, rest_root, root)
-    sure = both(parts, either(less, energy_b < energy_a))
-    return total - (energy_a + energy_b), either(small, opposite(sure))
+    a.next_m = select(less, m, rest)
+    b.next_m = select(less, rest, m)
+    a.next_root = select(less, root, rest_root)
+    b.next_root = select(less, rest_root, root)
+    sure = mask_and(parts, mask_or(less, energy_b < energy_a))
+    return total - (energy_a + energy_b), mask_or(small, mask_not(sure))
 
 
 @kernel
 def _energy_of_state(a: SwingLanes, b: SwingLanes, of_a: bool) -> tuple[Lanes, Lanes]:
     """Parameter, and root of its complement, of one body in its state after the impact."""
-    s = choose(of_a, a.contact_s, b.contact_s)
-    c = choose(of_a, a.contact_c, b.contact_c)
-    p = choose(of_a, a.next_p, b.next_p)
+    s = select(of_a, a.contact_s, b.contact_s)
+    c = select(of_a, a.contact_c, b.contact_c)
+    p = select(of_a, a.next_p, b.next_p)
     root = size_of_root(c, p)
-    return s * s + p * p, choose(abs(p) < abs(c), root, -1.0)
+    return s * s + p * p, select(abs(p) < abs(c), root, -1.0)
 
 
 @kernel
@@ -280,11 +280,11 @@ def _energy_of_head(
     track_a: TrackData, track_b: TrackData, of_b: bool, head: Lanes
 ) -> tuple[Lanes, Lanes]:
     """Parameter, and root of its complement, of one body with an energy."""
-    twice = choose(of_b, track_b.twice_radius, track_a.twice_radius)
-    complement = (choose(of_b, track_b.top, track_a.top) - head) / twice
-    m = max((head - choose(of_b, track_b.bottom, track_a.bottom)) / twice, 0.0)
+    twice = select(of_b, track_b.twice_radius, track_a.twice_radius)
+    complement = (select(of_b, track_b.top, track_a.top) - head) / twice
+    m = max((head - select(of_b, track_b.bottom, track_a.bottom)) / twice, 0.0)
     root = math.sqrt(abs(complement))
-    return choose(complement < 0.5, 1.0 - complement, m), choose(complement > 0.0, root, -1.0)
+    return select(complement < 0.5, 1.0 - complement, m), select(complement > 0.0, root, -1.0)
 
 
 @kernel
@@ -292,8 +292,8 @@ def _is_other(swing: SwingLanes, track: TrackData) -> bool:
     """Tell where the next flight is no libration far from a crest and the ends of the arc."""
     crest = swing.contact_c * swing.contact_c + swing.next_p * swing.next_p < CREST_NEIGHBOURHOOD
     most = min(PARAMETER_SPLIT, most_of_swings(track))
-    swings = both(both(swing.next_m > 0.0, swing.next_m < most), swing.next_root > 0.0)
-    return either(crest, opposite(swings))
+    swings = mask_and(mask_and(swing.next_m > 0.0, swing.next_m < most), swing.next_root > 0.0)
+    return mask_or(crest, mask_not(swings))
 
 
 @kernel
@@ -307,15 +307,15 @@ def _count(world: World, group: LaneGroup, duration: Lanes, failed: bool) -> boo
     piece = world.pieces[run.piece]
     low_a, high_a, open_a = range_in_lanes(a, duration, a.contact_s, a.contact_p)
     low_b, high_b, open_b = range_in_lanes(b, duration, b.contact_s, b.contact_p)
-    failed = either(failed, either(open_a, open_b))
+    failed = mask_or(failed, mask_or(open_a, open_b))
     force = min(
         force_in_lanes(body_a, piece, a.parameter, low_a, high_a),
         force_in_lanes(body_b, piece, b.parameter, low_b, high_b),
     )
-    run.least_force = choose(failed, run.least_force, min(run.least_force, force))
+    run.least_force = select(failed, run.least_force, min(run.least_force, force))
     most = demand_in_lanes(body_a, piece, a.parameter, low_a, high_a, run.most_demand)
     most = demand_in_lanes(body_b, piece, b.parameter, low_b, high_b, most)
-    run.most_demand = choose(failed, run.most_demand, most)
+    run.most_demand = select(failed, run.most_demand, most)
     rho_a = track_on(world, 0, run.piece).path_radius
     rho_b = track_on(world, 1, run.piece).path_radius
     sine, cosine = half_angle_on_arc(rho_a * rho_b, body_a.radius, body_b.radius)
@@ -323,19 +323,19 @@ def _count(world: World, group: LaneGroup, duration: Lanes, failed: bool) -> boo
         rho_a * rho_b, body_a.radius + body_b.radius,
         a.contact_s, a.contact_c, b.contact_s, b.contact_c, sine, cosine,
     )  # fmt: skip
-    run.max_gap = choose(failed, run.max_gap, max(run.max_gap, abs(gap)))
+    run.max_gap = select(failed, run.max_gap, max(run.max_gap, abs(gap)))
     return failed
 
 
 @kernel
 def _take(swing: SwingLanes, failed: bool) -> None:
     """Begin the next flight, but for the lanes that have failed."""
-    swing.flow_s = choose(failed, swing.flow_s, swing.contact_s)
-    swing.flow_c = choose(failed, swing.flow_c, swing.contact_c)
-    swing.flow_p = choose(failed, swing.flow_p, swing.next_p)
-    swing.head = choose(failed, swing.head, swing.next_head)
-    swing.parameter = choose(failed, swing.parameter, swing.next_m)
-    swing.root_complement = choose(failed, swing.root_complement, swing.next_root)
+    swing.flow_s = select(failed, swing.flow_s, swing.contact_s)
+    swing.flow_c = select(failed, swing.flow_c, swing.contact_c)
+    swing.flow_p = select(failed, swing.flow_p, swing.next_p)
+    swing.head = select(failed, swing.head, swing.next_head)
+    swing.parameter = select(failed, swing.parameter, swing.next_m)
+    swing.root_complement = select(failed, swing.root_complement, swing.next_root)
 
 
 @kernel
@@ -366,8 +366,8 @@ def run_points_in_lanes(
             working = 0
             for lane in range(LANES):
                 point = group.slots[lane].point
-                failed = in_lane(run.failed, lane) > 0.0
-                ended = in_lane(run.collisions, lane) >= in_lane(run.stop_collisions, lane)
+                failed = extract(run.failed, lane) > 0.0
+                ended = extract(run.collisions, lane) >= extract(run.stop_collisions, lane)
                 if point >= 0 and (failed or ended):
                     made -= 1 if failed else 0
                     _take_out(world, fresh, points, results, group, lane)
@@ -445,31 +445,31 @@ def _put_in(world: World, points: Points, group: LaneGroup, lane: int) -> None:
     own = points.own[slot.point]
     slot.crossings = clock.crossings
     slot.contacts = clock.contacts
-    run.t = with_lane(run.t, lane, clock.t)
-    run.t_low = with_lane(run.t_low, lane, clock.t_low)
-    run.restitution = with_lane(run.restitution, lane, world.pairs[0].restitution)
-    run.stop_t = with_lane(run.stop_t, lane, own.stop_t)
-    run.stop_collisions = with_lane(run.stop_collisions, lane, float(own.stop_collisions))
-    run.collisions = with_lane(run.collisions, lane, float(clock.collisions))
-    run.impacts = with_lane(run.impacts, lane, 0.0)
-    run.energy_correction = with_lane(run.energy_correction, lane, clock.energy_correction)
-    run.max_gap = with_lane(run.max_gap, lane, 0.0)
-    run.least_force = with_lane(run.least_force, lane, NEVER)
-    run.most_demand = with_lane(run.most_demand, lane, 0.0)
+    run.t = insert(run.t, lane, clock.t)
+    run.t_low = insert(run.t_low, lane, clock.t_low)
+    run.restitution = insert(run.restitution, lane, world.pairs[0].restitution)
+    run.stop_t = insert(run.stop_t, lane, own.stop_t)
+    run.stop_collisions = insert(run.stop_collisions, lane, float(own.stop_collisions))
+    run.collisions = insert(run.collisions, lane, float(clock.collisions))
+    run.impacts = insert(run.impacts, lane, 0.0)
+    run.energy_correction = insert(run.energy_correction, lane, clock.energy_correction)
+    run.max_gap = insert(run.max_gap, lane, 0.0)
+    run.least_force = insert(run.least_force, lane, NEVER)
+    run.most_demand = insert(run.most_demand, lane, 0.0)
     for ball in range(2):
         swing = group.swings[ball]
         body = group.bodies[ball]
         own_body = world.bodies[ball]
         flight = world.flights[ball]
-        body.mass = with_lane(body.mass, lane, own_body.mass)
-        body.rolling_mass = with_lane(body.rolling_mass, lane, own_body.rolling_mass)
-        body.weight = with_lane(body.weight, lane, own_body.weight)
-        swing.flow_s = with_lane(swing.flow_s, lane, flight.s)
-        swing.flow_c = with_lane(swing.flow_c, lane, flight.c)
-        swing.flow_p = with_lane(swing.flow_p, lane, flight.p)
-        swing.head = with_lane(swing.head, lane, flight.head)
-        swing.parameter = with_lane(swing.parameter, lane, flight.parameter)
-        swing.root_complement = with_lane(swing.root_complement, lane, flight.root_complement)
+        body.mass = insert(body.mass, lane, own_body.mass)
+        body.rolling_mass = insert(body.rolling_mass, lane, own_body.rolling_mass)
+        body.weight = insert(body.weight, lane, own_body.weight)
+        swing.flow_s = insert(swing.flow_s, lane, flight.s)
+        swing.flow_c = insert(swing.flow_c, lane, flight.c)
+        swing.flow_p = insert(swing.flow_p, lane, flight.p)
+        swing.head = insert(swing.head, lane, flight.head)
+        swing.parameter = insert(swing.parameter, lane, flight.parameter)
+        swing.root_complement = insert(swing.root_complement, lane, flight.root_complement)
 
 
 @kernel
@@ -481,32 +481,32 @@ def _take_out(
     slot = group.slots[lane]
     prepare_point(world, fresh, points, slot.point)
     clock = world.clock[0]
-    clock.t = in_lane(run.t, lane)
-    clock.t_low = in_lane(run.t_low, lane)
-    clock.collisions = int(in_lane(run.collisions, lane))
+    clock.t = extract(run.t, lane)
+    clock.t_low = extract(run.t_low, lane)
+    clock.collisions = int(extract(run.collisions, lane))
     clock.crossings = slot.crossings
     clock.contacts = slot.contacts
-    clock.energy_correction = in_lane(run.energy_correction, lane)
+    clock.energy_correction = extract(run.energy_correction, lane)
     for ball in range(2):
         swing = group.swings[ball]
         flight = world.flights[ball]
         flight.piece = run.piece
         flight.t = clock.t
         flight.t_low = clock.t_low
-        flight.s = in_lane(swing.flow_s, lane)
-        flight.c = in_lane(swing.flow_c, lane)
-        flight.p = in_lane(swing.flow_p, lane)
-        flight.head = in_lane(swing.head, lane)
+        flight.s = extract(swing.flow_s, lane)
+        flight.c = extract(swing.flow_c, lane)
+        flight.p = extract(swing.flow_p, lane)
+        flight.head = extract(swing.head, lane)
         flight.anchor = -1
-        parameter = in_lane(swing.parameter, lane)
-        set_theta_constants(flight, parameter, in_lane(swing.root_complement, lane))
+        parameter = extract(swing.parameter, lane)
+        set_theta_constants(flight, parameter, extract(swing.root_complement, lane))
         launch_and_log(world, ball, COLLISION)
     world.pairs[0].touching = PARTING
-    impacts = int(in_lane(run.impacts, lane))
+    impacts = int(extract(run.impacts, lane))
     outcome = results.outcomes[slot.point]
     if impacts > 0:
         outcome.impacts += impacts
         outcome.last_t = clock.t
-        outcome.max_gap = max(outcome.max_gap, in_lane(run.max_gap, lane))
-        outcome.least_force = min(outcome.least_force, in_lane(run.least_force, lane))
-        outcome.most_demand = max(outcome.most_demand, in_lane(run.most_demand, lane))
+        outcome.max_gap = max(outcome.max_gap, extract(run.max_gap, lane))
+        outcome.least_force = min(outcome.least_force, extract(run.least_force, lane))
+        outcome.most_demand = max(outcome.most_demand, extract(run.most_demand, lane))

@@ -7,7 +7,7 @@ left to the event loop (``kernels.events.event_loop``), after which the run come
 
 from __future__ import annotations
 
-from vibro_cli.compile.kernel import Two, any_lane, either, in_lane, kernel, two_lanes
+from vibro_cli.compile.kernel import Two, any_lane, extract, kernel, mask_or, pack
 from vibro_cli.kernels.contact.libration_contact_lanes import (
     LONGEST_STAY,
     TwoBodies,
@@ -113,20 +113,20 @@ def _gather(world: World, two: TwoSwings, tracks: TwoTracks) -> None:
     b = world.flights[1]
     track_a = track_of(world, 0)
     track_b = track_of(world, 1)
-    two.frequency = two_lanes(a.frequency, b.frequency)
-    two.flow_s = two_lanes(a.s, b.s)
-    two.flow_c = two_lanes(a.c, b.c)
-    two.flow_p = two_lanes(a.p, b.p)
-    two.head = two_lanes(a.head, b.head)
-    two.parameter = two_lanes(a.parameter, b.parameter)
-    two.root_complement = two_lanes(a.root_complement, b.root_complement)
+    two.frequency = pack(a.frequency, b.frequency)
+    two.flow_s = pack(a.s, b.s)
+    two.flow_c = pack(a.c, b.c)
+    two.flow_p = pack(a.p, b.p)
+    two.head = pack(a.head, b.head)
+    two.parameter = pack(a.parameter, b.parameter)
+    two.root_complement = pack(a.root_complement, b.root_complement)
     most = min(PARAMETER_SPLIT, min(most_of_swings(track_a), most_of_swings(track_b)))
-    two.most_parameter = two_lanes(most, most)
-    two.weight = two_lanes(world.bodies[0].weight, world.bodies[1].weight)
-    tracks.speed_factor = two_lanes(track_a.speed_factor, track_b.speed_factor)
-    tracks.top = two_lanes(track_a.top, track_b.top)
-    tracks.bottom = two_lanes(track_a.bottom, track_b.bottom)
-    tracks.twice_radius = two_lanes(track_a.twice_radius, track_b.twice_radius)
+    two.most_parameter = pack(most, most)
+    two.weight = pack(world.bodies[0].weight, world.bodies[1].weight)
+    tracks.speed_factor = pack(track_a.speed_factor, track_b.speed_factor)
+    tracks.top = pack(track_a.top, track_b.top)
+    tracks.bottom = pack(track_a.bottom, track_b.bottom)
+    tracks.twice_radius = pack(track_a.twice_radius, track_b.twice_radius)
 
 
 @kernel
@@ -153,12 +153,12 @@ def _next_impact(world: World, two: TwoSwings, tracks: TwoTracks) -> bool:
     if time_between(t, t_low, settings.stop_t, 0.0) >= 0.0 or any_lane(project_swing(two)):
         return False
     before = tracks.speed_factor * two.contact_p
-    wa, wb, loss, bounces = _speeds_after(world, in_lane(before, 0), in_lane(before, 1))
+    wa, wb, loss, bounces = _speeds_after(world, extract(before, 0), extract(before, 1))
     if not bounces:
         return False
     head_a = a.head
     head_b = b.head
-    after = two_lanes(wa, wb) / tracks.speed_factor
+    after = pack(wa, wb) / tracks.speed_factor
     more = _share_energy(world, two, tracks, after, loss)
     if more < 0:
         return False
@@ -199,10 +199,10 @@ def _arrive(world: World, two: TwoSwings, speed: Two) -> None:
     contact = world.contacts[world.flights[0].piece]
     for ball in range(2):
         flight = world.flights[ball]
-        s = in_lane(two.contact_s, ball)
-        c = in_lane(two.contact_c, ball)
-        place_at(flight, clock.t, clock.t_low, s, c, in_lane(two.contact_p, ball))
-        flight.speed = in_lane(speed, ball)
+        s = extract(two.contact_s, ball)
+        c = extract(two.contact_c, ball)
+        place_at(flight, clock.t, clock.t_low, s, c, extract(two.contact_p, ball))
+        flight.speed = extract(speed, ball)
     pair.normal_a = contact.normal_a
     pair.normal_b = contact.normal_b
 
@@ -217,8 +217,8 @@ def _depart(
     two.flow_s = two.contact_s
     two.flow_c = two.contact_c
     two.flow_p = p
-    a.p = in_lane(p, 0)
-    b.p = in_lane(p, 1)
+    a.p = extract(p, 0)
+    b.p = extract(p, 1)
     a.speed = speed_a
     b.speed = speed_b
     log_flight(world, 1 - more, COLLISION)
@@ -234,14 +234,13 @@ def _share_energy(world: World, two: TwoSwings, tracks: TwoTracks, p: Two, loss:
     crest and the ends of the arc, or neither has more.
     """
     a, b = world.flights[0], world.flights[1]
-    s = two.contact_s
-    c = two.contact_c
+    s, c = two.contact_s, two.contact_c
     if any_lane(c * c + p * p < CREST_NEIGHBOURHOOD) or any_lane(abs(p) >= abs(c)):
         return -1
     head = head_on_arc(tracks, s, c, p)
     energy = two.weight * head
-    energy_a = in_lane(energy, 0)
-    energy_b = in_lane(energy, 1)
+    energy_a = extract(energy, 0)
+    energy_b = extract(energy, 1)
     total = world.bodies[0].weight * a.head + world.bodies[1].weight * b.head - loss
     if energy_a == energy_b:
         return -1
@@ -254,21 +253,21 @@ def _share_energy(world: World, two: TwoSwings, tracks: TwoTracks, p: Two, loss:
     other.head = (total - min(energy_a, energy_b)) / world.bodies[more].weight
     rest, rest_root = energy_on_piece(other, track, track)
     if more == 0:
-        m = two_lanes(rest, in_lane(m, 1))
-        root = two_lanes(rest_root, in_lane(root, 1))
+        m = pack(rest, extract(m, 1))
+        root = pack(rest_root, extract(root, 1))
     else:
-        m = two_lanes(in_lane(m, 0), rest)
-        root = two_lanes(in_lane(root, 0), rest_root)
-    if any_lane(either(m <= 0.0, either(m >= two.most_parameter, root <= 0.0))):
+        m = pack(extract(m, 0), rest)
+        root = pack(extract(root, 0), rest_root)
+    if any_lane(mask_or(m <= 0.0, mask_or(m >= two.most_parameter, root <= 0.0))):
         other.head = kept
         return -1
     less = world.flights[1 - more]
-    less.head = in_lane(head, 1) if more == 0 else in_lane(head, 0)
+    less.head = extract(head, 1) if more == 0 else extract(head, 0)
     world.clock[0].energy_correction += abs(total - (energy_a + energy_b))
     two.parameter = m
     two.root_complement = root
-    a.parameter = in_lane(m, 0)
-    b.parameter = in_lane(m, 1)
-    a.root_complement = in_lane(root, 0)
-    b.root_complement = in_lane(root, 1)
+    a.parameter = extract(m, 0)
+    b.parameter = extract(m, 1)
+    a.root_complement = extract(root, 0)
+    b.root_complement = extract(root, 1)
     return more

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from vibro_cli.compile.kernel import SERIES_LENGTH, choose, kernel
+from vibro_cli.compile.kernel import SERIES_LENGTH, kernel, select
 from vibro_cli.kernels.flow.flow import LINE, flow, time_ahead, time_to
 from vibro_cli.kernels.numerics.constants import EPSILON, NEVER
 from vibro_cli.kernels.numerics.double_double import add_to_time, time_between
@@ -105,7 +105,7 @@ def head_from_state(flight: Flight, body: BodyData, track: TrackData, gravity: f
 def head_on_arc(track: TrackData, s: float, c: float, p: float) -> float:
     """Energy over weight (m) in a state on an arc."""
     s2 = s * s
-    return choose(
+    return select(
         s2 > 0.5,
         track.top - track.twice_radius * ((c - p) * (c + p)),
         track.bottom + track.twice_radius * (s2 + p * p),
@@ -234,7 +234,7 @@ def snap_of_pendulum(w2: float, m: float) -> float:
 @kernel
 def widest_pull(frequency: float, m: float) -> float:
     """Bound on ``|f''|`` (rad/s^2) of a swing through the bottom of an arc."""
-    sine = choose(m > 0.5, 1.0, math.sqrt(max(4.0 * m * (1.0 - m), 0.0)))
+    sine = select(m > 0.5, 1.0, math.sqrt(max(4.0 * m * (1.0 - m), 0.0)))
     return frequency * frequency * sine
 
 
@@ -562,7 +562,7 @@ def projected(
 ) -> tuple[float, float, float]:
     """Do what :func:`project` does for a state on the circle, given ``SC`` and ``P^2 + (SC)^2``."""
     root = flight.root_complement
-    lack = choose(
+    lack = select(
         s * s > 0.5, (c - p) * (c + p) - root * abs(root), flight.parameter - s * s - p * p
     )
     defect = 0.5 * lack / size

@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from vibro_cli.compile.kernel import Lanes, choose, has_bit, kernel, struct
+from vibro_cli.compile.kernel import Lanes, has_bit, kernel, select, struct
 
 
 @struct
@@ -106,10 +106,10 @@ def sine_cosine_in_lanes(x: Lanes) -> tuple[Lanes, Lanes]:
     """Do what :func:`sine_cosine` does for ``x`` up to ``REDUCTION_LIMIT`` in size, in lanes."""
     quadrant, s, c = in_quadrant(x)
     odd = has_bit(quadrant, 1)
-    sine = choose(odd, c, s)
-    cosine = choose(odd, s, c)
-    turned = choose(has_bit(quadrant, 2), -sine, sine)
-    return turned, choose(has_bit(quadrant + 1.0, 2), -cosine, cosine)
+    sine = select(odd, c, s)
+    cosine = select(odd, s, c)
+    turned = select(has_bit(quadrant, 2), -sine, sine)
+    return turned, select(has_bit(quadrant + 1.0, 2), -cosine, cosine)
 
 
 @kernel
