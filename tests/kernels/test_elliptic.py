@@ -47,16 +47,16 @@ def functions(theta: ThetaConstants, u: float) -> tuple[float, float, float]:
     return s / common, c / common, d / common
 
 
-def exact(root_complement: float, u: float) -> tuple[Any, Any, Any]:
-    """sn, cn, dn with 1 - m = root_complement^2 exactly, in enough digits to hold it.
+def exact(complementary_modulus: float, u: float) -> tuple[Any, Any, Any]:
+    """sn, cn, dn with 1 - m = complementary_modulus^2 exactly, in enough digits to hold it.
 
     A rotation, m > 1, is reduced to 1/m: s = sn(ku)/k, c = dn(ku), d = cn(ku) with k = sqrt(m).
     """
-    root = mp.mpf(root_complement)
+    root = mp.mpf(complementary_modulus)
     mp.dps = 60 - 4 * min(int(mp.floor(mp.log10(abs(root)))), 0)
     complement = root * abs(root)
     m = 1 - complement
-    if root_complement < 0.0:
+    if complementary_modulus < 0.0:
         k = mp.sqrt(m)
         s, c, d = (mp.ellipfun(name, k * mp.mpf(u), m=1 / m) for name in ("sn", "cn", "dn"))
         return s / k, d, c
@@ -86,7 +86,7 @@ def test_jacobi_functions_over_a_period(complement: float, rotation: bool) -> No
     theta = constants(complement, rotation)
     for u in places(complement, rotation):
         found = functions(theta, u)
-        wanted = exact(theta.root_complement, u)
+        wanted = exact(theta.complementary_modulus, u)
         allowed = 1e-14 + 2.0 * math.ulp(u)
         for value, true in zip(found, wanted, strict=True):
             assert abs(value - true) <= allowed, u
@@ -100,7 +100,7 @@ def test_small_cn_and_dn_keep_their_relative_accuracy(complement: float, rotatio
     for k in range(STEPS):
         u = quarter * k / STEPS
         _, c, d = functions(theta, u)
-        _, true_c, true_d = exact(theta.root_complement, u)
+        _, true_c, true_d = exact(theta.complementary_modulus, u)
         # Towards a zero a relative error of u is one of u/(distance to the zero) of the function.
         steep = max(1.0, u / (quarter - u))
         for value, true in ((c, true_c), (d, true_d)):

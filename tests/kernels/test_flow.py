@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from tests.kernels.kernel_records import flight_on_arc
 from vibro_cli.kernels.contact.first_contact import displacement
-from vibro_cli.kernels.flow.flow import LINE, advance_slightly, flow, time_to
+from vibro_cli.kernels.flow.flow import LINE, advance_slightly, flow, time_of_flight
 from vibro_cli.kernels.numerics.elliptic import set_theta_constants
 from vibro_cli.kernels.world import Flight
 from vibro_cli.stress.oracles.reference_solver import ArcMotion
@@ -58,7 +58,7 @@ def test_flow_against_series(name: str) -> None:
         for value, true in zip(flow(flight, t), motion.at(mp.mpf(t)), strict=True):
             # Rates of S, C, P are at most max(1, P), of the state's error more near the top.
             size = max(1.0, abs(p)) ** 2
-            steep = 1.0 + u * size + 1.0 / max(abs(flight.root_complement), 0.05)
+            steep = 1.0 + u * size + 1.0 / max(abs(flight.complementary_modulus), 0.05)
             assert abs(value - true) <= 8.0 * EPSILON * steep * size, t
 
 
@@ -98,10 +98,10 @@ def next_time(name: str, share: float) -> tuple[Flight, float, tuple[float, floa
     """A flight, a time ahead within its first period, and the state there."""
     f, p = STARTS[name]
     flight = flight_on_arc(FREQUENCY, *half_angle(f), p)
-    root = abs(flight.root_complement)
-    reduced = root if flight.root_complement > 0.0 else root / math.sqrt(flight.parameter)
+    root = abs(flight.complementary_modulus)
+    reduced = root if flight.complementary_modulus > 0.0 else root / math.sqrt(flight.parameter)
     quarter = mp.ellipk(1 - mp.mpf(reduced) ** 2)
-    turn = flight.root_complement < 0.0
+    turn = flight.complementary_modulus < 0.0
     whole = 2 * quarter / mp.sqrt(flight.parameter) if turn else 4 * quarter
     t = share * float(whole) / FREQUENCY
     s, c, p = (float(value) for value in _exact(flight, t))
@@ -117,7 +117,7 @@ def _exact(flight: Flight, t: float) -> tuple[Real, Real, Real]:
 @pytest.mark.parametrize("name", STARTS)
 def test_time_to_is_the_inverse_of_the_flow(name: str, share: float) -> None:
     flight, t, state = next_time(name, share)
-    found = time_to(flight, *state)
+    found = time_of_flight(flight, *state)
     # The rounding of the state alone moves the time by eps over the state's own rate.
     s, c, p = (abs(value) for value in state)
     rate = FREQUENCY * max(p * max(s, c), s * c)
@@ -133,8 +133,8 @@ def test_time_to_inverts_the_flow_anywhere(f: float, p: float, share: float) -> 
     s, c = half_angle(f)
     assume(abs(abs(p) - c) > 1e-3 and (abs(p) > 1e-3 or abs(s) > 1e-2))
     flight = flight_on_arc(FREQUENCY, s, c, p)
-    root = abs(flight.root_complement)
-    if flight.root_complement > 0.0:
+    root = abs(flight.complementary_modulus)
+    if flight.complementary_modulus > 0.0:
         whole = float(4 * mp.ellipk(1 - mp.mpf(root) ** 2))
     else:
         m = flight.parameter
@@ -142,8 +142,8 @@ def test_time_to_inverts_the_flow_anywhere(f: float, p: float, share: float) -> 
     t = share * whole / FREQUENCY
     state = flow(flight, t)
     # The half angles of a piece are within (-pi, pi): no body is more than a turn from its middle.
-    assume(flight.root_complement > 0.0 or state[1] > 0.0 or state[0] * p > 0.0)
-    found = time_to(flight, *state)
+    assume(flight.complementary_modulus > 0.0 or state[1] > 0.0 or state[0] * p > 0.0)
+    found = time_of_flight(flight, *state)
     s1, c1, p1 = (abs(value) for value in state)
     rate = FREQUENCY * max(p1 * max(s1, c1), s1 * c1)
     assert abs(found - t) <= 32.0 * EPSILON * t + 64.0 * EPSILON * max(1.0, p * p) / rate
@@ -160,7 +160,7 @@ def test_start_from_rest_hard_by_a_crest(exponent: int, side: float) -> None:
     end_s, end_c = math.cos(0.5 * end), -math.sin(0.5 * end)
     # m - S^2 = C^2 - (1 - m); from rest 1 - m = C0^2.
     p = side * math.sqrt((end_c - c) * (end_c + c))
-    found = time_to(flight, end_s, end_c, p)
+    found = time_of_flight(flight, end_s, end_c, p)
     assert abs(found / crest_departure(psi, end) - 1) <= 1e-12
 
 
@@ -190,7 +190,7 @@ def test_passing_hard_over_a_crest(exponent: int) -> None:
     flight.s, flight.c, flight.p = s, c, p
     flight.flow_s, flight.flow_c, flight.flow_p = s, c, p
     set_theta_constants(flight, 1.0 + root * root, -root)
-    found = time_to(flight, s, -c, p)
+    found = time_of_flight(flight, s, -c, p)
     # By symmetry twice the time from the crest: with sin(psi/2) = root sinh(x) it is dx/cos(psi/2).
     top = mp.asinh(mp.sin(mp.mpf(-start) / 2) / mp.mpf(root))
     points = [mp.zero] + [top - step for step in (40, 20, 10, 5, 2) if step < top] + [top]

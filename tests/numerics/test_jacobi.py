@@ -79,5 +79,5 @@ def test_the_separatrix_itself_is_hyperbolic() -> None:
 
 @pytest.mark.parametrize("root", [1.5, -1e200, math.nan, math.inf])
 def test_what_is_no_complement_is_refused(root: float) -> None:
-    with pytest.raises(ValueError, match="root_complement"):
+    with pytest.raises(ValueError, match="complementary_modulus"):
         Jacobi(root)

@@ -9,7 +9,7 @@ import math
 
 from vibro_cli.compile.kernel import Overrides, kernel
 from vibro_cli.kernels.cluster import clusters, rotating_clusters, trace_forces
-from vibro_cli.kernels.cluster.rotating_clusters import recall_group_motion
+from vibro_cli.kernels.cluster.rotating_clusters import replay_group_motion
 from vibro_cli.kernels.contact import arc_contact, contact_kinematics, first_contact
 from vibro_cli.kernels.contact.contact_kinematics import centre_position, supported
 from vibro_cli.kernels.events import event_detection, event_loop, liftoff_slip
@@ -17,7 +17,7 @@ from vibro_cli.kernels.events.event_detection import CAUTION
 from vibro_cli.kernels.flow import flight, flow, rotating_flight, rotating_flow
 from vibro_cli.kernels.flow.flight import launch_and_log, start_from_state, take_energy
 from vibro_cli.kernels.flow.flow import POLYNOMIAL, angle_from_start
-from vibro_cli.kernels.flow.rotating_flight import set_track, speed_of_head
+from vibro_cli.kernels.flow.rotating_flight import set_track, speed_of_specific_energy
 from vibro_cli.kernels.flow.rotating_flow import half_way, pull
 from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.numerics.weierstrass_motion import squared_rate
@@ -71,7 +71,7 @@ def begin_two_flights(world: World, ball: int, other: int, from_state: int) -> N
 def _take_start(world: World, ball: int, from_state: int) -> None:
     """Set the constants of the flow that starts from the state of a flight."""
     flight = world.flights[ball]
-    flight.anchor = -1
+    flight.separatrix_piece = -1
     if from_state == 1:
         take_energy(world, ball)
     start_from_state(flight)
@@ -81,7 +81,7 @@ def _take_start(world: World, ball: int, from_state: int) -> None:
 @kernel
 def rate_by_energy(world: World, ball: int, flight: Flight, track: TrackData) -> float:
     """``P`` at the end of a piece from the carried energy, with the sign of the present ``P``."""
-    return speed_of_head(flight, world.bodies[ball], track, world.settings[0].gravity)
+    return speed_of_specific_energy(flight, world.bodies[ball], track, world.settings[0].gravity)
 
 
 @kernel
@@ -135,12 +135,12 @@ def horizontal_extent(flight: Flight, piece: PieceData, track: TrackData) -> tup
 
 
 @kernel
-def recall_flow(track: TrackData, row: FlightRow, flight: Flight) -> None:
+def replay_flow(track: TrackData, row: FlightRow, flight: Flight) -> None:
     """Set the form and the constants of a flow, which follow from its start."""
     if row.grouped == 0:
         set_track(flight, track)
     else:
-        recall_group_motion(flight, track)
+        replay_group_motion(flight, track)
 
 
 TURNING = Overrides(
@@ -151,14 +151,14 @@ TURNING = Overrides(
         flow.acceleration_slopes: rotating_flow.acceleration_slopes,
         flow.angular_jerk: rotating_flow.angular_jerk,
         flow.tangential_acceleration: rotating_flow.tangential_acceleration,
-        flow.nudge: rotating_flow.nudge,
+        flow.small_step: rotating_flow.small_step,
         flow.quickness: rotating_flow.quickness,
         flow.flow_of_two: rotating_flow.flow_of_two,
-        flow.time_to: rotating_flow.time_to,
+        flow.time_of_flight: rotating_flow.time_of_flight,
         first_contact.displacement: rotating_flow.displacement,
         flight.launch_on_piece: rotating_flight.launch_on_piece,
-        flight.head_from_state: rotating_flight.head_from_state,
-        flight.anchor_at_crest: rotating_flight.anchor_at_crest,
+        flight.specific_energy_of_state: rotating_flight.specific_energy_of_state,
+        flight.refer_to_separatrix: rotating_flight.refer_to_separatrix,
         first_contact.most_speed: rotating_flight.most_speed,
         arc_contact.fastest_return: arc_contact.rotating_fastest_return,
         arc_contact.guessed_frequency: arc_contact.rotating_guessed_frequency,
@@ -174,8 +174,8 @@ TURNING = Overrides(
         clusters.limit_by_lift_off: rotating_clusters.limit_by_lift_off,
         event_detection.kept_apart: kept_apart,
         event_detection.horizontal_extent: horizontal_extent,
-        flow.recall_flow: recall_flow,
-        flow.height_of: rotating_flight.potential_head,
+        flow.replay_flow: replay_flow,
+        flow.height_of: rotating_flight.specific_potential,
         trace_forces.pendulum_at: rotating_clusters.pendulum_at,
         trace_forces.fit_forces: rotating_clusters.fit_forces,
         liftoff_slip.rotates: rotating_forces.rotates,

@@ -101,7 +101,7 @@ class Flight(QuarticConstants):
     """The motion of one body between two of its events, and its place at the start of it."""
 
     piece: int
-    lap: int  # turns of a closed trace made so far
+    winding_number: int  # turns of a closed trace made so far
     t: float  # start, in two doubles, s
     t_low: float
     s: float  # (S, C, P) at the start
@@ -129,9 +129,9 @@ class Flight(QuarticConstants):
     brief: float  # time (s) in which a body at rest falls no farther than rounding
     size: float  # length of the trace (m): places on lines are rounded by a share of it
     line_acceleration: float
-    head: float  # energy/(m g), m above the body's lowest place
-    anchor: int  # piece whose crest the energy is measured from, or -1
-    anchor_root: float  # root_complement on that piece
+    specific_energy: float  # energy/(m g), m above the body's lowest place
+    separatrix_piece: int  # piece whose crest the energy is measured from, or -1
+    separatrix_root: float  # complementary_modulus on that piece
     exit_after: float  # time from the start to the end of the flight, s
     exit_side: int  # +1 right end, -1 left end, 0 none
     exit_kind: int  # BOUNDARY or LIFT_OFF
@@ -266,7 +266,7 @@ class Clock:
     held_pairs: int  # pairs in lasting contact now
     unlogged: int  # 1: some contact may have changed since it was logged
     last_ball: int  # body of the last boundary event
-    quiet_t: float
+    quiet_from: float
     energy_correction: float  # sum of |corrections|, J
     impact_rows: int  # rows used in the logs
     flight_rows: int
@@ -350,10 +350,10 @@ class ImpactRow:
     speed_b_post: float
     normal_a: float
     normal_b: float
-    head_a_pre: float
-    head_b_pre: float
-    head_a_post: float
-    head_b_post: float
+    specific_energy_a_pre: float
+    specific_energy_b_pre: float
+    specific_energy_a_post: float
+    specific_energy_b_post: float
     loss: float
     law: int
     admissible: int
@@ -377,8 +377,8 @@ class FlightRow:
     before_c: float
     before_p: float
     parameter: float
-    root_complement: float
-    head: float
+    complementary_modulus: float
+    specific_energy: float
     cause: int
     at_rest: int
     flow_s: float

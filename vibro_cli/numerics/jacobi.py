@@ -30,7 +30,7 @@ class Jacobi:
 
     Parameters
     ----------
-    root_complement
+    complementary_modulus
         ``sign(1 - m) sqrt|1 - m|``, at most 1: near ``m = 1`` it knows what ``m`` does not.
 
     Raises
@@ -39,16 +39,18 @@ class Jacobi:
         If ``m`` would be negative, or too large.
     """
 
-    def __init__(self, root_complement: float) -> None:
-        if not -1.0e150 <= root_complement <= 1.0:
-            raise ValueError(f"root_complement must be in -1e150 ... 1, not {root_complement!r}")
-        m = 1.0 - root_complement * abs(root_complement)
+    def __init__(self, complementary_modulus: float) -> None:
+        if not -1.0e150 <= complementary_modulus <= 1.0:
+            raise ValueError(
+                f"complementary_modulus must be in -1e150 ... 1, not {complementary_modulus!r}"
+            )
+        m = 1.0 - complementary_modulus * abs(complementary_modulus)
         self._theta = ThetaConstants()
-        set_theta_constants(self._theta, m, root_complement)
-        self._root = abs(root_complement)
-        self._over = root_complement < 0.0
+        set_theta_constants(self._theta, m, complementary_modulus)
+        self._root = abs(complementary_modulus)
+        self._over = complementary_modulus < 0.0
         self._modulus = math.sqrt(m) if self._over else 1.0
-        self.quarter_period = _quarter_period(root_complement)
+        self.quarter_period = _quarter_period(complementary_modulus)
         """K(m), for ``m > 1`` K(1/m)/sqrt m: |s| is greatest there, and c (for ``m > 1`` d) is 0.
         Infinite for ``m = 1``."""
 
@@ -77,12 +79,12 @@ class Jacobi:
         return int(quarters), float(EXACT.fma(quarters.copy_negate(), self.quarter_period, exact))
 
 
-def _quarter_period(root_complement: float) -> Decimal:
+def _quarter_period(complementary_modulus: float) -> Decimal:
     """``pi/2`` over the mean of 1, for ``m > 1`` of sqrt m, and the root of the complement."""
-    a, b = Decimal(1), Decimal(abs(root_complement))
+    a, b = Decimal(1), Decimal(abs(complementary_modulus))
     if b == 0:
         return Decimal("inf")
-    if root_complement < 0.0:
+    if complementary_modulus < 0.0:
         a = EXACT.sqrt(EXACT.fma(b, b, a))
     while abs(EXACT.subtract(a, b)) > ALIKE * a:
         product = EXACT.multiply(a, b)

@@ -24,10 +24,10 @@ def test_durations_are_told_from_half_a_period_and_a_quarter(
     m: float, share: float, off: float
 ) -> None:
     row = FlightRow()
-    row.parameter, row.root_complement = m, math.copysign(math.sqrt(abs(1.0 - m)), 1.0 - m)
-    if row.root_complement == 0.0:
+    row.parameter, row.complementary_modulus = m, math.copysign(math.sqrt(abs(1.0 - m)), 1.0 - m)
+    if row.complementary_modulus == 0.0:
         return
-    exact = 2.0 * quarter_period(row.parameter, row.root_complement) / FREQUENCY
+    exact = 2.0 * quarter_period(row.parameter, row.complementary_modulus) / FREQUENCY
     duration = share * exact * (1.0 + off)
     found = half_period(row, FREQUENCY, duration)
     assert (duration >= found) == (duration >= exact)

@@ -25,7 +25,7 @@ from vibro_cli.kernels.flow.flight import (
     squared_rate_at,
     start_from_state,
 )
-from vibro_cli.kernels.flow.flow import body_of_group, group_of_body, time_to
+from vibro_cli.kernels.flow.flow import body_of_group, group_of_body, time_of_flight
 from vibro_cli.kernels.impact.impulse_chain import (
     contact_forces,
     keep_release,
@@ -138,7 +138,7 @@ def _release_at(flight: Flight, s: float, c: float, slope: float) -> float:
 
     ``slope`` is the derivative of the force's moment with the angle at that place.
     """
-    if flight.root_complement >= 0.0 and flight.flow_c * c < 0.0:
+    if flight.complementary_modulus >= 0.0 and flight.flow_c * c < 0.0:
         return NEVER
     square = squared_rate_at(flight, s, c)
     if square <= 0.0:
@@ -146,9 +146,9 @@ def _release_at(flight: Flight, s: float, c: float, slope: float) -> float:
     p = math.sqrt(square)
     if slope > 0.0:
         p = -p
-    if flight.root_complement < 0.0 and p * flight.flow_p < 0.0:
+    if flight.complementary_modulus < 0.0 and p * flight.flow_p < 0.0:
         return NEVER
-    return time_to(flight, s, c, p)
+    return time_of_flight(flight, s, c, p)
 
 
 @kernel
@@ -255,7 +255,7 @@ def launch_group(world: World, first: int, count: int) -> None:
 def begin_member(flight: Flight, track: TrackData) -> None:
     """Forget what a flight had of its motion before it became one of a group."""
     clear(flight, track, 1)
-    flight.anchor = -1
+    flight.separatrix_piece = -1
 
 
 @kernel

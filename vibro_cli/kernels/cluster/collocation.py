@@ -110,7 +110,7 @@ def _start_member(world: World, ball: int, h: float) -> None:
     flight.form = POLYNOMIAL
     flight.grouped = 1
     flight.at_rest = 0
-    flight.anchor = -1
+    flight.separatrix_piece = -1
     flight.segment = h
     flight.own_frequency = track.frequency
     flight.frequency = track.frequency
@@ -313,7 +313,7 @@ def _bound_member(flight: Flight, track: TrackData) -> float:
         flight.jerk_bound /= track.path_radius
     flight.acceleration_bound = math.sqrt(acceleration * acceleration + central * central)
     flight.parameter = 0.0
-    flight.root_complement = 0.0
+    flight.complementary_modulus = 0.0
     return jerk
 
 

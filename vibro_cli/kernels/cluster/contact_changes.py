@@ -332,7 +332,11 @@ def _launch_together(world: World, first: int, count: int, cause: int) -> None:
         pair = pair_along(world, first, step)
         a, b = flights_of(world, pair)
         # On one circle they are side by side, or on both sides of its seam.
-        one_piece = one_piece and a.piece == b.piece and b.lap - a.lap + pair.seam == 0
+        one_piece = (
+            one_piece
+            and a.piece == b.piece
+            and b.winding_number - a.winding_number + pair.seam == 0
+        )
     if one_piece:
         launch_group(world, first, count)
     else:

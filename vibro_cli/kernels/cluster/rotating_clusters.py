@@ -36,7 +36,7 @@ from vibro_cli.kernels.flow.flow import (
     body_of_group,
     group_of_body,
     place_from_start,
-    recall_flight,
+    replay_flight,
 )
 from vibro_cli.kernels.flow.rotating_flight import (
     fall_on_line,
@@ -52,7 +52,7 @@ from vibro_cli.kernels.flow.rotating_flow import (
     half_way,
     pull_of,
     set_motion,
-    time_to,
+    time_of_flight,
 )
 from vibro_cli.kernels.impact.impulse_chain import keep_release
 from vibro_cli.kernels.numerics.conservative_advancement import (
@@ -167,7 +167,7 @@ def _choose_exit(flight: Flight, track: TrackData) -> None:
         if squared > 0.0 and (flight.turns_over == 1 or half_way(flight, side) >= half):
             p = side * math.sqrt(squared)
             s, c = place_from_start(flight, sine, cosine)
-            after = time_to(flight, s, c, p)
+            after = time_of_flight(flight, s, c, p)
             if after < NEVER:
                 _leave(flight, side, p, after)
                 return
@@ -389,7 +389,7 @@ def lever_on_line(world: World, j: int) -> float:
 
 
 @kernel
-def recall_group_motion(flight: Flight, track: TrackData) -> None:
+def replay_group_motion(flight: Flight, track: TrackData) -> None:
     """Set the form and constants of a flight in lasting contact from its state and series."""
     if track.path_radius == 0.0:
         flight.form = TURNING_LINE
@@ -418,7 +418,7 @@ def pendulum_at(flight: Flight, sine: float, cosine: float) -> tuple[float, floa
 def fit_forces(world: World, number: int, scratch: Flight) -> None:
     """Set the forces of every body of a motion as functions of its angle, or its way on a line."""
     row = world.log[number]
-    recall_flight(world, row, number, scratch)
+    replay_flight(world, row, number, scratch)
     if scratch.at_rest == 1 or scratch.form == POLYNOMIAL:
         return
     if scratch.form == TURNING_LINE:
@@ -459,7 +459,7 @@ def _fit_group(world: World, number: int, scratch: Flight) -> None:
         sine, cosine = twice_angle(HALF_SINES[angle], HALF_COSINES[angle])
         for place in range(count):
             _add_angle(world.forces[base + place], sine, cosine)
-    recall_flight(world, row, number, scratch)
+    replay_flight(world, row, number, scratch)
     pull = pull_harmonics(scratch)
     for place in range(count):
         ball = number_along(world, first, place)

@@ -25,7 +25,7 @@ from vibro_cli.kernels.flow.flow import (
     acceleration_at,
     body_of_group,
     flow,
-    recall_flight,
+    replay_flight,
 )
 from vibro_cli.kernels.world import (
     BodyForces,
@@ -95,7 +95,7 @@ def set_forces(world: World, number: int, angle: int, t: float, scratch: Flight)
         index = number
         if row.grouped == 1:
             index = row_of(world, number, ball)
-            recall_flight(world, world.log[index], index, scratch)
+            replay_flight(world, world.log[index], index, scratch)
         _set_motion(world, index, world.forces[base + place], angle, t, scratch)
     place = 0
     step = 1
@@ -205,7 +205,7 @@ def fit_forces(world: World, number: int, scratch: Flight) -> None:
         for k in range(5):
             one.press[k] = 0.0
             one.drag[k] = 0.0
-    recall_flight(world, row, number, scratch)
+    replay_flight(world, row, number, scratch)
     if not is_pendulum(scratch):
         return
     for angle in range(3):

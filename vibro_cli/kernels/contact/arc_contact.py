@@ -22,7 +22,7 @@ from vibro_cli.kernels.contact.first_contact import (
     UNFINISHED,
     UNRESOLVED,
     Ages,
-    keep_nudged,
+    keep_after_small_step,
     keep_states,
 )
 from vibro_cli.kernels.flow.flow import (
@@ -84,7 +84,7 @@ def refine_on_arc(
         quick = max(quickness(a.own_frequency, a_p), quickness(b.own_frequency, b_p))
         if is_last(x, change, x1, x2, quick, settled):
             before = age_a + h - change, age_b + h - change
-            keep_nudged(world, j, before, change, states)
+            keep_after_small_step(world, j, before, change, states)
             return h
     return NONE_BEFORE_LIMIT
 

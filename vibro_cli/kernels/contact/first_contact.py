@@ -28,8 +28,8 @@ from vibro_cli.kernels.flow.flow import (
     POLYNOMIAL,
     acceleration_at,
     flow_of_two,
-    nudge,
     quickness,
+    small_step,
     tangential_acceleration,
 )
 from vibro_cli.kernels.numerics.conservative_advancement import (
@@ -93,14 +93,14 @@ def keep_flows(world: World, j: int, age_a: float, age_b: float) -> None:
 
 
 @kernel
-def keep_nudged(world: World, j: int, ages: Ages, change: float, states: States) -> None:
+def keep_after_small_step(world: World, j: int, ages: Ages, change: float, states: States) -> None:
     """Keep as those of contact states at the ages (s) of both flights, a small change (s) on."""
     pair = world.pairs[j]
     a, b = flights_of(world, pair)
     age_a, age_b = ages
     a_s, a_c, a_p, b_s, b_c, b_p = states
-    pair.a_s, pair.a_c, pair.a_p = nudge(a, age_a, change, a_s, a_c, a_p)
-    pair.b_s, pair.b_c, pair.b_p = nudge(b, age_b, change, b_s, b_c, b_p)
+    pair.a_s, pair.a_c, pair.a_p = small_step(a, age_a, change, a_s, a_c, a_p)
+    pair.b_s, pair.b_c, pair.b_p = small_step(b, age_b, change, b_s, b_c, b_p)
 
 
 @kernel
@@ -320,7 +320,7 @@ def _refine_by_distance(
             if h < -OF_NOW * brief or h + 1.98 * rate / max(bound, LEAST_BOUND) >= safe:
                 return NONE_BEFORE_LIMIT
             before = age_a + h - change, age_b + h - change
-            keep_nudged(world, j, before, change, states)
+            keep_after_small_step(world, j, before, change, states)
             return h
     return NONE_BEFORE_LIMIT
 
@@ -460,7 +460,7 @@ def _move(flight: Flight, track: TrackData, way: float) -> None:
 
 
 @kernel
-def sharpened_on_arc(world: World, j: int, t: float, orientation: float) -> float:
+def polish_root_on_arc(world: World, j: int, t: float, orientation: float) -> float:
     """Time of a contact on one arc (s), t nearly, that ends a flight from contact.
 
     The states of contact, left in the pair, are sharpened too; a flight that is not a short one is
@@ -502,8 +502,8 @@ def _keep_flows_at(world: World, j: int, t: float) -> None:
 
 
 @kernel
-def sharpened_by_distance(world: World, j: int, straight: bool, t: float) -> float:
-    """As :func:`sharpened_on_arc`, for two pieces, by ``d^2 - (r_a + r_b)^2``."""
+def polish_root_by_distance(world: World, j: int, straight: bool, t: float) -> float:
+    """As :func:`polish_root_on_arc`, for two pieces, by ``d^2 - (r_a + r_b)^2``."""
     pair = world.pairs[j]
     a, b = flights_of(world, pair)
     if _is_long(a, t) or _is_long(b, t):

@@ -94,10 +94,10 @@ class SwingLanes(Meeting):
     flow_s: Lanes
     flow_c: Lanes
     flow_p: Lanes
-    head: Lanes
+    specific_energy: Lanes
     angular_bound: Lanes
     parameter: Lanes
-    root_complement: Lanes
+    complementary_modulus: Lanes
     argument_scale: Lanes
     even_0: Lanes
     even_2: Lanes
@@ -116,7 +116,7 @@ class SwingLanes(Meeting):
     contact_c: Lanes
     contact_p: Lanes
     next_p: Lanes  # P after it, the energy and the parameter
-    next_head: Lanes
+    next_specific_energy: Lanes
     next_m: Lanes
     next_root: Lanes
 
@@ -228,7 +228,7 @@ class TwoSwings(Meeting):
     flow_c: Two
     flow_p: Two
     parameter: Two
-    root_complement: Two
+    complementary_modulus: Two
     argument_scale: Two
     even_0: Two
     even_2: Two
@@ -246,7 +246,7 @@ class TwoSwings(Meeting):
     contact_s: Two
     contact_c: Two
     contact_p: Two
-    head: Two
+    specific_energy: Two
     weight: Two
     most_parameter: Two  # of such flights
 
@@ -354,6 +354,11 @@ def fits(world: World, piece: int) -> bool:
         end = min(track.left_s * track.left_s, track.right_s * track.right_s)
         fit = fit and flight.piece == piece and swings(flight) and flight.form == TRIGONOMETRIC
         fit = fit and track.lowest_s2 == 0.0 and flight.exit_after == NEVER
-        fit = fit and 0.0 < flight.parameter < end and flight.root_complement > 0.0
-        fit = fit and flight.anchor < 0 and flight.t == clock.t and flight.t_low == clock.t_low
+        fit = fit and 0.0 < flight.parameter < end and flight.complementary_modulus > 0.0
+        fit = (
+            fit
+            and flight.separatrix_piece < 0
+            and flight.t == clock.t
+            and flight.t_low == clock.t_low
+        )
     return fit

@@ -39,10 +39,10 @@ from vibro_cli.kernels.ensemble.records import Points, prepare_point, tally_poin
 from vibro_cli.kernels.events.event_loop import proceed
 from vibro_cli.kernels.flow.flight import (
     CREST_NEIGHBOURHOOD,
-    head_on_arc,
     launch_and_log,
     most_of_swings,
     size_of_root,
+    specific_energy_on_arc,
     widest_pull,
 )
 from vibro_cli.kernels.flow.flow import CAUTION
@@ -85,9 +85,9 @@ def range_in_lanes(
     low = min(start, end)
     high = max(start, end)
     argument = swing.frequency * duration
-    root = math.sqrt(swing.root_complement)
+    root = math.sqrt(swing.complementary_modulus)
     above = argument * ((1.0 + root) * (1.0 + root))
-    below = argument * math.sqrt(2.0 * (1.0 + swing.root_complement) * root)
+    below = argument * math.sqrt(2.0 * (1.0 + swing.complementary_modulus) * root)
     none = above < 2.0 * math.pi * (1.0 - 2.0 * CAUTION)
     half = mask_and(
         below > math.pi * (1.0 + 2.0 * CAUTION), above < 4.0 * math.pi * (1.0 - 2.0 * CAUTION)
@@ -190,8 +190,8 @@ def next_impact(world: World, group: LaneGroup) -> bool:
     b = group.swings[1]
     track_a = track_on(world, 0, run.piece)
     track_b = track_on(world, 1, run.piece)
-    set_libration(a, a.parameter, a.root_complement)
-    set_libration(b, b.parameter, b.root_complement)
+    set_libration(a, a.parameter, a.complementary_modulus)
+    set_libration(b, b.parameter, b.complementary_modulus)
     if a.frequency != b.frequency:
         a.angular_bound = widest_pull(a.frequency, a.parameter)
         b.angular_bound = widest_pull(b.frequency, b.parameter)
@@ -245,18 +245,18 @@ def _collide(world: World, group: LaneGroup) -> tuple[Lanes, bool]:
     small = u * u <= SMALL_BOUNCE * settings.gravity * world.pairs[0].distance
     a.next_p = wa / track_a.speed_factor
     b.next_p = wb / track_b.speed_factor
-    total = body_a.weight * a.head + body_b.weight * b.head - loss
-    head_a = head_on_arc(track_a, a.contact_s, a.contact_c, a.next_p)
-    head_b = head_on_arc(track_b, b.contact_s, b.contact_c, b.next_p)
-    energy_a = body_a.weight * head_a
-    energy_b = body_b.weight * head_b
+    total = body_a.weight * a.specific_energy + body_b.weight * b.specific_energy - loss
+    specific_energy_a = specific_energy_on_arc(track_a, a.contact_s, a.contact_c, a.next_p)
+    specific_energy_b = specific_energy_on_arc(track_b, b.contact_s, b.contact_c, b.next_p)
+    energy_a = body_a.weight * specific_energy_a
+    energy_b = body_b.weight * specific_energy_b
     less = energy_a < energy_b
     # The body with less energy takes it from its state, the other one the rest.
-    head = (total - select(less, energy_a, energy_b)) / select(less, body_b.weight, body_a.weight)
-    a.next_head = select(less, head_a, head)
-    b.next_head = select(less, head, head_b)
+    spare = (total - select(less, energy_a, energy_b)) / select(less, body_b.weight, body_a.weight)
+    a.next_specific_energy = select(less, specific_energy_a, spare)
+    b.next_specific_energy = select(less, spare, specific_energy_b)
     m, root = _energy_of_state(a, b, less)
-    rest, rest_root = _energy_of_head(track_a, track_b, less, head)
+    rest, rest_root = _parameter_of_specific_energy(track_a, track_b, less, spare)
     a.next_m = select(less, m, rest)
     b.next_m = select(less, rest, m)
     a.next_root = select(less, root, rest_root)
@@ -276,13 +276,13 @@ def _energy_of_state(a: SwingLanes, b: SwingLanes, of_a: bool) -> tuple[Lanes, L
 
 
 @kernel
-def _energy_of_head(
-    track_a: TrackData, track_b: TrackData, of_b: bool, head: Lanes
+def _parameter_of_specific_energy(
+    track_a: TrackData, track_b: TrackData, of_b: bool, specific_energy: Lanes
 ) -> tuple[Lanes, Lanes]:
     """Parameter, and root of its complement, of one body with an energy."""
     twice = select(of_b, track_b.twice_radius, track_a.twice_radius)
-    complement = (select(of_b, track_b.top, track_a.top) - head) / twice
-    m = max((head - select(of_b, track_b.bottom, track_a.bottom)) / twice, 0.0)
+    complement = (select(of_b, track_b.top, track_a.top) - specific_energy) / twice
+    m = max((specific_energy - select(of_b, track_b.bottom, track_a.bottom)) / twice, 0.0)
     root = math.sqrt(abs(complement))
     return select(complement < 0.5, 1.0 - complement, m), select(complement > 0.0, root, -1.0)
 
@@ -333,9 +333,9 @@ def _take(swing: SwingLanes, failed: bool) -> None:
     swing.flow_s = select(failed, swing.flow_s, swing.contact_s)
     swing.flow_c = select(failed, swing.flow_c, swing.contact_c)
     swing.flow_p = select(failed, swing.flow_p, swing.next_p)
-    swing.head = select(failed, swing.head, swing.next_head)
+    swing.specific_energy = select(failed, swing.specific_energy, swing.next_specific_energy)
     swing.parameter = select(failed, swing.parameter, swing.next_m)
-    swing.root_complement = select(failed, swing.root_complement, swing.next_root)
+    swing.complementary_modulus = select(failed, swing.complementary_modulus, swing.next_root)
 
 
 @kernel
@@ -467,9 +467,11 @@ def _put_in(world: World, points: Points, group: LaneGroup, lane: int) -> None:
         swing.flow_s = insert(swing.flow_s, lane, flight.s)
         swing.flow_c = insert(swing.flow_c, lane, flight.c)
         swing.flow_p = insert(swing.flow_p, lane, flight.p)
-        swing.head = insert(swing.head, lane, flight.head)
+        swing.specific_energy = insert(swing.specific_energy, lane, flight.specific_energy)
         swing.parameter = insert(swing.parameter, lane, flight.parameter)
-        swing.root_complement = insert(swing.root_complement, lane, flight.root_complement)
+        swing.complementary_modulus = insert(
+            swing.complementary_modulus, lane, flight.complementary_modulus
+        )
 
 
 @kernel
@@ -496,10 +498,10 @@ def _take_out(
         flight.s = extract(swing.flow_s, lane)
         flight.c = extract(swing.flow_c, lane)
         flight.p = extract(swing.flow_p, lane)
-        flight.head = extract(swing.head, lane)
-        flight.anchor = -1
+        flight.specific_energy = extract(swing.specific_energy, lane)
+        flight.separatrix_piece = -1
         parameter = extract(swing.parameter, lane)
-        set_theta_constants(flight, parameter, extract(swing.root_complement, lane))
+        set_theta_constants(flight, parameter, extract(swing.complementary_modulus, lane))
         launch_and_log(world, ball, COLLISION)
     world.pairs[0].touching = PARTING
     impacts = int(extract(run.impacts, lane))

@@ -21,12 +21,12 @@ from vibro_cli.kernels.events.event_loop import drop_rows, proceed
 from vibro_cli.kernels.flow.flight import (
     CREST_NEIGHBOURHOOD,
     energy_on_piece,
-    head_on_arc,
     launch,
     log_flight,
     most_of_swings,
     place_at,
     size_of_root,
+    specific_energy_on_arc,
     widest_pull,
 )
 from vibro_cli.kernels.impact.chattering import SMALL_BOUNCE
@@ -87,7 +87,7 @@ def _swing(world: World, bodies: TwoBodies) -> int:
                 cause = LOG_FULL
                 break
             drop_rows(clock)
-        set_libration(two, two.parameter, two.root_complement)
+        set_libration(two, two.parameter, two.complementary_modulus)
         if a.frequency != b.frequency:
             a.angular_bound = widest_pull(a.frequency, a.parameter)
             b.angular_bound = widest_pull(b.frequency, b.parameter)
@@ -117,9 +117,9 @@ def _gather(world: World, two: TwoSwings, tracks: TwoTracks) -> None:
     two.flow_s = pack(a.s, b.s)
     two.flow_c = pack(a.c, b.c)
     two.flow_p = pack(a.p, b.p)
-    two.head = pack(a.head, b.head)
+    two.specific_energy = pack(a.specific_energy, b.specific_energy)
     two.parameter = pack(a.parameter, b.parameter)
-    two.root_complement = pack(a.root_complement, b.root_complement)
+    two.complementary_modulus = pack(a.complementary_modulus, b.complementary_modulus)
     most = min(PARAMETER_SPLIT, min(most_of_swings(track_a), most_of_swings(track_b)))
     two.most_parameter = pack(most, most)
     two.weight = pack(world.bodies[0].weight, world.bodies[1].weight)
@@ -134,7 +134,7 @@ def _launch(world: World) -> None:
     """Set both flights up as the event loop has them."""
     for ball in range(2):
         flight = world.flights[ball]
-        set_theta_constants(flight, flight.parameter, flight.root_complement)
+        set_theta_constants(flight, flight.parameter, flight.complementary_modulus)
         track = track_of(world, ball)
         launch(flight, world.bodies[ball], world.pieces[flight.piece], track, 0)
 
@@ -156,8 +156,8 @@ def _next_impact(world: World, two: TwoSwings, tracks: TwoTracks) -> bool:
     wa, wb, loss, bounces = _speeds_after(world, extract(before, 0), extract(before, 1))
     if not bounces:
         return False
-    head_a = a.head
-    head_b = b.head
+    specific_energy_a = a.specific_energy
+    specific_energy_b = b.specific_energy
     after = pack(wa, wb) / tracks.speed_factor
     more = _share_energy(world, two, tracks, after, loss)
     if more < 0:
@@ -167,10 +167,10 @@ def _next_impact(world: World, two: TwoSwings, tracks: TwoTracks) -> bool:
     _arrive(world, two, before)
     row = world.impacts[clock.impact_rows]
     log_impact(world, 0, wa, wb, settings.law, loss)
-    row.head_a_pre = head_a
-    row.head_b_pre = head_b
-    row.head_a_post = a.head
-    row.head_b_post = b.head
+    row.specific_energy_a_pre = specific_energy_a
+    row.specific_energy_b_pre = specific_energy_b
+    row.specific_energy_a_post = a.specific_energy
+    row.specific_energy_b_post = b.specific_energy
     _depart(world, two, after, wa, wb, more)
     return True
 
@@ -237,20 +237,21 @@ def _share_energy(world: World, two: TwoSwings, tracks: TwoTracks, p: Two, loss:
     s, c = two.contact_s, two.contact_c
     if any_lane(c * c + p * p < CREST_NEIGHBOURHOOD) or any_lane(abs(p) >= abs(c)):
         return -1
-    head = head_on_arc(tracks, s, c, p)
-    energy = two.weight * head
+    specific_energy = specific_energy_on_arc(tracks, s, c, p)
+    energy = two.weight * specific_energy
     energy_a = extract(energy, 0)
     energy_b = extract(energy, 1)
-    total = world.bodies[0].weight * a.head + world.bodies[1].weight * b.head - loss
+    before = world.bodies[0].weight * a.specific_energy + world.bodies[1].weight * b.specific_energy
+    total = before - loss
     if energy_a == energy_b:
         return -1
     m = s * s + p * p
     root = size_of_root(c, p)
     more = 0 if energy_a > energy_b else 1
     other = world.flights[more]
-    kept = other.head
+    kept = other.specific_energy
     track = track_on(world, more, a.piece)
-    other.head = (total - min(energy_a, energy_b)) / world.bodies[more].weight
+    other.specific_energy = (total - min(energy_a, energy_b)) / world.bodies[more].weight
     rest, rest_root = energy_on_piece(other, track, track)
     if more == 0:
         m = pack(rest, extract(m, 1))
@@ -259,15 +260,15 @@ def _share_energy(world: World, two: TwoSwings, tracks: TwoTracks, p: Two, loss:
         m = pack(extract(m, 0), rest)
         root = pack(extract(root, 0), rest_root)
     if any_lane(mask_or(m <= 0.0, mask_or(m >= two.most_parameter, root <= 0.0))):
-        other.head = kept
+        other.specific_energy = kept
         return -1
     less = world.flights[1 - more]
-    less.head = extract(head, 1) if more == 0 else extract(head, 0)
+    less.specific_energy = extract(specific_energy, 1) if more == 0 else extract(specific_energy, 0)
     world.clock[0].energy_correction += abs(total - (energy_a + energy_b))
     two.parameter = m
-    two.root_complement = root
+    two.complementary_modulus = root
     a.parameter = extract(m, 0)
     b.parameter = extract(m, 1)
-    a.root_complement = extract(root, 0)
-    b.root_complement = extract(root, 1)
+    a.complementary_modulus = extract(root, 0)
+    b.complementary_modulus = extract(root, 1)
     return more

@@ -13,8 +13,8 @@ from vibro_cli.kernels.contact.first_contact import (
     contact_on_line,
     keep_states,
     paths_of,
-    sharpened_by_distance,
-    sharpened_on_arc,
+    polish_root_by_distance,
+    polish_root_on_arc,
     short_bounce,
 )
 from vibro_cli.kernels.flow.flight import state_at
@@ -99,7 +99,7 @@ def _search_pair(world: World, j: int, pair: PairData, ahead: float) -> bool:
         pair.b_s, pair.b_c, pair.b_p = state_at(world, pair.b, pair.begin_t, pair.begin_t_low)
         return True
     a, b = flights_of(world, pair)
-    laps = b.lap - a.lap + pair.seam
+    laps = b.winding_number - a.winding_number + pair.seam
     if _is_out_of_reach(world, j, laps):
         h = NEVER_MEET
     else:
@@ -152,7 +152,7 @@ def _time_of_contact(world: World, j: int, laps: int, ahead: float, limit: float
         orientation = 1.0 if laps == 0 else -1.0
         h = contact_on_arc(world, j, ages, ahead, limit, orientation)
         if h > 0.0 and pair.touching == PARTING:
-            h = max(sharpened_on_arc(world, j, age_a + h, orientation) - age_a, 0.0)
+            h = max(polish_root_on_arc(world, j, age_a + h, orientation) - age_a, 0.0)
         return h
     touching = pair.touching
     if touching == 0 and _are_both_pairs(world, pair):
@@ -165,7 +165,7 @@ def _time_of_contact(world: World, j: int, laps: int, ahead: float, limit: float
         return NEVER_MEET
     h = contact_by_distance(world, j, straight, touching, ahead, limit, ages)
     if h > 0.0 and touching == PARTING:
-        h = max(sharpened_by_distance(world, j, straight, age_a + h) - age_a, 0.0)
+        h = max(polish_root_by_distance(world, j, straight, age_a + h) - age_a, 0.0)
     return h
 
 
@@ -235,8 +235,8 @@ def kept_apart(a: Flight, b: Flight, contact: PairTrack, laps: int) -> bool:
     The flights stay within ``|f| <= 2 asin sqrt m``; they meet over the top only if both half
     angles and half the angle of contact add up to pi.
     """
-    root_a = a.root_complement
-    root_b = b.root_complement
+    root_a = a.complementary_modulus
+    root_b = b.complementary_modulus
     if laps == 0 or a.grouped + b.grouped != 0 or root_a <= 0.0 or root_b <= 0.0:
         return False
     if a.c <= 0.0 or b.c <= 0.0:
@@ -303,7 +303,7 @@ def _sine_range(flight: Flight, piece: PieceData, track: TrackData) -> tuple[flo
     if flight.at_rest == 1:
         return start, start
     right = flight.p > 0.0 or (flight.p == 0.0 and flight.s * flight.c < 0.0)
-    turn = 2.0 * math.sqrt(flight.parameter) * abs(flight.root_complement)
+    turn = 2.0 * math.sqrt(flight.parameter) * abs(flight.complementary_modulus)
     high = start
     low = start
     if flight.exit_side == 1:

@@ -31,15 +31,15 @@ from vibro_cli.kernels.events.simultaneous_impacts import (
 )
 from vibro_cli.kernels.flow.flight import (
     LIFT_OFF,
-    anchor_at_crest,
     arc_energy,
     begin_flight,
     begin_two_flights,
     bring_to,
-    head_from_state,
     is_same_instant,
     place_at,
     project,
+    refer_to_separatrix,
+    specific_energy_of_state,
     state_at,
 )
 from vibro_cli.kernels.impact.chattering import FORCED
@@ -165,13 +165,13 @@ def _collide_alone(world: World, j: int) -> int:
     pair.touching = PARTING
     if close_accumulated(world, j, 1):
         # The row has the energy of all further bounces, which have none of their own.
-        before = body_a.weight * a.head + body_b.weight * b.head
+        before = body_a.weight * a.specific_energy + body_b.weight * b.specific_energy
         row.contact = 1
         row.loss += pair.closing_loss
         after = energy_of_chain(world, j, 1)
         clock.energy_correction += abs(before - pair.closing_loss - after)
-    row.head_a_post = a.head
-    row.head_b_post = b.head
+    row.specific_energy_a_post = a.specific_energy
+    row.specific_energy_b_post = b.specific_energy
     return RUNNING
 
 
@@ -231,24 +231,24 @@ def _share_energy(world: World, pair: PairData, loss: float) -> None:
     a, b = flights_of(world, pair)
     body_a, body_b = world.bodies[pair.a], world.bodies[pair.b]
     track_a, track_b = tracks_of(world, pair)
-    total = body_a.weight * a.head + body_b.weight * b.head - loss
-    energy_a = body_a.weight * head_from_state(a, body_a, track_a, settings.gravity)
-    energy_b = body_b.weight * head_from_state(b, body_b, track_b, settings.gravity)
+    total = body_a.weight * a.specific_energy + body_b.weight * b.specific_energy - loss
+    energy_a = body_a.weight * specific_energy_of_state(a, body_a, track_a, settings.gravity)
+    energy_b = body_b.weight * specific_energy_of_state(b, body_b, track_b, settings.gravity)
     excess = total - (energy_a + energy_b)
     world.clock[0].energy_correction += abs(excess)
     if energy_a > energy_b:
-        a.head = (total - energy_b) / body_a.weight
-        anchor_at_crest(a, track_a)
+        a.specific_energy = (total - energy_b) / body_a.weight
+        refer_to_separatrix(a, track_a)
         begin_two_flights(world, pair.b, pair.a, 1)
     elif energy_b > energy_a:
-        b.head = (total - energy_a) / body_b.weight
-        anchor_at_crest(b, track_b)
+        b.specific_energy = (total - energy_a) / body_b.weight
+        refer_to_separatrix(b, track_b)
         begin_two_flights(world, pair.a, pair.b, 1)
     else:
-        a.head = (energy_a + 0.5 * excess) / body_a.weight
-        b.head = (energy_b + 0.5 * excess) / body_b.weight
-        anchor_at_crest(a, track_a)
-        anchor_at_crest(b, track_b)
+        a.specific_energy = (energy_a + 0.5 * excess) / body_a.weight
+        b.specific_energy = (energy_b + 0.5 * excess) / body_b.weight
+        refer_to_separatrix(a, track_a)
+        refer_to_separatrix(b, track_b)
         begin_two_flights(world, pair.a, pair.b, 0)
 
 
@@ -284,10 +284,10 @@ def leave_piece(world: World, ball: int) -> int:
     track = track_of(world, ball)
     speed = track.speed_factor * flight.p
     kinetic = 0.5 * world.bodies[ball].kappa * speed * speed / world.settings[0].gravity
-    if kinetic > SLOW_CROSSING * flight.head:
+    if kinetic > SLOW_CROSSING * flight.specific_energy:
         flight.p = rate_by_energy(world, ball, flight, track)
-    elif flight.anchor < 0:
-        anchor_at_crest(flight, track)
+    elif flight.separatrix_piece < 0:
+        refer_to_separatrix(flight, track)
     begin_flight(world, ball, CROSSING, 0)
     return RUNNING
 
@@ -311,10 +311,10 @@ def _enters_next(world: World, ball: int, right: bool, p: float) -> bool:
         return False
     if target < 0:
         target = settings.pieces - 1
-        flight.lap -= 1
+        flight.winding_number -= 1
     elif target >= settings.pieces:
         target = 0
-        flight.lap += 1
+        flight.winding_number += 1
     clock.crossings += 1
     flight.piece = target
     track = track_on(world, ball, target)
@@ -329,7 +329,7 @@ def rate_by_energy(world: World, ball: int, flight: Flight, track: TrackData) ->
     """``P`` at the end of a piece from the carried energy, with the sign of the present ``P``."""
     settings = world.settings[0]
     if track.path_radius == 0.0:
-        rise = flight.head - (track.bottom + track.line_rise * flight.s)
+        rise = flight.specific_energy - (track.bottom + track.line_rise * flight.s)
         rate = math.sqrt(max(2.0 * settings.gravity * rise / world.bodies[ball].kappa, 0.0))
     else:
         m, root = arc_energy(world, ball, 0)
@@ -543,7 +543,7 @@ def _finish(world: World) -> int:
         pair = world.pairs[j]
         quiet = quiet and (pair.apart == 1 or (pair.held == 1 and pair.release_t == NEVER))
     if quiet:
-        clock.quiet_t = clock.t
+        clock.quiet_from = clock.t
     if settings.stop_t < NEVER:
         return END_TIME
     return END_REST if resting else END_NO_MORE_COLLISIONS

@@ -26,7 +26,7 @@ from vibro_cli.kernels.cluster.trace_forces import (
     set_forces,
 )
 from vibro_cli.kernels.flow.flight import squared_rate_at
-from vibro_cli.kernels.flow.flow import LINE, POLYNOMIAL, flow, recall_flight, time_to
+from vibro_cli.kernels.flow.flow import LINE, POLYNOMIAL, flow, replay_flight, time_of_flight
 from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.numerics.elliptic import quarter_period
 from vibro_cli.kernels.world import BodyForces, Flight, World, track_on
@@ -131,7 +131,7 @@ def _add_turnings(world: World, search: Search) -> bool:
     """Add the turning points of a flight; tell whether there was room for all."""
     span = search.spans[search.progress[0].span]
     flight = search.flights[0]
-    recall_flight(world, world.log[span.row], span.row, flight)
+    replay_flight(world, world.log[span.row], span.row, flight)
     if flight.at_rest == 1:
         return True
     if flight.form == POLYNOMIAL:
@@ -151,10 +151,10 @@ def turning_courses(flight: Flight, duration: float, courses: Sequence[Course]) 
         courses[0].after = -flight.p / a if a != 0.0 else NEVER
         courses[0].period = NEVER
         return 1
-    if flight.root_complement <= 0.0:
+    if flight.complementary_modulus <= 0.0:
         return 0
     s = math.sqrt(flight.parameter)
-    c = math.copysign(flight.root_complement, flight.flow_c)
+    c = math.copysign(flight.complementary_modulus, flight.flow_c)
     set_course(courses[0], flight, s, c, 0.0, duration)
     set_course(courses[1], flight, -s, c, 0.0, duration)
     return 2
@@ -187,9 +187,9 @@ def set_course(
     """Set when a flight on an arc passes a state that lies on its orbit."""
     course.after = NEVER
     course.period = NEVER
-    if flight.at_rest == 1 or flight.root_complement == 0.0:
+    if flight.at_rest == 1 or flight.complementary_modulus == 0.0:
         return
-    first = time_to(flight, s, c, p)
+    first = time_of_flight(flight, s, c, p)
     if rotates(flight):
         # A rotation passes a place once on its piece, ahead only.
         ahead = s * flight.flow_c - c * flight.flow_s
@@ -203,13 +203,13 @@ def set_course(
 @kernel
 def rotates(flight: Flight) -> bool:
     """Tell whether the full orbit of a flight on an arc goes over its highest place."""
-    return flight.root_complement < 0.0
+    return flight.complementary_modulus < 0.0
 
 
 @kernel
 def orbit_period(flight: Flight) -> float:
     """Period (s) of the full orbit of a flight on an arc that turns back."""
-    return 4.0 * quarter_period(flight.parameter, flight.root_complement) / flight.frequency
+    return 4.0 * quarter_period(flight.parameter, flight.complementary_modulus) / flight.frequency
 
 
 @kernel
@@ -367,7 +367,7 @@ def _look_at_group(world: World, search: Search, friction: float) -> tuple[int, 
     span = search.spans[now.span]
     row = world.log[span.row]
     flight = search.flights[0]
-    recall_flight(world, row, span.row, flight)
+    replay_flight(world, row, span.row, flight)
     goes_on = flight.form == POLYNOMIAL and row.at_rest == 0 and span.ended == 0
     # Of several launches at one instant only the last one lasts.
     if goes_on or span.duration <= 0.0:
@@ -391,7 +391,7 @@ def _look_at_rest(world: World, search: Search, friction: float) -> bool:
     """Set the forces on a body alone that rests: they stay as they are, and no limit is passed."""
     span = search.spans[search.progress[0].span]
     flight = search.flights[0]
-    recall_flight(world, world.log[span.row], span.row, flight)
+    replay_flight(world, world.log[span.row], span.row, flight)
     set_ends(world, span.row, span.duration, flight)
     set_sides(world, span, world.forces[world.settings[0].bodies], friction)
     return True
@@ -412,7 +412,11 @@ def look_at_one(world: World, span: Span, friction: float, flight: Flight) -> tu
         one.end_friction = one.start_friction
         set_sides(world, span, one, friction)
         return False, False
-    top = min(track.highest_s2, row.parameter) if row.root_complement >= 0.0 else track.highest_s2
+    top = (
+        min(track.highest_s2, row.parameter)
+        if row.complementary_modulus >= 0.0
+        else track.highest_s2
+    )
     bottom = min(track.lowest_s2, top)
     # N/(m g) = sign (A - B S^2)
     a = 1.0 + 4.0 * row.parameter / body.kappa
@@ -424,7 +428,7 @@ def look_at_one(world: World, span: Span, friction: float, flight: Flight) -> tu
     slips = friction >= 0.0 and most >= friction * least - CAUTION * (a + b)
     if not lifts and not slips:
         return False, False
-    recall_flight(world, row, span.row, flight)
+    replay_flight(world, row, span.row, flight)
     s, c, p = flow(flight, 0.0)
     one.start_normal, one.start_friction = _forces(world, span.row, s, c, p)
     s, c, p = flow(flight, span.duration)
@@ -569,10 +573,10 @@ def _branch_course(
 ) -> int:
     """Set the course of a place that a flight passes with a rate of the sign of ``slope``."""
     square = squared_rate_at(flight, s, c)
-    if square <= 0.0 or (flight.root_complement >= 0.0 and c * flight.flow_c < 0.0):
+    if square <= 0.0 or (flight.complementary_modulus >= 0.0 and c * flight.flow_c < 0.0):
         return count
     p = math.copysign(math.sqrt(square), slope)
-    if flight.root_complement < 0.0 and p * flight.flow_p <= 0.0:
+    if flight.complementary_modulus < 0.0 and p * flight.flow_p <= 0.0:
         return count
     set_course(courses[count], flight, s, c, p, duration)
     return count + 1

@@ -18,7 +18,7 @@ from vibro_cli.kernels.contact.contact_kinematics import (
     parting_speed,
     set_speed,
 )
-from vibro_cli.kernels.flow.flight import bring_to, head_from_state
+from vibro_cli.kernels.flow.flight import bring_to, specific_energy_of_state
 from vibro_cli.kernels.impact.chattering import (
     FREE,
     PRESSING,
@@ -248,8 +248,8 @@ def energy_of_chain(world: World, first: int, count: int) -> float:
         flight = world.flights[ball]
         body = world.bodies[ball]
         track = track_of(world, ball)
-        flight.head = head_from_state(flight, body, track, settings.gravity)
-        total += body.weight * flight.head
+        flight.specific_energy = specific_energy_of_state(flight, body, track, settings.gravity)
+        total += body.weight * flight.specific_energy
     return total
 
 
@@ -394,8 +394,8 @@ def _loss_of_pair(world: World, pair: PairData, row: ImpactRow, law: int) -> flo
 @kernel
 def _complete(world: World, row: ImpactRow, several: bool) -> None:
     """Fill in what is known only after the whole instant."""
-    row.head_a_post = world.flights[row.a].head
-    row.head_b_post = world.flights[row.b].head
+    row.specific_energy_a_post = world.flights[row.a].specific_energy
+    row.specific_energy_b_post = world.flights[row.b].specific_energy
     if several:
         row.simultaneous = 1
 
@@ -416,5 +416,9 @@ def complete_inadmissible(world: World, row: ImpactRow) -> None:
     vb = row.speed_b_pre
     wa = row.speed_a_post
     wb = row.speed_b_post
-    row.head_a_post = row.head_a_pre + 0.5 * kappa_a * (wa - va) * (wa + va) / gravity
-    row.head_b_post = row.head_b_pre + 0.5 * kappa_b * (wb - vb) * (wb + vb) / gravity
+    row.specific_energy_a_post = (
+        row.specific_energy_a_pre + 0.5 * kappa_a * (wa - va) * (wa + va) / gravity
+    )
+    row.specific_energy_b_post = (
+        row.specific_energy_b_pre + 0.5 * kappa_b * (wb - vb) * (wb + vb) / gravity
+    )

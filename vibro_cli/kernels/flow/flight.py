@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from vibro_cli.compile.kernel import SERIES_LENGTH, kernel, select
-from vibro_cli.kernels.flow.flow import LINE, flow, time_ahead, time_to
+from vibro_cli.kernels.flow.flow import LINE, flow, time_ahead, time_of_flight
 from vibro_cli.kernels.numerics.constants import EPSILON, NEVER
 from vibro_cli.kernels.numerics.double_double import add_to_time, time_between
 from vibro_cli.kernels.numerics.elliptic import set_theta_constants, set_two_theta_constants
@@ -93,16 +93,18 @@ def launch_on_piece(
 
 
 @kernel
-def head_from_state(flight: Flight, body: BodyData, track: TrackData, gravity: float) -> float:
+def specific_energy_of_state(
+    flight: Flight, body: BodyData, track: TrackData, gravity: float
+) -> float:
     """Energy over weight, m above the body's lowest place (B (33) multiplied out)."""
     if track.path_radius == 0.0:
         height = track.bottom + track.line_rise * flight.s
         return height + 0.5 * body.kappa * flight.p * flight.p / gravity
-    return head_on_arc(track, flight.s, flight.c, flight.p)
+    return specific_energy_on_arc(track, flight.s, flight.c, flight.p)
 
 
 @kernel
-def head_on_arc(track: TrackData, s: float, c: float, p: float) -> float:
+def specific_energy_on_arc(track: TrackData, s: float, c: float, p: float) -> float:
     """Energy over weight (m) in a state on an arc."""
     s2 = s * s
     return select(
@@ -113,13 +115,13 @@ def head_on_arc(track: TrackData, s: float, c: float, p: float) -> float:
 
 
 @kernel
-def anchor_at_crest(flight: Flight, track: TrackData) -> None:
+def refer_to_separatrix(flight: Flight, track: TrackData) -> None:
     """Measure the energy also relative to the crest of the piece, if the state is near it."""
-    flight.anchor = -1
+    flight.separatrix_piece = -1
     near = flight.c * flight.c + flight.p * flight.p < CREST_NEIGHBOURHOOD
     if near and track.path_radius > 0.0:
-        flight.anchor = flight.piece
-        flight.anchor_root = root_of_state(flight.c, flight.p)
+        flight.separatrix_piece = flight.piece
+        flight.separatrix_root = root_of_state(flight.c, flight.p)
 
 
 @kernel
@@ -137,20 +139,21 @@ def size_of_root(c: float, p: float) -> float:
 
 @kernel
 def energy_on_piece(
-    flight: Flight, track: TrackData, anchor_track: TrackData
+    flight: Flight, track: TrackData, separatrix_track: TrackData
 ) -> tuple[float, float]:
     """Parameter ``m`` and root of its complement on an arc, from the energy that is carried.
 
-    ``anchor_track`` is the body's track on the piece of ``flight.anchor`` (unused without one).
+    ``separatrix_track`` is the body's track on the piece of ``flight.separatrix_piece``, unused
+    without one.
     """
-    if flight.anchor < 0:
-        complement = (track.top - flight.head) / track.twice_radius
+    if flight.separatrix_piece < 0:
+        complement = (track.top - flight.specific_energy) / track.twice_radius
         root = _signed_root(complement)
     else:
-        root = flight.anchor_root
-        if flight.anchor != flight.piece:
-            scale = anchor_track.twice_radius / track.twice_radius
-            lift = (track.top - anchor_track.top) / track.twice_radius
+        root = flight.separatrix_root
+        if flight.separatrix_piece != flight.piece:
+            scale = separatrix_track.twice_radius / track.twice_radius
+            lift = (track.top - separatrix_track.top) / track.twice_radius
             if lift == 0.0:
                 root *= math.sqrt(scale)
             else:
@@ -158,7 +161,7 @@ def energy_on_piece(
         complement = root * abs(root)
     if complement < 0.5:
         return 1.0 - complement, root
-    return max((flight.head - track.bottom) / track.twice_radius, 0.0), root
+    return max((flight.specific_energy - track.bottom) / track.twice_radius, 0.0), root
 
 
 @kernel
@@ -251,14 +254,14 @@ def squared_rate_at(flight: Flight, s: float, c: float) -> float:
     if s == flight.flow_s and c == flight.flow_c:
         return flight.flow_p * flight.flow_p
     if s * s > 0.5:
-        return c * c - flight.root_complement * abs(flight.root_complement)
+        return c * c - flight.complementary_modulus * abs(flight.complementary_modulus)
     return flight.parameter - s * s
 
 
 @kernel
 def _reaches(flight: Flight, s: float, c: float) -> bool:
     """Tell whether the flow passes an end ``(S, C)``, over a top if one lies between."""
-    if flight.flow_c * c < 0.0 and flight.root_complement >= 0.0:
+    if flight.flow_c * c < 0.0 and flight.complementary_modulus >= 0.0:
         return False
     return squared_rate_at(flight, s, c) > 0.0
 
@@ -297,7 +300,7 @@ def choose_exit(
         return
     reaches_right = _reaches(flight, right_s, right_c)
     reaches_left = _reaches(flight, left_s, left_c)
-    if flight.root_complement == 0.0 and flight.flow_p != 0.0:
+    if flight.complementary_modulus == 0.0 and flight.flow_p != 0.0:
         # On the separatrix a body never turns: it leaves ahead or creeps up to the crest for ever.
         reaches_right = reaches_right and right
         reaches_left = reaches_left and not right
@@ -312,7 +315,7 @@ def choose_exit(
     if to_right == right:
         flight.exit_after = time_ahead(flight, s, c, p)
     else:
-        flight.exit_after = time_to(flight, s, c, p)
+        flight.exit_after = time_of_flight(flight, s, c, p)
 
 
 @kernel
@@ -347,7 +350,7 @@ def _limit_by_lift_off(flight: Flight, body: BodyData, piece: PieceData) -> None
     if piece.sign < 0.0:
         # Below the crest's energy it leaves on the side where it is, else on the side it moves to.
         s = math.copysign(s, flight.s)
-        to_right = flight.c * s < 0.0 if flight.root_complement >= 0.0 else forward > 0.0
+        to_right = flight.c * s < 0.0 if flight.complementary_modulus >= 0.0 else forward > 0.0
         c = -math.copysign(c, s) if to_right else math.copysign(c, s)
     else:
         to_right = forward > 0.0
@@ -356,7 +359,7 @@ def _limit_by_lift_off(flight: Flight, body: BodyData, piece: PieceData) -> None
             s = -s
             c = -c
     p = p if to_right else -p
-    after = time_to(flight, s, c, p)
+    after = time_of_flight(flight, s, c, p)
     if after < flight.exit_after:
         flight.exit_kind = LIFT_OFF
         flight.exit_after = after
@@ -428,8 +431,10 @@ def take_energy(world: World, ball: int) -> None:
     settings = world.settings[0]
     flight = world.flights[ball]
     track = track_of(world, ball)
-    flight.head = head_from_state(flight, world.bodies[ball], track, settings.gravity)
-    anchor_at_crest(flight, track)
+    flight.specific_energy = specific_energy_of_state(
+        flight, world.bodies[ball], track, settings.gravity
+    )
+    refer_to_separatrix(flight, track)
 
 
 @kernel
@@ -439,9 +444,9 @@ def arc_energy(world: World, ball: int, from_state: int) -> tuple[float, float]:
     if from_state == 1:
         take_energy(world, ball)
         return energy_of_state(flight.s, flight.c, flight.p)
-    anchor = flight.anchor if flight.anchor >= 0 else flight.piece
+    separatrix_piece = flight.separatrix_piece if flight.separatrix_piece >= 0 else flight.piece
     track = track_of(world, ball)
-    return energy_on_piece(flight, track, track_on(world, ball, anchor))
+    return energy_on_piece(flight, track, track_on(world, ball, separatrix_piece))
 
 
 @kernel
@@ -473,8 +478,8 @@ def log_flight(world: World, ball: int, cause: int) -> None:
     row.before_c = flight.before_c
     row.before_p = flight.before_p
     row.parameter = flight.parameter
-    row.root_complement = flight.root_complement
-    row.head = flight.head
+    row.complementary_modulus = flight.complementary_modulus
+    row.specific_energy = flight.specific_energy
     row.cause = cause
     row.at_rest = flight.at_rest
     row.grouped = flight.grouped
@@ -561,7 +566,7 @@ def projected(
     flight: Flight, s: float, c: float, p: float, sc: float, size: float
 ) -> tuple[float, float, float]:
     """Do what :func:`project` does for a state on the circle, given ``SC`` and ``P^2 + (SC)^2``."""
-    root = flight.root_complement
+    root = flight.complementary_modulus
     lack = select(
         s * s > 0.5, (c - p) * (c + p) - root * abs(root), flight.parameter - s * s - p * p
     )

@@ -3,7 +3,7 @@
 On an arc the half-angle variables obey Euler's top ``S' = wPC, C' = -wPS, P' = -wSC``; the state at
 ``t`` follows from the state at 0 by the addition theorems. On a line the motion is a parabola.
 Equations of motion: A (1), B (30)-(33); model of the half-angle form: DLMF 22.8. Flights come
-from the event loop, or from their rows in the log (:func:`recall_flight`).
+from the event loop, or from their rows in the log (:func:`replay_flight`).
 """
 
 from __future__ import annotations
@@ -237,7 +237,7 @@ def angular_acceleration_at(flight: Flight, age: float, s: float, c: float) -> f
 
 
 @kernel
-def nudge(
+def small_step(
     flight: Flight, age: float, dt: float, s: float, c: float, p: float
 ) -> tuple[float, float, float]:
     """Carry the state at ``age`` (s) over a last small step ``dt`` (s)."""
@@ -289,14 +289,14 @@ LONGEST_AHEAD = 0.75
 
 
 @kernel
-def time_to(flight: Flight, s1: float, c1: float, p1: float) -> float:
+def time_of_flight(flight: Flight, s1: float, c1: float, p1: float) -> float:
     """Return the first time (s) at which an arc's flight takes its start to ``(S1, C1, P1)``.
 
     The state is one of the flow's pendulum and must lie on the flight's orbit, less than a
     period ahead. Relative error a few ulp.
     """
     m = flight.parameter
-    if flight.root_complement < 0.0:
+    if flight.complementary_modulus < 0.0:
         far = flight.flow_c * c1 + flight.flow_s * s1 < 0.0 or s1 * flight.flow_s <= 0.0
         u = _rotation_argument(flight, s1, c1) if far else _argument_by_addition(flight, s1, c1, p1)
     elif m > SPLIT_PARAMETER and not _stays_on_one_side(
@@ -313,9 +313,9 @@ def time_ahead(flight: Flight, s1: float, c1: float, p1: float) -> float:
     """Return the time (s) to a state that lies ahead, without a turn on the way.
 
     The energy says where it is up to rounding: one that is reached within that is behind the start
-    for :func:`time_to`, a whole period away.
+    for :func:`time_of_flight`, a whole period away.
     """
-    after = time_to(flight, s1, c1, p1)
+    after = time_of_flight(flight, s1, c1, p1)
     if after * flight.frequency > LONGEST_AHEAD * _double_period(flight):
         return 0.0
     return after
@@ -339,7 +339,7 @@ def _stays_on_one_side(sc0: float, p0: float, sc1: float, p1: float) -> bool:
 def _libration_argument(flight: Flight, s1: float, c1: float, p1: float) -> float:
     """Argument between two states of a libration, each counted from a passage of the bottom."""
     m = flight.parameter
-    quarter = quarter_period(m, flight.root_complement)
+    quarter = quarter_period(m, flight.complementary_modulus)
     # Seen from the side on which it starts to the right: mirror images take the same time.
     right = flight.flow_p > 0.0 or (flight.flow_p == 0.0 and flight.flow_s * flight.flow_c < 0.0)
     side = 1.0 if right else -1.0
@@ -369,8 +369,8 @@ def _rotation_argument(flight: Flight, s1: float, c1: float) -> float:
     may have them beyond the range from which they are counted.
     """
     m = flight.parameter
-    complement = flight.root_complement * flight.root_complement
-    half_turn = quarter_period(m, flight.root_complement)
+    complement = flight.complementary_modulus * flight.complementary_modulus
+    half_turn = quarter_period(m, flight.complementary_modulus)
     first = _argument_along_rotation(m, complement, half_turn, flight.flow_s, flight.flow_c)
     second = _argument_along_rotation(m, complement, half_turn, s1, c1)
     ahead = second - first if flight.flow_p > 0.0 else first - second
@@ -419,7 +419,7 @@ def _argument_by_addition(flight: Flight, s1: float, c1: float, p1: float) -> fl
         root = math.sqrt(c + d)
     else:
         # c + d = (1 - m) s^2/(d - c): its root, since it may underflow itself.
-        root = abs(flight.root_complement) * size / math.sqrt(abs(d - c))
+        root = abs(flight.complementary_modulus) * size / math.sqrt(abs(d - c))
     if root < ROOT_COMPLEMENT_TINY:
         u = rf_near_logarithm(root * math.sqrt(one_c), root * math.sqrt(one_d), one_c * one_d)
     else:
@@ -456,7 +456,7 @@ class Sample:
 
 
 @kernel
-def recall_flight(world: World, row: FlightRow, number: int, flight: Flight) -> None:
+def replay_flight(world: World, row: FlightRow, number: int, flight: Flight) -> None:
     """Set up a flight from its row, the ``number``-th of the log, so that its flow can be asked."""
     track = track_on(world, row.body, row.piece)
     flight.piece = row.piece
@@ -472,26 +472,26 @@ def recall_flight(world: World, row: FlightRow, number: int, flight: Flight) -> 
     flight.flow_c = row.c
     flight.flow_p = row.p
     if row.grouped == 1:
-        recall_group(world, row, number, flight)
+        replay_group(world, row, number, flight)
         if flight.form == POLYNOMIAL:
             flight.half_curvature = 0.5 / track.path_radius if track.path_radius > 0.0 else 0.0
             return
-    recall_flow(track, row, flight)
+    replay_flow(track, row, flight)
 
 
 @kernel
-def recall_flow(track: TrackData, row: FlightRow, flight: Flight) -> None:
+def replay_flow(track: TrackData, row: FlightRow, flight: Flight) -> None:
     """Set the form and the constants of a flow in closed form."""
     if track.path_radius == 0.0:
         flight.form = LINE
         if row.grouped == 0:
             flight.line_acceleration = track.line_acceleration
         return
-    set_theta_constants(flight, row.parameter, row.root_complement)
+    set_theta_constants(flight, row.parameter, row.complementary_modulus)
 
 
 @kernel
-def recall_group(world: World, row: FlightRow, number: int, flight: Flight) -> None:
+def replay_group(world: World, row: FlightRow, number: int, flight: Flight) -> None:
     """Fill in what a flight in lasting contact has beyond its own state."""
     flight.flow_s = row.flow_s
     flight.flow_c = row.flow_c
@@ -532,18 +532,18 @@ def half_period(row: FlightRow, frequency: float, duration: float) -> float:
     least = 0.5 * math.pi * (1.0 - CAUTION) / math.sqrt(max(row.parameter, 1.0))
     if argument < least:
         return NEVER
-    if row.root_complement > 0.0:
+    if row.complementary_modulus > 0.0:
         # K = pi/2 over the mean of 1 and k' that is between their arithmetic and geometric ones;
         # here those of (1 + k')/2 and sqrt k'.
-        root = math.sqrt(row.root_complement)
+        root = math.sqrt(row.complementary_modulus)
         least = (2.0 * math.pi) * (1.0 - CAUTION) / ((1.0 + root) * (1.0 + root))
         if argument < least:
             return NEVER
         if argument < 2.0 * least:
-            mean = math.sqrt(2.0 * (1.0 + row.root_complement) * root)
+            mean = math.sqrt(2.0 * (1.0 + row.complementary_modulus) * root)
             if argument > math.pi * (1.0 + CAUTION) / mean:
                 return 2.0 * least / frequency
-    return 2.0 * quarter_period(row.parameter, row.root_complement) / frequency
+    return 2.0 * quarter_period(row.parameter, row.complementary_modulus) / frequency
 
 
 @kernel
@@ -551,7 +551,7 @@ def energy_of_row(world: World, row: FlightRow, s: float, c: float, p: float) ->
     """Energy (J) of a body; carried on a free flight, from the state in lasting contact."""
     body = world.bodies[row.body]
     if row.grouped == 0:
-        return body.weight * row.head
+        return body.weight * row.specific_energy
     gravity = world.settings[0].gravity
     track = track_on(world, row.body, row.piece)
     speed = track.speed_factor * p
@@ -577,6 +577,6 @@ def sample_flights(
         sample = samples[number]
         if sample.row != row:
             row = sample.row
-            recall_flight(world, world.log[row], row, flight)
+            replay_flight(world, world.log[row], row, flight)
         sample.s, sample.c, sample.p = flow(flight, sample.after)
         sample.energy = energy_of_row(world, world.log[row], sample.s, sample.c, sample.p)

@@ -20,8 +20,8 @@ from vibro_cli.kernels.flow.rotating_flow import (
     half_way,
     set_motion,
     squared_speed,
+    time_of_flight,
     time_on_line,
-    time_to,
     turn_on_line,
     turns_before,
 )
@@ -109,7 +109,7 @@ def first_negative(flight: Flight, h: Harmonics, to_left: float, to_right: float
             sine, cosine = sine_cosine(0.5 * side * angle)
             p = side * math.sqrt(max(squared_rate(flight, sine, cosine), 0.0))
             s, c = place_from_start(flight, sine, cosine)
-            return time_to(flight, s, c, p)
+            return time_of_flight(flight, s, c, p)
         if flight.exit_side * side > 0.0:
             return NEVER
     return NEVER
@@ -186,7 +186,7 @@ def potential(track: TrackData, s: float, c: float) -> float:
 
 
 @kernel
-def potential_head(track: TrackData, gravity: float, kappa: float, s: float, c: float) -> float:
+def specific_potential(track: TrackData, gravity: float, kappa: float, s: float, c: float) -> float:
     """Potential energy over weight, m above its least value on the trace."""
     if track.path_radius > 0.0:
         return track.bottom + track.twice_radius * potential(track, s, c)
@@ -196,27 +196,33 @@ def potential_head(track: TrackData, gravity: float, kappa: float, s: float, c: 
 
 
 @kernel
-def head_from_state(flight: Flight, body: BodyData, track: TrackData, gravity: float) -> float:
+def specific_energy_of_state(
+    flight: Flight, body: BodyData, track: TrackData, gravity: float
+) -> float:
     """Energy over weight, m above the least potential energy of the body on the trace."""
     speed = track.speed_factor * flight.p
-    height = potential_head(track, gravity, body.kappa, flight.s, flight.c)
+    height = specific_potential(track, gravity, body.kappa, flight.s, flight.c)
     return height + 0.5 * body.kappa * speed * speed / gravity
 
 
 @kernel
-def speed_of_head(flight: Flight, body: BodyData, track: TrackData, gravity: float) -> float:
+def speed_of_specific_energy(
+    flight: Flight, body: BodyData, track: TrackData, gravity: float
+) -> float:
     """``P`` of the energy that is carried, with the sign of the present one; that if it is slow."""
-    rise = flight.head - potential_head(track, gravity, body.kappa, flight.s, flight.c)
-    if rise <= SLOW * flight.head:
+    rise = flight.specific_energy - specific_potential(
+        track, gravity, body.kappa, flight.s, flight.c
+    )
+    if rise <= SLOW * flight.specific_energy:
         return flight.p
     p = math.sqrt(2.0 * gravity * rise / body.kappa) / track.speed_factor
     return p if flight.p > 0.0 else -p
 
 
 @kernel
-def anchor_at_crest(flight: Flight, track: TrackData) -> None:
+def refer_to_separatrix(flight: Flight, track: TrackData) -> None:
     """Nothing: on a turning trace a state alone tells the energy."""
-    flight.anchor = -1
+    flight.separatrix_piece = -1
 
 
 @kernel
@@ -295,7 +301,7 @@ def _choose_exit(flight: Flight, track: TrackData) -> None:
 @kernel
 def _leave(flight: Flight, side: int, s: float, c: float, squared: float) -> None:
     p = side * math.sqrt(squared)
-    after = time_to(flight, s, c, p)
+    after = time_of_flight(flight, s, c, p)
     if after < NEVER:
         flight.exit_side = side
         flight.exit_p = p

@@ -189,7 +189,7 @@ def tangential_acceleration(flight: Flight, path_radius: float, s: float, c: flo
 
 
 @kernel
-def nudge(
+def small_step(
     flight: Flight, age: float, dt: float, s: float, c: float, p: float
 ) -> tuple[float, float, float]:
     """Carry the state at ``age`` (s) over a last small step ``dt`` (s), to second order."""
@@ -218,7 +218,7 @@ WHOLE_TURN = 1.0e-14
 
 
 @kernel
-def time_to(flight: Flight, s: float, c: float, p: float) -> float:
+def time_of_flight(flight: Flight, s: float, c: float, p: float) -> float:
     """Time (s) from the start of a flight on an arc to a state of its orbit."""
     sine, cosine = angle_from_start(flight, s, c)
     if flight.turns_over == 1 and cosine < 0.0 and abs(sine) <= WHOLE_TURN:
@@ -229,7 +229,7 @@ def time_to(flight: Flight, s: float, c: float, p: float) -> float:
 
 @kernel
 def _time_to_angle(flight: Flight, sine: float, cosine: float, p: float) -> float:
-    """As :func:`time_to`, of a place by half the angle from the start."""
+    """As :func:`time_of_flight`, of a place by half the angle from the start."""
     after = time_to_place(flight, sine, cosine, p) / flight.frequency
     # Lost in rounding at a saddle, a body stays there.
     return after if 0.0 <= after < NEVER else NEVER

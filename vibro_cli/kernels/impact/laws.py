@@ -176,8 +176,8 @@ def log_impact(world: World, j: int, wa: float, wb: float, law: int, loss: float
     row.speed_b_post = wb
     row.normal_a = pair.normal_a
     row.normal_b = pair.normal_b
-    row.head_a_pre = a.head
-    row.head_b_pre = b.head
+    row.specific_energy_a_pre = a.specific_energy
+    row.specific_energy_b_pre = b.specific_energy
     row.law = law
     pair.law = law
     row.loss = loss

@@ -50,7 +50,7 @@ def product_error(a: float, b: float, product: float) -> float:
 
 
 @kernel
-def pair_plus(high: float, low: float, more: float, more_low: float) -> tuple[float, float]:
+def dd_add(high: float, low: float, more: float, more_low: float) -> tuple[float, float]:
     """Return the sum of two pairs."""
     total = high + more
     part = total - high
@@ -60,7 +60,7 @@ def pair_plus(high: float, low: float, more: float, more_low: float) -> tuple[fl
 
 
 @kernel
-def pair_times(high: float, low: float, factor: float) -> tuple[float, float]:
+def dd_multiply(high: float, low: float, factor: float) -> tuple[float, float]:
     """Return a pair times a double; both must stay below 1e300 in size."""
     product = high * factor
     rest = product_error(high, factor, product) + low * factor

@@ -7,8 +7,9 @@ set up once for a flight (:func:`set_theta_constants`); one evaluation then cost
 cosine or one exponential, and a division that the caller shares (:func:`theta_functions`).
 
 The parameter is given twice, as ``m`` and as the signed root of its complement
-``root_complement = sign(1 - m) sqrt|1 - m|``, because near the separatrix the complement holds all
-the information and ``m`` none. Formulas: DLMF 20.2, 22.2 (theta series), 19.36 (Carlson's R_F).
+``complementary_modulus = sign(1 - m) sqrt|1 - m|``, because near the separatrix the complement
+holds all the information and ``m`` none. Formulas: DLMF 20.2, 22.2 (theta series), 19.36
+(Carlson's R_F).
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ class ThetaConstants:
     """What the theta series of one parameter need (fields of a flight)."""
 
     parameter: float  # m
-    root_complement: float  # sign(1 - m) sqrt|1 - m|
+    complementary_modulus: float  # sign(1 - m) sqrt|1 - m|
     form: int  # TRIGONOMETRIC, HYPERBOLIC, HYPERBOLIC_TINY
     reciprocal: int  # 1: m > 1, so cn and dn change places
     argument_scale: float  # z = u scale (trigonometric), z = u + u scale (hyperbolic)
@@ -168,16 +169,16 @@ HYPERBOLIC_TINY = 2  # hyperbolic, complement so small that its products would u
 
 
 @kernel
-def set_theta_constants(theta: ThetaConstants, m: float, root_complement: float) -> None:
-    """Fill ``theta`` for parameter ``m`` and ``root_complement = sign(1 - m) sqrt|1 - m|``."""
+def set_theta_constants(theta: ThetaConstants, m: float, complementary_modulus: float) -> None:
+    """Fill ``theta`` for parameter ``m`` and complementary modulus ``sign(1 - m) sqrt|1 - m|``."""
     theta.parameter = m
-    theta.root_complement = root_complement
-    root = abs(root_complement)
+    theta.complementary_modulus = complementary_modulus
+    root = abs(complementary_modulus)
     rate = 1.0  # factor of the argument under the reciprocal-modulus transformation
     excess = 0.0  # rate - 1 without cancellation
     reduced = m
     theta.reciprocal = 0
-    if root_complement < 0.0:
+    if complementary_modulus < 0.0:
         rate = math.sqrt(m)
         excess = root * root / (1.0 + rate)
         root = root / rate
@@ -214,25 +215,27 @@ def set_two_theta_constants(
 
 
 @kernel
-def set_libration(theta: ThetaConstants, m: float, root_complement: float) -> None:
+def set_libration(theta: ThetaConstants, m: float, complementary_modulus: float) -> None:
     """Fill one set for a parameter up to ``PARAMETER_SPLIT``."""
-    _set_with_nome(theta, m, root_complement, _direct_nome(m, root_complement))
+    _set_with_nome(theta, m, complementary_modulus, _direct_nome(m, complementary_modulus))
 
 
 @kernel
-def _set_with_nome(theta: ThetaConstants, m: float, root_complement: float, nome: float) -> None:
+def _set_with_nome(
+    theta: ThetaConstants, m: float, complementary_modulus: float, nome: float
+) -> None:
     theta.parameter = m
-    theta.root_complement = root_complement
+    theta.complementary_modulus = complementary_modulus
     theta.reciprocal = 0
     theta.form = TRIGONOMETRIC
     _set_series(theta, nome, 1.0, 0.0)
 
 
 @kernel
-def _direct_nome(m: float, root_complement: float) -> float:
+def _direct_nome(m: float, complementary_modulus: float) -> float:
     """Nome of parameter ``m`` (DLMF 19.5.5 with ``lambda = (1 - sqrt k')/(2 (1 + sqrt k'))``)."""
-    b = 1.0 + math.sqrt(root_complement)
-    small = 0.5 * m / ((1.0 + root_complement) * b * b)
+    b = 1.0 + math.sqrt(complementary_modulus)
+    small = 0.5 * m / ((1.0 + complementary_modulus) * b * b)
     x = small * small
     x = x * x
     x2 = x * x
@@ -241,10 +244,10 @@ def _direct_nome(m: float, root_complement: float) -> float:
 
 
 @kernel
-def _complementary_nome(theta: ThetaConstants, m: float, root_complement: float) -> float:
+def _complementary_nome(theta: ThetaConstants, m: float, complementary_modulus: float) -> float:
     """Nome of the complement, its root, and its logarithm in two doubles."""
     k = math.sqrt(m)
-    root = root_complement * math.sqrt(0.5 / (1.0 + k)) / (1.0 + math.sqrt(k))
+    root = complementary_modulus * math.sqrt(0.5 / (1.0 + k)) / (1.0 + math.sqrt(k))
     x = root * root
     x = x * x
     x = x * x
@@ -378,13 +381,13 @@ def rf_near_logarithm(root_x: float, root_y: float, z: float) -> float:
 
 
 @kernel
-def quarter_period(m: float, root_complement: float) -> float:
+def quarter_period(m: float, complementary_modulus: float) -> float:
     """Argument from the bottom to the turning point (m < 1) or to the top (m > 1).
 
     K(m) for a libration, ``K(1/m)/sqrt m`` for a rotation.
     """
-    root = abs(root_complement)
-    size = 1.0 if root_complement >= 0.0 else m
+    root = abs(complementary_modulus)
+    size = 1.0 if complementary_modulus >= 0.0 else m
     if root >= ROOT_COMPLEMENT_SMALL:
         return carlson_rf(root * root, 0.0, size)
     scale = math.sqrt(size)

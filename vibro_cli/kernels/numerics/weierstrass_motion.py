@@ -339,7 +339,7 @@ def squared_rate(motion: QuarticConstants, sine: float, cosine: float) -> float:
 @kernel
 def period_of(motion: QuarticConstants) -> float:
     """Time after which the motion repeats."""
-    return 2.0 * quarter_period(motion.parameter, motion.root_complement) / motion.rate_scale
+    return 2.0 * quarter_period(motion.parameter, motion.complementary_modulus) / motion.rate_scale
 
 
 @kernel
@@ -368,7 +368,7 @@ def time_to_place(motion: QuarticConstants, sine: float, cosine: float, rate: fl
     inverse = 1.0 / (distance + size)
     c = (distance - size) * inverse
     s = 2.0 * math.sqrt(distance * size) * inverse
-    m1 = motion.root_complement * motion.root_complement
+    m1 = motion.complementary_modulus * motion.complementary_modulus
     t = 0.5 * s * carlson_rf(c * c, c * c + m1 * s * s, 1.0) / motion.rate_scale
     if c < 0.0:
         half = 0.5 * period_of(motion)

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 from vibro_cli.compile.kernel import BoolMatrix, FloatMatrix, IntMatrix, kernel
 from vibro_cli.kernels.contact.contact_kinematics import centre_position
-from vibro_cli.kernels.flow.rotating_flight import potential_head
+from vibro_cli.kernels.flow.rotating_flight import specific_potential
 from vibro_cli.kernels.flow.rotating_flow import pull, stiffness
 from vibro_cli.kernels.impact.laws import TRANSLATIONAL, separation_speed
 from vibro_cli.kernels.numerics.constants import EPSILON
@@ -64,8 +64,10 @@ def _find_hills(world: World, body: int, hills: FloatMatrix) -> int:
         track = track_on(world, body, number)
         if number == 0:
             s, c = _half_angle(piece, piece.angle_start)
-            head = potential_head(track, settings.gravity, kappa, s, c)
-            count = _note(hills, top, count, _kind_of_end(world, body, -1), piece.start_s, head)
+            specific_energy = specific_potential(track, settings.gravity, kappa, s, c)
+            count = _note(
+                hills, top, count, _kind_of_end(world, body, -1), piece.start_s, specific_energy
+            )
         turns = settings.turning_square > 0.0
         crests, first, other = _crests(piece) if not turns else _turned(piece, track)
         for crest in range(crests):
@@ -73,12 +75,12 @@ def _find_hills(world: World, body: int, hills: FloatMatrix) -> int:
             if _is_of_end(world, body, number, place):
                 continue
             s, c = _half_angle(piece, place)
-            head = potential_head(track, settings.gravity, kappa, s, c)
-            count = _note(hills, top, count, _CREST, _along(piece, place), head)
+            specific_energy = specific_potential(track, settings.gravity, kappa, s, c)
+            count = _note(hills, top, count, _CREST, _along(piece, place), specific_energy)
         s, c = _half_angle(piece, piece.angle_end)
-        head = potential_head(track, settings.gravity, kappa, s, c)
+        specific_energy = specific_potential(track, settings.gravity, kappa, s, c)
         kind = _kind_of_end(world, body, number)
-        count = _note(hills, top, count, kind, _along(piece, piece.angle_end), head)
+        count = _note(hills, top, count, kind, _along(piece, piece.angle_end), specific_energy)
     for hill in range(count):
         back = count - 1 - hill
         height, other = hills[top + _HEIGHT, hill], hills[top + _HEIGHT, back]
@@ -294,21 +296,26 @@ def _is_level_end(world: World, hill: int, number: int) -> bool:
 
 
 @kernel
-def regime_of(world: World, hills: FloatMatrix, body: int, s: float, head: float) -> int:
+def regime_of(world: World, hills: FloatMatrix, body: int, s: float, specific_energy: float) -> int:
     """Number in ``REGIMES`` of a body at an arc length (m) with an energy over weight (m)."""
     top = body * ROWS
     count = int(hills[top + _COUNTS, 0])
     if world.settings[0].closed == 1:
-        return 0 if head < hills[top + _LEFT, count - 1] else 1
+        return 0 if specific_energy < hills[top + _LEFT, count - 1] else 1
     hill = 0
     while hill + 2 < count and hills[top + _PLACE, hill + 1] <= s:
         hill += 1
-    enclosed = head < hills[top + _LEFT, hill] and head < hills[top + _RIGHT, hill + 1]
+    enclosed = (
+        specific_energy < hills[top + _LEFT, hill]
+        and specific_energy < hills[top + _RIGHT, hill + 1]
+    )
     return 0 if enclosed else 1
 
 
 @kernel
-def side_of_eight(world: World, hills: FloatMatrix, body: int, s: float, head: float) -> int:
+def side_of_eight(
+    world: World, hills: FloatMatrix, body: int, s: float, specific_energy: float
+) -> int:
     """Number in ``EIGHTS``: of the first figure eight from the left that the body is within."""
     top = body * ROWS
     count = int(hills[top + _COUNTS, 1])
@@ -324,9 +331,9 @@ def side_of_eight(world: World, hills: FloatMatrix, body: int, s: float, head: f
         if place < hills[top + _FROM, eight] or place > hills[top + _TO, eight]:
             continue
         height = hills[top + _HEIGHT_OF_EIGHT, eight]
-        if abs(head - height) <= _EQUAL * height:
+        if abs(specific_energy - height) <= _EQUAL * height:
             return 3
-        if head < height:
+        if specific_energy < height:
             return 1 if place < hills[top + _SADDLE, eight] else 2
     return 4 if count > 0 else 0
 
@@ -478,11 +485,11 @@ def _fill_row(
     end_b = 1 - end_a
     s_a, size_a, pull_a = _fill_body(
         world, runs, run, columns, at, end_a, (row.a, row.piece_a, row.a_s, row.a_c),
-        (row.speed_a_pre, row.speed_a_post, row.head_a_pre, row.head_a_post),
+        (row.speed_a_pre, row.speed_a_post, row.specific_energy_a_pre, row.specific_energy_a_post),
     )  # fmt: skip
     s_b, size_b, pull_b = _fill_body(
         world, runs, run, columns, at, end_b, (row.b, row.piece_b, row.b_s, row.b_c),
-        (row.speed_b_pre, row.speed_b_post, row.head_b_pre, row.head_b_post),
+        (row.speed_b_pre, row.speed_b_post, row.specific_energy_b_pre, row.specific_energy_b_post),
     )  # fmt: skip
     impulse = runs.masses[run, row.a] * (row.speed_a_post - row.speed_a_pre)
     if end_b == 1:
@@ -546,15 +553,15 @@ def _fill_body(
     for when in range(2):
         later = end + _AFTER * when
         speed = motion[when]
-        head = motion[2 + when]
+        specific_energy = motion[2 + when]
         _number(columns, _RATE + later, at, math.nan if line else speed / track.path_radius)
         _number(columns, _OMEGA + later, at, math.nan if slides else speed / body.radius)
         _number(columns, _SPEED + later, at, speed)
-        _number(columns, _ENERGY + later, at, weight * head)
+        _number(columns, _ENERGY + later, at, weight * specific_energy)
         _number(columns, _KINETIC + later, at, 0.5 * body.kappa * mass * speed * speed)
-        regime = regime_of(world, runs.hills, number, arc_length, head)
+        regime = regime_of(world, runs.hills, number, arc_length, specific_energy)
         _integer(columns, _REGIME + later, at, regime)
-        eight = side_of_eight(world, runs.hills, number, arc_length, head)
+        eight = side_of_eight(world, runs.hills, number, arc_length, specific_energy)
         _integer(columns, _EIGHT + later, at, eight)
     if end == 1:
         inertia = body.kappa * mass * body.radius

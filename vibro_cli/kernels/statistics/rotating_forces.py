@@ -24,7 +24,7 @@ from vibro_cli.kernels.events.liftoff_slip import (
     set_course,
     set_sides,
 )
-from vibro_cli.kernels.flow.flow import flow, group_of_body, place_from_start, recall_flight
+from vibro_cli.kernels.flow.flow import flow, group_of_body, place_from_start, replay_flight
 from vibro_cli.kernels.flow.rotating_flight import (
     fall_through_zero,
     potential,
@@ -149,7 +149,7 @@ def look_at_one(world: World, span: Span, friction: float, flight: Flight) -> tu
         slips = slips and most >= friction * least - caution
         if not lifts and not slips:
             return False, False
-    recall_flight(world, row, span.row, flight)
+    replay_flight(world, row, span.row, flight)
     set_ends(world, span.row, span.duration, flight)
     fit_forces(world, span.row, flight)
     set_sides(world, span, world.forces[world.settings[0].bodies], friction)
@@ -255,7 +255,7 @@ def tally_alone(
     body = world.bodies[row.body]
     track = track_on(world, row.body, row.piece)
     if world.pieces[row.piece].sign == 0.0:
-        recall_flight(world, row, number, scratch)
+        replay_flight(world, row, number, scratch)
         end_s, _, end_p = end
         _tally_on_line(body, track, row.s, outcome)
         _tally_on_line(body, track, end_s, outcome)
@@ -267,7 +267,7 @@ def tally_alone(
     known = outcome.most_demand == math.inf or outcome.most_demand * bound >= most
     if body.weight * bound >= outcome.least_force and (most == 0.0 or known):
         return  # it has surely neither less force nor more demand than known
-    recall_flight(world, row, number, scratch)
+    replay_flight(world, row, number, scratch)
     low, high = half_range(scratch, end, duration)
     least = _least_on_arc(world, row, scratch, low, high)
     outcome.least_force = min(outcome.least_force, body.weight * least)

@@ -34,7 +34,7 @@ from vibro_cli.kernels.flow.flow import (
     flow,
     group_of_body,
     half_period,
-    recall_flight,
+    replay_flight,
 )
 from vibro_cli.kernels.flow.rotating_flow import TURNING_LINE, time_on_line, turn_on_line
 from vibro_cli.kernels.numerics.constants import NEVER
@@ -64,7 +64,7 @@ class Outcome:
     end_cause: int
     end_t: float  # s
     end_t_low: float
-    quiet_t: float  # s
+    quiet_from: float  # s
     collisions: int
     crossings: int
     contacts: int
@@ -135,7 +135,7 @@ def tally(
     outcome.end_cause = cause
     outcome.end_t = end_t
     outcome.end_t_low = end_t_low
-    outcome.quiet_t = clock.quiet_t
+    outcome.quiet_from = clock.quiet_from
     outcome.collisions = clock.collisions
     outcome.crossings = clock.crossings
     outcome.contacts = clock.contacts
@@ -280,7 +280,7 @@ def _finish(world: World, outcome: Outcome, final: FinalState, scratch: Flight) 
     """Forces of the last flight of a body; its state and energy at the end."""
     row = world.log[final.latest]
     duration = (outcome.end_t - row.t) + (outcome.end_t_low - row.t_low)
-    recall_flight(world, row, final.latest, scratch)
+    replay_flight(world, row, final.latest, scratch)
     s, c, p = flow(scratch, duration)
     final.piece = row.piece
     final.s = s
@@ -365,7 +365,7 @@ def _range(
     end = end_s * end_s
     low = min(start, end)
     high = max(start, end)
-    libration = row.root_complement >= 0.0
+    libration = row.complementary_modulus >= 0.0
     half = half_period(row, frequency, duration)
     whole = duration >= half
     moving = row.at_rest == 0
@@ -435,7 +435,7 @@ def group_extremes(
     ``end``.
     """
     row = world.log[number]
-    recall_flight(world, row, number, scratch)
+    replay_flight(world, row, number, scratch)
     least, demand = known
     if not is_pendulum(scratch):
         segment = scratch.form == POLYNOMIAL and row.at_rest == 0
@@ -557,7 +557,7 @@ def pendulum_range(
         # From rest it moves downwards.
         p = -s * c
     # The half angles of both are within a turn: on from the start, not round by the other way.
-    if flight.root_complement < 0.0:
+    if flight.complementary_modulus < 0.0:
         if (stop - start) * p < 0.0:
             stop += math.copysign(2.0 * TURN, p)
         return min(start, stop), max(start, stop)
@@ -567,7 +567,7 @@ def pendulum_range(
     high = max(start, stop)
     if flight.at_rest == 1:
         return low, high
-    turn = 2.0 * math.atan2(math.sqrt(flight.parameter), flight.root_complement)
+    turn = 2.0 * math.atan2(math.sqrt(flight.parameter), flight.complementary_modulus)
     centre = 0.0 if c > 0.0 else math.copysign(TURN, s)
     half = half_period(world.log[number], flight.frequency, duration)
     twice = duration >= half and p * end_p > 0.0

@@ -32,7 +32,7 @@ from vibro_cli.kernels.impact.laws import (
     weight_and_response,
 )
 from vibro_cli.kernels.numerics.constants import EPSILON, NEVER
-from vibro_cli.kernels.numerics.double_double import pair_plus, pair_times
+from vibro_cli.kernels.numerics.double_double import dd_add, dd_multiply
 from vibro_cli.kernels.table.walls import RESOLVED, present_place, touching_distance
 from vibro_cli.kernels.table.world import POLYGON, PairRow, World
 from vibro_cli.kernels.world import END_INADMISSIBLE, END_WALL_CONTACT, RUNNING
@@ -403,7 +403,7 @@ def _set_up(world: World, closing: int, law: int, restitution: float) -> None:
     for number in range(closing):
         touch = world.touches[number]
         factor = -(1.0 + restitution)
-        touch.left, touch.left_low = pair_times(touch.change, touch.change_low, factor)
+        touch.left, touch.left_low = dd_multiply(touch.change, touch.change_low, factor)
         touch.direction = touch.left / touch.diagonal
 
 
@@ -436,7 +436,7 @@ def _measure(world: World, closing: int) -> float:
         x, y = touch.normal_x, touch.normal_y
         high, low = _along(world, touch.b, touch.weight_b * x, touch.weight_b * y)
         more, more_low = _along(world, touch.a, -touch.weight_a * x, -touch.weight_a * y)
-        touch.change, touch.change_low = pair_plus(high, low, more, more_low)
+        touch.change, touch.change_low = dd_add(high, low, more, more_low)
         product += touch.direction * touch.change
     return product
 
@@ -444,18 +444,18 @@ def _measure(world: World, closing: int) -> float:
 @kernel
 def _give(world: World, ball: int, x: float, y: float, impulse: float) -> None:
     share = world.shares[ball]
-    high, low = pair_times(x, 0.0, impulse)
-    share.x, share.x_low = pair_plus(share.x, share.x_low, high, low)
-    high, low = pair_times(y, 0.0, impulse)
-    share.y, share.y_low = pair_plus(share.y, share.y_low, high, low)
+    high, low = dd_multiply(x, 0.0, impulse)
+    share.x, share.x_low = dd_add(share.x, share.x_low, high, low)
+    high, low = dd_multiply(y, 0.0, impulse)
+    share.y, share.y_low = dd_add(share.y, share.y_low, high, low)
 
 
 @kernel
 def _along(world: World, ball: int, x: float, y: float) -> tuple[float, float]:
     share = world.shares[ball]
-    high, low = pair_times(share.x, share.x_low, x)
-    more, more_low = pair_times(share.y, share.y_low, y)
-    return pair_plus(high, low, more, more_low)
+    high, low = dd_multiply(share.x, share.x_low, x)
+    more, more_low = dd_multiply(share.y, share.y_low, y)
+    return dd_add(high, low, more, more_low)
 
 
 @kernel
@@ -467,10 +467,10 @@ def _step(world: World, closing: int, rho: float, length: float) -> float:
     measure = 0.0
     for number in range(closing):
         touch = world.touches[number]
-        high, low = pair_times(touch.direction, 0.0, length)
-        touch.impulse, touch.impulse_low = pair_plus(touch.impulse, touch.impulse_low, high, low)
-        high, low = pair_times(touch.change, touch.change_low, -length)
-        touch.left, touch.left_low = pair_plus(touch.left, touch.left_low, high, low)
+        high, low = dd_multiply(touch.direction, 0.0, length)
+        touch.impulse, touch.impulse_low = dd_add(touch.impulse, touch.impulse_low, high, low)
+        high, low = dd_multiply(touch.change, touch.change_low, -length)
+        touch.left, touch.left_low = dd_add(touch.left, touch.left_low, high, low)
         measure += touch.left * touch.left / touch.diagonal
     for number in range(closing):
         touch = world.touches[number]
@@ -620,11 +620,11 @@ def _part_jointly(world: World, first: int, closing: int) -> None:
         ball = world.group[place]
         state = world.balls[ball]
         mass = world.bodies[ball].rolling_mass
-        before, before_low = pair_plus(before, before_low, mass * state.square, 0.0)
+        before, before_low = dd_add(before, before_low, mass * state.square, 0.0)
         share = world.shares[ball]
         _set_velocity(world, ball, state.vx + share.x, state.vy + share.y)
         state.square = state.vx * state.vx + state.vy * state.vy
-        after, after_low = pair_plus(after, after_low, mass * state.square, 0.0)
+        after, after_low = dd_add(after, after_low, mass * state.square, 0.0)
     gained = (after - before) + (after_low - before_low)
     surplus = gained / after if after > 0.0 else 0.0
     if loss == 0.0 and abs(surplus) <= SMALL_SURPLUS:

@@ -22,7 +22,7 @@ import math
 from collections.abc import Sequence
 
 from vibro_cli.compile.kernel import FloatMatrix, IntMatrix, kernel, struct
-from vibro_cli.kernels.flow.flow import LINE, POLYNOMIAL, acceleration_at, recall_flight
+from vibro_cli.kernels.flow.flow import LINE, POLYNOMIAL, acceleration_at, replay_flight
 from vibro_cli.kernels.numerics.double_double import time_between
 from vibro_cli.kernels.numerics.elliptic import (
     TRIGONOMETRIC,
@@ -103,10 +103,10 @@ def derivative_by_parameter(
     """Return Q and R: twice the derivatives of s, c, d to m are ``c Q, -s Q, -s R``."""
     m = theta.parameter
     if theta.reciprocal == 0:
-        way = square_integral(theta, m, abs(theta.root_complement), 1.0, u)
+        way = square_integral(theta, m, abs(theta.complementary_modulus), 1.0, u)
         return -d * way, s / d - m * c * way
     root = math.sqrt(m)
-    way = square_integral(theta, 1.0 / m, abs(theta.root_complement) / root, root, u)
+    way = square_integral(theta, 1.0 / m, abs(theta.complementary_modulus) / root, root, u)
     way = root * u + way / m
     return (d * way / root - s / c) / m, c * way / root
 
@@ -204,7 +204,7 @@ def find_arrivals(
             last = current[0, row.body]
             before = world.log[last]
             track = track_on(world, row.body, before.piece)
-            recall_flight(world, before, last, flight)
+            replay_flight(world, before, last, flight)
             age = time_between(row.t, row.t_low, before.t, before.t_low)
             one, two, three, four = flight_jacobian(flight, age, series)
             arrival.age = age

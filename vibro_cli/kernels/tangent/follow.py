@@ -25,7 +25,7 @@ from collections.abc import Sequence
 
 from vibro_cli.compile.kernel import kernel
 from vibro_cli.kernels.contact.contact_kinematics import centre_position, centre_tangent
-from vibro_cli.kernels.flow.flow import acceleration_at, recall_flight
+from vibro_cli.kernels.flow.flow import acceleration_at, replay_flight
 from vibro_cli.kernels.impact.laws import (
     NORMAL_IMPULSE,
     balances_mass,
@@ -369,7 +369,7 @@ def _carry(
     row = world.log[number]
     flight = scratch[0]
     age = time_between(t, t_low, row.t, row.t_low)
-    recall_flight(world, row, number, flight)
+    replay_flight(world, row, number, flight)
     if age > 0.0 and not leans(world, number, flight):
         one, two, three, four = flight_jacobian(flight, age, tangents.series)
         carry_far(tangents, ball, one, two, three, four)
@@ -440,7 +440,7 @@ def _change_force(world: World, tangents: Tangents, number: int, flight: Flight)
     """Let a flight that begins at a later time begin with what its force has changed by then."""
     row = world.log[number]
     track = track_on(world, row.body, row.piece)
-    recall_flight(world, row, number, flight)
+    replay_flight(world, row, number, flight)
     pull = acceleration_at(flight, track.path_radius, 0.0, row.s, row.c)
     change_force(tangents, row.body, pull - tangents.arriving[row.body, 1])
 

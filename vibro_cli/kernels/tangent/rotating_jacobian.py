@@ -23,7 +23,7 @@ from __future__ import annotations
 import math
 
 from vibro_cli.compile.kernel import FloatMatrix, kernel
-from vibro_cli.kernels.flow.flow import POLYNOMIAL, place_from_start, recall_flight
+from vibro_cli.kernels.flow.flow import POLYNOMIAL, place_from_start, replay_flight
 from vibro_cli.kernels.flow.rotating_flow import TURNING_LINE, pull_of
 from vibro_cli.kernels.numerics.elliptic import twice_angle
 from vibro_cli.kernels.numerics.weierstrass_motion import quartic_motion
@@ -251,7 +251,7 @@ def leans(world: World, number: int, flight: Flight) -> bool:
     row = world.log[number]
     if row.at_rest == 0:
         return False
-    recall_flight(world, row, number, flight)
+    replay_flight(world, row, number, flight)
     if flight.form == TURNING_LINE:
         return row.grouped == 1 or flight.line_acceleration != 0.0
     return row.grouped == 1 or pull_of(flight, flight.flow_s, flight.flow_c) != 0.0

@@ -426,7 +426,7 @@ def summary_columns(
         "reason": np.full(count, None, dtype=object),
         "end_cause": names[outcomes["end_cause"]],
         "end_time": outcomes["end_t"].copy(),
-        "quiet_from": np.where(outcomes["quiet_t"] < NEVER, outcomes["quiet_t"], np.nan),
+        "quiet_from": np.where(outcomes["quiet_from"] < NEVER, outcomes["quiet_from"], np.nan),
         "collisions": outcomes["collisions"].copy(),
         "crossings": outcomes["crossings"].copy(),
         "contacts": outcomes["contacts"].copy(),
@@ -454,8 +454,8 @@ def skipped(clock: Mapping[str, Any], wanted: Wanted, end: float) -> tuple[str, 
         notes.append(f"{apart} of {searches} searches for a contact: the bodies are proved apart")
     if not searches:
         notes.append("every search for a contact: none was needed")
-    if clock["quiet_t"] < NEVER:
-        notes.append(f"no search after t = {clock['quiet_t']:.6g} s: no impact is possible")
+    if clock["quiet_from"] < NEVER:
+        notes.append(f"no search after t = {clock['quiet_from']:.6g} s: no impact is possible")
     if not wanted.turning_points:
         notes.append("turning points: not asked for (output.turning_points)")
     if wanted.friction is None:

@@ -246,7 +246,7 @@ def _far(trace: Trace, pair: tuple[Body, Body], far_apart: bool) -> list[list[in
 
 def _clock() -> Clock:
     clock = Clock()
-    clock.quiet_t = NEVER
+    clock.quiet_from = NEVER
     return clock
 
 
@@ -387,7 +387,7 @@ def initial_flight(system: TraceSystem, number: int) -> Flight:
     piece = system.trace.pieces[state.piece]
     flight = Flight()
     flight.piece = state.piece
-    flight.anchor = -1
+    flight.separatrix_piece = -1
     flight.brief = elementwise.square_root(2.0 * NOWHERE * body.radius / system.gravity)
     flight.size = system.trace.length
     flight.s, flight.c = half_angle(piece, state.position)
