@@ -11,7 +11,7 @@ from vibro_cli.compile.build import BuildError, build
 from vibro_cli.compile.kinds import TranslationError
 from vibro_cli.compile.translate import Program
 from vibro_cli.kernels.ensemble.lanes import run_points_in_lanes
-from vibro_cli.kernels.ensemble.libration_fast_path import proceed_swinging
+from vibro_cli.kernels.ensemble.libration_fast_path import proceed_in_libration
 from vibro_cli.kernels.ensemble.points import follow_points, run_points
 from vibro_cli.kernels.ensemble.records import fill_stacked
 from vibro_cli.kernels.events.event_loop import proceed
@@ -41,7 +41,7 @@ def programs() -> list[Program]:
     )
     of_trace = (
         *solving,
-        proceed_swinging,
+        proceed_in_libration,
         run_points_in_lanes,
         fill_columns,
         fill_stacked,

@@ -41,7 +41,7 @@ def two(
 
 def step_by_step(system: TraceSystem) -> Run:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(arc_contact, "swings", lambda flight: False)
+        patch.setattr(arc_contact, "librates", lambda flight: False)
         return simulate_system(system, None, IMPACTS, "python")
 
 

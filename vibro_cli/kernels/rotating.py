@@ -18,7 +18,7 @@ from vibro_cli.kernels.flow import flight, flow, rotating_flight, rotating_flow
 from vibro_cli.kernels.flow.flight import launch_and_log, start_from_state, take_energy
 from vibro_cli.kernels.flow.flow import POLYNOMIAL, angle_from_start
 from vibro_cli.kernels.flow.rotating_flight import set_track, speed_of_specific_energy
-from vibro_cli.kernels.flow.rotating_flow import half_way, pull
+from vibro_cli.kernels.flow.rotating_flow import half_way, torque
 from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.numerics.weierstrass_motion import squared_rate
 from vibro_cli.kernels.statistics import rotating_forces, run_statistics
@@ -41,7 +41,7 @@ def project(flight: Flight, s: float, c: float, p: float) -> tuple[float, float,
     scale = 1.5 - 0.5 * (s * s + c * c)
     s *= scale
     c *= scale
-    along = -0.5 * pull(flight.tilt, flight.spread, s, c)
+    along = -0.5 * torque(flight.tilt, flight.spread, s, c)
     size = p * p + along * along
     if size < 1.0e-8:
         return s, c, p
@@ -93,7 +93,7 @@ def free_acceleration(world: World, ball: int) -> float:
         return 0.0
     if track.path_radius == 0.0:
         return track.line_acceleration + track.line_growth * track.line_growth * flight.s
-    force = pull(track.tilt, track.spread, flight.s, flight.c)
+    force = torque(track.tilt, track.spread, flight.s, flight.c)
     return 0.5 * track.speed_factor * track.frequency * force
 
 
@@ -162,7 +162,7 @@ TURNING = Overrides(
         first_contact.most_speed: rotating_flight.most_speed,
         arc_contact.fastest_return: arc_contact.rotating_fastest_return,
         arc_contact.guessed_frequency: arc_contact.rotating_guessed_frequency,
-        arc_contact.uneven_pull: arc_contact.rotating_uneven_pull,
+        arc_contact.uneven_torque: arc_contact.rotating_uneven_torque,
         flight.begin_flight: begin_rotating_flight,
         flight.begin_two_flights: begin_two_flights,
         flight.project: project,

@@ -66,8 +66,8 @@ class TrackData:
     tilt: float  # of a turning trace, see mechanics.turning: sign Omega^2 (O_x - x0)/g
     spread: float  # Omega^2 rho/g
     line_growth: float  # Omega cos(alpha)/sqrt(kappa) of a line, 1/s
-    line_press: float  # N/(m g) at the left end of a line, and how it grows along it, 1/m
-    line_press_growth: float
+    line_normal: float  # N/(m g) at the left end of a line, and how it grows along it, 1/m
+    line_normal_growth: float
     lowest_potential: float  # least value of V on an arc
     most_angular: float  # bounds on an arc: |f''| (rad/s^2), its first two derivatives with f
     most_stiffness: float
@@ -81,7 +81,7 @@ class TrackData:
     highest_potential: float  # greatest value of V on the full circle
     extremes: Series  # (S, C) of the places inside an arc where its force on a body is extreme
     extreme_count: int
-    least_press: float  # least sign (N/(m g)) on an arc at P^2 = -V, and at P = 0
+    least_normal: float  # least sign (N/(m g)) on an arc at P^2 = -V, and at P = 0
     least_still: float
 
 
@@ -216,8 +216,8 @@ class BodyForces:
     start_friction: float
     end_normal: float
     end_friction: float
-    press: Series  # normal force in the angle or the way of the motion, N; see note_forces
-    drag: Series  # friction, with its sign
+    normal_terms: Series  # normal force in the angle or the way of the motion, N; see note_forces
+    friction_terms: Series  # friction, with its sign
 
 
 @struct

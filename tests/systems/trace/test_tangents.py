@@ -16,7 +16,7 @@ from tests.systems.tangent_cases import solved_and_streamed
 from vibro_cli.kernels.flow.flight import root_of_state
 from vibro_cli.kernels.flow.rotating_flow import TURNING_LINE, set_motion
 from vibro_cli.kernels.numerics.elliptic import ThetaConstants, set_theta_constants
-from vibro_cli.kernels.tangent.flight_jacobian import swing_jacobian
+from vibro_cli.kernels.tangent.flight_jacobian import pendulum_jacobian
 from vibro_cli.kernels.tangent.frame import SERIES_ROWS, TERMS
 from vibro_cli.kernels.tangent.rotating_jacobian import flight_jacobian
 from vibro_cli.kernels.world import Flight
@@ -183,7 +183,7 @@ def test_a_flight_is_differentiated_to_rounding(angle: float, rate: float, u: fl
             c = math.sqrt((1.0 - s) * (1.0 + s))
         theta = ThetaConstants()
         set_theta_constants(theta, s * s + rate * rate, root_of_state(c, rate))
-        found = swing_jacobian(theta, s, c, rate, u)
+        found = pendulum_jacobian(theta, s, c, rate, u)
         expected = _exact_jacobian(s, c, rate, u)
         size = float(max(abs(one) for one in expected))
         error = max(abs(float(a - b)) for a, b in zip(found, expected, strict=True))

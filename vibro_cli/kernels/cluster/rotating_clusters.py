@@ -39,20 +39,20 @@ from vibro_cli.kernels.flow.flow import (
     replay_flight,
 )
 from vibro_cli.kernels.flow.rotating_flight import (
-    fall_on_line,
     first_negative,
     harmonics_from_start,
     launch_on_line,
-    press_harmonics,
-    pull_harmonics,
+    normal_harmonics_of_one,
     square_harmonics,
+    torque_harmonics,
+    zero_crossing_on_line,
 )
 from vibro_cli.kernels.flow.rotating_flow import (
     TURNING_LINE,
     half_way,
-    pull_of,
     set_motion,
     time_of_flight,
+    torque_of,
 )
 from vibro_cli.kernels.impact.impulse_chain import keep_release
 from vibro_cli.kernels.numerics.conservative_advancement import (
@@ -121,7 +121,7 @@ def set_group_flow(world: World, first: int, count: int, ball: int) -> None:
 @kernel
 def set_group_motion(flight: Flight) -> None:
     """Set the constants of a group's motion on an arc from its start."""
-    square = square_harmonics(flight, pull_harmonics(flight))
+    square = square_harmonics(flight, torque_harmonics(flight))
     moves = flight.flow_p != 0.0
     flight.turns_over = 1 if moves and least_value(square, 2.0 * math.pi) > 0.0 else 0
     set_motion(flight)
@@ -132,7 +132,7 @@ def _set_bounds(flight: Flight, track: TrackData) -> None:
     w = flight.frequency
     first = math.sqrt(1.0 + flight.tilt * flight.tilt)
     second = math.sqrt(0.25 * flight.spread * flight.spread + flight.twist * flight.twist)
-    square = square_harmonics(flight, pull_harmonics(flight))
+    square = square_harmonics(flight, torque_harmonics(flight))
     most_rate = 2.0 * w * math.sqrt(harmonic_size(square))
     flight.angular_bound = w * w * (first + second)
     flight.jerk_bound = w * w * (first + 2.0 * second) * most_rate
@@ -217,7 +217,7 @@ def _drive(world: World, first: int, start: int, end: int) -> Harmonics:
 
 
 @kernel
-def press_between(world: World, first: int, count: int, bodies_left: int) -> Harmonics:
+def moment_between(world: World, first: int, count: int, bodies_left: int) -> Harmonics:
     """Moment (N m) with which a group's first bodies press on the rest, in the group's angle."""
     left = _drive(world, first, 0, bodies_left)
     right = _drive(world, first, bodies_left, count)
@@ -232,7 +232,7 @@ def set_release(world: World, first: int, count: int, bodies_left: int) -> None:
     if flight.at_rest == 1:
         keep_release(flight, pair, NEVER)
         return
-    h = harmonics_from_start(flight, press_between(world, first, count, bodies_left))
+    h = harmonics_from_start(flight, moment_between(world, first, count, bodies_left))
     left, right = _group_ways(world, first, count)
     keep_release(flight, pair, first_negative(flight, h, left, right))
 
@@ -279,15 +279,15 @@ def normal_harmonics(world: World, first: int, count: int, step: int) -> Harmoni
     own = turned((0.5 * track.spread, 1.0, track.tilt, -0.5 * track.spread, 0.0), sine, cosine)
     # P^2 in the group's angle: that from the start, turned back.
     sine, cosine = twice_angle(flight.flow_s, flight.flow_c)
-    square = turned(square_harmonics(flight, pull_harmonics(flight)), -sine, cosine)
+    square = turned(square_harmonics(flight, torque_harmonics(flight)), -sine, cosine)
     central = 4.0 * body.mass * track.path_radius * flight.frequency * flight.frequency
     sign = world.pieces[flight.piece].sign
     h = combined(scaled(sign * body.weight, own), sign * central, square)
     if step > 0:
         part = lever_of(world, number_along(world, first, step - 1), ball)
-        h = combined(h, -part, press_between(world, first, count, step))
+        h = combined(h, -part, moment_between(world, first, count, step))
     if step < count - 1:
-        h = combined(h, lever_of(world, ball, ball), press_between(world, first, count, step + 1))
+        h = combined(h, lever_of(world, ball, ball), moment_between(world, first, count, step + 1))
     return h
 
 
@@ -323,7 +323,7 @@ def launch_group_on_line(world: World, first: int, count: int) -> None:
     leader = world.flights[first]
     for step in range(count - 1):
         push, push_growth = _push_on_line(world, first, step)
-        after = fall_on_line(leader, push, push_growth)
+        after = zero_crossing_on_line(leader, push, push_growth)
         keep_release(leader, pair_along(world, first, step), after)
     if settings.one_sided == 1:
         for step in range(count):
@@ -361,8 +361,8 @@ def _limit_on_line(world: World, first: int, count: int, step: int) -> None:
     flight = world.flights[ball]
     track = track_of(world, ball)
     weight = world.bodies[ball].weight
-    force = weight * (track.line_press + track.line_press_growth * flight.s)
-    growth = weight * track.line_press_growth
+    force = weight * (track.line_normal + track.line_normal_growth * flight.s)
+    growth = weight * track.line_normal_growth
     for side in range(2):
         other = step - 1 + side
         if 0 <= other < count - 1:
@@ -373,7 +373,7 @@ def _limit_on_line(world: World, first: int, count: int, step: int) -> None:
             growth += part * push_growth
     after = 0.0
     if force >= -FORCE_ROUNDING * weight:
-        after = fall_on_line(flight, force, growth)
+        after = zero_crossing_on_line(flight, force, growth)
     if after < flight.exit_after:
         flight.exit_kind = LIFT_OFF
         flight.exit_after = after
@@ -411,7 +411,7 @@ def pendulum_at(flight: Flight, sine: float, cosine: float) -> tuple[float, floa
     s, c = place_from_start(flight, sine, cosine)
     w2 = flight.frequency * flight.frequency
     square = 4.0 * w2 * squared_rate(flight, sine, cosine)
-    return s, c, w2 * pull_of(flight, s, c), square
+    return s, c, w2 * torque_of(flight, s, c), square
 
 
 @kernel
@@ -429,10 +429,10 @@ def fit_forces(world: World, number: int, scratch: Flight) -> None:
         body = world.bodies[row.body]
         track = track_on(world, row.body, row.piece)
         one = world.forces[world.settings[0].bodies]
-        press = press_harmonics(scratch, track, body.kappa)
-        put(one.press, scaled(body.weight * world.pieces[row.piece].sign, press))
-        pull = pull_harmonics(scratch)
-        put(one.drag, scaled(body.weight * (1.0 - 1.0 / body.kappa), pull))
+        normal_terms = normal_harmonics_of_one(scratch, track, body.kappa)
+        put(one.normal_terms, scaled(body.weight * world.pieces[row.piece].sign, normal_terms))
+        torque = torque_harmonics(scratch)
+        put(one.friction_terms, scaled(body.weight * (1.0 - 1.0 / body.kappa), torque))
 
 
 @kernel
@@ -453,21 +453,22 @@ def _fit_group(world: World, number: int, scratch: Flight) -> None:
     row = world.log[number]
     first, count, base = bodies_of(world, row)
     for place in range(count):
-        put(world.forces[base + place].press, (0.0, 0.0, 0.0, 0.0, 0.0))
+        put(world.forces[base + place].normal_terms, (0.0, 0.0, 0.0, 0.0, 0.0))
     for angle in range(FIRST, FIRST + 5):
         set_forces(world, number, angle, 0.0, scratch)
         sine, cosine = twice_angle(HALF_SINES[angle], HALF_COSINES[angle])
         for place in range(count):
             _add_angle(world.forces[base + place], sine, cosine)
     replay_flight(world, row, number, scratch)
-    pull = pull_harmonics(scratch)
+    torque = torque_harmonics(scratch)
     for place in range(count):
         ball = number_along(world, first, place)
         body = world.bodies[ball]
         rho = track_on(world, ball, row.piece).path_radius
         w2 = scratch.frequency * scratch.frequency
         put(
-            world.forces[base + place].drag, scaled((body.kappa - 1.0) * body.mass * rho * w2, pull)
+            world.forces[base + place].friction_terms,
+            scaled((body.kappa - 1.0) * body.mass * rho * w2, torque),
         )
 
 
@@ -475,11 +476,11 @@ def _fit_group(world: World, number: int, scratch: Flight) -> None:
 def _add_angle(one: BodyForces, sine: float, cosine: float) -> None:
     """Count in the normal force at one of the fitted angles."""
     normal = one.normal
-    one.press[0] += 0.2 * normal
-    one.press[1] += 0.4 * normal * cosine
-    one.press[2] += 0.4 * normal * sine
-    one.press[3] += 0.4 * normal * ((cosine - sine) * (cosine + sine))
-    one.press[4] += 0.4 * normal * (2.0 * sine * cosine)
+    one.normal_terms[0] += 0.2 * normal
+    one.normal_terms[1] += 0.4 * normal * cosine
+    one.normal_terms[2] += 0.4 * normal * sine
+    one.normal_terms[3] += 0.4 * normal * ((cosine - sine) * (cosine + sine))
+    one.normal_terms[4] += 0.4 * normal * (2.0 * sine * cosine)
 
 
 @kernel
@@ -493,7 +494,7 @@ def _fit_on_line(world: World, number: int, scratch: Flight) -> None:
             one = world.forces[base + place]
             body = world.bodies[number_along(world, first, place)]
             force = (body.kappa - 1.0) * body.mass * one.acceleration
-            one.press[1] = one.normal if at == 0 else one.press[1] - one.normal
-            one.press[0] = one.normal
-            one.drag[1] = force if at == 0 else one.drag[1] - force
-            one.drag[0] = force
+            one.normal_terms[1] = one.normal if at == 0 else one.normal_terms[1] - one.normal
+            one.normal_terms[0] = one.normal
+            one.friction_terms[1] = force if at == 0 else one.friction_terms[1] - force
+            one.friction_terms[0] = force

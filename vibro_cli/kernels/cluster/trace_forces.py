@@ -196,15 +196,16 @@ def set_ends(world: World, number: int, duration: float, scratch: Flight) -> Non
 def fit_forces(world: World, number: int, scratch: Flight) -> None:
     """Set the forces of every body of a motion as functions of its angle, where it has one.
 
-    ``press`` is ``a + b cos f + c sin f``, ``drag`` is ``q sin f`` with the angle of the pendulum.
+    ``normal_terms`` are of ``a + b cos f + c sin f``, ``friction_terms`` of ``q sin f``, with the
+    angle of the pendulum.
     """
     row = world.log[number]
     first, count, base = bodies_of(world, row)
     for place in range(count):
         one = world.forces[base + place]
         for k in range(5):
-            one.press[k] = 0.0
-            one.drag[k] = 0.0
+            one.normal_terms[k] = 0.0
+            one.friction_terms[k] = 0.0
     replay_flight(world, row, number, scratch)
     if not is_pendulum(scratch):
         return
@@ -212,15 +213,15 @@ def fit_forces(world: World, number: int, scratch: Flight) -> None:
         set_forces(world, number, angle, 0.0, scratch)
         for place in range(count):
             one = world.forces[base + place]
-            one.press[0] += one.normal / 3.0
-            one.press[1] += one.normal * COSINES[angle] * (2.0 / 3.0)
-            one.press[2] += one.normal * SINES[angle] * (2.0 / 3.0)
+            one.normal_terms[0] += one.normal / 3.0
+            one.normal_terms[1] += one.normal * COSINES[angle] * (2.0 / 3.0)
+            one.normal_terms[2] += one.normal * SINES[angle] * (2.0 / 3.0)
     for place in range(count):
         ball = number_along(world, first, place)
         body = world.bodies[ball]
         rho = track_on(world, ball, row.piece).path_radius
-        drag = (body.kappa - 1.0) * body.mass * rho * row.frequency * row.frequency
-        world.forces[base + place].drag[2] = drag
+        friction_terms = (body.kappa - 1.0) * body.mass * rho * row.frequency * row.frequency
+        world.forces[base + place].friction_terms[2] = friction_terms
 
 
 @kernel
@@ -229,8 +230,8 @@ def note_forces(world: World, number: int, part: int) -> None:
     _, count, base = bodies_of(world, world.log[number])
     for place in range(count):
         one = world.forces[base + place]
-        one.press[part] = one.normal
-        one.drag[part] = math.copysign(one.friction, one.acceleration)
+        one.normal_terms[part] = one.normal
+        one.friction_terms[part] = math.copysign(one.friction, one.acceleration)
 
 
 @kernel
@@ -239,9 +240,9 @@ def extreme_on_segment(one: BodyForces, side: float, weight: float) -> tuple[flo
 
     As of the parabola through the forces that are noted.
     """
-    start = side * one.drag[0] - weight * one.press[0]
-    middle = side * one.drag[1] - weight * one.press[1]
-    end = side * one.drag[2] - weight * one.press[2]
+    start = side * one.friction_terms[0] - weight * one.normal_terms[0]
+    middle = side * one.friction_terms[1] - weight * one.normal_terms[1]
+    end = side * one.friction_terms[2] - weight * one.normal_terms[2]
     bend = start - 2.0 * middle + end
     rise = end - start
     if abs(rise) < 2.0 * abs(bend):

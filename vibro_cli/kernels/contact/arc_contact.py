@@ -32,10 +32,10 @@ from vibro_cli.kernels.flow.flow import (
     angular_jerk,
     angular_jerk_at,
     flow_of_two,
+    librates,
     quickness,
-    swings,
 )
-from vibro_cli.kernels.flow.rotating_flow import pull
+from vibro_cli.kernels.flow.rotating_flow import torque
 from vibro_cli.kernels.numerics.conservative_advancement import (
     first_return,
     is_clear_before,
@@ -155,7 +155,7 @@ def contact_of_swings(
     fastest, square = fastest_return(a, b)
     level = math.pi - contact.far_gap
     if a.frequency != b.frequency:
-        level += uneven_pull(a, b) / square
+        level += uneven_torque(a, b) / square
     clear = safe_return(gap, rate, level, fastest)
     if clear <= 0.0:
         return NONE_BEFORE_LIMIT, 0.0
@@ -202,7 +202,7 @@ def guessed_frequency(
 
 
 @kernel
-def uneven_pull(a: Flight, b: Flight) -> float:
+def uneven_torque(a: Flight, b: Flight) -> float:
     """Bound on what ``-w_b^2 sin f_b + w_a^2 sin f_a`` lacks of ``-w^2 (f_b - f_a)`` (rad/s^2)."""
     wa2 = a.frequency * a.frequency
     wb2 = b.frequency * b.frequency
@@ -265,7 +265,7 @@ def contact_on_arc(
         states = flow_of_two(a, b, age_a, age_b)
         world.clock[0].evaluations += 1
         t = _released_step(a, b, ages, states)
-    elif t == 0.0 and swings(a) and swings(b):
+    elif t == 0.0 and librates(a) and librates(b):
         h, t = contact_of_swings(world, j, age_a, age_b, limit, orientation)
         if h >= 0.0:
             pair.searched = limit
@@ -466,7 +466,7 @@ def _frequency_of_difference(
     size = 1.0 / math.sqrt(s * s + c * c)
     s *= size
     c *= size
-    step = half * w * (0.5 * p + 0.25 * half * w * pull(a.tilt, a.spread, s, c))
+    step = half * w * (0.5 * p + 0.25 * half * w * torque(a.tilt, a.spread, s, c))
     # To third order of the step, in half the angle.
     turn = step * (1.0 - step * step * (1.0 / 6.0))
     stay = 1.0 - 0.5 * step * step
@@ -479,7 +479,7 @@ def _frequency_of_difference(
 
 
 @kernel
-def rotating_uneven_pull(a: Flight, b: Flight) -> float:
+def rotating_uneven_torque(a: Flight, b: Flight) -> float:
     """Bound on the difference of both pulls (rad/s^2) at one angle."""
     wa2 = a.frequency * a.frequency
     wb2 = b.frequency * b.frequency

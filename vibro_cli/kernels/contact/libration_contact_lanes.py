@@ -29,7 +29,7 @@ from vibro_cli.kernels.contact.arc_contact import (
     frequency_of_difference,
     inverted,
     is_last,
-    uneven_pull,
+    uneven_torque,
 )
 from vibro_cli.kernels.contact.contact_kinematics import half_gap_sine
 from vibro_cli.kernels.contact.first_contact import FAR, FINAL_CORRECTION, LONG, NONE_BEFORE_LIMIT
@@ -37,9 +37,9 @@ from vibro_cli.kernels.flow.flight import LEAST_SIZE, projected
 from vibro_cli.kernels.flow.flow import (
     advance_slightly,
     by_addition,
+    librates,
     pendulum_acceleration,
     pendulum_jerk,
-    swings,
 )
 from vibro_cli.kernels.numerics.conservative_advancement import (
     is_clear_before,
@@ -88,7 +88,7 @@ class Meeting(Flight):
 
 
 @struct
-class SwingLanes(Meeting):
+class LibrationLanes(Meeting):
     """The flight of one body in every lane: a libration by itself, on the same arc in all."""
 
     flow_s: Lanes
@@ -122,7 +122,9 @@ class SwingLanes(Meeting):
 
 
 @kernel
-def contact_in_lanes(a: SwingLanes, b: SwingLanes, contact: PairTrack) -> tuple[Lanes, bool]:
+def contact_in_lanes(
+    a: LibrationLanes, b: LibrationLanes, contact: PairTrack
+) -> tuple[Lanes, bool]:
     """First contact of two swings that have just parted, in all lanes.
 
     Returns its time (s) from the start of both flights, the states being left in ``a`` and ``b``;
@@ -132,7 +134,7 @@ def contact_in_lanes(a: SwingLanes, b: SwingLanes, contact: PairTrack) -> tuple[
     fastest = max(a.frequency, b.frequency)
     level = math.pi - contact.far_gap
     if a.frequency != b.frequency:
-        level += uneven_pull(a, b) / (fastest * fastest)
+        level += uneven_torque(a, b) / (fastest * fastest)
     over = select(rate > 0.0, 2.0 * rate, 0.0)
     clear = safe_time(over, fastest * (2.0 * level), fastest)
     failed = clear <= 0.0
@@ -151,7 +153,9 @@ def contact_in_lanes(a: SwingLanes, b: SwingLanes, contact: PairTrack) -> tuple[
 
 
 @kernel
-def _refined(a: SwingLanes, b: SwingLanes, h: Lanes, contact: PairTrack) -> tuple[Lanes, bool]:
+def _refined(
+    a: LibrationLanes, b: LibrationLanes, h: Lanes, contact: PairTrack
+) -> tuple[Lanes, bool]:
     """Zero of the sine of half the gap, as of ``refine_on_arc``; where it is not found."""
     fastest = max(a.frequency, b.frequency)
     lost = h * (a.frequency + b.frequency) > 0.1 * REDUCTION_LIMIT
@@ -187,40 +191,40 @@ def _refined(a: SwingLanes, b: SwingLanes, h: Lanes, contact: PairTrack) -> tupl
 
 
 @kernel
-def flow_in_lanes(swing: Flight, t: Lanes) -> tuple[Lanes, Lanes, Lanes]:
+def flow_in_lanes(libration: Flight, t: Lanes) -> tuple[Lanes, Lanes, Lanes]:
     """State of a libration a time t (s) after its start (see ``kernels.flow.flow.flow_of_two``)."""
-    s, c = sine_cosine_in_lanes(swing.frequency * t * swing.argument_scale)
-    s, c, d, common = trigonometric_form(swing, s, c)
-    return by_addition(swing.flow_s, swing.flow_c, swing.flow_p, s, c, d, common)
+    s, c = sine_cosine_in_lanes(libration.frequency * t * libration.argument_scale)
+    s, c, d, common = trigonometric_form(libration, s, c)
+    return by_addition(libration.flow_s, libration.flow_c, libration.flow_p, s, c, d, common)
 
 
 @kernel
-def _keep(swing: SwingLanes, where: bool, s: Lanes, c: Lanes, p: Lanes) -> None:
-    swing.contact_s = select(where, s, swing.contact_s)
-    swing.contact_c = select(where, c, swing.contact_c)
-    swing.contact_p = select(where, p, swing.contact_p)
+def _keep(libration: LibrationLanes, where: bool, s: Lanes, c: Lanes, p: Lanes) -> None:
+    libration.contact_s = select(where, s, libration.contact_s)
+    libration.contact_c = select(where, c, libration.contact_c)
+    libration.contact_p = select(where, p, libration.contact_p)
 
 
 @kernel
-def project_swing(swing: Meeting) -> bool:
+def project_libration(libration: Meeting) -> bool:
     """Project the state of contact (see ``kernels.flow.flight.project``); where that fails."""
-    s = swing.contact_s
-    c = swing.contact_c
-    p = swing.contact_p
+    s = libration.contact_s
+    c = libration.contact_c
+    p = libration.contact_p
     scale = 1.5 - 0.5 * (s * s + c * c)
     s *= scale
     c *= scale
     sc = s * c
     size = p * p + sc * sc
-    s, c, p = projected(swing, s, c, p, sc, size)
-    swing.contact_s = s
-    swing.contact_c = c
-    swing.contact_p = p
+    s, c, p = projected(libration, s, c, p, sc, size)
+    libration.contact_s = s
+    libration.contact_c = c
+    libration.contact_p = p
     return size < LEAST_SIZE
 
 
 @struct
-class TwoSwings(Meeting):
+class TwoLibrations(Meeting):
     """The flights of two bodies, a lane for each."""
 
     frequency: Two
@@ -264,12 +268,14 @@ class TwoTracks(TrackData):
 class TwoBodies(NamedTuple):
     """Two bodies in lanes: one record of each kind."""
 
-    swings: Sequence[TwoSwings]
+    librations: Sequence[TwoLibrations]
     tracks: Sequence[TwoTracks]
 
 
 @kernel
-def contact_of_two(two: TwoSwings, a: Flight, b: Flight, contact: PairTrack, clock: Clock) -> float:
+def contact_of_two(
+    two: TwoLibrations, a: Flight, b: Flight, contact: PairTrack, clock: Clock
+) -> float:
     """Time (s) of the first contact from the start of both flights, the states left in ``two``.
 
     ``NONE_BEFORE_LIMIT`` where it is not certain. Of ``a`` and ``b`` the frequencies count, and
@@ -283,7 +289,7 @@ def contact_of_two(two: TwoSwings, a: Flight, b: Flight, contact: PairTrack, clo
     fastest = max(wa, wb)
     level = math.pi - contact.far_gap
     if wa != wb:
-        level += uneven_pull(a, b) / (fastest * fastest)
+        level += uneven_torque(a, b) / (fastest * fastest)
     over = 2.0 * rate if rate > 0.0 else 0.0
     clear = safe_time(over, fastest * (2.0 * level), fastest)
     if clear <= 0.0:
@@ -303,7 +309,7 @@ def contact_of_two(two: TwoSwings, a: Flight, b: Flight, contact: PairTrack, clo
 
 
 @kernel
-def _refined_of_two(two: TwoSwings, h: float, contact: PairTrack, clock: Clock) -> float:
+def _refined_of_two(two: TwoLibrations, h: float, contact: PairTrack, clock: Clock) -> float:
     """Zero of the sine of half the gap (see ``kernels.contact.arc_contact``)."""
     w = two.frequency
     wa = extract(w, 0)
@@ -352,7 +358,7 @@ def fits(world: World, piece: int) -> bool:
         flight = world.flights[ball]
         track = track_on(world, ball, piece)
         end = min(track.left_s * track.left_s, track.right_s * track.right_s)
-        fit = fit and flight.piece == piece and swings(flight) and flight.form == TRIGONOMETRIC
+        fit = fit and flight.piece == piece and librates(flight) and flight.form == TRIGONOMETRIC
         fit = fit and track.lowest_s2 == 0.0 and flight.exit_after == NEVER
         fit = fit and 0.0 < flight.parameter < end and flight.complementary_modulus > 0.0
         fit = (

@@ -30,20 +30,20 @@ from vibro_cli.compile.kernel import (
 from vibro_cli.kernels.contact.libration_contact_lanes import (
     LONGEST_STAY,
     BodyLanes,
-    SwingLanes,
+    LibrationLanes,
     contact_in_lanes,
     fits,
-    project_swing,
+    project_libration,
 )
 from vibro_cli.kernels.ensemble.records import Points, prepare_point, tally_point
 from vibro_cli.kernels.events.event_loop import proceed
 from vibro_cli.kernels.flow.flight import (
     CREST_NEIGHBOURHOOD,
+    angular_bound_of_libration,
+    largest_libration,
     launch_and_log,
-    most_of_swings,
     size_of_root,
     specific_energy_on_arc,
-    widest_pull,
 )
 from vibro_cli.kernels.flow.flow import CAUTION
 from vibro_cli.kernels.impact.chattering import SMALL_BOUNCE
@@ -73,30 +73,30 @@ from vibro_cli.kernels.world import (
 
 @kernel
 def range_in_lanes(
-    swing: SwingLanes, duration: Lanes, s: Lanes, p: Lanes
+    libration: LibrationLanes, duration: Lanes, s: Lanes, p: Lanes
 ) -> tuple[Lanes, Lanes, bool]:
     """Extremes of ``S^2`` over a flight that ends in a state; in which lanes they are not sure.
 
     How often a half period and its half fit into the flight is decided by bounds of the quarter
     period K: it is ``pi/2`` over a mean of 1 and k' (see ``kernels.flow.flow.half_period``).
     """
-    start = swing.flow_s * swing.flow_s
+    start = libration.flow_s * libration.flow_s
     end = s * s
     low = min(start, end)
     high = max(start, end)
-    argument = swing.frequency * duration
-    root = math.sqrt(swing.complementary_modulus)
+    argument = libration.frequency * duration
+    root = math.sqrt(libration.complementary_modulus)
     above = argument * ((1.0 + root) * (1.0 + root))
-    below = argument * math.sqrt(2.0 * (1.0 + swing.complementary_modulus) * root)
+    below = argument * math.sqrt(2.0 * (1.0 + libration.complementary_modulus) * root)
     none = above < 2.0 * math.pi * (1.0 - 2.0 * CAUTION)
     half = mask_and(
         below > math.pi * (1.0 + 2.0 * CAUTION), above < 4.0 * math.pi * (1.0 - 2.0 * CAUTION)
     )
     whole = below > 2.0 * math.pi * (1.0 + 2.0 * CAUTION)
-    turned = mask_and(swing.flow_p * p <= 0.0, abs(swing.flow_p) > 0.0)
-    high = select(mask_or(whole, turned), swing.parameter, high)
-    inward = mask_and(swing.flow_s * swing.flow_c * swing.flow_p < 0.0, half)
-    low = select(mask_or(mask_or(whole, swing.flow_s * s < 0.0), inward), 0.0, low)
+    turned = mask_and(libration.flow_p * p <= 0.0, abs(libration.flow_p) > 0.0)
+    high = select(mask_or(whole, turned), libration.parameter, high)
+    inward = mask_and(libration.flow_s * libration.flow_c * libration.flow_p < 0.0, half)
+    low = select(mask_or(mask_or(whole, libration.flow_s * s < 0.0), inward), 0.0, low)
     return low, high, mask_not(mask_or(mask_or(none, half), whole))
 
 
@@ -175,7 +175,7 @@ class LaneGroup(NamedTuple):
 
     runs: Sequence[RunLanes]  # one
     bodies: Sequence[BodyLanes]  # two
-    swings: Sequence[SwingLanes]  # two
+    librations: Sequence[LibrationLanes]  # two
     slots: Sequence[LaneSlot]  # one for each lane
 
 
@@ -186,20 +186,20 @@ def next_impact(world: World, group: LaneGroup) -> bool:
     Returns which lanes have failed or are at their last impact.
     """
     run = group.runs[0]
-    a = group.swings[0]
-    b = group.swings[1]
+    a = group.librations[0]
+    b = group.librations[1]
     track_a = track_on(world, 0, run.piece)
     track_b = track_on(world, 1, run.piece)
     set_libration(a, a.parameter, a.complementary_modulus)
     set_libration(b, b.parameter, b.complementary_modulus)
     if a.frequency != b.frequency:
-        a.angular_bound = widest_pull(a.frequency, a.parameter)
-        b.angular_bound = widest_pull(b.frequency, b.parameter)
+        a.angular_bound = angular_bound_of_libration(a.frequency, a.parameter)
+        b.angular_bound = angular_bound_of_libration(b.frequency, b.parameter)
     h, failed = contact_in_lanes(a, b, world.contacts[run.piece])
     t, t_low = add_to_time(run.t, run.t_low, h)
     failed = mask_or(failed, time_between(t, t_low, run.stop_t, 0.0) >= 0.0)
-    failed = mask_or(failed, project_swing(a))
-    failed = mask_or(failed, project_swing(b))
+    failed = mask_or(failed, project_libration(a))
+    failed = mask_or(failed, project_libration(b))
     excess, lost = _collide(world, group)
     failed = mask_or(failed, lost)
     failed = mask_or(failed, mask_or(_is_other(a, track_a), _is_other(b, track_b)))
@@ -226,8 +226,8 @@ def _collide(world: World, group: LaneGroup) -> tuple[Lanes, bool]:
     """
     settings = world.settings[0]
     run = group.runs[0]
-    a = group.swings[0]
-    b = group.swings[1]
+    a = group.librations[0]
+    b = group.librations[1]
     body_a = group.bodies[0]
     body_b = group.bodies[1]
     contact = world.contacts[run.piece]
@@ -266,7 +266,7 @@ def _collide(world: World, group: LaneGroup) -> tuple[Lanes, bool]:
 
 
 @kernel
-def _energy_of_state(a: SwingLanes, b: SwingLanes, of_a: bool) -> tuple[Lanes, Lanes]:
+def _energy_of_state(a: LibrationLanes, b: LibrationLanes, of_a: bool) -> tuple[Lanes, Lanes]:
     """Parameter, and root of its complement, of one body in its state after the impact."""
     s = select(of_a, a.contact_s, b.contact_s)
     c = select(of_a, a.contact_c, b.contact_c)
@@ -288,20 +288,25 @@ def _parameter_of_specific_energy(
 
 
 @kernel
-def _is_other(swing: SwingLanes, track: TrackData) -> bool:
+def _is_other(libration: LibrationLanes, track: TrackData) -> bool:
     """Tell where the next flight is no libration far from a crest and the ends of the arc."""
-    crest = swing.contact_c * swing.contact_c + swing.next_p * swing.next_p < CREST_NEIGHBOURHOOD
-    most = min(PARAMETER_SPLIT, most_of_swings(track))
-    swings = mask_and(mask_and(swing.next_m > 0.0, swing.next_m < most), swing.next_root > 0.0)
-    return mask_or(crest, mask_not(swings))
+    crest = (
+        libration.contact_c * libration.contact_c + libration.next_p * libration.next_p
+        < CREST_NEIGHBOURHOOD
+    )
+    most = min(PARAMETER_SPLIT, largest_libration(track))
+    librates = mask_and(
+        mask_and(libration.next_m > 0.0, libration.next_m < most), libration.next_root > 0.0
+    )
+    return mask_or(crest, mask_not(librates))
 
 
 @kernel
 def _count(world: World, group: LaneGroup, duration: Lanes, failed: bool) -> bool:
     """Count in the flights that end, and the gap of the impact; where that is not sure."""
     run = group.runs[0]
-    a = group.swings[0]
-    b = group.swings[1]
+    a = group.librations[0]
+    b = group.librations[1]
     body_a = group.bodies[0]
     body_b = group.bodies[1]
     piece = world.pieces[run.piece]
@@ -328,14 +333,18 @@ def _count(world: World, group: LaneGroup, duration: Lanes, failed: bool) -> boo
 
 
 @kernel
-def _take(swing: SwingLanes, failed: bool) -> None:
+def _take(libration: LibrationLanes, failed: bool) -> None:
     """Begin the next flight, but for the lanes that have failed."""
-    swing.flow_s = select(failed, swing.flow_s, swing.contact_s)
-    swing.flow_c = select(failed, swing.flow_c, swing.contact_c)
-    swing.flow_p = select(failed, swing.flow_p, swing.next_p)
-    swing.specific_energy = select(failed, swing.specific_energy, swing.next_specific_energy)
-    swing.parameter = select(failed, swing.parameter, swing.next_m)
-    swing.complementary_modulus = select(failed, swing.complementary_modulus, swing.next_root)
+    libration.flow_s = select(failed, libration.flow_s, libration.contact_s)
+    libration.flow_c = select(failed, libration.flow_c, libration.contact_c)
+    libration.flow_p = select(failed, libration.flow_p, libration.next_p)
+    libration.specific_energy = select(
+        failed, libration.specific_energy, libration.next_specific_energy
+    )
+    libration.parameter = select(failed, libration.parameter, libration.next_m)
+    libration.complementary_modulus = select(
+        failed, libration.complementary_modulus, libration.next_root
+    )
 
 
 @kernel
@@ -457,20 +466,20 @@ def _put_in(world: World, points: Points, group: LaneGroup, lane: int) -> None:
     run.least_force = insert(run.least_force, lane, NEVER)
     run.most_demand = insert(run.most_demand, lane, 0.0)
     for ball in range(2):
-        swing = group.swings[ball]
+        libration = group.librations[ball]
         body = group.bodies[ball]
         own_body = world.bodies[ball]
         flight = world.flights[ball]
         body.mass = insert(body.mass, lane, own_body.mass)
         body.rolling_mass = insert(body.rolling_mass, lane, own_body.rolling_mass)
         body.weight = insert(body.weight, lane, own_body.weight)
-        swing.flow_s = insert(swing.flow_s, lane, flight.s)
-        swing.flow_c = insert(swing.flow_c, lane, flight.c)
-        swing.flow_p = insert(swing.flow_p, lane, flight.p)
-        swing.specific_energy = insert(swing.specific_energy, lane, flight.specific_energy)
-        swing.parameter = insert(swing.parameter, lane, flight.parameter)
-        swing.complementary_modulus = insert(
-            swing.complementary_modulus, lane, flight.complementary_modulus
+        libration.flow_s = insert(libration.flow_s, lane, flight.s)
+        libration.flow_c = insert(libration.flow_c, lane, flight.c)
+        libration.flow_p = insert(libration.flow_p, lane, flight.p)
+        libration.specific_energy = insert(libration.specific_energy, lane, flight.specific_energy)
+        libration.parameter = insert(libration.parameter, lane, flight.parameter)
+        libration.complementary_modulus = insert(
+            libration.complementary_modulus, lane, flight.complementary_modulus
         )
 
 
@@ -490,18 +499,18 @@ def _take_out(
     clock.contacts = slot.contacts
     clock.energy_correction = extract(run.energy_correction, lane)
     for ball in range(2):
-        swing = group.swings[ball]
+        libration = group.librations[ball]
         flight = world.flights[ball]
         flight.piece = run.piece
         flight.t = clock.t
         flight.t_low = clock.t_low
-        flight.s = extract(swing.flow_s, lane)
-        flight.c = extract(swing.flow_c, lane)
-        flight.p = extract(swing.flow_p, lane)
-        flight.specific_energy = extract(swing.specific_energy, lane)
+        flight.s = extract(libration.flow_s, lane)
+        flight.c = extract(libration.flow_c, lane)
+        flight.p = extract(libration.flow_p, lane)
+        flight.specific_energy = extract(libration.specific_energy, lane)
         flight.separatrix_piece = -1
-        parameter = extract(swing.parameter, lane)
-        set_theta_constants(flight, parameter, extract(swing.complementary_modulus, lane))
+        parameter = extract(libration.parameter, lane)
+        set_theta_constants(flight, parameter, extract(libration.complementary_modulus, lane))
         launch_and_log(world, ball, COLLISION)
     world.pairs[0].touching = PARTING
     impacts = int(extract(run.impacts, lane))

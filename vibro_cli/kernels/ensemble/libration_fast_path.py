@@ -11,23 +11,23 @@ from vibro_cli.compile.kernel import Two, any_lane, extract, kernel, mask_or, pa
 from vibro_cli.kernels.contact.libration_contact_lanes import (
     LONGEST_STAY,
     TwoBodies,
-    TwoSwings,
+    TwoLibrations,
     TwoTracks,
     contact_of_two,
     fits,
-    project_swing,
+    project_libration,
 )
 from vibro_cli.kernels.events.event_loop import drop_rows, proceed
 from vibro_cli.kernels.flow.flight import (
     CREST_NEIGHBOURHOOD,
+    angular_bound_of_libration,
     energy_on_piece,
+    largest_libration,
     launch,
     log_flight,
-    most_of_swings,
     place_at,
     size_of_root,
     specific_energy_on_arc,
-    widest_pull,
 )
 from vibro_cli.kernels.impact.chattering import SMALL_BOUNCE
 from vibro_cli.kernels.impact.laws import do_part, impact_of_pair, log_impact, separation_speed
@@ -50,7 +50,7 @@ from vibro_cli.kernels.world import (
 
 
 @kernel
-def proceed_swinging(world: World, bodies: TwoBodies) -> int:
+def proceed_in_libration(world: World, bodies: TwoBodies) -> int:
     """Go on as ``kernels.events.event_loop.proceed`` does, for two bodies on an open trace."""
     settings = world.settings[0]
     clock = world.clock[0]
@@ -59,7 +59,7 @@ def proceed_swinging(world: World, bodies: TwoBodies) -> int:
     while True:
         if fits(world, world.flights[0].piece):
             before = clock.collisions
-            cause = _swing(world, bodies)
+            cause = _librate(world, bodies)
             if cause != RUNNING:
                 return cause
             stay = 1 if clock.collisions > before else stay
@@ -72,13 +72,13 @@ def proceed_swinging(world: World, bodies: TwoBodies) -> int:
 
 
 @kernel
-def _swing(world: World, bodies: TwoBodies) -> int:
+def _librate(world: World, bodies: TwoBodies) -> int:
     """Go on from impact to impact; return the cause of an end, or ``RUNNING`` before others."""
     settings = world.settings[0]
     clock = world.clock[0]
     a = world.flights[0]
     b = world.flights[1]
-    two = bodies.swings[0]
+    two = bodies.librations[0]
     _gather(world, two, bodies.tracks[0])
     cause = RUNNING
     while True:
@@ -89,8 +89,8 @@ def _swing(world: World, bodies: TwoBodies) -> int:
             drop_rows(clock)
         set_libration(two, two.parameter, two.complementary_modulus)
         if a.frequency != b.frequency:
-            a.angular_bound = widest_pull(a.frequency, a.parameter)
-            b.angular_bound = widest_pull(b.frequency, b.parameter)
+            a.angular_bound = angular_bound_of_libration(a.frequency, a.parameter)
+            b.angular_bound = angular_bound_of_libration(b.frequency, b.parameter)
         # Counted as by the event loop, whose first evaluation is of the states at the start.
         evaluations = clock.evaluations
         clock.searches += 1
@@ -107,7 +107,7 @@ def _swing(world: World, bodies: TwoBodies) -> int:
 
 
 @kernel
-def _gather(world: World, two: TwoSwings, tracks: TwoTracks) -> None:
+def _gather(world: World, two: TwoLibrations, tracks: TwoTracks) -> None:
     """Put both flights into lanes."""
     a = world.flights[0]
     b = world.flights[1]
@@ -120,7 +120,7 @@ def _gather(world: World, two: TwoSwings, tracks: TwoTracks) -> None:
     two.specific_energy = pack(a.specific_energy, b.specific_energy)
     two.parameter = pack(a.parameter, b.parameter)
     two.complementary_modulus = pack(a.complementary_modulus, b.complementary_modulus)
-    most = min(PARAMETER_SPLIT, min(most_of_swings(track_a), most_of_swings(track_b)))
+    most = min(PARAMETER_SPLIT, min(largest_libration(track_a), largest_libration(track_b)))
     two.most_parameter = pack(most, most)
     two.weight = pack(world.bodies[0].weight, world.bodies[1].weight)
     tracks.speed_factor = pack(track_a.speed_factor, track_b.speed_factor)
@@ -140,7 +140,7 @@ def _launch(world: World) -> None:
 
 
 @kernel
-def _next_impact(world: World, two: TwoSwings, tracks: TwoTracks) -> bool:
+def _next_impact(world: World, two: TwoLibrations, tracks: TwoTracks) -> bool:
     """Go on to the next impact; tell whether there is one of this kind."""
     settings = world.settings[0]
     clock = world.clock[0]
@@ -150,7 +150,7 @@ def _next_impact(world: World, two: TwoSwings, tracks: TwoTracks) -> bool:
     if h <= 0.0:
         return False
     t, t_low = add_to_time(clock.t, clock.t_low, h)
-    if time_between(t, t_low, settings.stop_t, 0.0) >= 0.0 or any_lane(project_swing(two)):
+    if time_between(t, t_low, settings.stop_t, 0.0) >= 0.0 or any_lane(project_libration(two)):
         return False
     before = tracks.speed_factor * two.contact_p
     wa, wb, loss, bounces = _speeds_after(world, extract(before, 0), extract(before, 1))
@@ -192,7 +192,7 @@ def _speeds_after(world: World, va: float, vb: float) -> tuple[float, float, flo
 
 
 @kernel
-def _arrive(world: World, two: TwoSwings, speed: Two) -> None:
+def _arrive(world: World, two: TwoLibrations, speed: Two) -> None:
     """Put both bodies where they meet, with their speeds (m/s) before the impact."""
     clock = world.clock[0]
     pair = world.pairs[0]
@@ -209,7 +209,7 @@ def _arrive(world: World, two: TwoSwings, speed: Two) -> None:
 
 @kernel
 def _depart(
-    world: World, two: TwoSwings, p: Two, speed_a: float, speed_b: float, more: int
+    world: World, two: TwoLibrations, p: Two, speed_a: float, speed_b: float, more: int
 ) -> None:
     """Begin and log the flights after an impact, by P and speeds (m/s), less energy first."""
     a = world.flights[0]
@@ -227,7 +227,7 @@ def _depart(
 
 
 @kernel
-def _share_energy(world: World, two: TwoSwings, tracks: TwoTracks, p: Two, loss: float) -> int:
+def _share_energy(world: World, two: TwoLibrations, tracks: TwoTracks, p: Two, loss: float) -> int:
     """Give both bodies their energies and parameters after an impact (see ``event_loop``).
 
     Returns the body with more energy; -1 if the flights after it are not librations far from a

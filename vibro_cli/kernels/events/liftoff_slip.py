@@ -317,8 +317,8 @@ def _limit_on_segment(
     ``side F - weight N`` passes zero then; its ends and its extreme between them decide.
     """
     span = search.spans[search.progress[0].span]
-    start = _excess(one.press[0], one.drag[0], side, weight)
-    end = _excess(one.press[2], one.drag[2], side, weight)
+    start = _excess(one.normal_terms[0], one.friction_terms[0], side, weight)
+    end = _excess(one.normal_terms[2], one.friction_terms[2], side, weight)
     share, _ = extreme_on_segment(one, side, weight)
     low = 0.0
     high = share * span.duration
@@ -434,10 +434,10 @@ def look_at_one(world: World, span: Span, friction: float, flight: Flight) -> tu
     s, c, p = flow(flight, span.duration)
     one.end_normal, one.end_friction = _forces(world, span.row, s, c, p)
     set_sides(world, span, one, friction)
-    one.press[0] = piece.sign * body.weight * (4.0 * flight.parameter - 2.0) / body.kappa
-    one.press[1] = piece.sign * body.weight * (1.0 + 2.0 / body.kappa)
-    one.press[2] = 0.0
-    one.drag[2] = body.weight * (1.0 - 1.0 / body.kappa)
+    one.normal_terms[0] = piece.sign * body.weight * (4.0 * flight.parameter - 2.0) / body.kappa
+    one.normal_terms[1] = piece.sign * body.weight * (1.0 + 2.0 / body.kappa)
+    one.normal_terms[2] = 0.0
+    one.friction_terms[2] = body.weight * (1.0 - 1.0 / body.kappa)
     return lifts, slips
 
 
@@ -513,10 +513,10 @@ def limit_courses(
     """Set the courses at whose states a limit is passed: of friction, or negative, of lift-off."""
     if flight.form == LINE:
         return 0
-    a = one.press[0]
-    b = one.press[1]
-    c = one.press[2]
-    q = one.drag[2]
+    a = one.normal_terms[0]
+    b = one.normal_terms[1]
+    c = one.normal_terms[2]
+    q = one.friction_terms[2]
     if friction < 0.0:
         # -N grows beyond zero.
         return _zero_courses((-a, -b, -c), 0.0, 0, duration, courses, flight)

@@ -235,14 +235,14 @@ def snap_of_pendulum(w2: float, m: float) -> float:
 
 
 @kernel
-def widest_pull(frequency: float, m: float) -> float:
+def angular_bound_of_libration(frequency: float, m: float) -> float:
     """Bound on ``|f''|`` (rad/s^2) of a swing through the bottom of an arc."""
     sine = select(m > 0.5, 1.0, math.sqrt(max(4.0 * m * (1.0 - m), 0.0)))
     return frequency * frequency * sine
 
 
 @kernel
-def most_of_swings(track: TrackData) -> float:
+def largest_libration(track: TrackData) -> float:
     """Return a parameter below which a swing stays far from the ends of its piece."""
     nearer_end = min(track.left_s * track.left_s, track.right_s * track.right_s)
     return nearer_end * (1.0 - 2.0 * END_ROUNDING)

@@ -34,7 +34,7 @@ POLYNOMIAL = 4  # ... and on a segment of a motion in contact across pieces
 
 
 @kernel
-def swings(flight: Flight) -> bool:
+def librates(flight: Flight) -> bool:
     """Tell whether a flight is that of a free pendulum: on an arc, moving, by itself."""
     return flight.form <= HYPERBOLIC_TINY and flight.grouped == 0 and flight.at_rest == 0
 
@@ -74,7 +74,7 @@ def flow_of_two(a: Flight, b: Flight, age_a: float, age_b: float) -> States:
     The same operations as of :func:`flow` for each; for two librations they take turns, so that
     the processor need not wait for one to end before it begins the other.
     """
-    both = a.form == TRIGONOMETRIC and b.form == TRIGONOMETRIC and swings(a) and swings(b)
+    both = a.form == TRIGONOMETRIC and b.form == TRIGONOMETRIC and librates(a) and librates(b)
     if not both or age_a == 0.0 or age_b == 0.0:
         a_s, a_c, a_p = flow(a, age_a)
         b_s, b_c, b_p = flow(b, age_b)

@@ -28,7 +28,7 @@ from vibro_cli.kernels.flow.rotating_flow import (
 from vibro_cli.kernels.numerics.conservative_advancement import (
     Harmonics,
     combined,
-    first_fall_of_harmonics,
+    first_zero_crossing_of_harmonics,
     harmonic_value,
     mirrored,
     scaled,
@@ -49,7 +49,7 @@ FORCE_ROUNDING = 1.0e-14
 
 
 @kernel
-def pull_harmonics(flight: Flight) -> Harmonics:
+def torque_harmonics(flight: Flight) -> Harmonics:
     """The pull of a flight on an arc in the angle from its start."""
     h = 0.0, flight.tilt, -1.0, flight.twist, 0.5 * flight.spread
     return harmonics_from_start(flight, h)
@@ -63,17 +63,17 @@ def harmonics_from_start(flight: Flight, h: Harmonics) -> Harmonics:
 
 
 @kernel
-def square_harmonics(flight: Flight, pull: Harmonics) -> Harmonics:
+def square_harmonics(flight: Flight, torque: Harmonics) -> Harmonics:
     """``P^2`` of a flight on an arc in the angle from its start: half the integral of the pull."""
-    _, b, c, d, e = pull
+    _, b, c, d, e = torque
     start = flight.flow_p * flight.flow_p
     return start + 0.5 * c + 0.25 * e, -0.5 * c, 0.5 * b, -0.25 * e, 0.25 * d
 
 
 @kernel
-def press_harmonics(flight: Flight, track: TrackData, kappa: float) -> Harmonics:
+def normal_harmonics_of_one(flight: Flight, track: TrackData, kappa: float) -> Harmonics:
     """``N/(m g)``, up to the sign of the arc, of a body alone in the angle from its start."""
-    square = square_harmonics(flight, pull_harmonics(flight))
+    square = square_harmonics(flight, torque_harmonics(flight))
     h = 0.5 * track.spread, 1.0, track.tilt, -0.5 * track.spread, 0.0
     return combined(harmonics_from_start(flight, h), 4.0 / kappa, square)
 
@@ -102,7 +102,7 @@ def first_negative(flight: Flight, h: Harmonics, to_left: float, to_right: float
     for turn in range(2):
         side = 1.0 if (forward > 0.0) == (turn == 0) else -1.0
         ahead = h if side > 0.0 else mirrored(h)
-        angle = first_fall_of_harmonics(ahead, to_right if side > 0.0 else to_left)
+        angle = first_zero_crossing_of_harmonics(ahead, to_right if side > 0.0 else to_left)
         if angle == 0.0 and turn == 0:
             return 0.0
         if angle >= 0.0:
@@ -119,10 +119,10 @@ def first_negative(flight: Flight, h: Harmonics, to_left: float, to_right: float
 def limit_by_lift_off(flight: Flight, body: BodyData, piece: PieceData, track: TrackData) -> None:
     """End a flight where a one-sided trace would have to pull."""
     if piece.sign == 0.0:
-        press = track.line_press + track.line_press_growth * flight.flow_s
+        normal = track.line_normal + track.line_normal_growth * flight.flow_s
         after = 0.0
-        if press >= -FORCE_ROUNDING * abs(track.line_press):
-            after = fall_on_line(flight, press, track.line_press_growth)
+        if normal >= -FORCE_ROUNDING * abs(track.line_normal):
+            after = zero_crossing_on_line(flight, normal, track.line_normal_growth)
     else:
         after = _lift_off_of_arc(flight, body, piece, track)
     if after < flight.exit_after:
@@ -132,7 +132,7 @@ def limit_by_lift_off(flight: Flight, body: BodyData, piece: PieceData, track: T
 
 @kernel
 def _lift_off_of_arc(flight: Flight, body: BodyData, piece: PieceData, track: TrackData) -> float:
-    h = scaled(piece.sign, press_harmonics(flight, track, body.kappa))
+    h = scaled(piece.sign, normal_harmonics_of_one(flight, track, body.kappa))
     if harmonic_value(h, 0.0, 1.0) < -FORCE_ROUNDING * (1.0 + abs(track.tilt) + track.spread):
         return 0.0
     if flight.at_rest == 1:
@@ -143,7 +143,7 @@ def _lift_off_of_arc(flight: Flight, body: BodyData, piece: PieceData, track: Tr
 
 
 @kernel
-def fall_on_line(flight: Flight, force: float, growth: float) -> float:
+def zero_crossing_on_line(flight: Flight, force: float, growth: float) -> float:
     """Time (s) at which a force that grows linearly with the way falls through zero, or NEVER.
 
     From where it is zero or less a body that moves to where it is less still falls at once.
@@ -151,12 +151,12 @@ def fall_on_line(flight: Flight, force: float, growth: float) -> float:
     moved = flight.flow_p if flight.flow_p != 0.0 else flight.line_acceleration
     if force <= 0.0 and moved * growth < 0.0 and flight.at_rest == 0:
         return 0.0
-    return fall_through_zero(flight, max(force, 0.0), growth)
+    return next_zero_crossing_on_line(flight, max(force, 0.0), growth)
 
 
 @kernel
-def fall_through_zero(flight: Flight, force: float, growth: float) -> float:
-    """As :func:`fall_on_line`, of a force of any sign at the start; at most once on a flight."""
+def next_zero_crossing_on_line(flight: Flight, force: float, growth: float) -> float:
+    """As :func:`zero_crossing_on_line`, of a force of any sign at the start; once on a flight."""
     if growth == 0.0 or flight.at_rest == 1:
         return NEVER
     way = -force / growth

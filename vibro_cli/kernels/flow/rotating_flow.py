@@ -38,23 +38,23 @@ TURNING_LINE = 5
 
 
 @kernel
-def pull(tilt: float, spread: float, s: float, c: float) -> float:
+def torque(tilt: float, spread: float, s: float, c: float) -> float:
     """``f''/w^2`` of a body on an arc: ``-sin f + tilt cos f + spread sin f cos f``."""
     sine, cosine = twice_angle(s, c)
     return sine * (spread * cosine - 1.0) + tilt * cosine
 
 
 @kernel
-def pull_of(flight: Flight, s: float, c: float) -> float:
-    """:func:`pull` of a flight, of a group with its ``twist cos 2f``."""
+def torque_of(flight: Flight, s: float, c: float) -> float:
+    """:func:`torque` of a flight, of a group with its ``twist cos 2f``."""
     sine, cosine = twice_angle(s, c)
     double = (cosine - sine) * (cosine + sine)
-    return pull(flight.tilt, flight.spread, s, c) + flight.twist * double
+    return torque(flight.tilt, flight.spread, s, c) + flight.twist * double
 
 
 @kernel
 def stiffness(tilt: float, spread: float, s: float, c: float) -> float:
-    """Derivative of :func:`pull` with the angle."""
+    """Derivative of :func:`torque` with the angle."""
     sine, cosine = twice_angle(s, c)
     return -cosine - tilt * sine + spread * ((cosine - sine) * (cosine + sine))
 
@@ -150,8 +150,8 @@ def angular_acceleration(flight: Flight, s: float, c: float) -> float:
     w = flight.frequency
     if flight.grouped == 1:
         s, c = group_of_body(flight, s, c)
-        return w * w * pull_of(flight, s, c)
-    return w * w * pull(flight.tilt, flight.spread, s, c)
+        return w * w * torque_of(flight, s, c)
+    return w * w * torque(flight.tilt, flight.spread, s, c)
 
 
 @kernel
@@ -196,7 +196,7 @@ def small_step(
     if flight.grouped == 1 or flight.at_rest == 1 or flight.form == TURNING_LINE:
         return flow(flight, age + dt)
     a = flight.frequency * dt
-    force = 0.5 * pull(flight.tilt, flight.spread, s, c)
+    force = 0.5 * torque(flight.tilt, flight.spread, s, c)
     change = stiffness(flight.tilt, flight.spread, s, c) * p
     return (
         s + a * (p * c + 0.5 * a * (force * c - p * p * s)),
@@ -270,7 +270,7 @@ def half_way(flight: Flight, side: float) -> float:
         square = squared_rate(flight, s * side, c)
         s, c = place_from_start(flight, s * side, c)
         # The derivative of P^2 with half the angle.
-        slope = pull_of(flight, s, c) * side
+        slope = torque_of(flight, s, c) * side
         if square <= 0.0:
             return half
         step = safe_step_second_order(square, slope, bound)

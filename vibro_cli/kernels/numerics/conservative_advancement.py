@@ -182,7 +182,7 @@ def slope_of(row: Sequence[float], first: int, last: int, at: float) -> float:
 
 
 @kernel
-def fall_bound(row: Sequence[float], first: int, last: int, end: float) -> float:
+def curvature_bound(row: Sequence[float], first: int, last: int, end: float) -> float:
     """Return B with ``p'' >= -B`` on [0, end], from the sizes of the coefficients."""
     rest = 0.0
     for k in range(last, first + 2, -1):
@@ -192,13 +192,13 @@ def fall_bound(row: Sequence[float], first: int, last: int, end: float) -> float
 
 
 @kernel
-def first_fall(row: Sequence[float], first: int, last: int, end: float) -> float:
+def first_zero_crossing(row: Sequence[float], first: int, last: int, end: float) -> float:
     """Return the first t in [0, end] at which a polynomial falls to zero, or NO_ROOT.
 
     At the start it is positive, or the root is there. Steps are those of a parabola that lies
     below it throughout, so that none passes a root; they converge to a simple one quadratically.
     """
-    bound = fall_bound(row, first, last, end)
+    bound = curvature_bound(row, first, last, end)
     value = row[first]
     slope = row[first + 1]
     if value > 0.0 and value + min(slope, 0.0) * end - 0.5 * max(bound, 0.0) * end * end > 0.0:
@@ -292,7 +292,7 @@ def combined(g: Harmonics, weight: float, h: Harmonics) -> Harmonics:
 
 
 @kernel
-def first_fall_of_harmonics(h: Harmonics, limit: float) -> float:
+def first_zero_crossing_of_harmonics(h: Harmonics, limit: float) -> float:
     """First place before ``limit`` (rad) where the function falls through zero, or ``NOWHERE``."""
     slope = harmonic_slope(h)
     size = harmonic_size(h)
@@ -326,7 +326,7 @@ def next_zero(h: Harmonics, start: float, limit: float) -> float:
     ahead = turned(h, sine, cosine)
     if value < 0.0:
         ahead = scaled(-1.0, ahead)
-    step = first_fall_of_harmonics(ahead, limit - start)
+    step = first_zero_crossing_of_harmonics(ahead, limit - start)
     if step == NOWHERE:
         return math.inf
     x = start + step

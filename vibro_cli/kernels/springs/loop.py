@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from vibro_cli.compile.kernel import kernel
-from vibro_cli.kernels.numerics.conservative_advancement import NO_ROOT, first_fall
+from vibro_cli.kernels.numerics.conservative_advancement import NO_ROOT, first_zero_crossing
 from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.numerics.double_double import add_to_time
 from vibro_cli.kernels.springs.impacts import (
@@ -93,7 +93,7 @@ def _meeting(world: World, pair: int, end: float) -> float:
     elif rows[base + known] <= 0.0:
         # Decided to part or to stay, it is zero up to rounding; the next step will tell.
         return NO_ROOT
-    return first_fall(rows, base + known, base + ORDER, end)
+    return first_zero_crossing(rows, base + known, base + ORDER, end)
 
 
 @kernel
@@ -120,7 +120,7 @@ def _opening(world: World, pair: int, end: float) -> float:
         power *= reach
         if known == ORDER - 2:
             return NO_ROOT
-    return first_fall(rows, base + known, base + ORDER - 2, end)
+    return first_zero_crossing(rows, base + known, base + ORDER - 2, end)
 
 
 @kernel

@@ -17,7 +17,7 @@ from typing import NamedTuple
 from vibro_cli.compile.kernel import BoolMatrix, FloatMatrix, IntMatrix, kernel
 from vibro_cli.kernels.contact.contact_kinematics import centre_position
 from vibro_cli.kernels.flow.rotating_flight import specific_potential
-from vibro_cli.kernels.flow.rotating_flow import pull, stiffness
+from vibro_cli.kernels.flow.rotating_flow import stiffness, torque
 from vibro_cli.kernels.impact.laws import TRANSLATIONAL, separation_speed
 from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.kernels.statistics.run_statistics import residual_gap
@@ -130,7 +130,7 @@ def _falls_from(world: World, body: int, number: int, place: float) -> bool:
     else:
         s, c = _half_angle(piece, place)
         scale = piece.radius
-        force = pull(track.tilt, track.spread, s, c)
+        force = torque(track.tilt, track.spread, s, c)
         growth = stiffness(track.tilt, track.spread, s, c)
     near = _NEAR * _length(world)
     falls: bool = growth > 0.0 and abs(force) * scale <= near * growth

@@ -26,10 +26,10 @@ from vibro_cli.kernels.events.liftoff_slip import (
 )
 from vibro_cli.kernels.flow.flow import flow, group_of_body, place_from_start, replay_flight
 from vibro_cli.kernels.flow.rotating_flight import (
-    fall_through_zero,
+    next_zero_crossing_on_line,
+    normal_harmonics_of_one,
     potential,
-    press_harmonics,
-    pull_harmonics,
+    torque_harmonics,
 )
 from vibro_cli.kernels.flow.rotating_flow import (
     TURNING_LINE,
@@ -130,7 +130,7 @@ def _bounds_on_arc(world: World, row: FlightRow) -> tuple[float, float, float]:
     track = track_on(world, row.body, row.piece)
     kappa = world.bodies[row.body].kappa
     energy = row.p * row.p + potential(track, row.s, row.c)
-    least = track.least_press + sign * (4.0 / kappa) * energy
+    least = track.least_normal + sign * (4.0 / kappa) * energy
     if sign > 0.0:
         least = max(least, track.least_still)
     most = track.most_angular / (track.frequency * track.frequency) * (1.0 - 1.0 / kappa)
@@ -168,9 +168,9 @@ def limit_courses(
     one: BodyForces, friction: float, flight: Flight, duration: float, courses: Sequence[Course]
 ) -> int:
     """Set the courses at whose states a limit is passed: of friction, or negative, of lift-off."""
-    press = kept(one.press)
-    drag = kept(one.drag)
-    if friction >= 0.0 and harmonic_size(drag) == 0.0:
+    normal_terms = kept(one.normal_terms)
+    friction_terms = kept(one.friction_terms)
+    if friction >= 0.0 and harmonic_size(friction_terms) == 0.0:
         return 0
     ways = 0.0, 0.0
     if flight.form != TURNING_LINE:
@@ -178,11 +178,11 @@ def limit_courses(
     count = 0
     for number in range(1 if friction < 0.0 else 2):
         # What is left before the limit, and what must be positive there.
-        spare = press
+        spare = normal_terms
         beside = 1.0, 0.0, 0.0, 0.0, 0.0
         if friction >= 0.0:
-            beside = scaled(1.0 if number == 0 else -1.0, drag)
-            spare = combined(scaled(friction, press), -1.0, beside)
+            beside = scaled(1.0 if number == 0 else -1.0, friction_terms)
+            spare = combined(scaled(friction, normal_terms), -1.0, beside)
         if flight.form == TURNING_LINE:
             _set_on_line(spare, beside, flight, courses[count])
             count += 1
@@ -199,7 +199,7 @@ def _set_on_line(spare: Harmonics, beside: Harmonics, flight: Flight, course: Co
     course.period = NEVER
     course.after = NEVER
     if growth != 0.0 and at - slope * (force / growth) > 0.0:
-        course.after = fall_through_zero(flight, force, growth)
+        course.after = next_zero_crossing_on_line(flight, force, growth)
 
 
 @kernel
@@ -278,9 +278,9 @@ def tally_alone(
         outcome.most_demand = math.inf
         return
     sign = world.pieces[row.piece].sign
-    press = scaled(sign, press_harmonics(scratch, track, body.kappa))
-    pull = scaled(1.0 - 1.0 / body.kappa, pull_harmonics(scratch))
-    outcome.most_demand = _greatest(pull, press, 2.0 * low, 2.0 * high, outcome.most_demand)
+    normal_terms = scaled(sign, normal_harmonics_of_one(scratch, track, body.kappa))
+    pull = scaled(1.0 - 1.0 / body.kappa, torque_harmonics(scratch))
+    outcome.most_demand = _greatest(pull, normal_terms, 2.0 * low, 2.0 * high, outcome.most_demand)
 
 
 @kernel
@@ -318,7 +318,7 @@ def _greatest(top: Harmonics, below: Harmonics, low: float, high: float, known: 
 @kernel
 def _tally_on_line(body: BodyData, track: TrackData, s: float, outcome: Outcome) -> None:
     """Count in the forces at a place (m) of a line: both are linear between its ends."""
-    normal = body.weight * (track.line_press + track.line_press_growth * s)
+    normal = body.weight * (track.line_normal + track.line_normal_growth * s)
     pull = track.line_acceleration + track.line_growth * track.line_growth * s
     outcome.least_force = min(outcome.least_force, normal)
     if body.kappa > 1.0:
@@ -340,12 +340,12 @@ def pendulum_range(
 @kernel
 def extremes_on_arc(one: BodyForces, low: float, high: float) -> tuple[float, float]:
     """Extremes of the normal force (N) and the demand of friction between two angles (rad)."""
-    press = kept(one.press)
-    drag = kept(one.drag)
+    normal_terms = kept(one.normal_terms)
+    friction_terms = kept(one.friction_terms)
     sine, cosine = sine_cosine(low)
-    least = least_value(turned(press, sine, cosine), high - low)
-    if harmonic_size(drag) == 0.0:
+    least = least_value(turned(normal_terms, sine, cosine), high - low)
+    if harmonic_size(friction_terms) == 0.0:
         return least, 0.0
     if least <= 0.0:
         return least, math.inf
-    return least, _greatest(drag, press, low, high, 0.0)
+    return least, _greatest(friction_terms, normal_terms, low, high, 0.0)

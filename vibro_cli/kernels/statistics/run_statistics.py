@@ -507,10 +507,10 @@ def _turning_time(flight: Flight, duration: float) -> float:
 @kernel
 def extremes_on_arc(one: BodyForces, low: float, high: float) -> tuple[float, float]:
     """Extremes of the normal force (N) and the demand of friction between two angles (rad)."""
-    a = one.press[0]
-    b = one.press[1]
-    c = one.press[2]
-    q = one.drag[2]
+    a = one.normal_terms[0]
+    b = one.normal_terms[1]
+    c = one.normal_terms[2]
+    q = one.friction_terms[2]
     least, demand = _at_angle(a, b, c, q, low, math.inf, 0.0)
     least, demand = _at_angle(a, b, c, q, high, least, demand)
     lowest = _turned(math.atan2(c, b) + math.pi, low)

@@ -56,14 +56,14 @@ def flight_jacobian(
     if flight.form == POLYNOMIAL:
         return math.nan, math.nan, math.nan, math.nan
     w = flight.frequency
-    one, two, three, four = swing_jacobian(
+    one, two, three, four = pendulum_jacobian(
         flight, flight.flow_s, flight.flow_c, flight.flow_p, w * t
     )
     return one, two / w, w * three, four
 
 
 @kernel
-def swing_jacobian(
+def pendulum_jacobian(
     theta: ThetaConstants, s0: float, c0: float, p0: float, u: float
 ) -> tuple[float, float, float, float]:
     """Derivative of angle and rate of a pendulum to those at its start; the unit of time is 1/w."""

@@ -24,7 +24,7 @@ import math
 
 from vibro_cli.compile.kernel import FloatMatrix, kernel
 from vibro_cli.kernels.flow.flow import POLYNOMIAL, place_from_start, replay_flight
-from vibro_cli.kernels.flow.rotating_flow import TURNING_LINE, pull_of
+from vibro_cli.kernels.flow.rotating_flow import TURNING_LINE, torque_of
 from vibro_cli.kernels.numerics.elliptic import twice_angle
 from vibro_cli.kernels.numerics.weierstrass_motion import quartic_motion
 from vibro_cli.kernels.tangent.frame import TERMS
@@ -254,4 +254,4 @@ def leans(world: World, number: int, flight: Flight) -> bool:
     replay_flight(world, row, number, flight)
     if flight.form == TURNING_LINE:
         return row.grouped == 1 or flight.line_acceleration != 0.0
-    return row.grouped == 1 or pull_of(flight, flight.flow_s, flight.flow_c) != 0.0
+    return row.grouped == 1 or torque_of(flight, flight.flow_s, flight.flow_c) != 0.0

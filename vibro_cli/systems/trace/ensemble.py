@@ -10,7 +10,7 @@ import numpy as np
 from vibro_cli.compile import kernel as engine
 from vibro_cli.compile.kernel import LANES, dtype
 from vibro_cli.compile.native import compiled
-from vibro_cli.kernels.contact.libration_contact_lanes import BodyLanes, SwingLanes
+from vibro_cli.kernels.contact.libration_contact_lanes import BodyLanes, LibrationLanes
 from vibro_cli.kernels.ensemble.lanes import LaneGroup, LaneSlot, RunLanes, run_points_in_lanes
 from vibro_cli.kernels.ensemble.points import follow_points, run_points
 from vibro_cli.kernels.ensemble.records import PointData, Points, Stack, StartData
@@ -62,13 +62,13 @@ class Batch:
         group = self._group
         if group is None or not len(starts):
             return False
-        runs, bodies, swings = map(np.asarray, (group.runs, group.bodies, group.swings))
+        runs, bodies, librations = map(np.asarray, (group.runs, group.bodies, group.librations))
         piece = int(starts["piece"][0])
         tracks = world.tracks[[piece, len(world.pieces) + piece]]
         runs["piece"] = piece
         for name in same_in_every_lane(BodyLanes):
             bodies[name] = world.bodies[name]
-        swings["frequency"] = swings["own_frequency"] = tracks["frequency"]
+        librations["frequency"] = librations["own_frequency"] = tracks["frequency"]
         valley = world.pieces[piece]["sign"] > 0.0 and (tracks["lowest_s2"] == 0.0).all()
         return bool(valley and world.contacts[piece]["normal_a"] > 0.0)
 
@@ -118,7 +118,7 @@ def lane_group() -> LaneGroup:
     return LaneGroup(
         in_whole_lines(1, RunLanes),
         in_whole_lines(2, BodyLanes),
-        in_whole_lines(2, SwingLanes),
+        in_whole_lines(2, LibrationLanes),
         zeros(LANES, LaneSlot),
     )
 

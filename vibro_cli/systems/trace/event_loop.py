@@ -15,8 +15,8 @@ import numpy as np
 from vibro_cli.compile.kernel import Overrides
 from vibro_cli.compile.native import compiled
 from vibro_cli.kernels.contact.first_contact import STEPS_AT_ONCE
-from vibro_cli.kernels.contact.libration_contact_lanes import TwoBodies, TwoSwings, TwoTracks
-from vibro_cli.kernels.ensemble.libration_fast_path import proceed_swinging
+from vibro_cli.kernels.contact.libration_contact_lanes import TwoBodies, TwoLibrations, TwoTracks
+from vibro_cli.kernels.ensemble.libration_fast_path import proceed_in_libration
 from vibro_cli.kernels.events.event_detection import ROUNDS
 from vibro_cli.kernels.events.event_loop import advance, proceed, start
 from vibro_cli.kernels.world import LOGS, RECORDS, World
@@ -31,8 +31,8 @@ def enter_advance(world: World, overrides: Overrides | None) -> int:
     settings: Any = world.settings[0]
     open_ends = settings["closed"] == 0 and settings["one_sided"] == 0
     if overrides is None and settings["bodies"] == 2 and open_ends:
-        lanes = TwoBodies(zeros(1, TwoSwings), zeros(1, TwoTracks))
-        return int(compiled(proceed_swinging)(world, lanes))
+        lanes = TwoBodies(zeros(1, TwoLibrations), zeros(1, TwoTracks))
+        return int(compiled(proceed_in_libration)(world, lanes))
     return int(compiled(proceed, overrides)(world, False))
 
 

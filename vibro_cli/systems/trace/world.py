@@ -75,8 +75,8 @@ def _set_line(
     track.line_growth = abs(turning.rate * tangent) / math.sqrt(kappa)
     track.line_acceleration += turning.square / kappa * away * tangent
     outwards = turning.square / system.gravity * math.sin(piece.start_slope)
-    track.line_press = tangent + outwards * away
-    track.line_press_growth = outwards * tangent
+    track.line_normal = tangent + outwards * away
+    track.line_normal_growth = outwards * tangent
     track.bottom -= 0.5 * turning.square / system.gravity * away * away
     square = track.line_growth * track.line_growth
     ends = (track.left_s, track.right_s)
@@ -150,7 +150,7 @@ def _set_force_bounds(
     still = inside(roots(1.0, pull.tilt, 2.0 * pull.spread, 0), *span)
     track.least_still = min(_press(sign, pull, angle) for angle in [*span, *still])
     share = 4.0 / kappa
-    track.least_press = min(
+    track.least_normal = min(
         _press(sign, pull, angle) - sign * share * pull.potential(angle)
         for angle in [*span, *places]
     )
