@@ -313,7 +313,7 @@ def _next_position(
     if ball.touching is None:
         key = "position" if piece.is_line else "angle"
         given = ball.position if piece.is_line else ball.angle
-        settled = math.nan if given is None else initial_conditions.settle(piece, given)
+        settled = math.nan if given is None else initial_conditions.snap_to_piece(piece, given)
         if findings.refuse(elementwise.is_nan(settled)):
             limits = f"{piece.angle_start!r} to {piece.angle_end!r}"
             findings.add(f"{path}.{key}", repr(given), f"a place on arc {ball.arc}, {limits}")

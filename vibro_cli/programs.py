@@ -20,7 +20,7 @@ from vibro_cli.kernels.flow.flow import sample_flights
 from vibro_cli.kernels.numerics.elliptic import fill_angles
 from vibro_cli.kernels.rotating import TURNING
 from vibro_cli.kernels.statistics.impact_columns import fill_columns
-from vibro_cli.kernels.statistics.run_statistics import tally
+from vibro_cli.kernels.statistics.run_statistics import update_statistics
 from vibro_cli.kernels.tangent.flight_jacobian import find_arrivals
 from vibro_cli.kernels.tangent.follow import follow_tangents
 from vibro_cli.stress.kernels import find_first_contacts, follow_all
@@ -32,7 +32,7 @@ def programs() -> list[Program]:
     """Return the programs, those first that take longest to compile."""
     solving = (
         proceed,
-        tally,
+        update_statistics,
         run_points,
         sample_flights,
         find_passages,

@@ -13,7 +13,7 @@ from vibro_cli.mechanics.initial_conditions import (
     gap,
     out_of_order,
     reaches_over,
-    settle,
+    snap_to_piece,
     speed_of_omega,
     speed_of_rate,
     wall_position,
@@ -141,11 +141,11 @@ def test_a_valley_that_is_too_narrow_is_no_place_beside_a_body() -> None:
 
 def test_only_a_hair_beyond_an_end_is_rounding() -> None:
     piece = mixed().pieces[0]
-    assert settle(piece, math.nextafter(0.4, 1.0)) == 0.4
-    assert settle(piece, math.nextafter(-1.4, -2.0)) == -1.4
-    assert settle(piece, 0.1) == 0.1
-    assert math.isnan(settle(piece, 0.4 + 1e-14))
-    assert math.isnan(settle(piece, math.nan))
+    assert snap_to_piece(piece, math.nextafter(0.4, 1.0)) == 0.4
+    assert snap_to_piece(piece, math.nextafter(-1.4, -2.0)) == -1.4
+    assert snap_to_piece(piece, 0.1) == 0.1
+    assert math.isnan(snap_to_piece(piece, 0.4 + 1e-14))
+    assert math.isnan(snap_to_piece(piece, math.nan))
 
 
 def test_speeds_have_the_sign_of_the_motion() -> None:
@@ -230,7 +230,7 @@ def test_many_places_are_as_single_ones() -> None:
         place: Any = rng.uniform(ends[0] - 0.1, ends[1] + 0.1, count)
         place[:2] = ends
         found: list[Any] = [
-            settle(piece, place),
+            snap_to_piece(piece, place),
             *(
                 np.broadcast_to(wall_position(piece, radius, right), count)
                 for right in (False, True)
@@ -244,7 +244,7 @@ def test_many_places_are_as_single_ones() -> None:
             found.append(np.broadcast_to(out_of_order(here, there), count))
         for n in range(count):
             r, at, to = float(radius[n]), float(place[n]), float(beside[n])
-            single: list[Any] = [settle(piece, at)]
+            single: list[Any] = [snap_to_piece(piece, at)]
             single += [wall_position(piece, r, right) for right in (False, True)]
             for index in (1, 4):
                 one, two = InitialState(piece.index, at, 0.0), InitialState(index, to, 0.0)

@@ -184,7 +184,7 @@ TURNING = Overrides(
         liftoff_slip.look_at_one: rotating_forces.look_at_one,
         liftoff_slip.normal_of_one: rotating_forces.normal_of_one,
         liftoff_slip.limit_courses: rotating_forces.limit_courses,
-        run_statistics.tally_alone: rotating_forces.tally_alone,
+        run_statistics.update_statistics_alone: rotating_forces.update_statistics_alone,
         run_statistics.pendulum_range: rotating_forces.pendulum_range,
         run_statistics.extremes_on_arc: rotating_forces.extremes_on_arc,
         flight_jacobian.flight_jacobian: rotating_jacobian.flight_jacobian,

@@ -250,8 +250,8 @@ class Settings:
     turning_square: float
     stop_t: float
     stop_collisions: int
-    room: int  # rows of the logs that may be used; they hold twice as many
-    keep: int  # 0: rows that fill the logs are dropped
+    capacity: int  # rows of the logs that may be used; they hold twice as many
+    keep_rows: int  # 0: rows that fill the logs are dropped
 
 
 @struct

@@ -21,7 +21,7 @@ GAP_ROUNDING = 16.0
 """At the start |gap| ≤ 16 eps of the positions is contact."""
 
 
-def settle(piece: Piece, position: float) -> float:
+def snap_to_piece(piece: Piece, position: float) -> float:
     """Return a position drawn onto its piece, nan when it lies beyond one of its ends.
 
     `position` as φ or ψ (rad), on a line as a distance (m). A hair beyond an end (8 eps of the

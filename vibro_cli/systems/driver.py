@@ -199,18 +199,23 @@ class Driver:
 
     def _advance(self) -> int:
         name, cause = self._loop.at_once, self._called()
-        while cause == LOG_FULL and name and self.clock_value(name) and self._room() < ROWS_AT_ONCE:
+        while (
+            cause == LOG_FULL
+            and name
+            and self.clock_value(name)
+            and self._capacity() < ROWS_AT_ONCE
+        ):
             self._grow()
             cause = self._called()
         return cause
 
-    def _room(self) -> int:
-        return int(_get(self.world.settings, "room"))
+    def _capacity(self) -> int:
+        return int(_get(self.world.settings, "capacity"))
 
     def _grow(self) -> None:
         """Make the logs twice as long, with the rows that are in them."""
         world, loop = self.world, self._loop
-        _set(world.settings, "room", 2 * self._room())
+        _set(world.settings, "capacity", 2 * self._capacity())
         for name in loop.logs:
             rows, record = getattr(world, name), loop.records[name]
             if self.engine == "compiled":
@@ -251,9 +256,9 @@ class Driver:
     def _enlarge(self) -> None:
         """Make more room in the logs, which are empty."""
         settings, loop = self.world.settings, self._loop
-        room, most = int(_get(settings, "room")), _room_for(self._most_rows, self.world)
-        if room < most:
-            _set(settings, "room", most)
+        capacity, most = int(_get(settings, "capacity")), _capacity_for(self._most_rows, self.world)
+        if capacity < most:
+            _set(settings, "capacity", most)
             logs = {name: zeros(2 * most, loop.records[name]) for name in loop.logs}
             self.world = self.world._replace(**logs)
 
@@ -298,9 +303,9 @@ class Driver:
 
 
 def _interpreted_logs(loop: EventLoop, world: Any, rows: int) -> Any:
-    room = _room_for(rows, world)
-    world.settings[0].room = room
-    logs = {name: [loop.records[name]() for _ in range(2 * room)] for name in loop.logs}
+    capacity = _capacity_for(rows, world)
+    world.settings[0].capacity = capacity
+    logs = {name: [loop.records[name]() for _ in range(2 * capacity)] for name in loop.logs}
     return world._replace(**logs)
 
 
@@ -313,15 +318,15 @@ def compiled_world(
     bodies.
     """
     settings = world.settings[0]
-    room = _room_for(min(rows, _most_rows(settings)), world)
-    settings.room = room
+    capacity = _capacity_for(min(rows, _most_rows(settings)), world)
+    settings.capacity = capacity
     arrays: dict[str, Any] = {}
     for name, values in world._asdict().items():
         cls = loop.records.get(name)
         if name in loop.logs and logs_of is not None:
             arrays[name] = getattr(logs_of, name)
         elif name in loop.logs:
-            arrays[name] = zeros(2 * room, loop.records[name])
+            arrays[name] = zeros(2 * capacity, loop.records[name])
         elif cls is not None:
             arrays[name] = engine.compiled_rows(values, cls)
         else:  # plain numbers
@@ -330,14 +335,14 @@ def compiled_world(
     return type(world)(**arrays)
 
 
-def _room_for(rows: int, world: Any) -> int:
+def _capacity_for(rows: int, world: Any) -> int:
     """So many rows, and as many as one event may add."""
     return rows + ROWS_OF_EVENT * len(world.bodies)
 
 
 def _most_rows(settings: Any) -> int:
     """Room in the logs of a compiled run at the most."""
-    return COMPILED_ROWS if getattr(settings, "keep", 1) == 1 else DROPPED_ROWS
+    return COMPILED_ROWS if getattr(settings, "keep_rows", 1) == 1 else DROPPED_ROWS
 
 
 def _first_rows(settings: Any) -> int:

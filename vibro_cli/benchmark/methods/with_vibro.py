@@ -32,8 +32,8 @@ def driver_of(scenario: Any, limits: Limits | None = None) -> Driver:
     """A compiled run of a scenario of any system to its limits; the rows of a trace are dropped."""
     kind, system = system_named(scenario.system), build_any(scenario)
     world = kind.world(system, limits or kind.limits(scenario))
-    if hasattr(world.settings[0], "keep"):
-        world.settings[0].keep = 0
+    if hasattr(world.settings[0], "keep_rows"):
+        world.settings[0].keep_rows = 0
     return Driver(kind.loop, world, "compiled", overrides=kind.overrides(system))
 
 
@@ -61,7 +61,7 @@ class DriverRunner(Runner):
         self.drivers = []
         for _ in range(impacts // each):
             world = make_world(self._system, Limits(collisions=each))
-            world.settings[0].keep = int(self._keep)
+            world.settings[0].keep_rows = int(self._keep)
             self.drivers.append(Driver(SYSTEM.loop, world, self._engine))
 
     def go(self) -> None:

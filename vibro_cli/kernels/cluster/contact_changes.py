@@ -76,7 +76,7 @@ JUST_ZERO = 1.0e-6
 
 
 @kernel
-def settle(world: World, first: int, count: int) -> None:
+def settle_contacts(world: World, first: int, count: int) -> None:
     """Decide for a chain of ``count`` touching pairs which of them stay in contact.
 
     States, speeds and normals of the bodies must be set. ``held`` then says which pairs roll on in
@@ -352,7 +352,7 @@ def _launch_together(world: World, first: int, count: int, cause: int) -> None:
 def relaunch_run(world: World, first: int, count: int, cause: int) -> None:
     """Launch a run of held pairs anew after a change, as far as their forces still press."""
     set_speeds_and_normals(world, first, count)
-    settle(world, first, count)
+    settle_contacts(world, first, count)
     count_corrections(world, first, count)
     _launch_unhit(world, first, count, cause)
 
@@ -420,7 +420,7 @@ def open_contacts(world: World, j: int, first: int, count: int) -> None:
     while start < count:
         length = held_from(world, first, count, start)
         if length > 0:
-            settle(world, number_along(world, first, start), length)
+            settle_contacts(world, number_along(world, first, start), length)
         if start + length < count:
             pair_along(world, first, start + length).closing = RELEASED
         start += length + 1

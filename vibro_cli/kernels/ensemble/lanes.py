@@ -35,7 +35,7 @@ from vibro_cli.kernels.contact.libration_contact_lanes import (
     fits,
     project_libration,
 )
-from vibro_cli.kernels.ensemble.records import Points, prepare_point, tally_point
+from vibro_cli.kernels.ensemble.records import Points, prepare_point, update_point_statistics
 from vibro_cli.kernels.events.event_loop import proceed
 from vibro_cli.kernels.flow.flight import (
     CREST_NEIGHBOURHOOD,
@@ -382,7 +382,9 @@ def run_points_in_lanes(
                     _take_out(world, fresh, points, results, group, lane)
                     if ended or not _alone(world, points, results, group, lane, 2):
                         if ended:
-                            tally_point(world, 2, END_COLLISIONS, points, results, point)
+                            update_point_statistics(
+                                world, 2, END_COLLISIONS, points, results, point
+                            )
                         upcoming = _fill(world, fresh, points, results, group, lane, upcoming, last)
                 working += 1 if group.slots[lane].point >= 0 else 0
     return made
@@ -435,13 +437,13 @@ def _alone(
         if cause == END_COLLISIONS and clock.collisions < most:
             cause = RUNNING
             if fits(world, group.runs[0].piece):
-                tally_point(world, known, RUNNING, points, results, point)
+                update_point_statistics(world, known, RUNNING, points, results, point)
                 _put_in(world, points, group, lane)
                 return True
             stay = min(2 * stay, LONGEST_STAY)
     results.outcomes[point].end_cause = cause
     if cause != LOG_FULL:
-        tally_point(world, known, cause, points, results, point)
+        update_point_statistics(world, known, cause, points, results, point)
     return False
 
 

@@ -82,8 +82,8 @@ def _librate(world: World, bodies: TwoBodies) -> int:
     _gather(world, two, bodies.tracks[0])
     cause = RUNNING
     while True:
-        if max(clock.impact_rows, clock.flight_rows) > settings.room:
-            if settings.keep == 1:
+        if max(clock.impact_rows, clock.flight_rows) > settings.capacity:
+            if settings.keep_rows == 1:
                 cause = LOG_FULL
                 break
             drop_rows(clock)

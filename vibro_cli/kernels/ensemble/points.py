@@ -18,7 +18,7 @@ from vibro_cli.kernels.ensemble.records import (
     end_of_point,
     install,
     prepare_point,
-    tally_point,
+    update_point_statistics,
 )
 from vibro_cli.kernels.events.event_loop import proceed
 from vibro_cli.kernels.impact.impulse_chain import last_number_of
@@ -67,7 +67,7 @@ def run_points(
             for row in range(clock.impact_rows):
                 results.impacts[filled + row] = world.impacts[row]  # type: ignore[index]
             filled += clock.impact_rows
-        tally_point(world, 0, cause, points, results, point)
+        update_point_statistics(world, 0, cause, points, results, point)
         outcome.kept = clock.impact_rows if keep else 0
     return last, filled
 
@@ -105,7 +105,7 @@ def follow_points(
             if cause == LOG_FULL and (clock.segment_rows > 0 or clock.flight_rows <= known):
                 break  # a run for the driver: its motion in segments, or a search without end
             now = RUNNING if cause == LOG_FULL else cause
-            tally_point(world, known, now, points, results, point)
+            update_point_statistics(world, known, now, points, results, point)
             end_t, end_low = end_of_point(world, now, points, point)
             follow_tangents(world, known, now, end_t, end_low, tangents, results.scratch)
             known = _keep_under_way(world)

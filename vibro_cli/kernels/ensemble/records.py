@@ -8,7 +8,7 @@ from typing import NamedTuple
 from vibro_cli.compile.kernel import kernel, struct
 from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.statistics.impact_columns import Columns, Runs, fill_run
-from vibro_cli.kernels.statistics.run_statistics import Results, tally
+from vibro_cli.kernels.statistics.run_statistics import Results, update_statistics
 from vibro_cli.kernels.world import (
     END_TIME,
     BodyData,
@@ -56,12 +56,12 @@ def end_of_point(world: World, cause: int, points: Points, point: int) -> tuple[
 
 
 @kernel
-def tally_point(
+def update_point_statistics(
     world: World, known: int, cause: int, points: Points, results: Results, point: int
 ) -> None:
     """Tally a run, or a part of one (see ``kernels.statistics.run_statistics``)."""
     end_t, end_low = end_of_point(world, cause, points, point)
-    tally(world, known, cause, end_t, end_low, results, point)
+    update_statistics(world, known, cause, end_t, end_low, results, point)
 
 
 @kernel

@@ -12,7 +12,7 @@ from vibro_cli.kernels.cluster.contact_changes import (
     launch_chain,
     open_contacts,
     relaunch_run,
-    settle,
+    settle_contacts,
 )
 from vibro_cli.kernels.contact.contact_kinematics import (
     CONTACT_ROUNDING,
@@ -392,7 +392,7 @@ def _hit_wall(world: World, ball: int, right: bool) -> int:
     if arriving == 0.0:
         # Launched at the wall without speed, and out at once: it presses.
         flight.pressing = FORCED
-    settle(world, first, count)
+    settle_contacts(world, first, count)
     count_corrections(world, first, count)
     # It alone is at the wall; the others only go on.
     launch_chain(world, first, count, SEGMENT)
@@ -415,7 +415,7 @@ def start(world: World) -> None:
         count = 0
         while first + count < settings.bodies - 1 and _in_contact(world, first + count):
             count += 1
-        settle(world, first, count)
+        settle_contacts(world, first, count)
         count_corrections(world, first, count)
         launch_chain(world, first, count, START)
         first += count + 1
@@ -449,8 +449,8 @@ def advance(world: World) -> int:
     while True:
         impacts = max(clock.impact_rows, clock.contact_rows)
         flights = max(clock.flight_rows, clock.segment_rows)
-        if max(impacts, flights) > settings.room:
-            if settings.keep == 1:
+        if max(impacts, flights) > settings.capacity:
+            if settings.keep_rows == 1:
                 return LOG_FULL
             drop_rows(clock)
         horizon_t, horizon_low, ball, pair = _horizon(world)

@@ -11,7 +11,7 @@ from vibro_cli.kernels.cluster.contact_changes import (
     close_accumulated,
     held_rounding,
     launch_chain,
-    settle,
+    settle_contacts,
 )
 from vibro_cli.kernels.contact.contact_kinematics import (
     lifted_body,
@@ -92,7 +92,7 @@ def collide_jointly(world: World, first: int, count: int) -> int:
         return END_LIFT_OFF
     if clock.impact_rows > start_row:
         _free_pairs(world, first, count)
-    settle(world, first, count)
+    settle_contacts(world, first, count)
     launch_chain(world, first, count, COLLISION)
     # Bodies at walls are those of an open trace: their numbers do not go round.
     if left != 0:

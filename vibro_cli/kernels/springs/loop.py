@@ -165,12 +165,12 @@ def _run(world: World) -> int:
     while True:
         clock.work += 1
         # The rows of one instant are wanted together: the driver makes room for them, if it can.
-        room = settings.room
+        capacity = settings.capacity
         if clock.at_once > 0:
-            room = 2 * settings.room - ROWS_OF_EVENT * len(world.bodies)
-        if clock.impact_rows >= room or clock.state_rows >= room:
+            capacity = 2 * settings.capacity - ROWS_OF_EVENT * len(world.bodies)
+        if clock.impact_rows >= capacity or clock.state_rows >= capacity:
             return LOG_FULL
-        if clock.work >= 2 * settings.room:  # so that progress is told and interrupts are seen
+        if clock.work >= 2 * settings.capacity:  # so that progress is told and interrupts are seen
             return LOG_FULL
         if clock.unsettled != SETTLED:
             cause = _settle(world)

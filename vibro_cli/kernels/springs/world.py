@@ -98,7 +98,7 @@ class Settings:
     substitute: int
     stop_time: float
     stop_collisions: int
-    room: int
+    capacity: int
     finishing: int  # 1: only go on from the last step to the stop
 
 

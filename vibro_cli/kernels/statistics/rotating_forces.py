@@ -242,7 +242,7 @@ def arc_share(track: TrackData, kappa: float, s: float, c: float, squared: float
 
 
 @kernel
-def tally_alone(
+def update_statistics_alone(
     world: World,
     number: int,
     duration: float,
@@ -257,10 +257,10 @@ def tally_alone(
     if world.pieces[row.piece].sign == 0.0:
         replay_flight(world, row, number, scratch)
         end_s, _, end_p = end
-        _tally_on_line(body, track, row.s, outcome)
-        _tally_on_line(body, track, end_s, outcome)
+        _update_statistics_on_line(body, track, row.s, outcome)
+        _update_statistics_on_line(body, track, end_s, outcome)
         if row.p * end_p < 0.0:
-            _tally_on_line(body, track, row.s + turn_on_line(scratch), outcome)
+            _update_statistics_on_line(body, track, row.s + turn_on_line(scratch), outcome)
         return
     bound, most, caution = _bounds_on_arc(world, row)
     bound -= caution
@@ -316,7 +316,9 @@ def _greatest(top: Harmonics, below: Harmonics, low: float, high: float, known: 
 
 
 @kernel
-def _tally_on_line(body: BodyData, track: TrackData, s: float, outcome: Outcome) -> None:
+def _update_statistics_on_line(
+    body: BodyData, track: TrackData, s: float, outcome: Outcome
+) -> None:
     """Count in the forces at a place (m) of a line: both are linear between its ends."""
     normal = body.weight * (track.line_normal + track.line_normal_growth * s)
     pull = track.line_acceleration + track.line_growth * track.line_growth * s

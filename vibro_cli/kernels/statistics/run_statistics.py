@@ -102,7 +102,7 @@ class Results(NamedTuple):
 
 
 @kernel
-def tally(
+def update_statistics(
     world: World,
     known: int,
     cause: int,
@@ -126,10 +126,10 @@ def tally(
     flight = results.scratch[0]
     if known == 0:
         _begin(outcome)
-    _tally_impacts(world, cause, outcome)
+    _update_impact_statistics(world, cause, outcome)
     for ball in range(bodies):
         finals[first_final + ball].latest = ball if known > 0 else -1
-    _tally_flights(world, known, outcome, finals, first_final, flight)
+    _update_flight_statistics(world, known, outcome, finals, first_final, flight)
     if cause == RUNNING:
         return
     outcome.end_cause = cause
@@ -156,7 +156,7 @@ def _begin(outcome: Outcome) -> None:
 
 
 @kernel
-def _tally_impacts(world: World, cause: int, outcome: Outcome) -> None:
+def _update_impact_statistics(world: World, cause: int, outcome: Outcome) -> None:
     count = world.clock[0].impact_rows
     if count > 0:
         if outcome.first_t == NEVER:
@@ -249,7 +249,7 @@ def gap_on_arc(
 
 
 @kernel
-def _tally_flights(
+def _update_flight_statistics(
     world: World,
     known: int,
     outcome: Outcome,
@@ -271,7 +271,7 @@ def _tally_flights(
             end = (row.before_s, row.before_c, row.before_p)
             # Of several launches at one instant only the last one lasts.
             if duration > 0.0:
-                _tally_forces(world, final.latest, duration, end, outcome, scratch)
+                _update_force_statistics(world, final.latest, duration, end, outcome, scratch)
         final.latest = number
 
 
@@ -287,11 +287,11 @@ def _finish(world: World, outcome: Outcome, final: FinalState, scratch: Flight) 
     final.c = c
     final.p = p
     final.end_energy = energy_of_row(world, row, s, c, p)
-    _tally_forces(world, final.latest, duration, (s, c, p), outcome, scratch)
+    _update_force_statistics(world, final.latest, duration, (s, c, p), outcome, scratch)
 
 
 @kernel
-def _tally_forces(
+def _update_force_statistics(
     world: World,
     number: int,
     duration: float,
@@ -312,11 +312,11 @@ def _tally_forces(
             outcome.least_force = least
             outcome.most_demand = demand
         return
-    tally_alone(world, number, duration, end, outcome, scratch)
+    update_statistics_alone(world, number, duration, end, outcome, scratch)
 
 
 @kernel
-def tally_alone(
+def update_statistics_alone(
     world: World,
     number: int,
     duration: float,

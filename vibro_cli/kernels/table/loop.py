@@ -198,11 +198,11 @@ def advance(world: World) -> int:
         if clock.bounces >= settings.stop_bounces:
             return END_BOUNCES
         rows = max(clock.pair_rows, clock.bounce_rows)
-        if rows >= settings.room:
+        if rows >= settings.capacity:
             # The rows of one instant are wanted together, as far as there is room.
             meeting = world.meetings[world.tree[1]]
             later = time_between(meeting.t, meeting.t_low, clock.t, clock.t_low) > 0.0
-            if later or rows > 2 * settings.room - ROWS_OF_EVENT * len(world.balls):
+            if later or rows > 2 * settings.capacity - ROWS_OF_EVENT * len(world.balls):
                 return LOG_FULL
         cause = _event(world)
         if cause != RUNNING:

@@ -136,7 +136,7 @@ class Settings:
     stop_time: float
     stop_collisions: int
     stop_bounces: int
-    room: int
+    capacity: int
 
 
 @struct

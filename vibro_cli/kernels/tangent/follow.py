@@ -245,7 +245,8 @@ def follow_tangents(
     world
         With the rows of the part in its logs; its pairs are used as scratch.
     known
-        0, or the number of bodies for a part that is not the first (see ``run_statistics.tally``).
+        0, or the number of bodies for a part that is not the first, see
+        ``run_statistics.update_statistics``.
     cause, end_t, end_t_low
         ``RUNNING``, or why and when (two doubles, s) the run ended: then all bodies are carried to
         that instant.

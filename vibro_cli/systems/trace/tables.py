@@ -22,7 +22,12 @@ from vibro_cli.kernels.statistics.impact_columns import (
     Runs,
     fill_columns,
 )
-from vibro_cli.kernels.statistics.run_statistics import FinalState, Outcome, Results, tally
+from vibro_cli.kernels.statistics.run_statistics import (
+    FinalState,
+    Outcome,
+    Results,
+    update_statistics,
+)
 from vibro_cli.kernels.world import END_NAMES, RUNNING, Flight, ImpactRow, World
 from vibro_cli.mechanics.system import TraceSystem, law_keeps_energy
 from vibro_cli.numerics.elementwise import Floats
@@ -342,7 +347,8 @@ class Tables:
                 self._tell(columns | grown_columns(grown, columns["grazing"]))
         if ended and self._waiting:
             self._sink("collisions", self._waiting)
-        called(tally, self._overrides, world, known, stretch.cause, *stretch.end, self._results, 0)
+        of_run = known, stretch.cause, *stretch.end, self._results, 0
+        called(update_statistics, self._overrides, world, *of_run)
         if self._events is None and self._motion is None:
             return
         paths = Paths(self._places, world, logs["log"], *stretch.end, self._overrides)

@@ -263,7 +263,7 @@ def _settings(system: TraceSystem, pairs: int, limits: Limits) -> Settings:
     left, right = system.left_end, system.right_end
     settings.left_wall = left.restitution if left else NO_WALL
     settings.right_wall = right.restitution if right else NO_WALL
-    settings.keep = 1
+    settings.keep_rows = 1
     settings.stop_t = NEVER if limits.time is None else limits.time
     return settings
 
