@@ -13,7 +13,7 @@ from vibro_cli.assemble import build_system
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.scenario import Scenario, scenario_of
 from vibro_cli.stress.impacts import PLACES, SPEEDS, columns
-from vibro_cli.stress.oracles.reference_solver import Impact, Twin, happenings_of
+from vibro_cli.stress.oracles.reference_solver import Impact, ReferenceSolver, events_of
 from vibro_cli.stress.oracles.scene import Scene, scene_of_system
 from vibro_cli.stress.oracles.sensitivity import amplification
 from vibro_cli.systems.run import Run
@@ -67,7 +67,7 @@ def twin_of_decimals(name: str) -> list[Impact]:
 
 
 def _follow(scene: Scene, name: str) -> list[Impact]:
-    return Twin(scene).follow(happenings_of(run(name)))
+    return ReferenceSolver(scene).follow(events_of(run(name)))
 
 
 def deviation(quantity: str, value: Any, exact: Any, row: Impact) -> float:

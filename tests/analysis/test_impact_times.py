@@ -15,7 +15,7 @@ from vibro_cli.analysis.impact_times import NoDerivative, impact_times
 from vibro_cli.assemble import build_system
 from vibro_cli.scenario import scenario_of
 from vibro_cli.scenario.problems import parsed_path
-from vibro_cli.stress.oracles.reference_solver import Twin, happenings_of
+from vibro_cli.stress.oracles.reference_solver import ReferenceSolver, events_of
 from vibro_cli.stress.oracles.scene import Scene, chain, scene_of_system
 from vibro_cli.stress.scenes import CIRCLE, THREE_ARCS, VALLEY, ball, scene
 from vibro_cli.systems.trace import simulate_system
@@ -104,11 +104,13 @@ def test_they_are_differences_of_motions_in_50_digits(name: str) -> None:
     scenario = scenario_of(document)
     system, count = build_system(scenario), document["stop"]["collisions"]
     found = impact_times(scenario, system, list(map(parsed_path, OF[name])), count, LATEST)
-    told, own = happenings_of(simulate_system(system, None, count)), scene_of_system(system)
+    told, own = events_of(simulate_system(system, None, count)), scene_of_system(system)
     assert len(found.t) == count
     columns = []
     for key in OF[name]:
-        ahead, back = (Twin(VARIED[key](own, sign * CHANGE)).follow(told) for sign in (1, -1))
+        ahead, back = (
+            ReferenceSolver(VARIED[key](own, sign * CHANGE)).follow(told) for sign in (1, -1)
+        )
         columns.append([
             (one.t - other.t) / (2 * CHANGE) for one, other in zip(ahead, back, strict=True)
         ])  # fmt: skip

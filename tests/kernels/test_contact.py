@@ -17,7 +17,7 @@ from vibro_cli.kernels.contact.first_contact import FINAL_CORRECTION
 from vibro_cli.mechanics.system import Body, InitialState, TraceSystem
 from vibro_cli.scenario.loading import load_scenario
 from vibro_cli.stress.oracles.oracle import first_contact
-from vibro_cli.stress.oracles.reference_solver import Twin
+from vibro_cli.stress.oracles.reference_solver import ReferenceSolver
 from vibro_cli.stress.oracles.scene import Real, mp, scene_of_system
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.trace import simulate_system
@@ -42,7 +42,7 @@ def system_of(starts: tuple[InitialState, ...]) -> TraceSystem:
     return bare_system(TRACE, BODIES, starts, restitution=(0.8,))
 
 
-def gap_rates(twin: Twin, t: Real) -> tuple[Real, Real]:
+def gap_rates(twin: ReferenceSolver, t: Real) -> tuple[Real, Real]:
     """Distance of the surfaces and its rate."""
     a, b = twin.at(0, t), twin.at(1, t)
     dx, dy = b.centre[0] - a.centre[0], b.centre[1] - a.centre[1]
@@ -63,10 +63,10 @@ def beside(name: str, gap: float) -> TraceSystem:
     speed_b = speed
     for _ in range(60):
         system = system_of((a, InitialState(piece_b, place, speed_b)))
-        twin = Twin(scene_of_system(system))
+        twin = ReferenceSolver(scene_of_system(system))
         now, rate = gap_rates(twin, mp.zero)
         rest = system_of((replace(a, speed=0.0), InitialState(piece_b, place, 1.0)))
-        along = gap_rates(Twin(scene_of_system(rest)), mp.zero)[1]
+        along = gap_rates(ReferenceSolver(scene_of_system(rest)), mp.zero)[1]
         place -= float((now - gap) / (along * shape.path_radius(BODIES[1].radius)))
         speed_b -= float(rate / along)
         if abs(now - gap) < 1e-16 and abs(rate) < 1e-16:
@@ -77,7 +77,7 @@ def beside(name: str, gap: float) -> TraceSystem:
 def earlier(system: TraceSystem) -> TraceSystem:
     """The state ``BEFORE`` earlier: forwards with opposite speeds, over no junction."""
     turned = tuple(replace(state, speed=-state.speed) for state in system.initial)
-    twin = Twin(scene_of_system(replace(system, initial=turned)))
+    twin = ReferenceSolver(scene_of_system(replace(system, initial=turned)))
     states = []
     for number, start in enumerate(system.initial):
         now = twin.at(number, mp.mpf(BEFORE))
@@ -89,7 +89,7 @@ def earlier(system: TraceSystem) -> TraceSystem:
 
 def closest(system: TraceSystem) -> tuple[Real, Real]:
     """Instant and size of the smallest gap near the closest approach, in high precision."""
-    twin = Twin(scene_of_system(system))
+    twin = ReferenceSolver(scene_of_system(system))
     low, high = mp.mpf(BEFORE) - mp.mpf("0.05"), mp.mpf(BEFORE) + mp.mpf("0.05")
     assert gap_rates(twin, low)[1] < 0 < gap_rates(twin, high)[1]
     t = mp.findroot(lambda t: gap_rates(twin, t)[1], (low, high), solver="anderson", tol=1e-60)
@@ -112,7 +112,7 @@ def test_a_passing_touch_is_found(name: str, overlap: float) -> None:
     if len(run.collisions["n"]):
         t = float(run.collisions["t"][0])
         assert t < instant + 1e-7
-        gap, _ = gap_rates(Twin(scene_of_system(system)), mp.mpf(t))
+        gap, _ = gap_rates(ReferenceSolver(scene_of_system(system)), mp.mpf(t))
         assert abs(gap) < 8 * 2.0**-52
 
 

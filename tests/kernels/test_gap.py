@@ -18,7 +18,7 @@ from vibro_cli.kernels.contact.contact_kinematics import (
 )
 from vibro_cli.mechanics.system import Body, InitialState
 from vibro_cli.mechanics.trace import ArcShape, Trace
-from vibro_cli.stress.oracles.reference_solver import Place, Twin
+from vibro_cli.stress.oracles.reference_solver import Place, ReferenceSolver
 from vibro_cli.stress.oracles.scene import Real, mp, scene_of_system
 from vibro_cli.systems.trace.world import half_angle
 
@@ -28,10 +28,12 @@ BODIES = (ball(0.1), Body("disk", 0.13, 2.0, 0.5))
 TRACE = three_arcs()
 
 
-def scene(starts: tuple[InitialState, ...], trace: Trace = TRACE) -> tuple[Records, Twin]:
+def scene(
+    starts: tuple[InitialState, ...], trace: Trace = TRACE
+) -> tuple[Records, ReferenceSolver]:
     """The kernels' records of two bodies, and the same in high precision."""
     system = bare_system(trace, BODIES, starts)
-    return records(trace, BODIES, starts), Twin(scene_of_system(system))
+    return records(trace, BODIES, starts), ReferenceSolver(scene_of_system(system))
 
 
 def place(piece: int, share: float, speed: float) -> InitialState:
@@ -40,7 +42,7 @@ def place(piece: int, share: float, speed: float) -> InitialState:
     return InitialState(piece, position, speed)
 
 
-def derivatives(twin: Twin, t: Real) -> tuple[Real, Real, Real]:
+def derivatives(twin: ReferenceSolver, t: Real) -> tuple[Real, Real, Real]:
     """Gap and its derivatives by differences in high precision."""
     h = mp.mpf(10) ** -10
 

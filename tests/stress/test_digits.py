@@ -1,4 +1,4 @@
-"""Runs against the oracle of 40 digits, from scenes with walls, joint impacts, lasting contact."""
+"""Runs against the oracle of 40 digits, from walls, simultaneous impacts, lasting contact."""
 
 from __future__ import annotations
 

@@ -101,7 +101,7 @@ def test_the_break_of_a_rack_with_little_bounce_stays_symmetric_and_admissible(c
     balls = [ball(-1.0, 0.0, 1.0, radius=radius, mass=coming), *racked(rows, radius, mass)]
     run = solve(table(balls, k=k, time=5.0))
     assert run.end_cause == "time"
-    # Joint impacts take in what is as near as 16 units in the last place of places up to 2 m.
+    # Simultaneous impacts take in what is as near as 16 units in the last place, of places to 2 m.
     assert np.max(np.abs(run.collisions["gap"])) <= 1e-14
     final = run.sample([5.0])
     places = triangle(rows)

@@ -158,12 +158,12 @@ def reference_times(scene: Scene) -> list[str]:
 
 def computed_reference(scene: Scene) -> dict[str, Any]:
     """Return the content of a scene's file, computed anew; needs mpmath."""
-    from vibro_cli.stress.oracles.reference_solver import Twin, happenings_of
+    from vibro_cli.stress.oracles.reference_solver import ReferenceSolver, events_of
     from vibro_cli.stress.oracles.scene import mp, scene_of_system
     from vibro_cli.systems.trace import simulate_system
 
     run = simulate_system(scene.system, None, scene.compared, "python")
-    impacts = Twin(scene_of_system(scene.system)).follow(happenings_of(run))
+    impacts = ReferenceSolver(scene_of_system(scene.system)).follow(events_of(run))
     return {
         "scenario": scene.document,
         "unit": "s",

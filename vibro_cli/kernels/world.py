@@ -194,7 +194,9 @@ class PairData(ChainRow):
     apart: int  # 1: proved that the two flights never meet
     normal_a: float  # scratch of an instant: n t of both bodies
     normal_b: float
-    closing: int  # scratch of an instant: ``touching`` to be; 1: takes part in a joint impact
+    closing: (
+        int  # scratch of an instant: ``touching`` to be; 1: takes part in a simultaneous impact
+    )
     pressing: int  # scratch of an instant: see kernels.cluster.contact_changes
     series: Series  # contact force on a segment across pieces, in powers of t/segment (N)
     nodal: Series  # scratch: force at the nodes; its first also energy (J) that closing takes

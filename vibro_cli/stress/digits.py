@@ -28,7 +28,7 @@ from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.scenario.problems import ScenarioError
 from vibro_cli.stress.drawing import draw
 from vibro_cli.stress.oracles.oracle import Bounce, Event, Oracle, Told
-from vibro_cli.stress.oracles.reference_solver import happenings_of
+from vibro_cli.stress.oracles.reference_solver import events_of
 from vibro_cli.stress.oracles.scene import mp, scene_of_system
 from vibro_cli.stress.oracles.sensitivity import MOST_GROWTH, differences, error_of
 from vibro_cli.stress.physics import first_graze, size_of_places
@@ -516,7 +516,7 @@ def errors_of(system: TraceSystem, count: int) -> tuple[float, float]:
 
     Ways (m) and speeds, as the way in the time scale of the system, are compared with one another.
     """
-    told = happenings_of(simulate_system(system, None, count))
+    told = events_of(simulate_system(system, None, count))
     found = follow_system(system, None, count)
     matrix, times = differences(scene_of_system(system), told, found.end_time)
     scale = np.tile([1.0, float(time_scale(system))], len(system.bodies))

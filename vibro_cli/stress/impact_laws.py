@@ -62,10 +62,10 @@ def single_losses(plan: Plan) -> Finding:
     return error
 
 
-def joint_losses(plan: Plan) -> Finding:
+def simultaneous_losses(plan: Plan) -> Finding:
     """Loss of every pair of an impact of two to five pairs at one instant."""
     tried = "3 to 6 bodies in a row that all close at one instant, every law, against 50 digits"
-    error = Finding(QUANTITY.format("a joint impact's"), tried, 4.0)
+    error = Finding(QUANTITY.format("a simultaneous impact's"), tried, 4.0)
     rng = np.random.default_rng([plan.seed, 37])
     for _ in range(plan.amount(40, 2000)):
         document = _closing_row(rng)
@@ -104,7 +104,7 @@ def _error(run: Run, rows: Sequence[int], k: Sequence[float]) -> float:
     """Greatest error of the losses (ulp) of rows that are one impact of neighbouring pairs.
 
     A relative speed is a difference of two speeds, and resolved no better than they are; the loss
-    goes with its square, in a joint impact with it and the impulse, to which all pairs contribute.
+    goes with its square, in simultaneous impacts with it and the impulse, to which all pairs add.
     """
     table = run.collisions
     bodies = scene_of_system(run.system).bodies
@@ -152,7 +152,7 @@ EXPONENT = 0.5 + 2.0 * (2.0 / 128.0) ** 0.5 / math.log(16.0)
 
 def check_energy(plan: Plan) -> list[Finding]:
     """Drift and corrections at k = 1, growth of the RMS over seeds, loss of every impact."""
-    return [*_drift(plan), _growth(plan), single_losses(plan), joint_losses(plan)]
+    return [*_drift(plan), _growth(plan), single_losses(plan), simultaneous_losses(plan)]
 
 
 def _long_scenes() -> dict[str, Document]:

@@ -21,10 +21,10 @@ from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.mechanics.initial_conditions import out_of_order
 from vibro_cli.mechanics.system import InitialState, TraceSystem
 from vibro_cli.stress.oracles.reference_solver import (
-    Happening,
     Impact,
-    Twin,
-    happenings_of,
+    ReferenceSolver,
+    SolverEvent,
+    events_of,
     in_contact,
 )
 from vibro_cli.stress.oracles.scene import Path, mp, scene_of_system
@@ -119,8 +119,8 @@ def check_impacts(plan: Plan) -> list[Finding]:
     )
     rng = np.random.default_rng([plan.seed, 29])
     for document, run, grown in _scenes(rng, plan.amount(4, 100)):
-        twin, exact, last = Twin(scene_of_system(run.system)), [], None
-        for happening in happenings_of(run):
+        twin, exact, last = ReferenceSolver(scene_of_system(run.system)), [], None
+        for happening in events_of(run):
             flight = _Flight(run.system, twin, happening, last)
             last = happening
             exact += twin.follow([happening])
@@ -140,7 +140,7 @@ def _scenes(
 ) -> Iterator[tuple[Document, Run, dict[str, list[float]]]]:
     """Scenes with ten ordinary impacts each, their runs, and how much a change of an input grows.
 
-    Joint impacts and lasting contact are drawn again.
+    Simultaneous impacts and lasting contact are drawn again.
     """
     found = 0
     while found < count:
@@ -210,7 +210,11 @@ class _Flight:
     """
 
     def __init__(
-        self, system: TraceSystem, twin: Twin, event: Happening, last: Happening | None
+        self,
+        system: TraceSystem,
+        twin: ReferenceSolver,
+        event: SolverEvent,
+        last: SolverEvent | None,
     ) -> None:
         places = [twin.at(number, twin.t) for number in range(len(system.bodies))]
         states = [InitialState(now.piece, float(now.place), float(now.speed)) for now in places]
@@ -221,7 +225,7 @@ class _Flight:
         if last is not None and last.kind == "impact":
             scene = in_contact(scene, last.a, last.b)
             self.bounces = (event.a, event.b) == (last.a, last.b)
-        self.twin = Twin(scene)
+        self.twin = ReferenceSolver(scene)
 
     def is_a_start(self) -> bool:
         """Whether the bodies stand in order; those that have gone over the seam once do not."""
@@ -247,7 +251,7 @@ class _Flight:
         return float(error / twin.t), float(EPSILON * moved / abs(speed) / twin.t)
 
 
-def _first_event(system: TraceSystem, told: Happening) -> Any:
+def _first_event(system: TraceSystem, told: SolverEvent) -> Any:
     """The solver's instant of the first event of a kind."""
     run = simulate_system(system, 2.0 * told.t, 1, "python")
     if told.kind == "impact":
@@ -382,7 +386,7 @@ def _first_impacts() -> Finding:
     for on_axis, rate in ((True, 1.7), (True, 3.6), (False, 0.8), (False, 1.2)):
         document = _turning_document(on_axis, rate, 0.95, "hedrih", collisions=10)
         run = solve(document, "compiled")
-        impacts = Twin(scene_of_system(run.system)).follow(happenings_of(run))
+        impacts = ReferenceSolver(scene_of_system(run.system)).follow(events_of(run))
         for row, impact in enumerate(impacts):
             error.take(float(abs(solved(run, "t", row) / impact.t - 1)), document)
     return error

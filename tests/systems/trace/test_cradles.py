@@ -51,7 +51,7 @@ def run_of(balls: list[dict[str, Any]], k: float) -> Run:
 
 
 def after_instant(masses: Any, speeds: Any, k: float) -> Any:
-    """Joint impacts of a row of equal radii: all closing pairs at once, then those, and so on.
+    """Simultaneous impacts of a row of equal radii: all closing pairs at once, and so on.
 
     Each pair's relative speed after the impulses of all closing pairs is -k times the one before;
     where the sequence contracts instead of ending, a common speed is its limit.

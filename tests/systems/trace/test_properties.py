@@ -310,7 +310,7 @@ HIT_AGAIN = _in_a_row([("ball", -1.91875), ("disk", -1.7125), ("ball", -1.50625)
 @example(document=CLOSING_TOGETHER)
 @example(document=HIT_AGAIN)
 def test_mirror_image_on_one_arc_to_the_bit(document: dict[str, Any]) -> None:
-    """Through joint impacts and lasting contact, pair by pair."""
+    """Through simultaneous impacts and lasting contact, pair by pair."""
     run, image = run_of(document), run_of(mirrored(document))
     assert_mirrored_to_the_bit(run, image)
     end = min(TIME, float(run.summary_record()["end_time"]))

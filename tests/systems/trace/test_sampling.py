@@ -14,7 +14,7 @@ import pytest
 
 from tests import references
 from vibro_cli.api import load_scenario, simulate, simulate_streamed
-from vibro_cli.stress.oracles.reference_solver import Twin, happenings_of
+from vibro_cli.stress.oracles.reference_solver import ReferenceSolver, events_of
 from vibro_cli.stress.oracles.scene import mp, scene_of_system
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.wanted import Sampling, Wanted
@@ -77,9 +77,9 @@ def test_against_the_ends_of_flights(name: str) -> None:
 def test_against_the_twin(name: str) -> None:
     """Between its events a body is where the twin says, within the rounding grown so far."""
     run = references.run(name)
-    twin = Twin(scene_of_system(references.system(name)))
+    twin = ReferenceSolver(scene_of_system(references.system(name)))
     checked = 0
-    happenings = happenings_of(run)
+    happenings = events_of(run)
     for happening, following in pairwise(happenings[:15]):
         twin.follow([happening])
         if following.t - happening.t < 1e-9:

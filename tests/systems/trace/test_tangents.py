@@ -23,7 +23,12 @@ from vibro_cli.kernels.world import Flight
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.scenario import scenario_of
 from vibro_cli.storage.folders import write_run
-from vibro_cli.stress.oracles.reference_solver import ArcMotion, Happening, Twin, happenings_of
+from vibro_cli.stress.oracles.reference_solver import (
+    ArcMotion,
+    ReferenceSolver,
+    SolverEvent,
+    events_of,
+)
 from vibro_cli.stress.oracles.scene import mp, scene_of_system
 from vibro_cli.stress.oracles.sensitivity import differences
 from vibro_cli.stress.scenes import CIRCLE, THREE_ARCS, VALLEY, ball, scene, system_of
@@ -99,7 +104,7 @@ SCENES |= {
 def _judge(document: dict[str, Any]) -> tuple[float, float]:
     """Largest errors, relative to the largest elements, of the map and of the impacts' times."""
     system, count = system_of(document), document["stop"]["collisions"]
-    told = happenings_of(simulate_system(system, None, count))
+    told = events_of(simulate_system(system, None, count))
     found = follow_system(system, None, count)
     matrix, times = differences(scene_of_system(system), told, found.end_time)
     return (
@@ -427,11 +432,11 @@ def _falling(rng: np.random.Generator) -> TraceSystem:
     return system_of(_with(document, ends={"left": {"wall": 1.0}}))
 
 
-def _told(run: Any) -> list[Happening]:
+def _told(run: Any) -> list[SolverEvent]:
     """Events of a run as long as three digits are left: then neighbours have others."""
-    told: list[Happening] = []
+    told: list[SolverEvent] = []
     impacts = 0
-    for happening in happenings_of(run):
+    for happening in events_of(run):
         if happening.kind == "impact":
             if run.collisions["digits_left"][impacts] < 3.0:
                 break
@@ -449,7 +454,7 @@ def _true_errors(system: TraceSystem, run: Any) -> list[float]:
         / (2 * len(system.initial))
     )
     pull = -system.gravity * math.sin(0.5)
-    twin = Twin(scene_of_system(system))
+    twin = ReferenceSolver(scene_of_system(system))
     for row, impact in enumerate(twin.follow(_told(run))):
         t = mpmath.mpf(float(found["t"][row])) + mpmath.mpf(float(found["t_low"][row]))
         late, total = float(t - impact.t), 0.0

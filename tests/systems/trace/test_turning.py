@@ -24,7 +24,7 @@ from vibro_cli.compile.kinds import symbol_of
 from vibro_cli.kernels.rotating import TURNING
 from vibro_cli.scenario import load_scenario
 from vibro_cli.stress.impacts import QUANTITIES, SPEEDS, solved
-from vibro_cli.stress.oracles.reference_solver import Twin, happenings_of
+from vibro_cli.stress.oracles.reference_solver import ReferenceSolver, events_of
 from vibro_cli.stress.oracles.scene import scene_of_system
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.trace import simulate_system
@@ -39,7 +39,7 @@ def run(scenario: dict[str, Any], engine: str = "python") -> Run:
 @pytest.mark.parametrize("name", SCENES)
 def test_first_ten_impacts_are_those_of_fifty_digits(name: str, engine: str) -> None:
     found = run(SCENES[name], engine)
-    impacts = Twin(scene_of_system(found.system)).follow(happenings_of(found))
+    impacts = ReferenceSolver(scene_of_system(found.system)).follow(events_of(found))
     assert len(impacts) == 10
     for row, impact in enumerate(impacts):
         for quantity, (_, value) in QUANTITIES.items():

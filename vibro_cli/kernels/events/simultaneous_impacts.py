@@ -30,10 +30,10 @@ from vibro_cli.kernels.impact.chattering import (
 )
 from vibro_cli.kernels.impact.impulse_chain import (
     apply_impulses,
-    joint_impulses,
     last_row_of,
     set_speeds_and_normals,
     share_fastest,
+    simultaneous_impulses,
     touched_wall,
     touches_dissipative_wall,
 )
@@ -335,7 +335,7 @@ def _limit(world: World, first: int, count: int) -> float:
 @kernel
 def _impulses_of_run(world: World, begin: int, length: int, law: int) -> tuple[float, bool]:
     clock = world.clock[0]
-    joint_impulses(world, begin, length, law, 0)
+    simultaneous_impulses(world, begin, length, law, 0)
     start_row = clock.impact_rows
     for step in range(length):
         log_impact(world, number_along(world, begin, step), 0.0, 0.0, law, 0.0)

@@ -35,10 +35,10 @@ from vibro_cli.kernels.impact.impulse_chain import (
     apply_impulses,
     held_from,
     joins,
-    joint_impulses,
     pushes,
     run_around,
     share_fastest,
+    simultaneous_impulses,
     touched_wall,
 )
 from vibro_cli.kernels.impact.laws import (
@@ -439,7 +439,7 @@ def _equalise_run(world: World, begin: int, length: int, rounding: float) -> Non
     for step in range(length):
         j = number_along(world, begin, step)
         world.pairs[j].closing_loss = half_approach(world, j, law)
-    joint_impulses(world, begin, length, law, 1)
+    simultaneous_impulses(world, begin, length, law, 1)
     apply_impulses(world, begin, length, law)
     for step in range(length):
         j = number_along(world, begin, step)
@@ -551,7 +551,7 @@ def _solve_speeds(world: World, first: int, count: int, law: int) -> None:
     while start < count:
         length = pressing_from(world, first, count, start)
         if length > 0:
-            joint_impulses(world, number_along(world, first, start), length, law, 1)
+            simultaneous_impulses(world, number_along(world, first, start), length, law, 1)
         start += length + 1
 
 

@@ -1,4 +1,4 @@
-"""Chains of touching bodies and walls: their extent, joint impacts and contact forces.
+"""Chains of touching bodies and walls: their extent, simultaneous impacts and contact forces.
 
 The pair of a body and its right neighbour has the body's own number; a chain is a run of such
 pairs (round the seam of a closed trace). A wall is a body of infinite mass at the end of a chain:
@@ -241,7 +241,7 @@ def share_fastest(world: World, first: int, count: int) -> float:
 
 
 @kernel
-def joint_impulses(world: World, first: int, count: int, law: int, plastic: int) -> None:
+def simultaneous_impulses(world: World, first: int, count: int, law: int, plastic: int) -> None:
     """Impulses (``solution``) of pairs that close at one instant, each with its own k.
 
     Row of a pair: its law's relative speed after all impulses is ``-k`` times that before;

@@ -266,7 +266,7 @@ def _collide_jointly(world: World, first: int, count: int) -> int:
 
 @kernel
 def _impulses(world: World, start: int, count: int, law: int) -> bool:
-    """Set the speeds after a joint impact, from row ``start`` on; whether every pair parts."""
+    """Set the speeds after simultaneous impacts, from row ``start`` on; whether all pairs part."""
     first = world.impacts[start].pair
     _solve(world, first, count, law)
     for number in range(start, start + count):

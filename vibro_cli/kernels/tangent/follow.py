@@ -63,7 +63,7 @@ from vibro_cli.kernels.world import (
     track_on,
 )
 
-# Columns of the scratch rows of a joint impact.
+# Columns of the scratch rows of a simultaneous impact.
 _IMPULSE = 0
 _NORMAL_A, _NORMAL_B = 1, 2  # derivatives of n t of both bodies
 _DELAY = 3
@@ -451,7 +451,7 @@ def _collide(world: World, tangents: Tangents, first: int, count: int, impact: i
     """Carry tangent vectors over the impacts of an event; returns the row of the next impact."""
     while impact < world.clock[0].impact_rows and _belongs(world, tangents, first, count, impact):
         length = 1
-        while _is_joint(world, impact + length - 1) and length < count - 1:
+        while _is_simultaneous(world, impact + length - 1) and length < count - 1:
             length += 1
         for step in range(length):
             row = world.impacts[impact + step]
@@ -481,7 +481,7 @@ def _belongs(world: World, tangents: Tangents, first: int, count: int, impact: i
 
 
 @kernel
-def _is_joint(world: World, impact: int) -> bool:
+def _is_simultaneous(world: World, impact: int) -> bool:
     """Tell whether an impact and the next one were solved together, as their common body says."""
     if impact + 1 >= world.clock[0].impact_rows:
         return False

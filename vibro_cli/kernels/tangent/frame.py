@@ -18,7 +18,7 @@ SCALE = 2.0**400
 # Rows of the series of a flight that are not of one body, and the greatest power of time in them.
 SERIES_ROWS = 4
 TERMS = 41
-# Columns of the scratch rows of a joint impact.
+# Columns of the scratch rows of a simultaneous impact.
 WIDTH = 4
 
 
@@ -60,7 +60,7 @@ class Tangents(NamedTuple):
     delay: FloatMatrix
     """[0, direction] scratch: derivative of the time of the instant's first impact (s)"""
     turning: FloatMatrix
-    """[pair, ...] scratch: what the rows of a joint impact need, see kernels.tangent.follow"""
+    """[pair, ...] scratch: what rows of simultaneous impacts need, see kernels.tangent.follow"""
     series: FloatMatrix
     """[SERIES_ROWS and one for each body, power] scratch where motion is followed by power series:
     on a trace that turns, see kernels.tangent.rotating_jacobian, and in other systems"""

@@ -71,7 +71,7 @@ class Laws:
         return bool(abs(shares[0] - shares[-1]) <= SAME_LINE * abs(shares[0]))
 
     def solve(self, touches: Sequence[Touch], speeds: list[Real], law: str) -> list[Real]:
-        """Speeds after the joint impact of some touches, each with its restitution."""
+        """Speeds after the simultaneous impact of some touches, each with its restitution."""
         rows, changes = zip(*(self._of(touch, law) for touch in touches), strict=True)
         wanted = [
             -(1 + touch.restitution) * speed_of(row, speeds)

@@ -1,8 +1,9 @@
 """An oracle: the whole motion of a scene in 40 digits, found by itself, event after event.
 
 It knows the model and nothing of the solver: Taylor series of the equations of motion, first zeros
-of polynomials, joint impacts with walls among them, lasting contact with its forces. Bounces that
-accumulate are followed until their rest is shorter than ``REST``; then they have come to their end.
+of polynomials, simultaneous impacts with walls among them, lasting contact with its forces.
+Bounces that accumulate are followed until their rest is shorter than ``REST``; then they have come
+to their end.
 """
 
 from __future__ import annotations

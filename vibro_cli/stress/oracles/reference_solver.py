@@ -101,7 +101,7 @@ ENOUGH = mp.mpf(10) ** -44
 SLACK = mp.mpf(10) ** -9
 
 
-class Happening(NamedTuple):
+class SolverEvent(NamedTuple):
     """One event as the solver tells it; bodies and pieces from 0."""
 
     t: float
@@ -138,7 +138,7 @@ class Impact:
     crossings: int
 
 
-class Twin:
+class ReferenceSolver:
     """Bodies of a scene on their way."""
 
     def __init__(self, scene: Scene) -> None:
@@ -252,7 +252,7 @@ class Twin:
         across_seam = abs(a - b) > 1
         return self.scene.restitution[-1 if across_seam else min(a, b)]
 
-    def hit(self, happening: Happening) -> Impact:
+    def hit(self, happening: SolverEvent) -> Impact:
         """Carry out an impact (an inadmissible one that ends a run changes nothing)."""
         a, b = happening.a, happening.b
         self.t = self.meet(a, b, happening.t)
@@ -307,10 +307,10 @@ class Twin:
                 if mp.hypot(dx, dy) < reach - SLACK:
                     raise ArithmeticError(f"bodies {b + 1}, {a + 1} overlap at t = {self.t}")
 
-    def follow(self, happenings: Iterable[Happening]) -> list[Impact]:
+    def follow(self, events: Iterable[SolverEvent]) -> list[Impact]:
         """Carry out events in their order; return the impacts."""
         impacts = []
-        for happening in happenings:
+        for happening in events:
             before = self.t
             if happening.kind == "impact":
                 impacts.append(self.hit(happening))
@@ -329,7 +329,7 @@ def in_contact(scene: Scene, a: int, b: int) -> Scene:
     touch = scene.bodies[a].radius + scene.bodies[b].radius
     starts = list(scene.starts)
     for _ in range(8):
-        twin = Twin(replace(scene, starts=tuple(starts)))
+        twin = ReferenceSolver(replace(scene, starts=tuple(starts)))
         one, other = twin.at(a, mp.zero), twin.at(b, mp.zero)
         dx, dy = other.centre[0] - one.centre[0], other.centre[1] - one.centre[1]
         along = dx * other.tangent[0] + dy * other.tangent[1]
@@ -339,25 +339,25 @@ def in_contact(scene: Scene, a: int, b: int) -> Scene:
     return twin.scene
 
 
-def happenings_of(run: Any) -> list[Happening]:
+def events_of(run: Any) -> list[SolverEvent]:
     """The events of a run of the solver, from its tables."""
-    found: list[tuple[float, int, Happening]] = []
+    found: list[tuple[float, int, SolverEvent]] = []
     events, rows = run.events, run.collisions
     for number, kind in enumerate(events["event"]):
         if kind in ("crossing", "wall"):
             t, ball = float(events["t"][number]), int(events["ball"][number]) - 1
             right = float(events["speed"][number]) > 0.0
-            found.append((t, 0, Happening(t, kind, ball, to_right=right)))
+            found.append((t, 0, SolverEvent(t, kind, ball, to_right=right)))
         elif kind in ("contact_closed", "contact_opened"):
             raise NotImplementedError("the twin does not follow lasting contact")
     for number in range(len(rows["n"])):
         if rows["simultaneous"][number]:
-            raise NotImplementedError("the twin does not follow joint impacts")
+            raise NotImplementedError("the twin does not follow simultaneous impacts")
         t = float(rows["t"][number])
         a, b = int(rows["ball_a"][number]) - 1, int(rows["ball_b"][number]) - 1
         parted = bool(rows["admissible"][number] or rows["substituted"][number])
         law = str(rows["law"][number])
-        found.append((t, 1, Happening(t, "impact", a, b, law=law, carried_out=parted)))
+        found.append((t, 1, SolverEvent(t, "impact", a, b, law=law, carried_out=parted)))
     # Contact and crossing at one time: crossing first.
     found.sort(key=lambda event: event[:2])
     return [event for _, _, event in found]

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.mechanics.trace import ArcShape, Trace
 from vibro_cli.scenario.loading import any_scenario_of
-from vibro_cli.stress.oracles.reference_solver import Happening, Twin
+from vibro_cli.stress.oracles.reference_solver import ReferenceSolver, SolverEvent
 from vibro_cli.stress.oracles.scene import Path, Scene, mp
 from vibro_cli.stress.scenes import Document, Finding, Plan
 from vibro_cli.systems import system_named
@@ -118,7 +118,7 @@ def derivative(
 
 
 def differences(
-    scene: Scene, happenings: Sequence[Happening], end: float
+    scene: Scene, events: Sequence[SolverEvent], end: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the derivative of the state at an instant (s), and of the times of all impacts.
 
@@ -146,8 +146,8 @@ def differences(
             (piece, numbers[2 * ball] * per_length(ball, piece), numbers[2 * ball + 1])
             for ball, (piece, _, _) in enumerate(scene.starts)
         )
-        twin = Twin(replace(scene, starts=starts))
-        impacts = twin.follow(happenings)
+        twin = ReferenceSolver(replace(scene, starts=starts))
+        impacts = twin.follow(events)
         now = [twin.at(ball, mp.mpf(end)) for ball in range(count)]
         ends = [
             number

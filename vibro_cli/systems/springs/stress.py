@@ -68,7 +68,7 @@ class _Course(NamedTuple):
     common: Series  # and with those it stays together with
 
 
-class Twin:
+class ReferenceSolver:
     """Bodies on springs; a state is ``x, v`` of each, x along the line."""
 
     def __init__(self, system: SpringsSystem) -> None:
@@ -365,6 +365,6 @@ def check_tangent(plan: Plan) -> list[Finding]:
 def neighbours(system: Any, whole: Stretch) -> Any:
     """Return the start of a run, and what leads from others through the same events."""
     told = told_of(whole.logs["impacts"], whole.logs["states"], len(system.bodies))
-    twin = Twin(system)
+    twin = ReferenceSolver(system)
     start = [number for one in system.initial for number in (one.position, one.speed)]
     return start, lambda moved: twin.end_of(moved, told, whole.end[0])

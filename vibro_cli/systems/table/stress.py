@@ -49,7 +49,7 @@ def told_of(pairs: Any, bounces: Any) -> list[Told]:
     return [one for _, one in sorted(found, key=lambda each: each[0])]
 
 
-class Twin:
+class ReferenceSolver:
     """Balls on a table."""
 
     def __init__(self, system: TableSystem) -> None:
@@ -248,7 +248,7 @@ def _contact(plan: Plan) -> Finding:
         run = solve_any(document, "python")
         start = [[mp.mpf(ball[name]) for name in ("x", "y", "velocity_x", "velocity_y")]]
         t, t_low, normal = (float(run.bounces[name][0]) for name in ("t", "t_low", "normal_angle"))
-        exact, _ = Twin(run.system).contact(start, mp.zero, Told(t, (0,), normal))
+        exact, _ = ReferenceSolver(run.system).contact(start, mp.zero, Told(t, (0,), normal))
         error.take(float(abs(exact - mp.mpf(t) - mp.mpf(t_low))) / 3.0, document)
     return error
 
@@ -292,7 +292,7 @@ def _skew(plan: Plan) -> list[Finding]:
 
 def _rack(plan: Plan) -> Finding:
     """A ball breaks a triangle of touching balls along its axis: distance from a mirror image."""
-    tried = "3 to 15 touching balls, joint impacts, k = 1 or random"
+    tried = "3 to 15 touching balls, simultaneous impacts, k = 1 or random"
     distance = Finding("break of a rack, distance from its mirror image", tried, 0.0)
     rng = np.random.default_rng([plan.seed, 5])
     for _ in range(plan.amount(6, 40)):
@@ -375,6 +375,6 @@ def check_tangent(plan: Plan) -> list[Finding]:
 def neighbours(system: Any, whole: Stretch) -> Any:
     """Return the start of a run, and what leads from others through the same events."""
     told = told_of(whole.logs["pair_log"], whole.logs["bounce_log"])
-    twin = Twin(system)
+    twin = ReferenceSolver(system)
     start = [number for one in system.initial for number in (*one.place, *one.velocity)]
     return start, lambda moved: twin.end_of(moved, told, whole.end[0])
