@@ -79,12 +79,12 @@ def system_of(
     )
 
 
-class Findings:
+class Problems:
     """Collects what is wrong, each with its place in the scenario."""
 
     def __init__(self, scenario: AnyScenario) -> None:
         self._scenario = scenario
-        self.problems: list[Problem] = []
+        self.found: list[Problem] = []
 
     def refuse(self, wrong: Some) -> bool:
         """Tell whether something is wrong, which is then to be added."""
@@ -97,26 +97,26 @@ class Findings:
     def add(self, path: str, found: str, expected: str) -> None:
         """Add what was found at a key, and what was expected there."""
         place = self._scenario.place(path)
-        self.problems.append(Problem.at(place, path, found, expected))
+        self.found.append(Problem.at(place, path, found, expected))
 
-    def settle(self) -> None:
+    def raise_if_any(self) -> None:
         """Raise everything found so far, in the order of the file."""
-        if self.problems:
-            raise ScenarioError(in_order(self.problems))
+        if self.found:
+            raise ScenarioError(in_order(self.found))
 
 
 _MASSES = (1e-100, 1e100)
 
 
-def bodies_of(balls: Sequence[BodyTable], findings: Findings) -> tuple[Body, ...]:
+def bodies_of(balls: Sequence[BodyTable], problems: Problems) -> tuple[Body, ...]:
     """Return the bodies; one of a mass that doubles cannot compute with is a finding."""
     bodies = tuple(map(body_of, balls))
     low, high = _MASSES
     for number, (ball, body) in enumerate(zip(balls, bodies, strict=True), 1):
-        if findings.refuse(elementwise.outside(body.mass, low, high)):
+        if problems.refuse(elementwise.outside(body.mass, low, high)):
             key = "mass" if ball.mass is not None else "density"
             found = repr(ball.mass) if ball.mass is not None else f"a mass of {body.mass!r} kg"
-            findings.add(f"balls[{number}].{key}", found, f"a mass from {low} to {high} kg")
+            problems.add(f"balls[{number}].{key}", found, f"a mass from {low} to {high} kg")
     return bodies
 
 
@@ -145,19 +145,19 @@ def build_system(scenario: Scenario) -> TraceSystem:
     Raises ScenarioError with every problem: a trace that does not close or meets itself, bodies
     that do not fit it, that could touch over others, or that start out of order or overlapping.
     """
-    findings = Findings(scenario)
-    trace = _trace(scenario, findings)
-    bodies = bodies_of(scenario.balls, findings)
-    findings.settle()
-    trace_is_sound = _check_trace(trace, findings)
-    turning = _turning(scenario, trace, findings)
-    fits = check_fit(trace, bodies, findings, trace_is_sound)
-    initial = initial_states(scenario, trace, bodies, findings)
+    problems = Problems(scenario)
+    trace = _trace(scenario, problems)
+    bodies = bodies_of(scenario.balls, problems)
+    problems.raise_if_any()
+    trace_is_sound = _check_trace(trace, problems)
+    turning = _turning(scenario, trace, problems)
+    fits = check_fit(trace, bodies, problems, trace_is_sound)
+    initial = initial_states(scenario, trace, bodies, problems)
     if trace_is_sound and fits:
-        check_gaps(trace, bodies, findings)
-        _check_contacts(trace, bodies, findings)
-    check_walls(scenario, trace, bodies, initial, findings)
-    findings.settle()
+        check_gaps(trace, bodies, problems)
+        _check_contacts(trace, bodies, problems)
+    check_walls(scenario, trace, bodies, initial, problems)
+    problems.raise_if_any()
     entered = (
         initial_conditions.enter_piece(trace, state) for state in initial if state is not None
     )
@@ -174,28 +174,28 @@ def with_start_of(scenario: Scenario, system: TraceSystem) -> Scenario:
     return scenario.replace(changes)
 
 
-def _trace(scenario: Scenario, findings: Findings) -> Trace:
+def _trace(scenario: Scenario, problems: Problems) -> Trace:
     try:
         return trace_of(scenario)
     except ValueError as error:
-        findings.add("trace.arcs", str(error), "pieces that make a chain")
-        raise ScenarioError(findings.problems) from error
+        problems.add("trace.arcs", str(error), "pieces that make a chain")
+        raise ScenarioError(problems.found) from error
 
 
-def _turning(scenario: Scenario, trace: Trace, findings: Findings) -> Turning | None:
+def _turning(scenario: Scenario, trace: Trace, problems: Problems) -> Turning | None:
     """The axis and the rate of a trace that turns; None at rest, which a rate of 0 is."""
     table = scenario.trace.turning
     if table is None or table.rate == 0.0:
         return None
     low, high = _RATES
     if not low <= abs(table.rate) <= high:
-        findings.add("trace.turning.rate", repr(table.rate), f"0, or a rate from {low} to {high}")
+        problems.add("trace.turning.rate", repr(table.rate), f"0, or a rate from {low} to {high}")
     if table.through_arc is None:
         return Turning(table.x or 0.0, table.rate)
     return Turning(trace.pieces[table.through_arc - 1].center[0], table.rate)
 
 
-def _check_trace(trace: Trace, findings: Findings) -> bool:
+def _check_trace(trace: Trace, problems: Problems) -> bool:
     """Check that the trace closes if it should, and meets itself nowhere."""
     if trace.closed:
         distance, turn = trace.closing_error()
@@ -203,24 +203,24 @@ def _check_trace(trace: Trace, findings: Findings) -> bool:
         if not turns_once or distance > _CLOSING_TOLERANCE * trace.length:
             found = f"ends {distance:.3g} m apart and a turn of {math.degrees(turn):.9g} deg"
             expected = "a trace that ends where and how it began, after a turn of 360 deg"
-            findings.add("trace.closed", found, expected)
+            problems.add("trace.closed", found, expected)
             return False
-    if not check_turns(trace, findings):
+    if not check_turns(trace, problems):
         return False
     meeting = {frozenset(pair) for pair in reachability.touched_pieces(trace, 0.0)}
     for first, second in sorted(sorted(pair) for pair in meeting):
         found = f"a trace whose arcs {first + 1} and {second + 1} meet"
-        findings.add(f"trace.arcs[{second + 1}]", found, "a trace that does not meet itself")
+        problems.add(f"trace.arcs[{second + 1}]", found, "a trace that does not meet itself")
     return not meeting
 
 
-def check_turns(trace: Trace, findings: Findings) -> bool:
+def check_turns(trace: Trace, problems: Problems) -> bool:
     """Check that no arc runs over itself."""
-    before = len(findings.problems)
-    for piece in findings.refused(trace.pieces, reachability.overlapping_pieces(trace)):
+    before = len(problems.found)
+    for piece in problems.refused(trace.pieces, reachability.overlapping_pieces(trace)):
         expected = "less than a full turn (a full turn of one arc only if the trace is closed)"
-        findings.add(f"trace.arcs[{piece.index + 1}].end_slope", _arc(piece), expected)
-    return len(findings.problems) == before
+        problems.add(f"trace.arcs[{piece.index + 1}].end_slope", _arc(piece), expected)
+    return len(problems.found) == before
 
 
 def _arc(piece: Piece) -> str:
@@ -228,18 +228,18 @@ def _arc(piece: Piece) -> str:
 
 
 def check_fit(
-    trace: Trace, bodies: tuple[Body, ...], findings: Findings, trace_is_sound: bool
+    trace: Trace, bodies: tuple[Body, ...], problems: Problems, trace_is_sound: bool
 ) -> bool:
     """Check that every body fits every valley, and on a sound trace touches its own piece only."""
-    before = len(findings.problems)
+    before = len(problems.found)
     touched: dict[float, tuple[tuple[int, int], ...]] = {}
     for number, body in enumerate(bodies, 1):
         path = f"balls[{number}].radius"
-        narrow = findings.refused(trace.pieces, reachability.narrow_valleys(trace, body.radius))
+        narrow = problems.refused(trace.pieces, reachability.narrow_valleys(trace, body.radius))
         if narrow:
             tightest = min(narrow, key=lambda piece: piece.radius)
             limit = f"less than {tightest.radius!r}, the radius of the valley"
-            findings.add(path, repr(body.radius), f"{limit} that is arc {tightest.index + 1}")
+            problems.add(path, repr(body.radius), f"{limit} that is arc {tightest.index + 1}")
         elif trace_is_sound:
             if body.radius not in touched:
                 touched[body.radius] = reachability.touched_pieces(trace, body.radius)
@@ -247,11 +247,11 @@ def check_fit(
                 own, other = touched[body.radius][0]
                 expected = "a body that touches no other piece than the one it rolls on"
                 found = f"{body.radius!r}, which on arc {own + 1} may touch arc {other + 1}"
-                findings.add(path, found, expected)
-    return len(findings.problems) == before
+                problems.add(path, found, expected)
+    return len(problems.found) == before
 
 
-def check_gaps(trace: Trace, bodies: tuple[Body, ...], findings: Findings) -> None:
+def check_gaps(trace: Trace, bodies: tuple[Body, ...], problems: Problems) -> None:
     """Check that no arc is so nearly a full turn that bodies touch through its gap."""
     known: dict[tuple[float, float], list[Piece]] = {}
     # Many bodies are mostly of a few sizes; arrays of them are not compared.
@@ -261,39 +261,39 @@ def check_gaps(trace: Trace, bodies: tuple[Body, ...], findings: Findings) -> No
         pair = radii if by_radii else (a, b)
         if pair not in known:
             joined = reachability.joined_behind(trace, *radii)
-            known[pair] = findings.refused(trace.pieces, joined)
+            known[pair] = problems.refused(trace.pieces, joined)
         for piece in known[pair]:
             expected = f"one on which bodies {a + 1} and {b + 1} cannot touch through its gap"
-            findings.add(f"trace.arcs[{piece.index + 1}].end_slope", _arc(piece), expected)
+            problems.add(f"trace.arcs[{piece.index + 1}].end_slope", _arc(piece), expected)
 
 
-def _check_contacts(trace: Trace, bodies: tuple[Body, ...], findings: Findings) -> None:
+def _check_contacts(trace: Trace, bodies: tuple[Body, ...], problems: Problems) -> None:
     """Check that bodies touch only as neighbours do."""
     for over in reachability.overreaching(trace, tuple(body.radius for body in bodies)):
         first, second = over.first + 1, over.second + 1
         if over.pieces is not None:
             arcs = f"arcs {over.pieces[0] + 1} and {over.pieces[1] + 1}"
             found = f"bodies that from {arcs} may touch body {first} across a gap of the trace"
-            findings.add(f"balls[{second}].radius", found, "contacts of neighbours only")
+            problems.add(f"balls[{second}].radius", found, "contacts of neighbours only")
             continue
         small = min(over.over, key=lambda index: bodies[index].radius)
         expected = f"one so large that bodies {first} and {second} cannot touch over it"
-        findings.add(f"balls[{small + 1}].radius", repr(bodies[small].radius), expected)
+        problems.add(f"balls[{small + 1}].radius", repr(bodies[small].radius), expected)
 
 
 def initial_states(
-    scenario: Scenario, trace: Trace, bodies: tuple[Body, ...], findings: Findings
+    scenario: Scenario, trace: Trace, bodies: tuple[Body, ...], problems: Problems
 ) -> list[InitialState | None]:
     """Return where each body starts, None where that could not be told."""
     states: list[InitialState | None] = []
     for ball, body in zip(scenario.balls, bodies, strict=True):
-        position = _next_position(scenario, trace, bodies, states, findings)
+        position = _next_position(scenario, trace, bodies, states, problems)
         if position is None:
             states.append(None)
             continue
         piece = trace.pieces[ball.arc - 1]
         states.append(InitialState(piece.index, position, speed_of(ball, body, piece)))
-    _check_order(scenario, trace, bodies, states, findings)
+    _check_order(scenario, trace, bodies, states, problems)
     return states
 
 
@@ -302,7 +302,7 @@ def _next_position(
     trace: Trace,
     bodies: tuple[Body, ...],
     states: Sequence[InitialState | None],
-    findings: Findings,
+    problems: Problems,
 ) -> float | None:
     """The place of the first body whose state is not known yet, None where it could not be told."""
     index = len(states)
@@ -314,9 +314,9 @@ def _next_position(
         key = "position" if piece.is_line else "angle"
         given = ball.position if piece.is_line else ball.angle
         settled = math.nan if given is None else initial_conditions.snap_to_piece(piece, given)
-        if findings.refuse(elementwise.is_nan(settled)):
+        if problems.refuse(elementwise.is_nan(settled)):
             limits = f"{piece.angle_start!r} to {piece.angle_end!r}"
-            findings.add(f"{path}.{key}", repr(given), f"a place on arc {ball.arc}, {limits}")
+            problems.add(f"{path}.{key}", repr(given), f"a place on arc {ball.arc}, {limits}")
             return None
         return settled
     if (previous := states[-1]) is None:
@@ -324,12 +324,12 @@ def _next_position(
     beside = initial_conditions.beside(trace, bodies[index - 1], previous, body)
     if beside is None:
         found = f"no room to the right of body {index}"
-        findings.add(f"{path}.touching", found, "a contact on the trace")
+        problems.add(f"{path}.touching", found, "a contact on the trace")
         return None
     on, position = beside
     if on != piece.index:
         found = f"arc {ball.arc}, while the contact with body {index} is on arc {on + 1}"
-        findings.add(f"{path}.arc", found, f"arc {on + 1}")
+        problems.add(f"{path}.arc", found, f"arc {on + 1}")
         return None
     return position
 
@@ -339,7 +339,7 @@ def _check_order(
     trace: Trace,
     bodies: tuple[Body, ...],
     states: list[InitialState | None],
-    findings: Findings,
+    problems: Problems,
 ) -> None:
     """Check that the bodies start in order along the trace, no two overlap, and there is room."""
     gaps = []
@@ -348,16 +348,16 @@ def _check_order(
         if left is None or right is None:
             continue
         path = _path_of_place(scenario, max(a, b))
-        if b > a and findings.refuse(initial_conditions.out_of_order(left, right)):
+        if b > a and problems.refuse(initial_conditions.out_of_order(left, right)):
             path = f"balls[{b + 1}].arc" if left.piece != right.piece else path
             found = f"body {b + 1} not to the right of body {a + 1}"
-            findings.add(path, found, "bodies in order from left to right")
+            problems.add(path, found, "bodies in order from left to right")
             continue
         gap, rounding = initial_conditions.gap(trace, bodies[a], left, bodies[b], right)
-        if findings.refuse(gap < -rounding):
+        if problems.refuse(gap < -rounding):
             first, second = min(a, b) + 1, max(a, b) + 1
             found = f"bodies {first} and {second} that overlap by {-gap:.6g} m"
-            findings.add(path, found, "bodies that do not overlap")
+            problems.add(path, found, "bodies that do not overlap")
             continue
         gaps.append(gap - 2.0 * rounding)
     if trace.closed and len(bodies) == 2 and len(trace.pieces) == 1:
@@ -365,9 +365,9 @@ def _check_order(
         touching = bodies[0].radius + bodies[1].radius
         rounding = initial_conditions.GAP_ROUNDING * EPSILON * touching
         gaps.append(trace.pieces[0].radius - touching - rounding)
-    if trace.closed and len(gaps) == len(bodies) > 1 and findings.refuse(sum(gaps) <= 0.0):
+    if trace.closed and len(gaps) == len(bodies) > 1 and problems.refuse(sum(gaps) <= 0.0):
         found = "bodies that touch one another all around the closed trace"
-        findings.add("balls", found, "room between two of them")
+        problems.add("balls", found, "room between two of them")
 
 
 def _path_of_place(scenario: Scenario, index: int) -> str:
@@ -382,7 +382,7 @@ def check_walls(
     trace: Trace,
     bodies: tuple[Body, ...],
     states: Sequence[InitialState | None],
-    findings: Findings,
+    problems: Problems,
 ) -> None:
     """Check that the outer bodies, and none else, can meet their walls, and start free of them."""
     for side, index, piece in (
@@ -393,22 +393,22 @@ def check_walls(
             continue
         at_right = side == "right"
         touch = initial_conditions.wall_position(piece, bodies[index].radius, at_right)
-        if findings.refuse(elementwise.is_nan(touch)):
+        if problems.refuse(elementwise.is_nan(touch)):
             found = f"a wall that body {index + 1} cannot meet on arc {piece.index + 1}"
-            findings.add(f"ends.{side}", found, "an end piece with room for the body at its wall")
+            problems.add(f"ends.{side}", found, "an end piece with room for the body at its wall")
             continue
         step = initial_conditions.reaches_over(trace, bodies, at_right)
-        if findings.refuse(step > 0):
+        if problems.refuse(step > 0):
             inner = index - step if at_right else step
             expected = f"one so large that body {inner + 1} cannot reach the {side} wall over it"
-            findings.add(f"balls[{index + 1}].radius", repr(bodies[index].radius), expected)
+            problems.add(f"balls[{index + 1}].radius", repr(bodies[index].radius), expected)
         state = states[index]
         if state is None or state.piece != piece.index:
             continue
-        if findings.refuse(initial_conditions.reaches_into_wall(state.position, touch, at_right)):
+        if problems.refuse(initial_conditions.reaches_into_wall(state.position, touch, at_right)):
             found = f"body {index + 1} reaching into the {side} wall"
             expected = f"a place free of it: {touch!r} or further {'left' if at_right else 'right'}"
-            findings.add(_path_of_place(scenario, index), found, expected)
+            problems.add(_path_of_place(scenario, index), found, expected)
 
 
 AnySystem: TypeAlias = Any

@@ -17,7 +17,7 @@ from vibro_cli import NoBasins, example, sweep
 from vibro_cli.analysis.basins import BOX, Basins, Outcomes, basins_of, outcomes_of
 from vibro_cli.commands.app import run_command_line
 from vibro_cli.figures.analyses import coloured
-from vibro_cli.figures.maps import Coordinate, Lattice, category_map
+from vibro_cli.figures.maps import Coordinate, ParameterMap, category_map
 
 
 def _measured(cells: Any, number: int = 2) -> Basins:
@@ -135,7 +135,7 @@ def test_one_outcome_that_has_no_colour_of_its_own_is_told_in_the_singular() -> 
 @pytest.mark.parametrize("letters", range(18))
 def test_names_of_outcomes_fit_over_the_map(width: str, letters: int) -> None:
     names = tuple(f"inadmissible, {'m' * letters}1 on arc {n}, 2 on arc 3" for n in range(10))
-    shown = Lattice(np.arange(4), (_sides(0.0, 1.0, 0.0, 1.0), _sides(0.0, 0.0, 1.0, 1.0)), ())
+    shown = ParameterMap(np.arange(4), (_sides(0.0, 1.0, 0.0, 1.0), _sides(0.0, 0.0, 1.0, 1.0)), ())
     outcomes = Outcomes(names, np.array([0, 1, 8, 9]))
     drawn = category_map(shown, width, coloured(outcomes))
     assert_texts_are_apart(drawn)

@@ -17,7 +17,7 @@ from tests.grid_folder import CAUSES, place_of, product, write_grid
 from vibro_cli import example, load_scenario, sweep
 from vibro_cli.figures.chart import value_axis
 from vibro_cli.figures.kinds import CONTACT_WORDS, draw_grid, draw_grid_kind
-from vibro_cli.figures.maps import COLOURS, ending_map, lattice, quantity_map, words_of
+from vibro_cli.figures.maps import COLOURS, ending_map, parameter_map, quantity_map, words_of
 from vibro_cli.figures.over_axis import FIRST, curves, diagram, first_times, place_column
 from vibro_cli.figures.style import has_rasters, render
 from vibro_cli.storage.stored import NotAGrid, StoredGrid, is_grid, open_grid
@@ -168,7 +168,7 @@ def test_a_grid_without_a_valid_point_has_no_curves() -> None:
 
 
 def test_cells_end_halfway_between_values(made: Any) -> None:
-    across, along = lattice(made(TWO), 2).coordinates  # type: ignore[union-attr]
+    across, along = parameter_map(made(TWO), 2).coordinates  # type: ignore[union-attr]
     np.testing.assert_allclose(across.edges(), [-1.25, -1.15, -1.0, -0.75, -0.4, 0.0])
     np.testing.assert_allclose(along.edges(), [0.3, 0.7, 0.95, 1.05])
 
@@ -185,7 +185,7 @@ def test_axes_at_even_ratios_are_logarithmic(made: Any, width: str) -> None:
     angles: list[float] = (-np.geomspace(1e-3, 1.0, 7)).tolist()
     gravities: list[float] = np.geomspace(0.5, 8.0, 5).tolist()
     grid = as_logspace(made(product({"balls[1].angle": angles, "gravity": gravities})))
-    across, along = lattice(grid, 2).coordinates  # type: ignore[union-attr]
+    across, along = parameter_map(grid, 2).coordinates  # type: ignore[union-attr]
     np.testing.assert_allclose(across.edges(), -np.geomspace(10**0.25, 10**-3.25, 8))
     np.testing.assert_allclose(along.edges(), np.geomspace(0.5 / 2**0.5, 8.0 * 2**0.5, 6))
     drawn = {one.name: one.figure for one in draw_grid(grid, width)}
@@ -233,7 +233,7 @@ def test_the_map_of_contact_says_what_it_shows(made: Any) -> None:
 
 def test_further_axes_are_held_and_named(made: Any) -> None:
     grid = made(THREE)
-    shown = lattice(grid, 2)
+    shown = parameter_map(grid, 2)
     assert shown is not None
     assert [one.path for one in shown.coordinates] == ["balls[1].angle", "collision.k"]
     assert shown.held == "gravity = 9.81"
@@ -244,7 +244,7 @@ def test_further_axes_are_held_and_named(made: Any) -> None:
 
 
 def test_axes_that_change_together_are_one(made: Any) -> None:
-    shown = lattice(made(TOGETHER), 2)
+    shown = parameter_map(made(TOGETHER), 2)
     assert shown is not None
     assert [one.path for one in shown.coordinates] == ["balls[1].angle", "collision.k"]
     assert len(shown.rows) == 15
@@ -264,7 +264,7 @@ def test_of_axes_that_change_together_one_that_tells_the_others_is_shown(
 ) -> None:
     rows = product({"row": [0, 1, 2], "collision.k": values})
     together = {path: [BODIES[path][row] for row in rows["row"]] for path in paths}
-    shown = lattice(made({**together, "collision.k": rows["collision.k"]}), 2)
+    shown = parameter_map(made({**together, "collision.k": rows["collision.k"]}), 2)
     assert shown is not None
     assert [one.path for one in shown.coordinates] == ["balls[1].body", "collision.k"]
     assert shown.coordinates[0].words == ("disk", "ball", "hoop")
@@ -277,7 +277,7 @@ def test_what_two_axes_tell_together_is_not_held(made: Any) -> None:
     """A mass for each pair of two radii and two starts, beside k."""
     starts = {"balls[1].radius": [0.1, 0.2], "balls[1].angle": [-1.0, -0.5]}
     columns = product({**starts, "collision.k": [1.0, 0.9]})
-    shown = lattice(made({**columns, "balls[1].mass": [1, 1, 2, 2, 2, 2, 1, 1]}), 2)
+    shown = parameter_map(made({**columns, "balls[1].mass": [1, 1, 2, 2, 2, 2, 1, 1]}), 2)
     assert shown is not None
     assert [one.path for one in shown.coordinates] == list(starts)
     assert shown.held == "collision.k = 1"

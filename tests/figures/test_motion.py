@@ -21,7 +21,7 @@ from vibro_cli import Run as Solved
 from vibro_cli import example
 from vibro_cli import simulate as solved
 from vibro_cli.api import Run, simulate
-from vibro_cli.figures.film import Film, Frames, NoFilm, Stage, clock_digits, frame_times, movie
+from vibro_cli.figures.film import Film, FilmFrame, Frames, NoFilm, clock_digits, frame_times, movie
 from vibro_cli.report.html import film_html
 from vibro_cli.scenario import any_scenario_of, load_scenario
 from vibro_cli.systems.trace.figures import film as film_on_trace
@@ -147,7 +147,7 @@ def test_trails_break_at_the_seam() -> None:
 def test_the_plane_shows_the_speeds_at_impacts_between_frames() -> None:
     run = run_of("five_balls")
     frames = film_on_trace(run, frame_times(0.0, 2.0, 0.5, 10))
-    table, plane = run.collisions, Stage(frames, 50.0).plane
+    table, plane = run.collisions, FilmFrame(frames, 50.0).plane
     rows = table["t"] <= 2.0
     speeds = np.concatenate(
         [table[f"speed_{side}_{when}"][rows] for side in "ab" for when in ("pre", "post")]
@@ -161,7 +161,7 @@ def test_the_plane_shows_the_speeds_at_impacts_between_frames() -> None:
 def test_the_stage_places_what_it_shows() -> None:
     """Pixels from the map of the page against matplotlib's own."""
     _, all_frames = shown("three_arcs", 1.0)
-    stage = Stage(all_frames, 100.0)
+    stage = FilmFrame(all_frames, 100.0)
     for axes in (stage.plan, stage.plane):
         a, b, c, d = stage.place(axes)
         x, y = axes.transData.transform((0.7, 0.3))
@@ -178,7 +178,7 @@ def test_gif_has_the_frames_and_the_bodies_where_they_are(name: str) -> None:
     film = Image.open(BytesIO(content))
     assert film.n_frames == len(all_frames.time)  # type: ignore[attr-defined]
     assert film.info["duration"] == 1000 // RATE
-    a, b, c, d = Stage(all_frames, 100.0).place(Stage(all_frames, 100.0).plan)
+    a, b, c, d = FilmFrame(all_frames, 100.0).place(FilmFrame(all_frames, 100.0).plan)
     for frame in (0, 7, 15):
         film.seek(frame)
         picture = np.asarray(film.convert("RGB"), dtype=np.int64)

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from tests.grids.conftest import Write
 from vibro_cli.grids import chunk_writer, chunks, workers
-from vibro_cli.grids.chunk_writer import Encoded, Making, Rooms
+from vibro_cli.grids.chunk_writer import BufferPool, ChunkWriter, Encoded
 from vibro_cli.grids.chunks import Chunks
 from vibro_cli.grids.dataset import known_division, opened, verify
 from vibro_cli.grids.document import load_grid
@@ -41,8 +41,8 @@ def test_stretches_come_in_any_order(small: Write, monkeypatch: pytest.MonkeyPat
         solver = TraceSolver(grid, "python")
         return [solver.solve(np.arange(*stretch)) for stretch in whole.stretches(0)]
 
-    making = Making.of(grid, whole, 0, Rooms())
-    in_order = [making.add(number, one) for number, one in enumerate(solved())]
+    writer = ChunkWriter.of(grid, whole, 0, BufferPool())
+    in_order = [writer.add(number, one) for number, one in enumerate(solved())]
     assert in_order[:-1] == [None] * (len(in_order) - 1)
     assert in_order[-1] is not None
     read = pq.ParquetFile(pa.BufferReader(contents(in_order[-1])["collisions/part-000000.parquet"]))
@@ -53,10 +53,10 @@ def test_stretches_come_in_any_order(small: Write, monkeypatch: pytest.MonkeyPat
     others: list[Encoded | None] = []
     mixed = list(enumerate(solved()))
     random.Random(5).shuffle(mixed)
-    making = Making.of(grid, whole, 0, Rooms())
+    writer = ChunkWriter.of(grid, whole, 0, BufferPool())
     workers = [
         threading.Thread(
-            target=lambda some: others.extend(making.add(*one) for one in some), args=(some,)
+            target=lambda some: others.extend(writer.add(*one) for one in some), args=(some,)
         )
         for some in (mixed[:4], mixed[4:8], mixed[8:])
     ]

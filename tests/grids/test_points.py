@@ -9,7 +9,7 @@ from vibro_cli.assemble import build_system
 from vibro_cli.grids.document import document_at
 from vibro_cli.scenario import ScenarioError
 from vibro_cli.scenario.loading import load_document, scenario_of
-from vibro_cli.systems.trace.system_template import Reader, Setting
+from vibro_cli.systems.trace.system_template import Reader, SystemTemplate
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 END = 0.8726646259971648  # of the first arc of three_arcs, 50 deg
@@ -39,7 +39,7 @@ def test_points_are_what_the_reader_says() -> None:
             assert found == "; ".join(lines)
             seen.add(found.partition(":")[0])
         else:
-            assert found == Setting(scenario, system)
+            assert found == SystemTemplate(scenario, system)
             seen.add("valid")
     assert {"valid", "collision.k", "gravity", "balls[1].radius", "balls[2].angle"} <= seen
 
@@ -53,5 +53,5 @@ def test_words_are_read_alone() -> None:
             assert isinstance(found, str)
             assert found.startswith("collision.law: ")
             continue
-        assert isinstance(found, Setting)
+        assert isinstance(found, SystemTemplate)
         assert (found.system.law, found.system.restitution) == (law, (k,))

@@ -10,8 +10,8 @@ from vibro_cli.kernels.numerics.elliptic import set_theta_constants
 from vibro_cli.kernels.world import BodyData, Flight, PairTrack, PieceData, TrackData
 from vibro_cli.mechanics.system import Body, InitialState
 from vibro_cli.mechanics.trace import ArcShape, Trace
+from vibro_cli.systems.request import Limits
 from vibro_cli.systems.trace.world import make_world
-from vibro_cli.systems.wanted import Limits
 
 
 class Records(NamedTuple):

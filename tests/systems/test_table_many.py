@@ -18,10 +18,10 @@ from vibro_cli.kernels.table.world import World
 from vibro_cli.mechanics.system import touching_distance
 from vibro_cli.scenario import ScenarioError, any_scenario_of
 from vibro_cli.systems.driver import Driver
+from vibro_cli.systems.request import NO_LIMITS, Limits
 from vibro_cli.systems.table.build import build
 from vibro_cli.systems.table.scenario import TableScenario
 from vibro_cli.systems.table.system import LOOP, make_world
-from vibro_cli.systems.wanted import NO_LIMITS, Limits
 
 R = 0.1
 

@@ -37,12 +37,12 @@ from vibro_cli.numerics.elementwise import Dual, Floats, change_of, value_of
 from vibro_cli.scenario.models import Scenario
 from vibro_cli.scenario.problems import KeyPath, ScenarioError, path_text
 from vibro_cli.systems.driver import body_record, with_logs
+from vibro_cli.systems.request import Limits
 from vibro_cli.systems.run import begun
 from vibro_cli.systems.trace import SYSTEM
 from vibro_cli.systems.trace.motion import Places
 from vibro_cli.systems.trace.system_template import changed
 from vibro_cli.systems.trace.world import make_world
-from vibro_cli.systems.wanted import Limits
 
 
 class NoDerivative(VibroError, ValueError):

@@ -43,10 +43,10 @@ from vibro_cli.scenario.loading import any_scenario_of
 from vibro_cli.storage.files import available_cores, json_bytes
 from vibro_cli.systems.contract import Document
 from vibro_cli.systems.driver import Driver
+from vibro_cli.systems.request import Limits, OutputRequest
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.trace import simulate_system
 from vibro_cli.systems.trace.ensemble import Batch, empty_results, points_of
-from vibro_cli.systems.wanted import Limits, Wanted
 from vibro_cli.told import WORK
 
 _IMPACTS = 20_000
@@ -343,7 +343,7 @@ def _kernel_skips() -> list[tuple[str, Scene, DriverRunner, DriverRunner]]:
 
 def _make_tables(all_of_them: bool) -> None:
     """A short interpreted run and its impacts, or all its tables."""
-    wanted = Wanted(step=0.01, turning_points=True, friction=0.3) if all_of_them else None
+    wanted = OutputRequest(step=0.01, turning_points=True, friction=0.3) if all_of_them else None
     system = BY_NAME["three_arcs"].system
     run: Run = simulate_system(system, None, _SHORT_RUN, "python", wanted)
     assert len(run.collisions["n"]) == _SHORT_RUN

@@ -50,7 +50,7 @@ from vibro_cli.systems.columns import Table
 from vibro_cli.systems.contract import Document, TimedScene
 from vibro_cli.systems.trace.ensemble import Batch, empty_results
 from vibro_cli.systems.trace.grid_solver import Logged, LogSpace, Task, impact_columns
-from vibro_cli.systems.trace.system_template import Setting
+from vibro_cli.systems.trace.system_template import SystemTemplate
 from vibro_cli.told import WORK
 
 ROWS, SUMMARIES = "every impact", "summaries only"
@@ -122,19 +122,19 @@ class _Kernels:
 
     def __init__(self, grid: Grid, chunks: Chunks) -> None:
         scenario = scenario_of(grid.base.data)
-        self._setting = Setting(scenario, build_system(scenario))
+        self._template = SystemTemplate(scenario, build_system(scenario))
         self._work = [
             (points, self._planned(grid, points))
             for chunk in range(chunks.count)
             for points in (np.arange(*stretch) for stretch in chunks.stretches(chunk))
         ]
         table = impact_table_of(grid) if grid.keep.collisions else None
-        self._solvers = [_Solver(self._setting.system, table) for _ in range(available_cores())]
+        self._solvers = [_Solver(self._template.system, table) for _ in range(available_cores())]
 
     def _planned(self, grid: Grid, points: Array) -> Task:
         values = grid.design.columns(points)
-        systems = self._setting.systems(values, len(points))
-        return Task.of(self._setting.starts(values, systems), systems, points)
+        systems = self._template.systems(values, len(points))
+        return Task.of(self._template.starts(values, systems), systems, points)
 
     def go(self) -> int:
         """Solve all points; return their impacts."""

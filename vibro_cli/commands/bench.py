@@ -60,25 +60,25 @@ def _check_names(option: str, what: str, names: Sequence[str], known: Collection
         raise CommandError(text)
 
 
-def _measure(wishes: BenchCommand, form: str) -> int:
+def _measure(options: BenchCommand, form: str) -> int:
     from vibro_cli.benchmark import methods, suite
     from vibro_cli.benchmark.measurement import PLANS, describe_machine
     from vibro_cli.benchmark.scenes import BY_NAME
     from vibro_cli.storage.files import check_replaceable
 
-    _check_names("--scene", "scene", wishes.scene, BY_NAME)
+    _check_names("--scene", "scene", options.scene, BY_NAME)
     details = {"machine": describe_machine(), "plan": form}
     missing = sorted(set(methods.PEERS) - set(methods.installed_peers()))
     if missing:
         names = ", ".join(missing)
         say(f"vibro: not measured because not installed: {names} (pip install 'vibro-cli[peers]')")
     rows: list[Row] = []
-    target = Path(wishes.output)
+    target = Path(options.output)
     check_replaceable(target, "benchmark")
-    for found in each_as_told("measuring", suite.run(PLANS[form], tuple(wishes.scene))):
+    for found in each_as_told("measuring", suite.run(PLANS[form], tuple(options.scene))):
         rows += found
         for row in found:
-            print_found(vars(row), [_line(row)], wishes.as_json)
+            print_found(vars(row), [_line(row)], options.as_json)
     _write(rows, details, target)
     say(f"vibro: wrote {target / 'benchmark.html'}")
     return DONE

@@ -136,22 +136,22 @@ def _read_shard(text: str) -> "Shard":
         ) from None
 
 
-def load(wishes: GridCommand) -> "Grid":
+def load(options: GridCommand) -> "Grid":
     """The grid that was asked for; raises `CommandError` with every problem of it."""
     from vibro_cli.commands.shared.loading import refusals_told
     from vibro_cli.grids.document import load_grid
 
-    with refusals_told(wishes.source):
-        return load_grid(wishes.source, wishes.overrides)
+    with refusals_told(options.source):
+        return load_grid(options.source, options.overrides)
 
 
-def _workers(wishes: GridCommand) -> int:
+def _workers(options: GridCommand) -> int:
     from vibro_cli.storage.files import available_cores
 
-    return wishes.workers or available_cores()
+    return options.workers or available_cores()
 
 
-def _estimate(wishes: GridCommand) -> int:
+def _estimate(options: GridCommand) -> int:
     """Say what the grid would take: the start, which is made here too, and the solving."""
     import time
 
@@ -159,12 +159,12 @@ def _estimate(wishes: GridCommand) -> int:
     from vibro_cli.grids.workers import estimate, expected_impacts, impact_density
 
     begin = time.perf_counter()
-    found = load(wishes)
+    found = load(options)
     expected = expected_impacts(found)
-    chunks = Chunks.of(found, expected, impact_density(found, expected, wishes.engine))
+    chunks = Chunks.of(found, expected, impact_density(found, expected, options.engine))
     start = time.perf_counter() - begin
-    one = estimate(found, wishes.engine, chunks.stretch)
-    workers = _workers(wishes)
+    one = estimate(found, options.engine, chunks.stretch)
+    workers = _workers(options)
     points = chunks.points
     told = {
         "name": found.name,
@@ -177,7 +177,7 @@ def _estimate(wishes: GridCommand) -> int:
         "workers": workers,
         "sampled": one.sampled,
     }
-    if wishes.as_json:
+    if options.as_json:
         print(json_text(told))
     _tell_estimate(told, chunks.sizes)
     return DONE
@@ -201,7 +201,7 @@ def _span(sizes: list[int]) -> str:
     return f"{least:,}" if least == most else f"{least:,} to {most:,}"
 
 
-def _sweep(wishes: GridCommand) -> int:
+def _sweep(options: GridCommand) -> int:
     """Solve what is missing of the dataset."""
     import os
 
@@ -209,24 +209,24 @@ def _sweep(wishes: GridCommand) -> int:
     # said before it is imported.
     os.environ.setdefault("MIMALLOC_PURGE_DELAY", "-1")
 
-    found = load(wishes)
-    state = sweep(wishes, found, _workers(wishes))
-    if wishes.as_json:
+    found = load(options)
+    state = sweep(options, found, _workers(options))
+    if options.as_json:
         print(json_text(state))
     if not state["complete"]:
         return FAILED
     unsound = state["invalid"] + state["failed"] + state["inadmissible"]
-    return NOT_STRICT if wishes.strict and unsound else DONE
+    return NOT_STRICT if options.strict and unsound else DONE
 
 
-def sweep(wishes: GridCommand, grid: "Grid", workers: int) -> dict[str, Any]:
+def sweep(options: GridCommand, grid: "Grid", workers: int) -> dict[str, Any]:
     """Solve what is missing of a grid's dataset; return what there is now, as plain values."""
     from vibro_cli.grids.dataset import merge, opened
 
-    whole = wishes.folder_of(grid)
-    shard = None if wishes.shard is None else _read_shard(wishes.shard)
+    whole = options.folder_of(grid)
+    shard = None if options.shard is None else _read_shard(options.shard)
     folder = whole if shard is None else shard.folder_in(whole)
-    chunks = _chunks(wishes, grid, folder)
+    chunks = _chunks(options, grid, folder)
     wanted = None
     if shard is not None:
         _warn_of_few_chunks(grid.name, chunks.count, shard.count)
@@ -234,30 +234,30 @@ def sweep(wishes: GridCommand, grid: "Grid", workers: int) -> dict[str, Any]:
         if not wanted and not folder.exists():
             _say_nothing_to_do(grid.name, whole, shard.number > chunks.count)
             return _state(grid.name, whole, [], complete=True)
-    with opened(folder, grid, chunks, wishes.force, wanted) as dataset:
-        if wishes.merge:
+    with opened(folder, grid, chunks, options.force, wanted) as dataset:
+        if options.merge:
             for _ in merge(dataset):
                 pass
         else:
-            if wishes.repair:
+            if options.repair:
                 _drop_damaged(dataset)
-            _solve(wishes, dataset, workers)
+            _solve(options, dataset, workers)
     state = _state(grid.name, folder, dataset.receipts.values(), not dataset.missing)
     _tell(grid.name, state, folder, _first_reason(dataset))
     return state
 
 
-def _chunks(wishes: GridCommand, grid: "Grid", folder: Path) -> "Chunks":
+def _chunks(options: GridCommand, grid: "Grid", folder: Path) -> "Chunks":
     """How the grid is divided: as its folder or that of a shard has it, if it is there already."""
     from vibro_cli.grids.dataset import division_of_shards, known_division
     from vibro_cli.grids.workers import chunks_of
 
-    known = None if wishes.force else known_division(folder)
-    if known is None and wishes.shard is not None:
-        known = known_division(wishes.folder_of(grid))
-    if wishes.merge and known is None:
+    known = None if options.force else known_division(folder)
+    if known is None and options.shard is not None:
+        known = known_division(options.folder_of(grid))
+    if options.merge and known is None:
         known = division_of_shards(folder)
-    return chunks_of(grid, known, wishes.engine)
+    return chunks_of(grid, known, options.engine)
 
 
 def _warn_of_few_chunks(name: str, chunks: int, shards: int) -> None:
@@ -291,7 +291,7 @@ def _drop_damaged(dataset: "Dataset") -> None:
             del dataset.receipts[chunk]
 
 
-def _solve(wishes: GridCommand, dataset: "Dataset", workers: int) -> None:
+def _solve(options: GridCommand, dataset: "Dataset", workers: int) -> None:
     """Solve the missing chunks; what is finished is taken down, however it ends."""
     from vibro_cli.grids.workers import solve_in_threads, solve_on_cluster
 
@@ -308,14 +308,14 @@ def _solve(wishes: GridCommand, dataset: "Dataset", workers: int) -> None:
     sizes = dataset.chunks.sizes
     progress = Progress(sum(sizes[chunk] for chunk in missing))
     given = dataset.grid, dataset.chunks, missing, dataset.folder
-    if wishes.dask is None:
-        receipts = solve_in_threads(*given, workers, wishes.engine, progress.add)
+    if options.dask is None:
+        receipts = solve_in_threads(*given, workers, options.engine, progress.add)
     else:
-        receipts = solve_on_cluster(*given, wishes.dask, wishes.engine, progress.add)
+        receipts = solve_on_cluster(*given, options.dask, options.engine, progress.add)
     try:
         for receipt in receipts:
             dataset.add(receipt)
-            _check_failures(wishes, dataset)
+            _check_failures(options, dataset)
     except BaseException:
         receipts.close()
         _keep(dataset)
@@ -334,8 +334,8 @@ def _keep(dataset: "Dataset") -> None:
         say("vibro: the manifest could not be written; no part on the disk is lost by that")
 
 
-def _check_failures(wishes: GridCommand, dataset: "Dataset") -> None:
-    most = wishes.max_failures
+def _check_failures(options: GridCommand, dataset: "Dataset") -> None:
+    most = options.max_failures
     found = sum(one.invalid + one.failed for one in dataset.receipts.values())
     if most is not None and found > most:
         text = f"vibro: {found} points are invalid or failed, --max-failures allows {most}"
@@ -361,7 +361,7 @@ def _state(
 
 
 def _tell(name: str, state: dict[str, Any], folder: Path, reason: str | None) -> None:
-    from vibro_cli.systems.wanted import EARLY_ENDS
+    from vibro_cli.systems.request import EARLY_ENDS
 
     odd = [
         f"{state[word]:,} {word}" for word in ("invalid", "failed", "inadmissible") if state[word]

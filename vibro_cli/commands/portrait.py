@@ -67,7 +67,7 @@ Figures = dict[str, "Figure"]
 """By the stems of their files."""
 
 
-def varied(wishes: "PortraitCommand", vary: str, kind: "System") -> tuple[dict[str, Any], Figures]:
+def varied(options: "PortraitCommand", vary: str, kind: "System") -> tuple[dict[str, Any], Figures]:
     """The types of a family, where they change, and the figure of its portraits."""
     from vibro_cli.analysis.singular import IMPOSSIBLE, changes
 
@@ -75,7 +75,7 @@ def varied(wishes: "PortraitCommand", vary: str, kind: "System") -> tuple[dict[s
     ball, portraits = ball_of(path), kind.part("portrait")
     (first, last), unit = _numbers(path, ends, kind.model)
     values = [first + (last - first) * step / (number - 1) for step in range(number)]
-    found = {value: _member(wishes, path, value) for value in values}
+    found = {value: _member(options, path, value) for value in values}
     reasons = {value: one for value, one in found.items() if isinstance(one, str)}
     members = {value: one for value, one in found.items() if value not in reasons}
     if not members:
@@ -83,7 +83,7 @@ def varied(wishes: "PortraitCommand", vary: str, kind: "System") -> tuple[dict[s
 
     @cache
     def type_of(value: float) -> str:
-        one = found[value] if value in found else _member(wishes, path, value)
+        one = found[value] if value in found else _member(options, path, value)
         return IMPOSSIBLE if isinstance(one, str) else portraits.family_type(one, ball)
 
     record = {
@@ -96,7 +96,7 @@ def varied(wishes: "PortraitCommand", vary: str, kind: "System") -> tuple[dict[s
         ],
         "changes": [vars(change) for change in changes(type_of, sorted(values))],
     }
-    if not wishes.figures:
+    if not options.figures:
         return record, {}
     from vibro_cli.figures.maps import words_of
 
@@ -104,7 +104,7 @@ def varied(wishes: "PortraitCommand", vary: str, kind: "System") -> tuple[dict[s
         (f"{words_of(path)} = {f'{value:.6g} {unit}'.rstrip()}", one)
         for value, one in members.items()
     ]
-    return record, {"family": portraits.family_figure(titled, ball, wishes.width)}
+    return record, {"family": portraits.family_figure(titled, ball, options.width)}
 
 
 def _numbers(path: str, texts: Sequence[str], model: Any) -> tuple[list[float], str]:
@@ -128,26 +128,26 @@ def _numbers(path: str, texts: Sequence[str], model: Any) -> tuple[list[float], 
         raise CommandError(f"vibro: --vary: {path}: {error.message()}") from error
 
 
-def _with(wishes: "PortraitCommand", path: str, value: str) -> Any:
+def _with(options: "PortraitCommand", path: str, value: str) -> Any:
     """The system with one more override; raises `ScenarioError` where it is not possible."""
     from vibro_cli.assemble import build_any
     from vibro_cli.scenario.loading import load_any
 
-    return build_any(load_any(wishes.scenario, [*wishes.overrides, f"{path}={value}"]))
+    return build_any(load_any(options.scenario, [*options.overrides, f"{path}={value}"]))
 
 
-def _member(wishes: "PortraitCommand", path: str, value: float) -> Any:
+def _member(options: "PortraitCommand", path: str, value: float) -> Any:
     """The system at a value of a family, or in words why it is not possible."""
     from vibro_cli.scenario.problems import ScenarioError
 
     try:
-        return _with(wishes, path, repr(value))
+        return _with(options, path, repr(value))
     except ScenarioError as error:
         first = error.problems[0]
         return f"{first.path}: found {first.found}, expected {first.expected}"
 
 
-def compared(wishes: "PortraitCommand", compare: str) -> tuple[dict[str, Any], Figures]:
+def compared(options: "PortraitCommand", compare: str) -> tuple[dict[str, Any], Figures]:
     """The singular points of a few members, and one figure of them all."""
     from vibro_cli.analysis.levels import Landscape
     from vibro_cli.analysis.singular import as_record, portrait_of
@@ -156,7 +156,7 @@ def compared(wishes: "PortraitCommand", compare: str) -> tuple[dict[str, Any], F
     path, values = parsed_values(compare)
     ball = ball_of(path)
     try:
-        systems = {value: _with(wishes, path, value) for value in values}
+        systems = {value: _with(options, path, value) for value in values}
     except ScenarioError as error:
         raise CommandError(f"vibro: --compare: {error}") from error
     members = {value: portrait_of(Landscape.of(one, ball)) for value, one in systems.items()}
@@ -168,11 +168,11 @@ def compared(wishes: "PortraitCommand", compare: str) -> tuple[dict[str, Any], F
         "ball": ball,
         "members": [{"value": value, **as_record(one)} for value, one in members.items()],
     }
-    if not wishes.figures:
+    if not options.figures:
         return record, {}
     from vibro_cli.figures.portraits.trace_phase_plane import comparison
 
-    return record, {"comparison": comparison(list(members.items()), wishes.width)}
+    return record, {"comparison": comparison(list(members.items()), options.width)}
 
 
 def family_lines(family: dict[str, Any]) -> Iterator[str]:
@@ -266,7 +266,7 @@ class PortraitCommand:
 
 
 def _analysed(
-    wishes: PortraitCommand, scenario: "AnyScenario", system: Any
+    options: PortraitCommand, scenario: "AnyScenario", system: Any
 ) -> tuple[dict[str, Any], dict[str, bytes]]:
     """The singular points of each body, and the figures' files."""
     from vibro_cli.interface import pictures
@@ -274,23 +274,23 @@ def _analysed(
     from vibro_cli.systems.contract import NoPortrait
 
     kind = system_named(scenario.system)
-    if wishes.compare and not kind.has_comparisons:
+    if options.compare and not kind.has_comparisons:
         fit = _those(lambda one: one.has_comparisons)
         raise CommandError(f"vibro: {scenario.name}: --compare is of {fit}")
-    if wishes.vary and not kind.has_families:
+    if options.vary and not kind.has_families:
         fit = _those(lambda one: one.has_families)
         raise CommandError(f"vibro: {scenario.name}: --vary is of {fit}")
     try:
-        drawn = range(1, len(system.bodies) + 1) if wishes.figures else ()
-        table, figures = kind.portrait(system, wishes.width, drawn)
+        drawn = range(1, len(system.bodies) + 1) if options.figures else ()
+        table, figures = kind.portrait(system, options.width, drawn)
     except NoPortrait as error:
         raise CommandError(f"vibro: {scenario.name}: {error}") from error
     found: dict[str, Any] = {"name": scenario.name, **table}
-    if wishes.vary is not None:
-        found["family"], more = varied(wishes, wishes.vary, kind)
+    if options.vary is not None:
+        found["family"], more = varied(options, options.vary, kind)
         figures |= more
-    if wishes.compare is not None:
-        found["comparison"], more = compared(wishes, wishes.compare)
+    if options.compare is not None:
+        found["comparison"], more = compared(options, options.compare)
         figures |= more
     return found, pictures(figures)
 

@@ -184,32 +184,32 @@ class ReportCommand:
         return DONE
 
 
-def _subject(wishes: ReportCommand) -> "Subject":
+def _subject(options: ReportCommand) -> "Subject":
     """What is reported: runs, or one grid; raises `CommandError` where that is not possible."""
     from vibro_cli.storage.stored import is_grid, open_grid
 
-    grids = [folder for folder in wishes.folders if is_grid(folder)]
+    grids = [folder for folder in options.folders if is_grid(folder)]
     if not grids:
-        return _runs(wishes)
-    if len(wishes.folders) > 1:
+        return _runs(options)
+    if len(options.folders) > 1:
         raise CommandError(f"vibro: {grids[0]} holds a grid, which is reported alone")
-    if wishes.animate is not None:
+    if options.animate is not None:
         raise CommandError(f"vibro: {grids[0]} holds a grid; --animate takes a run")
     return open_grid(grids[0])
 
 
-def _runs(wishes: ReportCommand) -> "Runs":
+def _runs(options: ReportCommand) -> "Runs":
     """The runs of the folders, all of one system; raises `CommandError` where that is not so."""
     from vibro_cli.storage.stored import open_run
 
-    found = [open_run(folder) for folder in wishes.folders]
+    found = [open_run(folder) for folder in options.folders]
     systems = [run.scenario.system for run in found]
-    for folder, system in zip(wishes.folders, systems, strict=True):
+    for folder, system in zip(options.folders, systems, strict=True):
         if system != systems[0]:
-            first = f"{wishes.folders[0]} of {systems[0]}"
+            first = f"{options.folders[0]} of {systems[0]}"
             raise CommandError(f"vibro: {folder} is of {system} and {first}; expected one system")
-    if wishes.animate is not None:
-        _check_film(found[0], wishes.animate, wishes)
+    if options.animate is not None:
+        _check_film(found[0], options.animate, options)
     return found
 
 
@@ -241,24 +241,24 @@ def _page(subject: "Subject", beside: Path, maps: Sequence[str]) -> bytes:
         raise CommandError(f"vibro: --map: {error}") from error
 
 
-def _check(wishes: ReportCommand) -> None:
+def _check(options: ReportCommand) -> None:
     """Raise `CommandError` before anything is drawn if some file could not take its place."""
     from vibro_cli.report.html import is_report
     from vibro_cli.scenario.base import checked_page
     from vibro_cli.storage.files import check_replaceable, first_bytes
 
-    target, pdf = wishes.target, wishes.pdf
+    target, pdf = options.target, options.pdf
     try:
         checked_page("--output", target)
     except ValueError as error:
         raise CommandError(f"vibro: {error}") from error
-    printed = wishes.output == "-"
+    printed = options.output == "-"
     if not printed and target.exists() and not is_report(first_bytes(target, _HEAD)):
         raise CommandError(f"vibro: {target} exists and is no vibro report; it is left as it is")
     if pdf is not None and pdf.exists() and first_bytes(pdf, 5) != b"%PDF-":
         raise CommandError(f"vibro: {pdf} exists and is no PDF; it is left as it is")
-    if wishes.figures is not None:
-        check_replaceable(wishes.figures, "figures")
+    if options.figures is not None:
+        check_replaceable(options.figures, "figures")
 
 
 def _drawn(subject: "Subject", width: str, maps: Sequence[str]) -> "Iterator[tuple[str, Drawn]]":
@@ -275,7 +275,7 @@ def _drawn(subject: "Subject", width: str, maps: Sequence[str]) -> "Iterator[tup
         yield from ((f"{prefix}{drawn.name}", drawn) for drawn in each)
 
 
-def _write_figures(subject: "Subject", wishes: ReportCommand) -> None:
+def _write_figures(subject: "Subject", options: ReportCommand) -> None:
     """Write the figures into one PDF, into a folder in all forms, or both, each drawn once."""
     from vibro_cli.figures.style import FORMATS, render_pages
     from vibro_cli.interface import pictures
@@ -285,24 +285,24 @@ def _write_figures(subject: "Subject", wishes: ReportCommand) -> None:
     files: dict[str, bytes] = {}
 
     def figures() -> "Iterator[Drawn]":
-        for stem, one in _drawn(subject, wishes.width, wishes.maps):
-            if wishes.figures is not None:
+        for stem, one in _drawn(subject, options.width, options.maps):
+            if options.figures is not None:
                 files.update(pictures({stem: one.figure}, FORMATS))
             yield one
 
     with work_told():
         drawn = figures()
-        if wishes.pdf is not None:
-            write_file(wishes.pdf, render_pages(one.figure for one in drawn))
+        if options.pdf is not None:
+            write_file(options.pdf, render_pages(one.figure for one in drawn))
         deque(drawn, maxlen=0)  # draws what no PDF has asked for
-    if wishes.pdf is not None:
-        say(f"figures in {wishes.pdf}")
-    if wishes.figures is not None:
-        write_results("figures", wishes.figures, files)
-        say(f"figures in {wishes.figures}")
+    if options.pdf is not None:
+        say(f"figures in {options.pdf}")
+    if options.figures is not None:
+        write_results("figures", options.figures, files)
+        say(f"figures in {options.figures}")
 
 
-def _check_film(run: "StoredRun", target: Path, wishes: ReportCommand) -> None:
+def _check_film(run: "StoredRun", target: Path, options: ReportCommand) -> None:
     """Raise `CommandError` before anything is drawn if the film cannot be or take its place."""
     from vibro_cli.figures.film import NoFilm, check_encoder, frame_times
     from vibro_cli.report.html import is_report
@@ -315,7 +315,7 @@ def _check_film(run: "StoredRun", target: Path, wishes: ReportCommand) -> None:
     except NoFilm as error:
         raise CommandError(f"vibro: {run.folder}: {error}") from error
     try:
-        frame_times(*wishes.bounds(float(run.summary["end_time"])), wishes.pace, wishes.fps)
+        frame_times(*options.bounds(float(run.summary["end_time"])), options.pace, options.fps)
     except ValueError as error:
         raise CommandError(f"vibro: {error}") from error
     if not target.exists():
@@ -330,14 +330,14 @@ def _check_film(run: "StoredRun", target: Path, wishes: ReportCommand) -> None:
         raise CommandError(f"vibro: {target} exists and is no film; it is left as it is")
 
 
-def _write_film(run: "StoredRun", target: Path, wishes: ReportCommand) -> None:
+def _write_film(run: "StoredRun", target: Path, options: ReportCommand) -> None:
     """Write the film of a run, whole or not at all."""
     from vibro_cli.interface.runs import write_film
 
     end = float(run.summary["end_time"])
-    start, stop = wishes.bounds(end)
+    start, stop = options.bounds(end)
     with work_told():
-        write_film(run, run.scenario.name, target, (start, stop), wishes.pace, wishes.fps)
+        write_film(run, run.scenario.name, target, (start, stop), options.pace, options.fps)
     say(f"film of {start:g} s to {stop:g} s (the run ends at {end:g} s) in {target}")
-    if (stop - start) / wishes.pace * wishes.fps < 1.0:
+    if (stop - start) / options.pace * options.fps < 1.0:
         say("vibro: warning: the film has one frame; a smaller --pace has more", "warning")

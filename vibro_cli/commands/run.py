@@ -188,41 +188,41 @@ class RunCommand:
         )
 
 
-def _run_all(wishes: RunCommand) -> int:
+def _run_all(options: RunCommand) -> int:
     """Check everything that can be checked, then run one scenario after the other."""
     from vibro_cli.commands.shared.loading import check_names, load_each, together
 
-    loaded, refused = load_each(wishes.scenarios, wishes.overrides)
+    loaded, refused = load_each(options.scenarios, options.overrides)
     for scenario, _ in loaded:
-        wishes.kinds_of(scenario.system)
+        options.kinds_of(scenario.system)
     check_names([scenario for scenario, _ in loaded])
-    if refused and (wishes.fail_fast or not loaded):
-        _print_refused(wishes, refused)
+    if refused and (options.fail_fast or not loaded):
+        _print_refused(options, refused)
         raise together(refused)
-    _check_folders(wishes, [scenario for scenario, _ in loaded])
+    _check_folders(options, [scenario for scenario, _ in loaded])
     for one in refused:
         say(str(one.error), "error", problems=one.error.problems)
-    _print_refused(wishes, refused)
+    _print_refused(options, refused)
     codes = [MISUSED] * len(refused)
     for scenario, system in loaded:
         _warn(scenario, system)
-        codes.append(attempt(partial(solve, wishes, scenario, None)))
-        if wishes.fail_fast and codes[-1] in (FAILED, MISUSED):
+        codes.append(attempt(partial(solve, options, scenario, None)))
+        if options.fail_fast and codes[-1] in (FAILED, MISUSED):
             break
     return _worst(codes)
 
 
-def _continue(wishes: RunCommand, folder: Path) -> int:
+def _continue(options: RunCommand, folder: Path) -> int:
     """Go on with an earlier run."""
     from vibro_cli.commands.shared.loading import read_earlier, refusals_told
     from vibro_cli.scenario.loading import load_stored
 
-    source, found = read_earlier(folder, wishes.overrides)
+    source, found = read_earlier(folder, options.overrides)
     with refusals_told(str(source)):
-        scenario = load_stored(source, wishes.overrides)
-    wishes.kinds_of(scenario.system)
-    _check_folders(wishes, [scenario])
-    return solve(wishes, scenario, found)
+        scenario = load_stored(source, options.overrides)
+    options.kinds_of(scenario.system)
+    _check_folders(options, [scenario])
+    return solve(options, scenario, found)
 
 
 def _worst(codes: list[int]) -> int:
@@ -230,22 +230,22 @@ def _worst(codes: list[int]) -> int:
     return next((code for code in (FAILED, MISUSED) if code in codes), max(codes, default=DONE))
 
 
-def _check_folders(wishes: RunCommand, scenarios: "Sequence[AnyScenario]") -> None:
+def _check_folders(options: RunCommand, scenarios: "Sequence[AnyScenario]") -> None:
     """Raise `FolderRefused` before anything runs if some results could not take their place."""
     from vibro_cli.storage.folders import check_run_folder
 
     for scenario in scenarios:
-        folder = wishes.folder_of(scenario.name)
+        folder = options.folder_of(scenario.name)
         if folder is not None:
-            check_run_folder(folder, scenario, wishes.may_replace(folder))
+            check_run_folder(folder, scenario, options.may_replace(folder))
 
 
-def _print_refused(wishes: RunCommand, refused: "list[Refused]") -> None:
+def _print_refused(options: RunCommand, refused: "list[Refused]") -> None:
     """With --json, a line for each scenario that cannot be run, as there is for those that can."""
-    if wishes.summary_as_json:
+    if options.summary_as_json:
         for one in refused:
             line = {
-                **wishes.line_head(one.source, None),
+                **options.line_head(one.source, None),
                 "status": "invalid",
                 "reason": str(one.error),
                 "problems": one.error.problems,
@@ -289,26 +289,26 @@ def overrides_told(texts: Sequence[str]) -> dict[str, Any]:
     return told
 
 
-def solve(wishes: RunCommand, scenario: "AnyScenario", earlier: "EarlierRun | None") -> int:
+def solve(options: RunCommand, scenario: "AnyScenario", earlier: "EarlierRun | None") -> int:
     """Run a scenario, put its results where they were asked, say so; return the exit code."""
     from vibro_cli.commands.shared.terminal import summary_text
     from vibro_cli.systems import system_named
 
-    folder = wishes.folder_of(scenario.name)
-    result = stream_run(wishes, scenario, earlier, folder)
+    folder = options.folder_of(scenario.name)
+    result = stream_run(options, scenario, earlier, folder)
     record = result.summary_record()
-    if wishes.summary_as_json:
-        print(json_text({**wishes.line_head(scenario.name, folder), **record}), flush=True)
+    if options.summary_as_json:
+        print(json_text({**options.line_head(scenario.name, folder), **record}), flush=True)
     one_sided = system_named(scenario.system).one_sided(scenario)
     say(summary_text(scenario.name, record, folder, one_sided), scenario=scenario.name)
     for omission in result.skipped:
         say(f"  skipped    {omission}", "detail", scenario=scenario.name)
     sound = record["status"] == "ok" and record["end_cause"] != "inadmissible"
-    return DONE if sound or not wishes.strict else NOT_STRICT
+    return DONE if sound or not options.strict else NOT_STRICT
 
 
 @contextlib.contextmanager
-def followed(wishes: RunCommand, scenario: "AnyScenario") -> Iterator[None]:
+def followed(options: RunCommand, scenario: "AnyScenario") -> Iterator[None]:
     """Tell how far a run in the block is, and say why it cannot go on."""
     from vibro_cli.systems.driver import CannotContinue
     from vibro_cli.told import RUN
@@ -318,7 +318,7 @@ def followed(wishes: RunCommand, scenario: "AnyScenario") -> Iterator[None]:
         with RUN.to(progress.tell):
             yield
     except CannotContinue as error:
-        raise CommandError(f"vibro: {wishes.earlier} cannot be continued: {error}") from error
+        raise CommandError(f"vibro: {options.earlier} cannot be continued: {error}") from error
     finally:
         progress.end()
 
@@ -366,7 +366,7 @@ def _heard(interruption: Interruption) -> Iterator[None]:
 
 
 def stream_run(
-    wishes: RunCommand, scenario: "AnyScenario", earlier: "EarlierRun | None", target: Path | None
+    options: RunCommand, scenario: "AnyScenario", earlier: "EarlierRun | None", target: Path | None
 ) -> "Streamed":
     """Run a scenario; its tables are in the folder, and streamed, when this returns.
 
@@ -378,26 +378,26 @@ def stream_run(
 
     interruption = Interruption()
     with contextlib.ExitStack() as open_ones:
-        open_ones.enter_context(leaving(wishes.unwritten(scenario.name)))
+        open_ones.enter_context(leaving(options.unwritten(scenario.name)))
         sinks: list[Sink] = []
         folder = None
         if target is not None:
-            made = streamed_folder(scenario, target, wishes.may_replace(target))
+            made = streamed_folder(scenario, target, options.may_replace(target))
             folder = open_ones.enter_context(made)
             sinks.append(folder.add)
-        if wishes.stream is not None:
-            sinks.append(open_ones.enter_context(_standard_output(wishes.stream, scenario)))
+        if options.stream is not None:
+            sinks.append(open_ones.enter_context(_standard_output(options.stream, scenario)))
         refusal = ""
         try:
-            result = _streamed(wishes, scenario, earlier, sinks, interruption)
+            result = _streamed(options, scenario, earlier, sinks, interruption)
         except TooQuiet as error:
             result, refusal = error.streamed, f"vibro: {scenario.name}: {error}"
             if folder is None or not result.summary_record()["collisions"]:
                 raise CommandError(refusal) from error
             refusal += f"; the run until then, without figures, is kept in {target}"
         if folder is not None:
-            names = [] if refusal else wishes.kinds_of(scenario.system)
-            figures = _figures(wishes, scenario, result, folder, names, interruption)
+            names = [] if refusal else options.kinds_of(scenario.system)
+            figures = _figures(options, scenario, result, folder, names, interruption)
             undrawn = names if interruption else []
             folder.finish(result, figures, undrawn)
             if undrawn:
@@ -409,7 +409,7 @@ def stream_run(
 
 
 def _streamed(
-    wishes: RunCommand,
+    options: RunCommand,
     scenario: "AnyScenario",
     earlier: "EarlierRun | None",
     sinks: "list[Sink]",
@@ -425,14 +425,14 @@ def _streamed(
 
     checkpoint = None if earlier is None else earlier.checkpoint
     of_system = [table.file for table in system_named(scenario.system).tables()]
-    names = of_system if len(sinks) > (wishes.stream is not None) else ["collisions"]
+    names = of_system if len(sinks) > (options.stream is not None) else ["collisions"]
     # A reader of the stream may be slow, or have stopped: a signal is to end the waiting for it.
     heard = _heard(interruption) if len(names) > 1 else contextlib.nullcontext()
-    with followed(wishes, scenario), heard:
+    with followed(options, scenario), heard:
         return simulate_streamed(
-            scenario, add, wishes.engine, checkpoint, names=names,
-            interrupted=interruption.__bool__, in_background=wishes.stream is None,
-            figures=len(names) > 1 and bool(wishes.kinds_of(scenario.system)),
+            scenario, add, options.engine, checkpoint, names=names,
+            interrupted=interruption.__bool__, in_background=options.stream is None,
+            figures=len(names) > 1 and bool(options.kinds_of(scenario.system)),
         )  # fmt: skip
 
 
@@ -458,7 +458,7 @@ def _standard_output(form: str, scenario: "AnyScenario") -> "Iterator[Sink]":
 
 
 def _figures(
-    wishes: RunCommand,
+    options: RunCommand,
     scenario: "AnyScenario",
     result: "Streamed",
     folder: "StreamedFolder",
@@ -482,7 +482,7 @@ def _figures(
     except (KeyboardInterrupt, Terminated) as end:
         interruption.number = getattr(end, "exit_code", INTERRUPTED) - 128
         return {}
-    if (wishes.figures or "all").strip().lower() not in ("all", *_DEFAULT):
+    if (options.figures or "all").strip().lower() not in ("all", *_DEFAULT):
         for text in nothing_shown(names, files):
             say(f"{scenario.name}: {text}", "warning", scenario=scenario.name)
     return files

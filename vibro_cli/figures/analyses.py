@@ -32,10 +32,10 @@ from vibro_cli.figures.chart import (
 from vibro_cli.figures.labels import Entry
 from vibro_cli.figures.maps import (
     Categories,
-    Lattice,
+    ParameterMap,
     category_map,
     ended,
-    lattice,
+    parameter_map,
     words_of,
 )
 from vibro_cli.figures.style import Look, line, mark, panel_size
@@ -186,7 +186,7 @@ def coloured(outcomes: Outcomes) -> Categories:
 class Mapped:
     """The basins of a grid on its lattice."""
 
-    shown: Lattice
+    shown: ParameterMap
     outcomes: Outcomes
     basins: Basins
 
@@ -251,9 +251,9 @@ def mapped_basins(grid: StoredGrid, outcome: Sequence[str]) -> Mapped:
     return Mapped(shown, outcomes, basins_of(outcomes, cells))
 
 
-def _evenly(grid: StoredGrid) -> Lattice:
+def _evenly(grid: StoredGrid) -> ParameterMap:
     """The lattice over two axes that can be measured, else over one."""
-    lattices = [found for size in (2, 1) if (found := lattice(grid, size)) is not None]
+    lattices = [found for size in (2, 1) if (found := parameter_map(grid, size)) is not None]
     for shown in lattices:
         if all(one.is_even and len(one.different) >= FEWEST for one in shown.coordinates):
             return shown

@@ -259,7 +259,7 @@ _LARGER = 1.6
 """How much larger letters are than in print: a film is looked at on a phone too."""
 
 
-class Stage:
+class FilmFrame:
     """A figure on which frames are drawn one after the other."""
 
     def __init__(self, frames: Frames, dpi: float) -> None:
@@ -321,7 +321,7 @@ class Stage:
         return box.x0 * wide - b * left, b, (1.0 - box.y1) * high - d * top, d
 
 
-class Film(Stage):
+class Film(FilmFrame):
     """A stage whose frames are taken as pictures: what does not move is drawn once."""
 
     def __init__(self, frames: Frames, dpi: float) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from vibro_cli.figures.chart import MANY
-from vibro_cli.figures.maps import ending_map, lattice, quantity_map
+from vibro_cli.figures.maps import ending_map, parameter_map, quantity_map
 from vibro_cli.figures.over_axis import (
     COUNTED,
     ENERGY_LEFT,
@@ -308,6 +308,6 @@ def draw_grid(
             why = "found no map, expected two axes that change, and values"
             raise NothingToShow(f"{maps[name]}: {why}")
         for drawn in figures:
-            shown = lattice(grid, kind.dimensions, numbers_first=kind.dimensions == 1)
+            shown = parameter_map(grid, kind.dimensions, numbers_first=kind.dimensions == 1)
             held = f" Held: {shown.held}." if shown is not None and shown.fixed else ""
             yield replace(drawn, caption=drawn.caption + held)

@@ -140,7 +140,7 @@ class Coordinate:
 
 
 @dataclass(frozen=True)
-class Lattice:
+class ParameterMap:
     """The points of a grid that a figure shows."""
 
     rows: NDArray[np.int64]
@@ -172,7 +172,9 @@ class Lattice:
         return ", ".join(f"{path} = {value}" for path, value in self.fixed)
 
 
-def lattice(grid: StoredGrid, dimensions: int, numbers_first: bool = False) -> Lattice | None:
+def parameter_map(
+    grid: StoredGrid, dimensions: int, numbers_first: bool = False
+) -> ParameterMap | None:
     """Return the points over the axes with the most values, others held at their first value.
 
     The axis that the grid has first lies across. Axes that change together count as one, the first
@@ -198,7 +200,7 @@ def lattice(grid: StoredGrid, dimensions: int, numbers_first: bool = False) -> L
     rows = np.flatnonzero(mask)
     fixed = tuple((path, _shown(first[path])) for path in rest)
     coordinates = tuple(_coordinate(grid, path, rows) for path in changing if path in chosen)
-    return Lattice(rows, coordinates, fixed)
+    return ParameterMap(rows, coordinates, fixed)
 
 
 def _independent(columns: Mapping[str, Codes]) -> list[str]:
@@ -364,7 +366,7 @@ def ending_map(grid: StoredGrid, width: str = "single") -> Figure | None:
 
     None for a grid with fewer than two axes that change, or whose runs all end alike.
     """
-    shown = lattice(grid, 2)
+    shown = parameter_map(grid, 2)
     if shown is None:
         return None
     endings = Endings.of(grid, shown.rows)
@@ -373,7 +375,7 @@ def ending_map(grid: StoredGrid, width: str = "single") -> Figure | None:
     return category_map(shown, width, endings)
 
 
-def category_map(shown: Lattice, width: str, found: Categories) -> Figure:
+def category_map(shown: ParameterMap, width: str, found: Categories) -> Figure:
     """Return a map over two axes with a colour for each category, named above it."""
     with style.journal():
         rows = rows_of(found.entries(), width_of(width))
@@ -398,7 +400,7 @@ def quantity_map(
     `whole` have a colour each. None for a grid with fewer than two axes that change, or without any
     number.
     """
-    shown = lattice(grid, 2)
+    shown = parameter_map(grid, 2)
     if shown is None or not np.any(np.isfinite(values[shown.rows])):
         return None
     own = values[shown.rows]
@@ -427,7 +429,7 @@ def _norm(values: Array, least_log: float, whole: bool) -> Normalize:
     return Normalize(low, high)
 
 
-def _panel(shown: Lattice, width: str, legend: float, right: float) -> tuple[Figure, Axes]:
+def _panel(shown: ParameterMap, width: str, legend: float, right: float) -> tuple[Figure, Axes]:
     """Return a figure with its one panel, labelled, `right` mm left free beside it."""
     wide, high = width_of(width), _HIGH[width]
     across, along = shown.coordinates
@@ -442,7 +444,7 @@ def _panel(shown: Lattice, width: str, legend: float, right: float) -> tuple[Fig
     return sheet.figure, axes
 
 
-def _fill(axes: Axes, shown: Lattice, values: Array, colours: Any, norm: Normalize) -> None:
+def _fill(axes: Axes, shown: ParameterMap, values: Array, colours: Any, norm: Normalize) -> None:
     """Draw cells where every pair of values has its point, else the points."""
     across, along = shown.coordinates
     if not shown.is_full:

@@ -29,9 +29,9 @@ from vibro_cli.figures.labels import Bar, draw_legend
 from vibro_cli.figures.maps import (
     Coordinate,
     Endings,
-    Lattice,
+    ParameterMap,
     ended,
-    lattice,
+    parameter_map,
     set_axis,
 )
 from vibro_cli.figures.source import Array
@@ -41,7 +41,7 @@ from vibro_cli.mechanics.trace import HUMP, VALLEY
 from vibro_cli.scenario.base import Listed, Texts, checked
 from vibro_cli.scenario.problems import suggestion
 from vibro_cli.scenario.quantities import Count
-from vibro_cli.systems.wanted import FINAL
+from vibro_cli.systems.request import FINAL
 
 if TYPE_CHECKING:
     from vibro_cli.storage.stored import StoredGrid
@@ -69,7 +69,7 @@ def curves(grid: StoredGrid, width: str = "single") -> Figure | None:
     Dots in the colours of the ending. None where no axis of numbers changes, and where no point is
     a valid scenario.
     """
-    shown = lattice(grid, 1, numbers_first=True)
+    shown = parameter_map(grid, 1, numbers_first=True)
     if shown is None:
         return None
     endings = Endings.of(grid, shown.rows)
@@ -110,7 +110,7 @@ def energy_left(grid: StoredGrid) -> Array:
     return left
 
 
-def _dots(axes: Axes, shown: Lattice, values: Array, endings: Endings) -> None:
+def _dots(axes: Axes, shown: ParameterMap, values: Array, endings: Endings) -> None:
     size = float(np.clip(1500.0 / len(values), 0.5, 7.0))
     dots = axes.scatter(
         shown.coordinates[0].place,
@@ -171,7 +171,7 @@ def _impacts_over(
     grid: StoredGrid, width: str, shown_column: tuple[str, str, str] | None, most: int | None
 ) -> Figure | None:
     """Return a column (name, symbol, unit) of the first impacts, or of all, over one axis."""
-    shown = lattice(grid, 1, numbers_first=True)
+    shown = parameter_map(grid, 1, numbers_first=True)
     if shown_column is None or shown is None or "n" not in grid.impact_columns():
         return None
     name, symbol, unit = shown_column
@@ -199,7 +199,7 @@ def _impacts_over(
 
 
 def _impacts_of(
-    grid: StoredGrid, shown: Lattice, columns: Sequence[str]
+    grid: StoredGrid, shown: ParameterMap, columns: Sequence[str]
 ) -> tuple[dict[str, NDArray[Any]], NDArray[np.int64]]:
     """Return columns of the impacts of the points that are shown, and the point of each impact."""
     scenarios = grid.summary["scenario"][shown.rows]
@@ -208,7 +208,7 @@ def _impacts_of(
     return impacts, order[np.searchsorted(scenarios, impacts["scenario"], sorter=order)]
 
 
-def _early_ends(grid: StoredGrid, shown: Lattice, most: int) -> tuple[Array, Array]:
+def _early_ends(grid: StoredGrid, shown: ParameterMap, most: int) -> tuple[Array, Array]:
     """Return places and times (s) of the ends of runs that were cut short, with few impacts."""
     early = np.isin(ended(grid)[shown.rows].astype(str), FINAL)
     early &= np.asarray(grid.summary["collisions"])[shown.rows] < most
@@ -367,7 +367,7 @@ def bifurcation(
     _check_kept(kept, ("n", *section.columns))
     own = [one for one in (place_column(grid), _SPEED) if one is not None and one[0] in kept]
     panels = list(quantities) or own
-    shown = lattice(grid, 1, numbers_first=True)
+    shown = parameter_map(grid, 1, numbers_first=True)
     if shown is None:
         raise NothingToShow("no axis of numbers changes")
     if not panels:

@@ -41,7 +41,7 @@ from vibro_cli.storage.tables import (
 from vibro_cli.systems.columns import Table
 
 
-class Room:
+class Buffers:
     """Blocks of memory by name, each as large as was ever asked for; for one thread at a time."""
 
     def __init__(self) -> None:
@@ -59,8 +59,8 @@ class Room:
         return block[:size]
 
 
-Rooms = list[Room]
-"""Rooms that nobody works in, for any thread to take and give back."""
+BufferPool = list[Buffers]
+"""Those that nobody works in, for any thread to take and give back."""
 
 
 # Columns of impacts that readers of a few scenarios or moments look at first.
@@ -105,37 +105,37 @@ class _Part:
     groups: int = 0
 
 
-class Making:
+class ChunkWriter:
     """The parts of a chunk in the making.
 
     It has so many stretches, and `indices` are the numbers of its points, from 0 in the grid.
-    Memory for the parts is taken from `rooms` with the first group of rows.
+    Memory for the parts is taken from `pool` with the first group of rows.
     """
 
     def __init__(
-        self, grid: Grid, chunk: int, indices: Array, stretches: int, rooms: Rooms
+        self, grid: Grid, chunk: int, indices: Array, stretches: int, pool: BufferPool
     ) -> None:
         self._grid = grid
         self._chunk = chunk
         self._indices = indices
         self._stretches = stretches
-        self._rooms = rooms
-        self._taken: Room | None = None
+        self._pool = pool
+        self._taken: Buffers | None = None
         self._lock = threading.Lock()
         self._busy = False
         self._come: dict[int, Solved] = {}
         self._summaries: list[Columns] = []
         self._impacts = 0
         self._parts = {
-            name: _Part(part_file(grid, impact_table_of(grid, name), chunk, self._room))
+            name: _Part(part_file(grid, impact_table_of(grid, name), chunk, self._buffer))
             for name in grid.kept_tables
         }
 
     @staticmethod
-    def of(grid: Grid, chunks: Chunks, chunk: int, rooms: Rooms) -> Making:
+    def of(grid: Grid, chunks: Chunks, chunk: int, pool: BufferPool) -> ChunkWriter:
         """Return the parts of a chunk, with nothing in them."""
         indices = np.arange(*chunks.range_of(chunk))
-        return Making(grid, chunk, indices, len(chunks.stretches(chunk)), rooms)
+        return ChunkWriter(grid, chunk, indices, len(chunks.stretches(chunk)), pool)
 
     def add(self, number: int, solved: Solved) -> Encoded | None:
         """Take in a stretch, given by its number from 0, in any order and from any thread.
@@ -154,12 +154,12 @@ class Making:
                 self._busy = False
         return None
 
-    def _room(self, name: str, size: int) -> Array:
+    def _buffer(self, name: str, size: int) -> Array:
         if self._taken is None:
             try:
-                self._taken = self._rooms.pop()
+                self._taken = self._pool.pop()
             except IndexError:
-                self._taken = Room()
+                self._taken = Buffers()
         return self._taken(name, size)
 
     def _following(self) -> list[Solved] | None:
@@ -200,17 +200,17 @@ class Making:
         table = summary_table(self._grid)
         given = [self._indices + 1, *self._grid.design.columns(self._indices).values()]
         columns = dict(zip([column.name for column in table.columns], given, strict=False))
-        file = part_file(self._grid, table, self._chunk, self._room)
+        file = part_file(self._grid, table, self._chunk, self._buffer)
         file.add([record_batch(table, {**columns, **whole})])
         contents[names["summary"]] = file.finish()
         receipt = receipt_of(self._chunk, whole["status"], whole["end_cause"], self._impacts, {})
         assert self._taken is not None
-        return Encoded(contents, receipt, partial(self._rooms.append, self._taken))
+        return Encoded(contents, receipt, partial(self._pool.append, self._taken))
 
 
 def part_bytes(grid: Grid, solved: Solved, indices: Array) -> float:
     """Return how many bytes a point takes on the disk, judged by some of them."""
-    made = Making(grid, 0, indices, 1, Rooms()).add(0, solved)
+    made = ChunkWriter(grid, 0, indices, 1, BufferPool()).add(0, solved)
     assert made is not None
     return sum(map(len, made.files.values())) / len(indices)
 
@@ -238,7 +238,7 @@ _AT_THE_END, _OF_A_GROUP = 1 << 20, 1 << 16
 
 
 class PartFile:
-    """A parquet file in the making, in memory that `room(bytes)` gives.
+    """A parquet file in the making, in memory that `buffer(bytes)` gives.
 
     It is encoded as by `tables.parquet_bytes`, but numbers of which the first group has only a few
     different ones go into a dictionary, and pages stay in the processor's cache. The least and
@@ -247,9 +247,9 @@ class PartFile:
     """
 
     def __init__(
-        self, room: Callable[[int], Any], schema: pa.Schema, skipped_by: Sequence[str]
+        self, buffer: Callable[[int], Any], schema: pa.Schema, skipped_by: Sequence[str]
     ) -> None:
-        self._room = room
+        self._buffer = buffer
         self._schema = schema
         self._skipped_by = list(skipped_by)
         self._groups: list[list[int]] = []
@@ -273,7 +273,7 @@ class PartFile:
         return memoryview(self._block)[: self._sink.tell()]
 
     def _begin(self, size: int) -> None:
-        self._block = self._room(size)
+        self._block = self._buffer(size)
         self._sink = pa.FixedSizeBufferWriter(pa.py_buffer(self._block))
         self._writer = pq.ParquetWriter(
             self._sink,
@@ -315,16 +315,18 @@ def _has_few(column: pa.ChunkedArray) -> bool:
     return len(np.unique(values[::step])) <= len(values[::step]) // 8
 
 
-def part_file(grid: Grid, table: Table, chunk: int, room: Callable[[str, int], Any]) -> PartFile:
+def part_file(grid: Grid, table: Table, chunk: int, buffer: Callable[[str, int], Any]) -> PartFile:
     """Return the file of one part, to be filled: the same bytes for the same rows of the same grid.
 
-    ``table`` and ``chunk`` are what it is a part of; ``room(name, size)`` gives memory for it.
+    ``table`` and ``chunk`` are what it is a part of; ``buffer(name, size)`` gives memory for it.
     """
     resolved = grid.resolved()
     origin = Origin(resolved["scenario"], __version__, _metadata(resolved, chunk))
     names = [column.name for column in table.columns]
     skipped_by = [name for name in names if table.name == SUMMARY or name in _ORDERED]
-    return PartFile(partial(room, f"file of {table.name}"), arrow_schema(table, origin), skipped_by)
+    return PartFile(
+        partial(buffer, f"file of {table.name}"), arrow_schema(table, origin), skipped_by
+    )
 
 
 def _metadata(resolved: dict[str, Any], chunk: int) -> dict[str, str]:

@@ -20,7 +20,7 @@ import numpy as np
 
 from vibro_cli.errors import Failure, VibroError
 from vibro_cli.grids.axes import Array
-from vibro_cli.grids.chunk_writer import Encoded, Making, Rooms, part_bytes
+from vibro_cli.grids.chunk_writer import BufferPool, ChunkWriter, Encoded, part_bytes
 from vibro_cli.grids.chunks import Chunks, Division, Expected, Receipt, has_many_parts
 from vibro_cli.grids.dataset import has_size, known_division, opened
 from vibro_cli.grids.document import Grid
@@ -35,7 +35,7 @@ Told = Callable[[int, int], None]
 class _Stretch(NamedTuple):
     """A stretch to be solved."""
 
-    parts: Making
+    parts: ChunkWriter
     """Of its chunk."""
     number: int
     first: int
@@ -45,9 +45,9 @@ class _Stretch(NamedTuple):
 
 def _stretches(grid: Grid, chunks: Chunks, wanted: Sequence[int]) -> Iterator[_Stretch]:
     """The stretches of all chunks, in order."""
-    rooms = Rooms()
+    pool = BufferPool()
     for chunk in wanted:
-        parts = Making.of(grid, chunks, chunk, rooms)
+        parts = ChunkWriter.of(grid, chunks, chunk, pool)
         for number, (first, last) in enumerate(chunks.stretches(chunk)):
             yield _Stretch(parts, number, first, last)
 
@@ -430,11 +430,11 @@ def solve_chunk(
     """
     if getattr(_of_thread, "run", None) != run:
         _of_thread.solver = solver_of(grid, engine)
-        _of_thread.rooms = Rooms()
+        _of_thread.pool = BufferPool()
         _of_thread.run = run
     solver: Solver = _of_thread.solver
-    making = Making.of(grid, chunks, chunk, _of_thread.rooms)
+    writer = ChunkWriter.of(grid, chunks, chunk, _of_thread.pool)
     for number, stretch in enumerate(chunks.stretches(chunk)):
-        made = making.add(number, solver.solve(np.arange(*stretch)))
+        made = writer.add(number, solver.solve(np.arange(*stretch)))
     assert made is not None
     return made.write(Path(folder))

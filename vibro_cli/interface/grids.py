@@ -163,10 +163,10 @@ class Grid:
 
         ``pair``: those of two bodies only, as for :meth:`section`.
         """
-        from vibro_cli.figures.maps import lattice
+        from vibro_cli.figures.maps import parameter_map
         from vibro_cli.figures.over_axis import Section
 
-        shown, section = lattice(self.stored, 1, numbers_first=True), Section(pair)
+        shown, section = parameter_map(self.stored, 1, numbers_first=True), Section(pair)
         wanted = ["scenario", *section.columns]
         if shown is None or not set(wanted) <= set(self.stored.impact_columns()):
             return np.zeros(0, dtype=np.int64)

@@ -24,7 +24,7 @@ from vibro_cli.storage.stored import open_run as open_stored_run
 from vibro_cli.storage.tables import AnyTable, FileTable, table_named, to_arrow, units_of_numbers
 from vibro_cli.systems import system_named
 from vibro_cli.systems.driver import CannotContinue
-from vibro_cli.systems.wanted import CHANGEABLE
+from vibro_cli.systems.request import CHANGEABLE
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence

@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 
 from vibro_cli import __version__
 from vibro_cli.figures.chart import body_look
-from vibro_cli.figures.film import SIZE, TRAIL, Frames, Stage, clock_digits
+from vibro_cli.figures.film import SIZE, TRAIL, FilmFrame, Frames, clock_digits
 from vibro_cli.figures.kinds import Drawn, draw_all, draw_grid
 from vibro_cli.figures.source import Array
 from vibro_cli.figures.style import has_rasters, render
@@ -125,11 +125,11 @@ def film_html(frames: Frames, rate: int, name: str) -> bytes:
 
     `rate` is the number of frames in a second.
     """
-    stage = Stage(frames, _FILM_DPI)
+    frame = FilmFrame(frames, _FILM_DPI)
     ground = frames.ground
     values = {
         "title": name,
-        "ground": _address(stage.figure, "svg", _FILM_DPI),
+        "ground": _address(frame.figure, "svg", _FILM_DPI),
         "size": [round(side * _FILM_DPI) for side in SIZE],
         "last": len(frames.time) - 1,
         "bodies": len(ground.radii),
@@ -140,22 +140,22 @@ def film_html(frames: Frames, rate: int, name: str) -> bytes:
             "rate": rate,
             "time": frames.time.tolist(),
             "digits": clock_digits(frames.time),
-            "plan": stage.place(stage.plan),
-            "plane": stage.place(stage.plane),
+            "plan": frame.place(frame.plan),
+            "plane": frame.place(frame.plane),
             "past": TRAIL,
             "span": frames.span,
-            "bodies": [_actor(frames, stage, body) for body in range(len(ground.radii))],
+            "bodies": [_actor(frames, frame, body) for body in range(len(ground.radii))],
         },
     }
     return rendered("film", values)
 
 
-def _actor(frames: Frames, stage: Stage, body: int) -> dict[str, Any]:
+def _actor(frames: Frames, frame: FilmFrame, body: int) -> dict[str, Any]:
     way, links = frames.trails[body], frames.ground.links
     look = body_look(body + 1)
     dashes = look["linestyle"]
     return {
-        "radius": stage.drawn_radii[body],
+        "radius": frame.drawn_radii[body],
         "colour": look["color"],
         "dashes": "none" if dashes == "solid" else " ".join(map(str, dashes[1])),
         "x": frames.x[:, body].tolist(),
@@ -163,7 +163,7 @@ def _actor(frames: Frames, stage: Stage, body: int) -> dict[str, Any]:
         "turn": None if frames.turn is None else frames.turn[:, body].tolist(),
         "across": frames.across[:, body].tolist(),
         "up": frames.up[:, body].tolist(),
-        "point": stage.plane is not stage.plan,
+        "point": frame.plane is not frame.plan,
         "foot": links[body].foot if links else None,
         "coil": links[body].coil.tolist() if links else [],
         "trail": [_plain(way.time), _plain(way.across), _plain(way.up)],

@@ -39,9 +39,9 @@ from vibro_cli.stress.oracles.oracle import first_contact
 from vibro_cli.stress.oracles.scene import Scene, mp, scene_of_system
 from vibro_cli.stress.scenes import Document, Finding, Plan
 from vibro_cli.systems.driver import compiled_world, zeros
+from vibro_cli.systems.request import Limits
 from vibro_cli.systems.trace import SYSTEM
 from vibro_cli.systems.trace.world import half_angle, make_world
-from vibro_cli.systems.wanted import Limits
 
 KINDS = (
     "valley", "hump", "line", "valley hump", "hump valley", "valley line", "line valley",

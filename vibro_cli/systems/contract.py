@@ -33,10 +33,10 @@ if TYPE_CHECKING:
     from vibro_cli.storage.stored import StoredRun
     from vibro_cli.systems.columns import Table
     from vibro_cli.systems.driver import Driver, EventLoop
+    from vibro_cli.systems.request import Limits, OutputRequest
     from vibro_cli.systems.run import Gathered, Stretch, Stretches
     from vibro_cli.systems.tables import Bodies, ImpactRows
     from vibro_cli.systems.tangents import LoggedMap
-    from vibro_cli.systems.wanted import Limits, Wanted
 
 Rows = dict[str, Any]
 """Columns of equal length by their names."""
@@ -177,7 +177,7 @@ class System(ABC):
 
     def warnings(self, scenario: Any, system: Any) -> tuple[str, ...]:
         """Return what a user should know about a sound system, a sentence each."""
-        from vibro_cli.systems.wanted import many_samples
+        from vibro_cli.systems.request import many_samples
 
         rows = many_samples(scenario.output.step, scenario.stop.time, len(scenario.balls))
         return (*self.mechanics_warnings(scenario, system), *rows)
@@ -191,18 +191,18 @@ class System(ABC):
 
     def limits(self, scenario: Any) -> Limits:
         """Return where the run of a scenario stops."""
-        from vibro_cli.systems.wanted import Limits
+        from vibro_cli.systems.request import Limits
 
         stop = scenario.stop
         return Limits(stop.time, stop.collisions, getattr(stop, "bounces", None))
 
-    def wanted(self, scenario: Any) -> Wanted:
+    def wanted(self, scenario: Any) -> OutputRequest:
         """Return what is to be computed of a scenario beside the impacts."""
-        from vibro_cli.systems.wanted import Wanted
+        from vibro_cli.systems.request import OutputRequest
 
         analysis = getattr(scenario, "analysis", None)
         grown = analysis is not None and analysis.lyapunov
-        return Wanted(**scenario.output.model_dump(), lyapunov=grown)
+        return OutputRequest(**scenario.output.model_dump(), lyapunov=grown)
 
     def one_sided(self, scenario: Any) -> bool:
         """Whether bodies may lift off what they roll on."""
@@ -244,7 +244,9 @@ class System(ABC):
 
         return Stretches(self.loop, driver, stop_time)
 
-    def skipped(self, clock: Mapping[str, Any], wanted: Wanted, end: float) -> tuple[str, ...]:
+    def skipped(
+        self, clock: Mapping[str, Any], wanted: OutputRequest, end: float
+    ) -> tuple[str, ...]:
         """Say what was not computed of a run with this clock and end (s), and why."""
         return wanted.left_out(end)
 
@@ -321,7 +323,9 @@ class System(ABC):
         """
         return self.impact_logs[name].table
 
-    def teller(self, system: Any, wanted: Wanted, names: Collection[str], sink: Sink) -> Tables:
+    def teller(
+        self, system: Any, wanted: OutputRequest, names: Collection[str], sink: Sink
+    ) -> Tables:
         """Return what makes the tables with these names of a run, and its summary."""
         from vibro_cli.systems.tables import SystemTables
 

@@ -20,7 +20,7 @@ from vibro_cli.kernels.impact.laws import LAW_NAMES
 from vibro_cli.kernels.numerics.elliptic import fill_angles
 from vibro_cli.kernels.world import LOG_FULL, ROWS_OF_EVENT, BodyData
 from vibro_cli.mechanics.system import Body
-from vibro_cli.systems.wanted import FINAL, UNLIMITED, Limits
+from vibro_cli.systems.request import FINAL, UNLIMITED, Limits
 from vibro_cli.told import RUN
 
 # Interpreted, the kernels are the reference of every bit; compiled they are faster.

@@ -31,7 +31,7 @@ from vibro_cli.systems.driver import (
     record_array,
     rows_of,
 )
-from vibro_cli.systems.wanted import NOTHING_MORE, Limits, Wanted, within_run
+from vibro_cli.systems.request import NOTHING_MORE, Limits, OutputRequest, within_run
 
 # Less is handed over at the end only: a short run is one stretch.
 LEAST_ROWS = 8192
@@ -193,7 +193,7 @@ def stream(
     system: Any,
     stretches: Stretches,
     sink: Sink,
-    wanted: Wanted = NOTHING_MORE,
+    wanted: OutputRequest = NOTHING_MORE,
     names: Collection[str] | None = None,
     interrupted: Callable[[], bool] = lambda: False,
     in_background: bool = True,
@@ -237,7 +237,7 @@ def summed_up(
     system: Any,
     limits: Limits,
     engine: str,
-    wanted: Wanted,
+    wanted: OutputRequest,
     logs: Collection[str],
     interrupted: Callable[[], bool],
 ) -> tuple[Rows, dict[str, Any]]:
@@ -305,7 +305,7 @@ class Run:
     system: Any
     """What was solved."""
     engine: str
-    wanted: Wanted
+    wanted: OutputRequest
     whole: Stretch = field(repr=False)
     """All of it, as one stretch."""
     _state: dict[str, Any] = field(repr=False)
@@ -476,7 +476,7 @@ def simulate(
     system: Any,
     limits: Limits,
     engine: str = "compiled",
-    wanted: Wanted = NOTHING_MORE,
+    wanted: OutputRequest = NOTHING_MORE,
     checkpoint: dict[str, Any] | None = None,
     history: dict[str, Any] | None = None,
     cut: bool = False,
@@ -491,7 +491,7 @@ def simulate(
     ValueError
         For an unknown engine, without a limit, and for a checkpoint of another system.
     CannotContinue
-        If the earlier run had ended for good (see ``systems.wanted.FINAL``), or is past the stop.
+        If the earlier run had ended for good (see ``systems.request.FINAL``), or is past the stop.
     TooQuiet
         If there is no impact for very long, unless it is `cut`.
     """

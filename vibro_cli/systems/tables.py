@@ -14,9 +14,9 @@ from vibro_cli.kernels.world import END_NAMES, RUNNING
 from vibro_cli.mechanics.system import Body, ImpactSystem
 from vibro_cli.systems.contract import ImpactLog, Rows, Sink, System
 from vibro_cli.systems.driver import record_array
+from vibro_cli.systems.request import NO_LIMITS, OutputRequest, Sampling
 from vibro_cli.systems.run import Gathered, Stretch
 from vibro_cli.systems.tangents import exponent_table, grown_columns
-from vibro_cli.systems.wanted import NO_LIMITS, Sampling, Wanted
 
 
 class SystemTables:
@@ -27,7 +27,7 @@ class SystemTables:
     """
 
     def __init__(
-        self, kind: System, system: Any, wanted: Wanted, names: Collection[str], sink: Sink
+        self, kind: System, system: Any, wanted: OutputRequest, names: Collection[str], sink: Sink
     ) -> None:
         self._kind, self._system, self._sink = kind, system, sink
         self._states = partial(kind.part("tables").states_at, system)

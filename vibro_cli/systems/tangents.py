@@ -19,8 +19,8 @@ from vibro_cli.numerics import elementwise
 from vibro_cli.numerics.elementwise import Floats
 from vibro_cli.systems.contract import Rows, System
 from vibro_cli.systems.driver import called, with_logs, zeros
+from vibro_cli.systems.request import NO_LIMITS, Limits
 from vibro_cli.systems.run import Stretch, begun
-from vibro_cli.systems.wanted import NO_LIMITS, Limits
 
 # A number is rounded by this share, root mean square over its digits; at most by twice as much.
 ROUNDING = 2.0**-54

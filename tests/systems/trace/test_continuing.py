@@ -9,8 +9,8 @@ import pytest
 from tests.systems.trace.test_engines import FOLDER, NAMES, bits
 from vibro_cli.api import load_scenario, simulate
 from vibro_cli.systems.driver import CannotContinue
+from vibro_cli.systems.request import FINAL
 from vibro_cli.systems.run import Run
-from vibro_cli.systems.wanted import FINAL
 
 AT_MOST = "stop.collisions=200"
 

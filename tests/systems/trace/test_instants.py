@@ -24,10 +24,10 @@ from vibro_cli.scenario import ScenarioError, load_scenario, scenario_of
 from vibro_cli.stress.oracles.oracle import Oracle
 from vibro_cli.stress.oracles.scene import mp, scene_of_system
 from vibro_cli.stress.physics import distance_from_image
+from vibro_cli.systems.request import Limits
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.trace import simulate_system
 from vibro_cli.systems.trace.world import make_world
-from vibro_cli.systems.wanted import Limits
 
 CASES = Path(__file__).parents[2] / "hard_cases"
 RADIUS = 0.1

@@ -16,8 +16,8 @@ from tests import references
 from vibro_cli.api import load_scenario, simulate, simulate_streamed
 from vibro_cli.stress.oracles.reference_solver import ReferenceSolver, events_of
 from vibro_cli.stress.oracles.scene import mp, scene_of_system
+from vibro_cli.systems.request import OutputRequest, Sampling
 from vibro_cli.systems.run import Run
-from vibro_cli.systems.wanted import Sampling, Wanted
 
 FOLDER = Path(__file__).parents[3] / "scenarios"
 EPSILON = 2.0**-52
@@ -152,11 +152,13 @@ def test_motion_table_by_times() -> None:
 @pytest.mark.parametrize(
     ("wanted", "ends"),
     [
-        (Wanted(step=0.1), [0.0, 0.3, 0.3, 0.70001, 0.7 + 1e-15, 2.0]),
-        (Wanted(times=(0.0, 0.1, 0.5, 0.7, 2.0, 3.0)), [0.05, 0.1, 0.5, 0.6, 2.0]),
+        (OutputRequest(step=0.1), [0.0, 0.3, 0.3, 0.70001, 0.7 + 1e-15, 2.0]),
+        (OutputRequest(times=(0.0, 0.1, 0.5, 0.7, 2.0, 3.0)), [0.05, 0.1, 0.5, 0.6, 2.0]),
     ],
 )
-def test_each_instant_is_in_the_stretch_it_lies_in(wanted: Wanted, ends: list[float]) -> None:
+def test_each_instant_is_in_the_stretch_it_lies_in(
+    wanted: OutputRequest, ends: list[float]
+) -> None:
     every = [k * 0.1 for k in range(21)] if wanted.times is None else [0.0, 0.1, 0.5, 0.7, 2.0]
     sampling = Sampling(wanted)
     told: list[float] = []
@@ -171,7 +173,7 @@ def test_each_instant_is_in_the_stretch_it_lies_in(wanted: Wanted, ends: list[fl
 
 def test_instants_without_number_take_no_memory() -> None:
     """As many as no machine could hold: 480 TB."""
-    parts = Sampling(Wanted(step=1e-12)).until(60.0, ended=True)
+    parts = Sampling(OutputRequest(step=1e-12)).until(60.0, ended=True)
     first, second = next(parts), next(parts)
     expected = np.arange(len(first) + len(second)) * 1e-12
     assert np.array_equal(np.concatenate([first, second]), expected)

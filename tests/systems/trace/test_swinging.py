@@ -13,9 +13,9 @@ from vibro_cli.kernels.world import LOGS
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.scenario import scenario_of
 from vibro_cli.systems.driver import Driver
+from vibro_cli.systems.request import Limits
 from vibro_cli.systems.trace.event_loop import LOOP
 from vibro_cli.systems.trace.world import make_world
-from vibro_cli.systems.wanted import Limits
 
 VALLEY = [{"shape": "valley", "radius": 1.0, "end_slope": "80 deg"}]
 CHAIN = [

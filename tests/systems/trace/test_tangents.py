@@ -34,11 +34,11 @@ from vibro_cli.stress.oracles.sensitivity import differences
 from vibro_cli.stress.scenes import CIRCLE, THREE_ARCS, VALLEY, ball, scene, system_of
 from vibro_cli.systems import driver
 from vibro_cli.systems.driver import with_logs
+from vibro_cli.systems.request import Limits, OutputRequest
 from vibro_cli.systems.run import begun
 from vibro_cli.systems.trace import SYSTEM, simulate_system
 from vibro_cli.systems.trace.tangents import TangentMap, follow_system, time_scale
 from vibro_cli.systems.trace.world import make_world
-from vibro_cli.systems.wanted import Limits, Wanted
 
 pytestmark = pytest.mark.long
 
@@ -474,7 +474,7 @@ def test_digits_left_are_those_that_agree_with_50_digits() -> None:
     ratios, last, fewest, lucky = [], [], 16.0, 0
     for _ in range(100):
         system = _falling(rng)
-        run = simulate_system(system, None, 25, wanted=Wanted(lyapunov=True))
+        run = simulate_system(system, None, 25, wanted=OutputRequest(lyapunov=True))
         left = run.collisions["digits_left"]
         errors = np.array(_true_errors(system, run))
         ratios.append(errors * 10.0 ** left[: len(errors)])

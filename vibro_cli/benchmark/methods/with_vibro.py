@@ -22,10 +22,10 @@ from vibro_cli.benchmark.scenes import Scene
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.systems import system_named
 from vibro_cli.systems.driver import Driver
+from vibro_cli.systems.request import Limits
 from vibro_cli.systems.trace import SYSTEM
 from vibro_cli.systems.trace.ensemble import Batch, empty_results, points_of
 from vibro_cli.systems.trace.world import make_world
-from vibro_cli.systems.wanted import Limits
 
 
 def driver_of(scenario: Any, limits: Limits | None = None) -> Driver:

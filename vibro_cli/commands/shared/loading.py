@@ -141,7 +141,7 @@ def read_earlier(folder: Path, overrides: Sequence[str]) -> "tuple[Path, Earlier
     overrides that would make it another run.
     """
     from vibro_cli.storage.folders import read_earlier_run, scenario_of_killed_run
-    from vibro_cli.systems.wanted import CHANGEABLE
+    from vibro_cli.systems.request import CHANGEABLE
 
     for text in overrides:
         section = text.partition("=")[0].strip().partition(".")[0]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from vibro_cli.assemble import Findings, bodies_of
+from vibro_cli.assemble import Problems, bodies_of
 from vibro_cli.mechanics.system import Body, touching_distance
 from vibro_cli.systems.springs.scenario import SpringsScenario
 from vibro_cli.systems.springs.system import InitialState, Spring, SpringsSystem
@@ -14,11 +14,11 @@ def build(scenario: SpringsScenario) -> SpringsSystem:
     Raises ScenarioError with every problem: masses that doubles cannot compute with, bodies that
     start out of order or overlap, or that could touch over a small one between them.
     """
-    findings = Findings(scenario)
-    bodies = bodies_of(scenario.balls, findings)
-    initial = _initial(scenario, bodies, findings)
-    _check_neighbours(bodies, findings)
-    findings.settle()
+    problems = Problems(scenario)
+    bodies = bodies_of(scenario.balls, problems)
+    initial = _initial(scenario, bodies, problems)
+    _check_neighbours(bodies, problems)
+    problems.raise_if_any()
     springs = [ball.spring for ball in scenario.balls]
     return SpringsSystem(
         bodies=bodies,
@@ -31,9 +31,9 @@ def build(scenario: SpringsScenario) -> SpringsSystem:
 
 
 def _initial(
-    scenario: SpringsScenario, bodies: tuple[Body, ...], findings: Findings
+    scenario: SpringsScenario, bodies: tuple[Body, ...], problems: Problems
 ) -> tuple[InitialState, ...]:
-    """Where each body starts; bodies out of order or overlapping are findings."""
+    """Where each body starts; bodies out of order or overlapping are problems."""
     states: list[InitialState] = []
     for number, (ball, body) in enumerate(zip(scenario.balls, bodies, strict=True), 1):
         position = ball.position
@@ -45,13 +45,13 @@ def _initial(
             if room < -1e-15 * (abs(position) + abs(states[-1].position)):
                 found = f"{position!r}, {-room:.6g} m too far to the left"
                 expected = f"a place right of body {number - 1}: from {position - room!r} m on"
-                findings.add(f"balls[{number}].position", found, expected)
+                problems.add(f"balls[{number}].position", found, expected)
         speed = ball.speed if ball.speed is not None else (ball.omega or 0.0) * body.radius
         states.append(InitialState(position, speed))
     return tuple(states)
 
 
-def _check_neighbours(bodies: tuple[Body, ...], findings: Findings) -> None:
+def _check_neighbours(bodies: tuple[Body, ...], problems: Problems) -> None:
     """Check that bodies which are not neighbours cannot touch over those between them."""
     for first in range(len(bodies)):
         reach = 0.0
@@ -63,4 +63,4 @@ def _check_neighbours(bodies: tuple[Body, ...], findings: Findings) -> None:
                 small = min(between, key=lambda index: bodies[index].radius)
                 expected = f"one so large that bodies {first + 1} and {second + 1} cannot touch"
                 path = f"balls[{small + 1}].radius"
-                findings.add(path, repr(bodies[small].radius), f"{expected} over it")
+                problems.add(path, repr(bodies[small].radius), f"{expected} over it")

@@ -23,7 +23,7 @@ from vibro_cli.kernels.springs.world import (
 from vibro_cli.kernels.world import END_QUIET
 from vibro_cli.mechanics.system import ImpactSystem, touching_distance
 from vibro_cli.systems.driver import EventLoop, body_record, law_and_stops, record_array, records_of
-from vibro_cli.systems.wanted import NO_LIMITS, Limits
+from vibro_cli.systems.request import NO_LIMITS, Limits
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from vibro_cli.assemble import Findings, bodies_of
+from vibro_cli.assemble import Problems, bodies_of
 from vibro_cli.mechanics.system import Body, touching_distance
 from vibro_cli.systems.table import system
 from vibro_cli.systems.table.scenario import TableBall, TableScenario
@@ -19,15 +19,15 @@ def build(scenario: TableScenario) -> TableSystem:
     Raises ScenarioError with every problem: masses that doubles cannot compute with, a polygon
     that meets itself, balls that do not fit the wall, reach into it, or overlap.
     """
-    findings = Findings(scenario)
-    bodies = bodies_of(scenario.balls, findings)
-    wall = _wall(scenario.wall, findings)
-    findings.settle()
+    problems = Problems(scenario)
+    bodies = bodies_of(scenario.balls, problems)
+    wall = _wall(scenario.wall, problems)
+    problems.raise_if_any()
     initial = tuple(InitialState((ball.x, ball.y), velocity_of(ball)) for ball in scenario.balls)
     if wall is not None:
-        _check_wall(scenario, wall, bodies, findings)
-    _check_overlaps(scenario, bodies, findings)
-    findings.settle()
+        _check_wall(scenario, wall, bodies, problems)
+    _check_overlaps(scenario, bodies, problems)
+    problems.raise_if_any()
     return TableSystem(
         bodies=bodies,
         initial=initial,
@@ -45,7 +45,7 @@ def velocity_of(ball: TableBall) -> Point:
     return ball.velocity_x or 0.0, ball.velocity_y or 0.0
 
 
-def _wall(table: WallTable | None, findings: Findings) -> Wall | None:
+def _wall(table: WallTable | None, problems: Problems) -> Wall | None:
     if table is None:
         return None
     inside = table.side == "inside"
@@ -63,33 +63,33 @@ def _wall(table: WallTable | None, findings: Findings) -> Wall | None:
     points = tuple((x, y) for x, y in table.corners or ())
     wrong = system.wrong_with_polygon(points)
     if wrong:
-        findings.add("wall.corners", wrong, "sides that meet only at their common corners")
+        problems.add("wall.corners", wrong, "sides that meet only at their common corners")
         return None
     return Wall("polygon", inside, table.k, corners=points)
 
 
 def _check_wall(
-    scenario: TableScenario, wall: Wall, bodies: tuple[Body, ...], findings: Findings
+    scenario: TableScenario, wall: Wall, bodies: tuple[Body, ...], problems: Problems
 ) -> None:
     """Check that every ball fits the wall and starts free of it."""
     for number, (ball, body) in enumerate(zip(scenario.balls, bodies, strict=True), 1):
         limit = system.largest_radius(wall)
         if body.radius >= limit:
             expected = f"less than {limit!r}, the least radius of curvature of the wall"
-            findings.add(f"balls[{number}].radius", repr(body.radius), expected)
+            problems.add(f"balls[{number}].radius", repr(body.radius), expected)
             continue
         free = system.distance_to_wall(wall, (ball.x, ball.y)) - body.radius
         if free < -system.rounding(wall, (ball.x, ball.y)):
             side = "inside" if wall.inside else "outside"
             found = f"ball {number} reaching {-free:.6g} m into the wall"
-            findings.add(f"balls[{number}].x", found, f"a place {side} it, free of it")
+            problems.add(f"balls[{number}].x", found, f"a place {side} it, free of it")
 
 
-def _check_overlaps(scenario: TableScenario, bodies: tuple[Body, ...], findings: Findings) -> None:
+def _check_overlaps(scenario: TableScenario, bodies: tuple[Body, ...], problems: Problems) -> None:
     for b, a, touch, apart in sorted(_overlaps(scenario, bodies)):
         found = f"balls {a + 1} and {b + 1} that overlap by {touch - apart:.6g} m"
         expected = f"centres at least 2 sqrt(r_a r_b) = {touch!r} m apart"
-        findings.add(f"balls[{b + 1}].x", found, expected)
+        problems.add(f"balls[{b + 1}].x", found, expected)
 
 
 def _overlaps(

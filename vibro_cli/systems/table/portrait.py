@@ -28,10 +28,10 @@ from vibro_cli.figures.style import mark, width_of
 from vibro_cli.figures.ticks import angle_ticks, label_axis, vertical_ticks
 from vibro_cli.numerics.elementwise import Floats
 from vibro_cli.systems.contract import NoPortrait
+from vibro_cli.systems.request import Limits
 from vibro_cli.systems.run import simulate
 from vibro_cli.systems.table import SYSTEM
 from vibro_cli.systems.table.system import CIRCLE, ELLIPSE, InitialState, TableSystem, Wall
-from vibro_cli.systems.wanted import Limits
 
 
 class TwoBounce(NamedTuple):

@@ -25,7 +25,7 @@ from vibro_cli.kernels.table.world import (
 from vibro_cli.kernels.table.world import POLYGON as POLYGON_KIND
 from vibro_cli.mechanics.system import ImpactSystem
 from vibro_cli.systems.driver import EventLoop, body_record, law_and_stops, records_of
-from vibro_cli.systems.wanted import UNLIMITED, Limits
+from vibro_cli.systems.request import UNLIMITED, Limits
 
 ELLIPSE = "ellipse"
 CIRCLE = "circle"

@@ -17,12 +17,12 @@ if TYPE_CHECKING:
     from vibro_cli.storage.stored import StoredRun
     from vibro_cli.systems.columns import Table
     from vibro_cli.systems.driver import Driver, EventLoop
+    from vibro_cli.systems.request import Limits, OutputRequest
     from vibro_cli.systems.run import Run, Stretch
     from vibro_cli.systems.trace.event_loop import TraceStretches
     from vibro_cli.systems.trace.grid_solver import TraceSolver
     from vibro_cli.systems.trace.motion import LongMotion, Paths
     from vibro_cli.systems.trace.tables import Tables
-    from vibro_cli.systems.wanted import Limits, Wanted
 
 
 class Trace(System):
@@ -78,7 +78,9 @@ class Trace(System):
 
         return TraceStretches(driver, stop_time)
 
-    def skipped(self, clock: Mapping[str, Any], wanted: Wanted, end: float) -> tuple[str, ...]:
+    def skipped(
+        self, clock: Mapping[str, Any], wanted: OutputRequest, end: float
+    ) -> tuple[str, ...]:
         from vibro_cli.systems.trace.tables import skipped
 
         return skipped(clock, wanted, end)
@@ -93,7 +95,9 @@ class Trace(System):
 
         return collisions(sided=column_names is None or SIDE.name in column_names)
 
-    def teller(self, system: Any, wanted: Wanted, names: Collection[str], sink: Sink) -> Tables:
+    def teller(
+        self, system: Any, wanted: OutputRequest, names: Collection[str], sink: Sink
+    ) -> Tables:
         from vibro_cli.systems.trace.tables import Tables
 
         return Tables(system, wanted, names, sink)
@@ -153,13 +157,13 @@ def simulate_system(
     stop_time: float | None,
     stop_collisions: int | None,
     engine: str = "compiled",
-    wanted: Wanted | None = None,
+    wanted: OutputRequest | None = None,
     checkpoint: dict[str, Any] | None = None,
     history: dict[str, Any] | None = None,
 ) -> Run:
     """Run bodies on a trace until the first of the stops (s and a count), see ``systems.run``."""
+    from vibro_cli.systems.request import Limits, OutputRequest
     from vibro_cli.systems.run import simulate
-    from vibro_cli.systems.wanted import Limits, Wanted
 
     limits = Limits(stop_time, stop_collisions)
-    return simulate(SYSTEM, system, limits, engine, wanted or Wanted(), checkpoint, history)
+    return simulate(SYSTEM, system, limits, engine, wanted or OutputRequest(), checkpoint, history)

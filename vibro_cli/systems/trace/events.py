@@ -51,7 +51,7 @@ Rows = Any
 
 
 class Events:
-    """The events of a run, stretch by stretch; what is wanted: see ``systems.wanted.Wanted``."""
+    """The events of a run, stretch by stretch; what is asked for: see ``OutputRequest``."""
 
     def __init__(
         self,

@@ -28,6 +28,7 @@ from vibro_cli.scenario.problems import KeyPath
 from vibro_cli.storage.tables import record_batch
 from vibro_cli.systems.columns import Table
 from vibro_cli.systems.driver import compiled_world, zeros
+from vibro_cli.systems.request import Limits, OutputRequest
 from vibro_cli.systems.run import summed_up
 from vibro_cli.systems.tangents import exponent_columns
 from vibro_cli.systems.trace import SYSTEM
@@ -41,23 +42,22 @@ from vibro_cli.systems.trace.ensemble import (
 from vibro_cli.systems.trace.motion import Places
 from vibro_cli.systems.trace.system_template import (
     Reader,
-    Setting,
     Starts,
     Systems,
+    SystemTemplate,
     is_of_system,
     is_quick,
 )
 from vibro_cli.systems.trace.tables import ImpactTable, runs_of, sidedness, summary_columns
 from vibro_cli.systems.trace.tangents import time_scale
 from vibro_cli.systems.trace.world import make_world
-from vibro_cli.systems.wanted import Limits, Wanted
 
 _ROWS_AT_LEAST = 1 << 14
 
 
 @dataclass(frozen=True)
 class Logged:
-    """Impacts of some points that share a setting, as the solver has logged them."""
+    """Impacts of some points that share a template, as the solver has logged them."""
 
     system: TraceSystem
     world: World
@@ -189,12 +189,12 @@ class TraceSolver:
         self.interrupted: Callable[[], bool] = lambda: False
         self._grid = grid
         self._engine = engine
-        self._settings: OrderedDict[tuple[Any, ...], Setting] = OrderedDict()
+        self._templates: OrderedDict[tuple[Any, ...], SystemTemplate] = OrderedDict()
         self._batches: OrderedDict[tuple[Any, ...], Batch] = OrderedDict()
         self._room = 0.0
         self._logs = LogSpace()
         self._table = impact_table_of(grid) if grid.keep.collisions else None
-        self._wanted = Wanted(lyapunov=is_followed(grid))
+        self._wanted = OutputRequest(lyapunov=is_followed(grid))
         self._sums: Any = None
         self._reader = Reader(grid.base)
         self._indices: Array = np.zeros(0, dtype=np.int64)
@@ -221,7 +221,7 @@ class TraceSolver:
     def _groups(
         self, values: dict[KeyPath, Array], count: int
     ) -> list[tuple[tuple[Any, ...], Array]]:
-        """The points of each setting: what they have in common, and their rows."""
+        """The points of each template: what they have in common, and their rows."""
         if not self._slow:
             return [((), np.arange(count))]
         groups: dict[tuple[Any, ...], list[int]] = {}
@@ -232,45 +232,45 @@ class TraceSolver:
     def _solve_group(
         self, key: tuple[Any, ...], rows: Array, values: dict[KeyPath, Array], parts: _Parts
     ) -> None:
-        """Solve points of one setting."""
+        """Solve points of one template."""
         if self._engine == "python":
             for at, row in enumerate(rows):
                 self._solve_alone(row, self._reader.read(_taken(values, at)), parts)
             return
         at = 0
-        while key not in self._settings and at < len(rows):
-            # The first point that is valid shows the setting.
+        while key not in self._templates and at < len(rows):
+            # The first point that is valid shows the template.
             point = self._reader.read(_taken(values, int(at)))
-            if isinstance(point, Setting):
+            if isinstance(point, SystemTemplate):
                 self._remember(key, point)
             else:
                 self._solve_alone(rows[at], point, parts)
                 at += 1
         if at < len(rows):
-            self._settings.move_to_end(key)
+            self._templates.move_to_end(key)
             self._solve_setting(key, rows[at:], _taken(values, slice(at, None)), parts)
 
-    def _remember(self, key: tuple[Any, ...], setting: Setting) -> None:
-        self._settings[key] = setting
-        while len(self._settings) > _READY:
-            oldest, _ = self._settings.popitem(last=False)
+    def _remember(self, key: tuple[Any, ...], template: SystemTemplate) -> None:
+        self._templates[key] = template
+        while len(self._templates) > _READY:
+            oldest, _ = self._templates.popitem(last=False)
             self._batches.pop(oldest, None)
 
     def _solve_setting(
         self, key: tuple[Any, ...], rows: Array, values: dict[KeyPath, Array], parts: _Parts
     ) -> None:
-        """Solve points of a known setting: first all that are surely valid, then the others."""
-        setting = self._settings[key]
-        systems = setting.systems(values, len(rows))
+        """Solve points of a known template: first all that are surely valid, then the others."""
+        template = self._templates[key]
+        systems = template.systems(values, len(rows))
         sure = np.zeros(len(rows), dtype=bool)
         if len(systems.points):
-            # What the points have in common is in the setting's scenario.
+            # What the points have in common is in the template's scenario.
             own_values = {path: one for path, one in values.items() if path not in self._slow}
-            starts = setting.starts(_taken(own_values, systems.points), systems)
+            starts = template.starts(_taken(own_values, systems.points), systems)
             sure[systems.points] = starts.sure
             if starts.sure.any():
                 self._solve_batch(key, starts, systems, rows[systems.points], parts)
-        found: dict[tuple[Any, ...], list[tuple[int, Setting]]] = {}
+        found: dict[tuple[Any, ...], list[tuple[int, SystemTemplate]]] = {}
         for at in np.flatnonzero(~sure):
             one = _taken(values, int(at))
             point = self._reader.read(one)
@@ -284,14 +284,14 @@ class TraceSolver:
             self._solve_read(own, points, parts)
 
     def _solve_read(
-        self, key: tuple[Any, ...], points: list[tuple[int, Setting]], parts: _Parts
+        self, key: tuple[Any, ...], points: list[tuple[int, SystemTemplate]], parts: _Parts
     ) -> None:
         """Solve valid points of one system that were read alone."""
-        if key not in self._settings:
+        if key not in self._templates:
             self._remember(key, points[0][1])
-        setting = self._settings[key]
-        starts = setting.starts_of([point for _, point in points])
-        systems = Systems(np.arange(len(points)), setting.system, None)
+        template = self._templates[key]
+        starts = template.starts_of([point for _, point in points])
+        systems = Systems(np.arange(len(points)), template.system, None)
         self._solve_batch(key, starts, systems, np.array([row for row, _ in points]), parts)
 
     def _solve_batch(
@@ -302,10 +302,10 @@ class TraceSolver:
         rows: Array,
         parts: _Parts,
     ) -> None:
-        """Solve valid points of a setting with the compiled kernels."""
-        setting = self._settings[key]
+        """Solve valid points of a template with the compiled kernels."""
+        template = self._templates[key]
         if key not in self._batches:
-            self._batches[key] = Batch(setting.system, next(iter(self._batches.values()), None))
+            self._batches[key] = Batch(template.system, next(iter(self._batches.values()), None))
         task = Task.of(starts, systems, self._indices[rows])
         results = self._run(self._batches[key], task)
         if self._wanted.lyapunov:
@@ -366,7 +366,7 @@ class TraceSolver:
             )
         )
 
-    def _solve_alone(self, number: int, point: Setting | str, parts: _Parts) -> None:
+    def _solve_alone(self, number: int, point: SystemTemplate | str, parts: _Parts) -> None:
         """Solve one point by itself, or take down why it cannot be solved."""
         row = np.array([number])
         table = SYSTEM.summary(ball_count(self._grid), self._wanted.lyapunov)

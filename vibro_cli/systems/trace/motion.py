@@ -20,11 +20,11 @@ from vibro_cli.kernels.world import CAUSE_NAMES, RUNNING, Flight, World
 from vibro_cli.mechanics.system import TraceSystem, natural_rate
 from vibro_cli.numerics.elementwise import Floats
 from vibro_cli.systems.driver import angles_of, called, with_logs, zeros
+from vibro_cli.systems.request import Limits, within_run
 from vibro_cli.systems.run import Stretch, ahead, begun
 from vibro_cli.systems.tables import events_until
 from vibro_cli.systems.trace import SYSTEM
 from vibro_cli.systems.trace.world import make_world, turns_of
-from vibro_cli.systems.wanted import Limits, within_run
 
 
 class Places:

@@ -1,6 +1,6 @@
 """From the values of a point to what the solver starts with, for many points at once.
 
-Points that share trace, radii, laws and ends make one setting: it is built once by the ordinary
+Points that share trace, radii, laws and ends make one template: it is built once by the ordinary
 reader, and what its points differ in (starts, masses, k, stops) is worked out for all of them at
 once, as are systems that differ in numbers only. The checks are those of `assemble`, of arrays of
 numbers. What they refuse goes through the ordinary reader alone: something is wrong with it, which
@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from vibro_cli.assemble import (
-    Findings,
+    Problems,
     bodies_of,
     body_of,
     build_system,
@@ -42,8 +42,8 @@ from vibro_cli.scenario.base import plain
 from vibro_cli.scenario.loading import Document, scenario_of
 from vibro_cli.scenario.models import Scenario
 from vibro_cli.scenario.problems import KeyPath, ScenarioError
+from vibro_cli.systems.request import UNLIMITED
 from vibro_cli.systems.trace.world import initial_flight, pairs_of
-from vibro_cli.systems.wanted import UNLIMITED
 
 _OF_A_BALL = ("radius", "thickness", "inertia_ratio")
 _OF_THE_TRACE = ("radius", "length", "end_slope")
@@ -68,7 +68,7 @@ Values = Mapping[KeyPath, Any]
 """A number, or an array of numbers, for each path."""
 
 
-class Soundness(Findings):
+class Validity(Problems):
     """Which of many scenarios, whose numbers are arrays, have nothing wrong; no words are made."""
 
     def __init__(self, scenario: Scenario, count: int) -> None:
@@ -139,8 +139,8 @@ class Systems:
 
 
 @dataclass(frozen=True)
-class Setting:
-    """A setting, known from one valid point of it."""
+class SystemTemplate:
+    """A template, known from one valid point of it."""
 
     scenario: Scenario
     system: TraceSystem
@@ -175,7 +175,7 @@ class Setting:
     def _sound_systems(self, values: Values, count: int) -> tuple[Array, TraceSystem]:
         """Which systems with these numbers are sound, and these as one system of arrays."""
         scenario, on_new_trace = changed(self._placed, values), any(p[0] == "trace" for p in values)
-        numbers = Soundness(scenario, count)
+        numbers = Validity(scenario, count)
         numbers.check_values(values)
         if on_new_trace:
             _check_slopes(scenario, numbers)
@@ -187,7 +187,7 @@ class Setting:
         scenario = changed(self._placed, {path: column[at] for path, column in values.items()})
         trace = trace_of(scenario) if on_new_trace else self.system.trace
         bodies = tuple(map(body_of, scenario.balls))
-        shapes = Soundness(scenario, len(at))
+        shapes = Validity(scenario, len(at))
         with np.errstate(all="ignore"):
             check_turns(trace, shapes)
             check_fit(trace, bodies, shapes, trace_is_sound=False)
@@ -205,21 +205,21 @@ class Setting:
         scenario, system = changed(self._placed, values), systems.system
         if systems.of_points is not None:
             system = taken(system, systems.of_points)
-        findings = Soundness(scenario, len(systems.points))
+        problems = Validity(scenario, len(systems.points))
         with np.errstate(all="ignore"):
-            findings.check_values(values)
-            bodies = bodies_of(scenario.balls, findings)
-            initial = initial_states(scenario, system.trace, bodies, findings)
-            check_walls(scenario, system.trace, bodies, initial, findings)
+            problems.check_values(values)
+            bodies = bodies_of(scenario.balls, problems)
+            initial = initial_states(scenario, system.trace, bodies, problems)
+            check_walls(scenario, system.trace, bodies, initial, problems)
             states = tuple(state for state in initial if state is not None)
             for state in states:
                 # On which piece a body at a junction starts depends on its speed.
                 piece = system.trace.pieces[state.piece]
-                findings.refuse(state.position == piece.angle_start)
-                findings.refuse(state.position == piece.angle_end)
+                problems.refuse(state.position == piece.angle_start)
+                problems.refuse(state.position == piece.angle_end)
             k = scenario.collision.k
             system = replace(system, bodies=bodies, initial=states, restitution=k)
-            return self._starts(scenario, system, findings.sound)
+            return self._starts(scenario, system, problems.sound)
 
     def allows(self, path: KeyPath, value: Any) -> bool:
         """Tell whether the key at a path allows a number here, whatever the other ones are."""
@@ -230,8 +230,8 @@ class Setting:
         piece = self.system.trace.pieces[self.scenario.balls[path[1]].arc - 1]
         return allowed and not outside(value, piece.angle_start, piece.angle_end)
 
-    def starts_of(self, points: Sequence[Setting]) -> Starts:
-        """Return the starts of valid points of this setting that were read alone."""
+    def starts_of(self, points: Sequence[SystemTemplate]) -> Starts:
+        """Return the starts of valid points of this template that were read alone."""
         sure = np.ones(1, dtype=bool)
         each = [self._starts(point.scenario, point.system, sure) for point in points]
         names = [one.name for one in fields(Starts)]
@@ -263,12 +263,12 @@ def _table(columns: Sequence[Any], count: int) -> Array:
     return np.stack([np.broadcast_to(column, count) for column in columns], axis=1)
 
 
-def _check_slopes(scenario: Scenario, findings: Soundness) -> None:
+def _check_slopes(scenario: Scenario, problems: Validity) -> None:
     """Check that the slopes of a trace make a chain."""
     slope = scenario.trace.start_slope
     for arc in scenario.trace.arcs:
         if arc.end_slope is not None:
-            findings.refuse(np.logical_not(bends(arc.shape, slope, arc.end_slope)))
+            problems.refuse(np.logical_not(bends(arc.shape, slope, arc.end_slope)))
             slope = arc.end_slope
 
 
@@ -291,14 +291,14 @@ def _with(known: Any, path: KeyPath, value: Any) -> Any:
     return known.model_copy(update={key: _with(getattr(known, key), path[1:], value)})
 
 
-# What points of one setting may differ in.
+# What points of one template may differ in.
 _OF_A_START = ("angle", "position", "rate", "omega", "speed", "density", "mass")
 # Reasons that are kept ready.
 _MOST_REASONS = 10_000
 
 
 def is_quick(path: KeyPath) -> bool:
-    """Tell whether points may differ in the value at a path and still share a setting."""
+    """Tell whether points may differ in the value at a path and still share a template."""
     if path[0] == "balls":
         return len(path) == 3 and path[2] in _OF_A_START
     return path[:2] == ("collision", "k") or path in (("stop", "time"), ("stop", "collisions"))
@@ -314,11 +314,11 @@ class Reader:
 
     def __init__(self, base: Document) -> None:
         self._base = base
-        self._known: Setting | None = None
+        self._known: SystemTemplate | None = None
         self._reasons: dict[tuple[tuple[KeyPath, Any], ...], str] = {}
 
-    def read(self, values: Values) -> Setting | str:
-        """Return one point as the ordinary reader finds it: its setting, or what is wrong with it.
+    def read(self, values: Values) -> SystemTemplate | str:
+        """Return one point as the ordinary reader finds it: its template, or what is wrong with it.
 
         A number that its key does not allow is told before anything else is looked at, so that
         the reason is the same for every point that has it.
@@ -342,7 +342,7 @@ class Reader:
                 self._reasons[refused] = reason
             return reason
         try:
-            point = Setting(scenario, build_system(scenario))
+            point = SystemTemplate(scenario, build_system(scenario))
         except ScenarioError as error:
             return reason_of(error)
         if known is None and all(map(is_number, given)):

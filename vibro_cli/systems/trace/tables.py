@@ -49,6 +49,7 @@ from vibro_cli.systems.columns import (
 )
 from vibro_cli.systems.contract import Sink
 from vibro_cli.systems.driver import called, with_logs, zeros
+from vibro_cli.systems.request import OutputRequest, Sampling
 from vibro_cli.systems.run import Gathered, Stretch
 from vibro_cli.systems.tangents import exponent_table, grown_columns
 from vibro_cli.systems.trace import SYSTEM
@@ -56,7 +57,6 @@ from vibro_cli.systems.trace.events import NAMES, Events, event_columns
 from vibro_cli.systems.trace.motion import Paths, Places
 from vibro_cli.systems.trace.tangents import TangentMap
 from vibro_cli.systems.trace.world import make_world
-from vibro_cli.systems.wanted import Sampling, Wanted
 
 
 def _pair(name: str, unit: str, text: str, nullable: bool = False) -> list[Column]:
@@ -306,7 +306,7 @@ class Tables:
     motion: Gathered | None = None  # a million impacts are solved again in a second
 
     def __init__(
-        self, system: TraceSystem, wanted: Wanted, names: Collection[str], sink: Sink
+        self, system: TraceSystem, wanted: OutputRequest, names: Collection[str], sink: Sink
     ) -> None:
         self._world = make_world(system)
         self._places = Places(system)
@@ -452,7 +452,7 @@ def summary_columns(
     return columns
 
 
-def skipped(clock: Mapping[str, Any], wanted: Wanted, end: float) -> tuple[str, ...]:
+def skipped(clock: Mapping[str, Any], wanted: OutputRequest, end: float) -> tuple[str, ...]:
     """Say what was not computed of a run with this clock and end (s), and why."""
     notes = []
     apart, searches = int(clock["skipped_apart"]), int(clock["searches"])

@@ -19,11 +19,11 @@ from vibro_cli.numerics.elementwise import Floats, greatest_of
 from vibro_cli.systems import tangents
 from vibro_cli.systems.contract import Rows
 from vibro_cli.systems.driver import with_logs, zeros
+from vibro_cli.systems.request import Limits
 from vibro_cli.systems.run import Run, Stretch, begun
 from vibro_cli.systems.tangents import Growth
 from vibro_cli.systems.trace import SYSTEM
 from vibro_cli.systems.trace.world import make_world
-from vibro_cli.systems.wanted import Limits
 
 
 def time_scale(system: TraceSystem) -> Any:

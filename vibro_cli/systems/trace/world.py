@@ -41,7 +41,7 @@ from vibro_cli.mechanics.system import Body, TraceSystem
 from vibro_cli.mechanics.trace import Piece, Trace, sine_cosine
 from vibro_cli.numerics import elementwise
 from vibro_cli.systems.driver import body_record, law_and_stops
-from vibro_cli.systems.wanted import NO_LIMITS, Limits
+from vibro_cli.systems.request import NO_LIMITS, Limits
 
 # Bounds are kept above the rounding of what they bound.
 CAUTION = 1.0 + 1.0e-12

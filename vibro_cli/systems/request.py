@@ -88,7 +88,7 @@ NO_LIMITS = Limits()
 
 
 @dataclass(frozen=True)
-class Wanted:
+class OutputRequest:
     """What is to be computed beside the impacts."""
 
     times: tuple[float, ...] | None = None
@@ -119,13 +119,13 @@ class Wanted:
         return (f"sampled motion: {missing} of {asked} times after the end, t = {end!r} s",)
 
 
-NOTHING_MORE = Wanted()
+NOTHING_MORE = OutputRequest()
 
 
 class Sampling:
     """The instants of the motion table, ascending or by their step, as a run comes to them."""
 
-    def __init__(self, wanted: Wanted) -> None:
+    def __init__(self, wanted: OutputRequest) -> None:
         self._times = None if wanted.times is None else np.array(wanted.times, dtype=np.float64)
         self._step = wanted.step
         self._told = 0
