@@ -41,7 +41,7 @@ LAYERS = (
     "kernels",
     "compile",
     "errors",
-    "told",
+    "progress",
 )
 # The stages of the event loop and what is around them, likewise from top to bottom.
 STAGES = (

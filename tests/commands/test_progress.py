@@ -13,9 +13,9 @@ from tests.two_balls import SCENARIO
 from vibro_cli.api import simulate
 from vibro_cli.commands.shared import terminal
 from vibro_cli.figures.kinds import draw_all
+from vibro_cli.progress import RUN, WORK
 from vibro_cli.scenario import load_any
 from vibro_cli.systems.trace.figures import FIGURES
-from vibro_cli.told import RUN, WORK
 
 pytestmark = pytest.mark.long
 
@@ -114,9 +114,9 @@ def test_what_is_measured_is_told_until_each_result_comes(
 
     def results() -> Iterator[int]:
         for number in (1, 2):
-            WORK.tell(f"part {number}")
+            WORK.report(f"part {number}")
             time.sleep(0.1)  # so that there is time for a line
-            WORK.tell(f"rest of part {number}")
+            WORK.report(f"rest of part {number}")
             yield number
 
     for number in terminal.each_as_told("measuring", results()):

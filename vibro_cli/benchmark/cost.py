@@ -39,6 +39,7 @@ from vibro_cli.benchmark.methods.runner import Lost, Motion
 from vibro_cli.benchmark.methods.with_heyoka import NAME, TOLERANCES, Lanes
 from vibro_cli.benchmark.methods.with_vibro import DriverRunner, driver_of
 from vibro_cli.benchmark.scenes import BY_NAME, VALLEY, Scene, ball, timed_scenes
+from vibro_cli.progress import WORK
 from vibro_cli.scenario.loading import any_scenario_of
 from vibro_cli.storage.files import available_cores, json_bytes
 from vibro_cli.systems.contract import Document
@@ -47,7 +48,6 @@ from vibro_cli.systems.request import Limits, OutputRequest
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.trace import simulate_system
 from vibro_cli.systems.trace.ensemble import Batch, empty_results, points_of
-from vibro_cli.told import WORK
 
 _IMPACTS = 20_000
 _DENSITY = (7800.0, 2700.0)
@@ -102,13 +102,13 @@ def chain_of_arcs(count: int) -> Scene:
 
 def measure_growth(plan: Plan) -> Iterator[list[Row]]:
     """Measure how cost and memory grow; give the rows of each kind as they come."""
-    WORK.tell("more and more bodies")
+    WORK.report("more and more bodies")
     yield _measure_scenes(plan, "bodies", {count: row_of_bodies(count) for count in plan.bodies})
-    WORK.tell("more and more arcs")
+    WORK.report("more and more arcs")
     yield _measure_scenes(plan, "arcs", {count: chain_of_arcs(count) for count in plan.arcs})
-    WORK.tell("more and more scenarios")
+    WORK.report("more and more scenarios")
     yield _measure_batches(plan)
-    WORK.tell("memory")
+    WORK.report("memory")
     yield _measure_memory(plan)
 
 

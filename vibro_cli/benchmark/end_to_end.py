@@ -43,6 +43,7 @@ from vibro_cli.grids.document import Grid, load_grid
 from vibro_cli.grids.solving import impact_table_of
 from vibro_cli.grids.workers import expected_impacts, impact_density, solve_in_threads
 from vibro_cli.mechanics.system import TraceSystem
+from vibro_cli.progress import WORK
 from vibro_cli.scenario.loading import any_scenario_of, scenario_of
 from vibro_cli.storage.files import available_cores, json_bytes
 from vibro_cli.stress.scenes import three_arcs
@@ -51,7 +52,6 @@ from vibro_cli.systems.contract import Document, TimedScene
 from vibro_cli.systems.trace.ensemble import Batch, empty_results
 from vibro_cli.systems.trace.grid_solver import Logged, LogSpace, Task, impact_columns
 from vibro_cli.systems.trace.system_template import SystemTemplate
-from vibro_cli.told import WORK
 
 ROWS, SUMMARIES = "every impact", "summaries only"
 _SCENE = "three_arcs"
@@ -212,7 +212,7 @@ COMMANDS: dict[str, TimedScene] = {
 def measure_command(plan: Plan) -> Iterator[list[Row]]:
     """Measure scene by scene, without figures; the event loop by turns with the command."""
     for name, scene in COMMANDS.items():
-        WORK.tell(f"commands, {name}")
+        WORK.report(f"commands, {name}")
         rows = []
         for size in SIZES[plan.form]:
             impacts = size // scene.share

@@ -17,7 +17,7 @@ from vibro_cli.benchmark.measurement import SERIES, Job, Plan, Row, by_turns
 from vibro_cli.benchmark.methods import methods
 from vibro_cli.benchmark.methods.runner import Lost, Method, Runner, Setting
 from vibro_cli.benchmark.scenes import SCENES, Scene, errors_of_times, reference_times
-from vibro_cli.told import WORK
+from vibro_cli.progress import WORK
 
 _QUICK_SCENES = ("circle",)
 _ASTRAY = 1e-2
@@ -29,13 +29,13 @@ def run(plan: Plan, scenes: Sequence[str] = ()) -> Iterator[list[Row]]:
     yield from _measure_precision(plan, scenes)
     if not scenes:
         yield from measure_growth(plan)
-        WORK.tell("a grid on all cores")
+        WORK.report("a grid on all cores")
         yield measure_on_all_cores(plan)
-        WORK.tell("a grid")
+        WORK.report("a grid")
         yield measure_grid(plan)
-        WORK.tell("what is skipped")
+        WORK.report("what is skipped")
         yield measure_skips(plan)
-        WORK.tell("other systems")
+        WORK.report("other systems")
         yield measure_other_systems(plan)
         yield from measure_command(plan)
 
@@ -57,7 +57,7 @@ def _measure_scene(plan: Plan, scene: Scene, found: list[Method]) -> list[Row]:
         if not method.suits(scene):
             continue
         for setting in method.settings:
-            WORK.tell(f"{scene.name}, {method.name} {setting.name}".rstrip())
+            WORK.report(f"{scene.name}, {method.name} {setting.name}".rstrip())
             row = Row("precision", scene.name, method.name, setting.name)
             rows.append(row)
             runner = _compared(row, scene, method, setting, exact)
@@ -66,7 +66,7 @@ def _measure_scene(plan: Plan, scene: Scene, found: list[Method]) -> list[Row]:
     chosen = [
         (row, runner) for row, runner, method in timed if _fitted(plan, scene, row, runner, method)
     ]
-    WORK.tell(f"{scene.name}, all by turns")
+    WORK.report(f"{scene.name}, all by turns")
     jobs = [Job(runner.go, partial(runner.ready, row.impacts)) for row, runner in chosen]
     for (row, runner), times in zip(chosen, by_turns(jobs, plan), strict=True):
         try:

@@ -310,8 +310,8 @@ def solve(options: RunCommand, scenario: "AnyScenario", earlier: "EarlierRun | N
 @contextlib.contextmanager
 def followed(options: RunCommand, scenario: "AnyScenario") -> Iterator[None]:
     """Tell how far a run in the block is, and say why it cannot go on."""
+    from vibro_cli.progress import RUN
     from vibro_cli.systems.driver import CannotContinue
-    from vibro_cli.told import RUN
 
     progress = RunProgress(scenario.name, scenario.stop.time, scenario.stop.collisions)
     try:

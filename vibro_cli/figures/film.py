@@ -28,7 +28,7 @@ from vibro_cli.errors import VibroError
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import body_look, limits_around, number_plane
 from vibro_cli.figures.source import Array, made
-from vibro_cli.told import WORK
+from vibro_cli.progress import WORK
 
 
 @dataclass(frozen=True)
@@ -356,7 +356,7 @@ class Film(FilmFrame):
     def picture(self, frame: int) -> NDArray[np.uint8]:
         """Return a frame, shape (height, width, 3)."""
         if not frame % _TOLD_EVERY:
-            WORK.tell(f"frame {frame + 1:,} of {len(self.frames.time):,}")
+            WORK.report(f"frame {frame + 1:,} of {len(self.frames.time):,}")
         self.canvas.restore_region(self._still)
         self._clock.set_text(f"$t = {self.frames.time[frame]:.{self._digits}f}$ s")
         with style.journal():

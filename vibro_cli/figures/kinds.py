@@ -27,9 +27,9 @@ from vibro_cli.figures.over_axis import (
 from vibro_cli.figures.runs.over_impacts import exponents, intervals
 from vibro_cli.figures.style import width_of
 from vibro_cli.figures.ticks import symbol_of
+from vibro_cli.progress import WORK
 from vibro_cli.scenario.base import checked
 from vibro_cli.scenario.quantities import Count
-from vibro_cli.told import WORK
 
 if TYPE_CHECKING:
     from vibro_cli.storage.stored import StoredGrid
@@ -63,7 +63,7 @@ class Kind(Generic[Source]):
 
     def drawn(self, name: str, run: Source, width: str) -> Iterator[Drawn]:
         """Draw it, if it shows anything."""
-        WORK.tell(self.title)
+        WORK.report(self.title)
         figure = self.draw(run, width)
         if figure is not None:
             yield Drawn(name, self.title, self.caption, figure)
@@ -87,7 +87,7 @@ class KindOfBody:
     def of(self, name: str, run: Any, ball: int, width: str) -> Drawn:
         """Draw it of one body (from 1)."""
         title = f"{self.title} {ball}"
-        WORK.tell(title)
+        WORK.report(title)
         figure = self.draw(run, ball, width)
         return Drawn(f"{name}_{ball}", title, self.caption, figure)
 

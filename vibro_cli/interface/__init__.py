@@ -126,12 +126,12 @@ def pictures(
 ) -> dict[str, bytes]:
     """Return the files of figures, which are given by their stems, by their names."""
     from vibro_cli.figures.style import render
-    from vibro_cli.told import WORK
+    from vibro_cli.progress import WORK
 
     files = {}
     for stem, figure in figures.items():
         for form in forms:
-            WORK.tell(f"{stem}.{form}")
+            WORK.report(f"{stem}.{form}")
             files[f"{stem}.{form}"] = render(figure, form)
     return files
 

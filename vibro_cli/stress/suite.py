@@ -15,13 +15,13 @@ from typing import Any
 from vibro_cli import __version__
 from vibro_cli.errors import VibroError
 from vibro_cli.grids.solving import columns_of_records
+from vibro_cli.progress import WORK
 from vibro_cli.storage.files import json_bytes, write_folder
 from vibro_cli.storage.tables import Origin, parquet_bytes, to_arrow
 from vibro_cli.stress.scenes import Finding, Plan
 from vibro_cli.systems import NAMES as SYSTEMS
 from vibro_cli.systems import system_named
 from vibro_cli.systems.columns import Column, Table
-from vibro_cli.told import WORK
 
 # The function ``check_NAME`` of each is in this module beside this one; the quick ones first. Those
 # of a system are ``check`` in the module ``stress`` of its folder, where there is one.
@@ -81,14 +81,14 @@ def run(plan: Plan, names: Sequence[str]) -> Iterator[Finding]:
     chosen = [name for name in NAMES if not names or name in names]
     if not plan.full or len(chosen) == 1:
         for name in chosen:
-            WORK.tell(name)
+            WORK.report(name)
             yield from findings_of(name, plan)
         return
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(WORKERS, mp_context=context) as workers:
         found = workers.map(findings_of, chosen, [plan] * len(chosen))
         for name in chosen:
-            WORK.tell(name)
+            WORK.report(name)
             yield from next(found)
 
 

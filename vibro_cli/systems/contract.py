@@ -323,7 +323,7 @@ class System(ABC):
         """
         return self.impact_logs[name].table
 
-    def teller(
+    def table_maker(
         self, system: Any, wanted: OutputRequest, names: Collection[str], sink: Sink
     ) -> Tables:
         """Return what makes the tables with these names of a run, and its summary."""

@@ -20,8 +20,8 @@ from vibro_cli.kernels.impact.laws import LAW_NAMES
 from vibro_cli.kernels.numerics.elliptic import fill_angles
 from vibro_cli.kernels.world import LOG_FULL, ROWS_OF_EVENT, BodyData
 from vibro_cli.mechanics.system import Body
+from vibro_cli.progress import RUN
 from vibro_cli.systems.request import FINAL, UNLIMITED, Limits
-from vibro_cli.told import RUN
 
 # Interpreted, the kernels are the reference of every bit; compiled they are faster.
 ENGINES = ("compiled", "python")
@@ -161,7 +161,7 @@ class Driver:
             before = dict(self.rows)
             cause = self._advance()
             self._collect()
-            RUN.tell(self.clock_value("t"), int(self.clock_value("collisions")))
+            RUN.report(self.clock_value("t"), int(self.clock_value("collisions")))
             if loop.quiet_cause is not None and cause == loop.quiet_cause[0]:
                 raise self._too_quiet(loop.quiet_cause[1])
             if cause != LOG_FULL:

@@ -210,7 +210,7 @@ def stream(
     calls = partial(aside, given_up=Event()) if in_background else _at_once
     refusal = None
     with calls(_ROWS_AHEAD) as write, calls(_AHEAD) as tell:
-        tables = kind.teller(system, wanted, names, partial(write, sink))
+        tables = kind.table_maker(system, wanted, names, partial(write, sink))
         try:
             for last in stretches.until(interrupted):
                 tell(tables.take, last)
@@ -245,7 +245,7 @@ def summed_up(
 
     `interrupted` as of :func:`stream`. Raises as :func:`simulate`.
     """
-    tables = kind.teller(system, wanted, (), lambda name, rows: None)
+    tables = kind.table_maker(system, wanted, (), lambda name, rows: None)
     kept: dict[str, list[Any]] = {name: [] for name in logs}
     for stretch in begun(kind, system, limits, engine).until(interrupted):
         tables.take(stretch)
@@ -334,7 +334,7 @@ class Run:
 
     def _made(self, name: str) -> Rows | None:
         parts: list[Rows] = []
-        tables = self.kind.teller(
+        tables = self.kind.table_maker(
             self.system, self.wanted, () if name == "summary" else (name,),
             lambda _, rows: parts.append(rows),
         )  # fmt: skip

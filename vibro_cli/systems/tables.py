@@ -20,7 +20,7 @@ from vibro_cli.systems.tangents import exponent_table, grown_columns
 
 
 class SystemTables:
-    """What the tables of a run say, stretch by stretch: see ``systems.contract.System.teller``.
+    """What the tables of a run say, stretch by stretch: see ``System.table_maker``.
 
     Where the bodies are at the start and at the end, ``states_at`` of the system's ``tables.py``
     tells from the records that change in a run.

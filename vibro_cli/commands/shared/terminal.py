@@ -359,7 +359,7 @@ class _Work(_Line):
 @contextlib.contextmanager
 def work_told(verb: str = "drawing") -> Iterator[None]:
     """Tell what is drawn in the block, figures or frames of a film; or measured."""
-    from vibro_cli.told import WORK
+    from vibro_cli.progress import WORK
 
     line = _Work(verb)
     try:

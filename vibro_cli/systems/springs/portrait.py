@@ -54,6 +54,7 @@ from vibro_cli.figures.portraits.trajectory import (
 )
 from vibro_cli.figures.source import Array, Integers, kept, made
 from vibro_cli.figures.style import width_of
+from vibro_cli.progress import WORK
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.springs.phase_plane import (
     TYPES,
@@ -63,7 +64,6 @@ from vibro_cli.systems.springs.phase_plane import (
     springs_record,
 )
 from vibro_cli.systems.springs.system import SpringsSystem, singular_points
-from vibro_cli.told import WORK
 
 
 @dataclass(frozen=True)
@@ -394,7 +394,7 @@ def portrait(
     figures = {}
     for ball in drawn:
         name = f"portrait_{ball}"
-        WORK.tell(name)
+        WORK.report(name)
         figures[name] = springs_structure(system, ball, width)
     return {"system": "springs", "bodies": bodies}, figures
 

@@ -95,7 +95,7 @@ class Trace(System):
 
         return collisions(sided=column_names is None or SIDE.name in column_names)
 
-    def teller(
+    def table_maker(
         self, system: Any, wanted: OutputRequest, names: Collection[str], sink: Sink
     ) -> Tables:
         from vibro_cli.systems.trace.tables import Tables

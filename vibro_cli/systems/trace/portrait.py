@@ -11,7 +11,7 @@ from vibro_cli.analysis.levels import Landscape
 from vibro_cli.analysis.singular import as_record, portrait_of
 from vibro_cli.figures.portraits.trace_phase_plane import family, structure
 from vibro_cli.mechanics.system import TraceSystem
-from vibro_cli.told import WORK
+from vibro_cli.progress import WORK
 
 _LONGEST_NAME = 240
 """Characters of a file's name for the numbers of bodies; file systems take 255 in all."""
@@ -35,7 +35,7 @@ def portrait(
         name = index.replace(",", "_")
         if len(name) > _LONGEST_NAME:
             index, name = f"{balls[0]},…", f"{balls[0]}_and_{len(balls) - 1}_others"
-        WORK.tell(f"portrait_{name}")
+        WORK.report(f"portrait_{name}")
         figure = structure(portraits[balls[0] - 1], width, index if len(groups) > 1 else "")
         figures[f"portrait_{name}"] = figure
     bodies = [{"ball": n, **as_record(one)} for n, one in enumerate(portraits, 1)]

@@ -301,7 +301,7 @@ class Impacts:
 
 
 class Tables:
-    """What the tables of a run say, stretch by stretch: see ``systems.contract.System.teller``."""
+    """What the tables of a run say, stretch by stretch: see ``System.table_maker``."""
 
     motion: Gathered | None = None  # a million impacts are solved again in a second
 
