@@ -183,7 +183,7 @@ def _trace(scenario: Scenario, problems: Problems) -> Trace:
 
 
 def _turning(scenario: Scenario, trace: Trace, problems: Problems) -> Turning | None:
-    """The axis and the rate of a trace that turns; None at rest, which a rate of 0 is."""
+    """The axis and the rate of a rotating trace; None at rest, which a rate of 0 is."""
     table = scenario.trace.turning
     if table is None or table.rate == 0.0:
         return None

@@ -38,7 +38,7 @@ class Landscape:
     lowest: float
     """Height y (m) of the lowest place the body's centre can have; the potential is 0 there."""
     turning: Turning | None = None
-    """On a trace that turns a height is y − Ω² (x − x₀)²/2g, whose weight is the potential."""
+    """On a rotating trace a height is y − Ω² (x − x₀)²/2g, whose weight is the potential."""
 
     @staticmethod
     def of(system: TraceSystem, ball: int) -> Landscape:
@@ -64,16 +64,16 @@ class Landscape:
         return 0.5 * self.turning.square / self.gravity * (x - self.turning.x) ** 2
 
     def pull(self, piece: Piece) -> Pull:
-        """Return the pull on an arc of a trace that turns."""
+        """Return the pull on an arc of a rotating trace."""
         assert self.turning is not None
         return Pull.on_arc(piece, self.body.radius, self.turning, self.gravity)
 
     def stiffness(self, piece: Piece, position: float) -> float:
-        """Return how the pull changes with the angle there, on an arc of a trace that turns."""
+        """Return how the pull changes with the angle there, on an arc of a rotating trace."""
         return self.pull(piece).stiffness(position + centre_of(piece))
 
     def _turned(self, piece: Piece, place: Array) -> Array:
-        """Rise (m) of the height from position 0 on, on a trace that turns."""
+        """Rise (m) of the height from position 0 on, on a rotating trace."""
         assert self.turning is not None
         strength = self.turning.square / self.gravity
         x = piece.body_center(0.0, self.body.radius)[0] - self.turning.x
@@ -185,7 +185,7 @@ _AT_END = 1e-12
 
 
 def equilibria(landscape: Landscape, piece: Piece) -> list[float]:
-    """Return the positions on a piece of a turning trace, and at its ends, at which nothing pulls.
+    """Return the positions on a piece of a rotating trace, and at its ends, at which nothing pulls.
 
     What is at an end but for rounding may be found beyond it.
     """
@@ -290,7 +290,7 @@ def reaches(landscape: Landscape, piece: Piece, energy: float) -> tuple[Reach, .
 
 
 def _turning_reaches(landscape: Landscape, piece: Piece, energy: float) -> tuple[Reach, ...]:
-    """On a trace that turns: between the zeros of E − V, a trigonometric polynomial of degree 2."""
+    """On a rotating trace: between the zeros of E − V, a trigonometric polynomial of degree 2."""
     low, high = piece.angle_start, piece.angle_end
     cuts = [low, *_turning_zeros(landscape, piece, energy), high]
     tolerance = _ROUNDING * (abs(energy) + abs(landscape.datum(piece)))
@@ -375,7 +375,7 @@ def arc_separatrix(landscape: Landscape, piece: Piece) -> LevelCurve | None:
 
     In a valley φ̇ = 2w cos(φ/2), through φ = ±π; on a hump ψ̇ = 2w sin(ψ/2), through the crest;
     w² = g/κρ. It belongs to the saddle of the full circle, whether the arc reaches it or not. None
-    on a trace that turns.
+    on a rotating trace.
     """
     if piece.is_line or landscape.turning is not None:
         return None

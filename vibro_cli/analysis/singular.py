@@ -83,7 +83,7 @@ def _within(landscape: Landscape, piece: Piece) -> list[SingularPoint]:
 
 
 def _balanced_within(landscape: Landscape, piece: Piece) -> list[float]:
-    """Positions within a piece of a turning trace, without those that are at its junctions."""
+    """Positions within a piece of a rotating trace, without those that are at its junctions."""
     near = end_width(landscape, piece)
     low, high = piece.angle_start, piece.angle_end
     after = low + near if _balances(landscape, piece.index) else low
@@ -116,7 +116,7 @@ def _sides(landscape: Landscape, number: int) -> list[tuple[Piece, float]]:
 def _balances(landscape: Landscape, number: int) -> bool:
     """Whether nothing pulls at the left end of a piece, or at the right end of the trace.
 
-    On a turning trace pieces have to agree: beside a junction one of them may still put at it what
+    On a rotating trace pieces have to agree: beside a junction one of them may still put at it what
     is within the other.
     """
     sides = _sides(landscape, number)
@@ -351,7 +351,7 @@ class Portrait:
     def height(self, energy: float) -> float:
         """Return E/(m g) (m): how high above its lowest place the body can come to rest.
 
-        On a trace that turns, the effective potential as a height above its least value.
+        On a rotating trace, the effective potential as a height above its least value.
         """
         weight = self.landscape.weight
         return energy / weight if weight else 0.0
@@ -454,7 +454,7 @@ def rate_near(landscape: Landscape, point: SingularPoint) -> float | None:
 def _rate_on(landscape: Landscape, piece: Piece, position: float) -> float:
     """The rate (1/s) by which a body swings about a place on an arc, or departs from it.
 
-    w = √(g/κρ); on a trace that turns w √|V″| in units of the potential V of the arc.
+    w = √(g/κρ); on a rotating trace w √|V″| in units of the potential V of the arc.
     """
     w = landscape.natural_rate(piece)
     if landscape.turning is None:

@@ -310,7 +310,7 @@ TOPICS: dict[str, tuple[str, Callable[[], str] | None]] = {
     "units": ("the units that numbers may be given in", units),
     "laws": ("the impact laws, and inadmissible impacts", laws),
     "tables": ("the columns of the tables", tables),
-    "turning": ("keys of a trace that turns", partial(scenario, below="trace.turning")),
+    "turning": ("keys of a rotating trace", partial(scenario, below="trace.turning")),
     **{
         f"{name}-system": (f'keys and tables of system = "{name}"', partial(of_system, name))
         for name in SYSTEMS[1:]

@@ -1,4 +1,4 @@
-"""The event loop on a trace that turns about a vertical axis: which kernels are replaced by which.
+"""The event loop on a rotating trace about a vertical axis: which kernels are replaced by which.
 
 Everything else - events, laws, rows, contacts, walls, tables - is what it is on a trace at rest.
 """

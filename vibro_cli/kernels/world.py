@@ -52,7 +52,7 @@ class TrackData:
     bottom: float  # height of the centre at f = 0 above the body's lowest place, m; line: left end
     top: float  # at f = pi; line: unused
     twice_radius: float  # 2 rho: height = bottom + twice_radius m; line: unused
-    gravity_rate: float  # g/kappa, m/s^2; on a turning trace the most that pulls there
+    gravity_rate: float  # g/kappa, m/s^2; on a rotating trace the most that pulls there
     line_acceleration: float  # -(g/kappa) sin(alpha), m/s^2
     line_rise: float  # sin(alpha) of a line
     left_s: float  # the ends, as (S, C) or distance
@@ -63,7 +63,7 @@ class TrackData:
     highest_s2: float
     line_x: float  # centre of the body at the left end of a line, m
     line_y: float
-    tilt: float  # of a turning trace, see mechanics.turning: sign Omega^2 (O_x - x0)/g
+    tilt: float  # of a rotating trace, see mechanics.turning: sign Omega^2 (O_x - x0)/g
     spread: float  # Omega^2 rho/g
     line_growth: float  # Omega cos(alpha)/sqrt(kappa) of a line, 1/s
     line_normal: float  # N/(m g) at the left end of a line, and how it grows along it, 1/m
@@ -147,7 +147,7 @@ class Flight(QuarticConstants):
     series: Series  # acceleration along the path on it, in powers of t/segment (m/s^2)
     nodal: Series  # scratch: acceleration at the nodes
     normal: Series  # normal force on it (N), where the trace is one-sided
-    tilt: float  # on a turning trace those of its track
+    tilt: float  # on a rotating trace those of its track
     spread: float
     twist: float  # of a group: tilt, spread and twist of its pull
     line_growth: float
@@ -248,7 +248,7 @@ class Settings:
     substitute: int  # 1: an inadmissible impact is replaced by the normal-impulse law
     left_wall: float  # restitution, or -1 for a stop
     right_wall: float
-    axis_x: float  # where the trace turns, m, and the square of its rate, 1/s^2 (0: it does not)
+    axis_x: float  # where the trace rotates, m, and the square of its rate, 1/s^2 (0: it does not)
     turning_square: float
     stop_t: float
     stop_collisions: int

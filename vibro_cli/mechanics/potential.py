@@ -4,7 +4,7 @@ Near a crest a body's kinetic energy is a small difference of heights; heights s
 would leave it with few digits. Here the chain of pieces is followed in 50 decimal digits, and each
 height above the body's lowest place is rounded once.
 
-On a trace that turns about a vertical axis ``V = S^2 - tilt S C - spread S^2 C^2`` on an arc (see
+On a rotating trace about a vertical axis ``V = S^2 - tilt S C - spread S^2 C^2`` on an arc (see
 ``kernels.flow.rotating_flow``): a trigonometric polynomial of degree 2 in the angle, whose
 stationary points are found as roots of a polynomial in ``exp(i f)``. D, perspectives.
 """
@@ -124,7 +124,7 @@ _RESOLVED = 1.0 + 1e-14
 
 @dataclass(frozen=True)
 class Turning:
-    """The axis about which a trace turns, and its rate."""
+    """The axis about which a trace rotates, and its rate."""
 
     x: float
     """Horizontal position of the axis, from the trace's left end (m)."""

@@ -148,7 +148,7 @@ class TraceSystem:
     right_end: Wall | None
     """Wall at the right end of an open trace; None stops the run there."""
     turning: Turning | None
-    """The vertical axis about which the trace turns, and its rate; None at rest."""
+    """The vertical axis about which the trace rotates, and its rate; None at rest."""
 
     def restitution_of(self, pair: int) -> float:
         """Return k of a pair (from 0): two bodies that meet two ways have one k for both."""
@@ -157,7 +157,7 @@ class TraceSystem:
     def fastest_rate(self, body: Body, piece: Piece) -> float:
         """Return √(Ω² + a/κρ) (rad/s), no less than a body's rate of oscillation on an arc.
 
-        a is what pulls at the centre of the arc (`drive`): far from its axis a trace that turns
+        a is what pulls at the centre of the arc (`drive`): far from its axis a rotating trace
         drives a body many times as hard as gravity.
         """
         turning = 0.0 if self.turning is None else self.turning.square

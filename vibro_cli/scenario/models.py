@@ -394,7 +394,7 @@ class Arc(Table):
 
 
 class Turning(Table):
-    """The trace turns about a vertical axis at a constant rate."""
+    """The trace rotates about a vertical axis at a constant rate."""
 
     rules = (exactly_one(*AXIS),)
 
@@ -417,7 +417,7 @@ class Trace(Table):
     """two-sided: the trace also holds a body back, and lift-off is marked; one-sided: lift-off
     ends the run."""
     turning: Annotated[Turning | None, BeforeValidator(_not_null)] = None
-    """The trace turns about a vertical axis; left out, it stands still."""
+    """The trace rotates about a vertical axis; left out, it stands still."""
     arcs: Annotated[tuple[Arc, ...], Listed("arcs", 1)]
     """The pieces, from left to right."""
 

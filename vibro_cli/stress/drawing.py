@@ -1,7 +1,7 @@
 """Scenes drawn at random from everything a scenario may say, without regard to the solver.
 
 Open and closed traces, lines of every slope (level ones above all), walls, bodies that touch at the
-start, unequal ones, every law, restitution from 0 to 1, traces that turn, and scenes that are their
+start, unequal ones, every law, restitution from 0 to 1, rotating traces, and scenes that are their
 own mirror image, where impacts meet at one instant. A scene has the number of its draw: the same
 seed and number give the same scene.
 """

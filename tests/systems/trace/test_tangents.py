@@ -71,7 +71,7 @@ def _unequal(law: str, k: float) -> dict[str, Any]:
 
 
 def _turning(document: dict[str, Any], **axis: float) -> dict[str, Any]:
-    """The same on a trace that turns."""
+    """The same on a rotating trace."""
     return document | {"trace": document["trace"] | {"turning": axis}}
 
 

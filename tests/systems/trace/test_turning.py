@@ -1,4 +1,4 @@
-"""Runs on a trace that turns about a vertical axis."""
+"""Runs on a rotating trace about a vertical axis."""
 
 from __future__ import annotations
 

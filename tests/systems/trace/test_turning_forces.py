@@ -1,4 +1,4 @@
-"""Forces on a turning trace: lift-off, friction along the trace, lasting contact in closed form."""
+"""Forces on a rotating trace: lift-off, friction along it, lasting contact in closed form."""
 
 from __future__ import annotations
 

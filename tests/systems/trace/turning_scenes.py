@@ -1,4 +1,4 @@
-"""Scenes on a trace that turns about a vertical axis."""
+"""Scenes on a rotating trace about a vertical axis."""
 
 from __future__ import annotations
 

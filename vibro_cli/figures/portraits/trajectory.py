@@ -108,7 +108,7 @@ def trajectory(run: Recorded, ball: int) -> Trajectory:
     """Return the phase trajectory of a body (from 1) of a run.
 
     Free flights are curves of constant energy in closed form; those in lasting contact, and those
-    on a turning trace, are sampled from the run.
+    on a rotating trace, are sampled from the run.
     """
     flights = run.flights()
     mine = flights_of(flights, ball)

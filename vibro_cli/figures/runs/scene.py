@@ -135,7 +135,7 @@ def _obstacles(run: Recorded, surface: Array, scale: float) -> Array:
 
 
 def _draw_axis(axes: Axes, turning: Turning) -> None:
-    """Draw the vertical about which the trace turns, with its rate."""
+    """Draw the vertical about which the trace rotates, with its rate."""
     axes.axvline(turning.x, zorder=1.5, **_AXIS)
     words = rf"$\Omega = {turning.rate:.4g}$ rad/s"
     axes.annotate(
@@ -167,7 +167,7 @@ def _centres(run: Recorded) -> Array:
 def _number_place(run: Recorded, piece: Piece, scale: float) -> Array:
     """Return where the number of a piece stands (m): below the trace at its middle.
 
-    Beside the middle where the axis about which the trace turns goes through there.
+    Beside the middle where the axis about which the trace rotates goes through there.
     """
     turning, middle = run.system.turning, 0.5 * (piece.angle_start + piece.angle_end)
     if turning is not None and abs(piece.contact_point(middle)[0] - turning.x) < 2.0 / scale:

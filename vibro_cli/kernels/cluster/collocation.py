@@ -236,7 +236,7 @@ def _acceleration(world: World, first: int, count: int, step: int) -> float:
 def _acceleration_size(world: World, first: int, count: int) -> float:
     """Size (m/s^2) of the members' accelerations: those of one are given to the others.
 
-    On a trace that turns, a level line next to the axis has hardly any of its own.
+    On a rotating trace, a level line next to the axis has hardly any of its own.
     """
     size = 0.0
     for step in range(count):

@@ -221,7 +221,7 @@ def speed_of_specific_energy(
 
 @kernel
 def refer_to_separatrix(flight: Flight, track: TrackData) -> None:
-    """Nothing: on a turning trace a state alone tells the energy."""
+    """Nothing: on a rotating trace a state alone tells the energy."""
     flight.separatrix_piece = -1
 
 

@@ -491,7 +491,7 @@ def _counted_in(world: World, row: FlightRow, least: float, demand: float) -> tu
 
 @kernel
 def _turning_time(flight: Flight, duration: float) -> float:
-    """Time (s) within a motion at which a group on a line of a turning trace turns back, or 0.
+    """Time (s) within a motion at which a group on a line of a rotating trace rotates back, or 0.
 
     There its forces are extreme between its ends; at rest they are constant on a line.
     """

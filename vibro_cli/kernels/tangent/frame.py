@@ -63,7 +63,7 @@ class Tangents(NamedTuple):
     """[pair, ...] scratch: what rows of simultaneous impacts need, see kernels.tangent.follow"""
     series: FloatMatrix
     """[SERIES_ROWS and one for each body, power] scratch where motion is followed by power series:
-    on a trace that turns, see kernels.tangent.rotating_jacobian, and in other systems"""
+    on a rotating trace, see kernels.tangent.rotating_jacobian, and in other systems"""
     amplification: FloatMatrix
     """[0, impact] filled in: growth of one rounding of the start"""
     smooth: IntMatrix

@@ -1,4 +1,4 @@
-"""The derivative of a flight on a trace that turns, with respect to the state it starts from.
+"""The derivative of a flight on a rotating trace, with respect to the state it starts from.
 
 On an arc, in units of 1/w, the angle obeys
 
@@ -46,7 +46,7 @@ SLOWEST = 1.0e-150
 def flight_jacobian(
     flight: Flight, t: float, series: FloatMatrix
 ) -> tuple[float, float, float, float]:
-    """Do what :func:`kernels.tangent.flight_jacobian.flight_jacobian` does on a turning trace."""
+    """Do what :func:`kernels.tangent.flight_jacobian.flight_jacobian` does on a rotating trace."""
     if flight.form == POLYNOMIAL:
         return math.nan, math.nan, math.nan, math.nan
     if flight.form == TURNING_LINE:
@@ -247,7 +247,7 @@ def _as_angle(u: float, rate: float, change: float, change_rate: float) -> tuple
 
 @kernel
 def leans(world: World, number: int, flight: Flight) -> bool:
-    """Do what :func:`kernels.tangent.follow.leans` does on a turning trace."""
+    """Do what :func:`kernels.tangent.follow.leans` does on a rotating trace."""
     row = world.log[number]
     if row.at_rest == 0:
         return False

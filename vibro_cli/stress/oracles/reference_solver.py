@@ -2,7 +2,7 @@
 
 On an arc the angle f from the lowest point of the full circle obeys ``f'' = -w^2 sin f``. In
 ``S = sin(f/2)``, ``C = cos(f/2)``, ``P = f'/(2w)`` that is ``S' = wPC, C' = -wPS, P' = -wSC``;
-their Taylor coefficients follow from one another by products of series. On a trace that turns
+their Taylor coefficients follow from one another by products of series. On a rotating trace
 ``P' = w(-SC + tilt (C^2 - S^2)/2 + spread SC(C^2 - S^2))``. Nothing is known here of elliptic
 functions, of periods or of the energy.
 
@@ -65,7 +65,7 @@ class ArcMotion:
     state
         ``(S, C, P)`` at time 0.
     pull
-        ``(tilt, spread)`` of a trace that turns.
+        ``(tilt, spread)`` of a rotating trace.
     """
 
     def __init__(
@@ -166,7 +166,7 @@ class ReferenceSolver:
         return ArcMotion(w, (s, c, speed / (2 * w * rho)), pull if strength else None)
 
     def _line_motion(self, path: Path, place: Real, speed: Real) -> Any:
-        """A parabola; on a trace that turns ``s'' = pull + growth^2 (s - place)``."""
+        """A parabola; on a rotating trace ``s'' = pull + growth^2 (s - place)``."""
         body, slope = path.body, path.shape.slopes[0]
         pull = -self.scene.gravity / body.kappa * mp.sin(slope)
         square = self.scene.turning_square / body.kappa * mp.cos(slope)

@@ -107,7 +107,7 @@ class Scene:
     starts: tuple[tuple[int, Real, Real], ...]  # piece from 0, place, speed of the centre
     restitution: tuple[Real, ...]
     walls: tuple[Real | None, Real | None]
-    axis: Real = mp.zero  # about which the trace turns
+    axis: Real = mp.zero  # about which the trace rotates
     turning_square: Real = mp.zero  # of its rate, 1/s^2
 
 

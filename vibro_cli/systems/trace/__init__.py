@@ -127,7 +127,7 @@ class Trace(System):
     def method(self, scenario: Mapping[str, Any]) -> str:
         way = "(Jacobi elliptic functions on arcs)"
         if scenario["trace"].get("turning") is not None:
-            way = "on the trace that turns (Weierstrass elliptic functions on arcs)"
+            way = "on the rotating trace (Weierstrass elliptic functions on arcs)"
         return (
             f"Between impacts each body moves in closed form {way}, impacts are the certified "
             "first zeros of the distance of the surfaces, and there is no time step."

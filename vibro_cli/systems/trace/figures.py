@@ -74,7 +74,7 @@ def _ground(run: Recorded) -> Ground:
 
 
 def _small_periods(system: TraceSystem) -> list[float]:
-    """Return the periods (s) of small oscillations on the arcs, shorter where the trace turns.
+    """Return the periods (s) of small oscillations on the arcs, shorter where the trace rotates.
 
     Without an arc that of a pendulum as long as the trace.
     """

@@ -142,7 +142,7 @@ _D: tuple[PaperRow, ...] = (
      "`energy_portrait_1`; `eight_[ab]_pre`, `_post`"),
     ("D methodology", "the same as a table", "vibro report outputs/disk_on_arcs",
      "report, section “Jumps across the figure eight”"),
-    ("D perspectives", "the trace turns; triggers multiply where a valley lies on the axis",
+    ("D perspectives", "the trace rotates; triggers multiply where a valley lies on the axis",
      "vibro portrait scenarios/turning_valley.toml --vary trace.turning.rate=2.5:4.5:5",
      "`family`"),
     ("D perspectives", "vibro-impacts on it",

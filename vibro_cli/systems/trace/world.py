@@ -48,7 +48,7 @@ CAUTION = 1.0 + 1.0e-12
 
 
 def set_turning(world: World, system: TraceSystem, turning: Turning) -> None:
-    """Complete the records of a system on a trace that turns."""
+    """Complete the records of a system on a rotating trace."""
     settings = world.settings[0]
     settings.axis_x = turning.x
     settings.turning_square = turning.square
