@@ -448,6 +448,8 @@ def exact(text: str, dimension: str) -> Fraction:
     number, unit_text = match.groups()
     if not unit_text:
         raise UnitError("no unit")
+    if unit_text.startswith(","):  # a decimal comma; no unit begins with one
+        raise UnitError("a comma", " with . as decimal point")
     unit = unit_of(unit_text)
     if unit.dimension != DIMENSIONS[dimension]:
         raise UnitError
