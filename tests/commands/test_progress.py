@@ -109,6 +109,8 @@ def test_what_is_measured_is_told_until_each_result_comes(
     monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(terminal, "_EVERY", 0.0)
+    # Commands of other tests may have been quiet, or have spoken JSON.
+    monkeypatch.setattr(terminal, "_words", {"as_json": False, "least": "info"})
     monkeypatch.setattr("sys.stderr.isatty", lambda: True)
     monkeypatch.setenv("TERM", "xterm")
 

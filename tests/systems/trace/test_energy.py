@@ -189,3 +189,38 @@ def test_energies_chain_from_row_to_row(name: str) -> None:
             )
             loss = float(table["energy_loss"][row])
             assert change == pytest.approx(loss, abs=8 * EPSILON * scale)
+
+
+PRESSED = {
+    "gravity": 9.81,
+    "trace": {
+        "start_slope": 0.318,
+        "arcs": [{"shape": "hump", "radius": 2.848, "end_slope": -0.398}],
+    },
+    "balls": [
+        {"body": "hoop", "radius": 0.035, "mass": 0.289, "arc": 1, "angle": -0.2475},
+        {"body": "hoop", "radius": 0.035, "mass": 0.816, "arc": 1, "angle": -0.0239, "rate": 2.31},
+        {"body": "hoop", "radius": 0.035, "mass": 0.0217, "arc": 1, "touching": "previous",
+         "rate": 2.31},
+        {"body": "hoop", "radius": 0.035, "mass": 3.28e-5, "arc": 1, "angle": 0.0721,
+         "rate": -2.139},
+    ],
+    "collision": {"law": "hedrih", "k": [1.0, 1.0, 0.719], "inadmissible": "normal-impulse"},
+    "stop": {"time": 1.594},
+    "ends": {"left": "stop", "right": {"wall": 0.0}},
+}  # fmt: skip
+
+
+def test_the_energy_before_the_limit_of_a_sequence_goes_with_the_speed_before() -> None:
+    """A light body is pressed to a wall by heavy ones, which takes its speed before the last row.
+
+    An impact leaves a body at its height: its energy but for that of its motion stays.
+    """
+    table = simulate(scenario_of(PRESSED)).collisions
+    last = len(table["n"]) - 1
+    size = float(table["energy_b_pre"][last - 1])  # what its energy was within the instant
+    heights = [
+        table[f"energy_b_{when}"] - table[f"kinetic_energy_b_{when}"] for when in ("pre", "post")
+    ]
+    assert table["speed_b_pre"][last] == 0.0
+    assert abs(heights[0][last] - heights[1][last]) <= 64.0 * EPSILON * size

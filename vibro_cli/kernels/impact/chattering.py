@@ -538,7 +538,9 @@ def press_speeds(world: World, first: int, count: int, law: int) -> float:
             flight = world.flights[ball]
             side = touched_wall(world, ball)
             if flight.wall_side == 0 and flight.nodal[0] * side > rounding:
-                taken += energy_of_motion(world, ball)
+                energy = energy_of_motion(world, ball)
+                taken += energy
+                flight.specific_energy -= energy / world.bodies[ball].weight
                 lean(flight, side)
                 found = True
     return taken
