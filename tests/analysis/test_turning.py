@@ -1,4 +1,4 @@
-"""Phase portraits of a body on a rotating trace about a vertical axis."""
+"""Phase portraits of a body on a trace that rotates about a vertical axis."""
 
 from __future__ import annotations
 

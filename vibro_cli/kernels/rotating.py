@@ -1,4 +1,4 @@
-"""The event loop on a rotating trace about a vertical axis: which kernels are replaced by which.
+"""The event loop on a trace that rotates about a vertical axis: the kernels that are replaced.
 
 Everything else - events, laws, rows, contacts, walls, tables - is what it is on a trace at rest.
 """

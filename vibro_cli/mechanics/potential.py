@@ -4,7 +4,7 @@ Near a crest a body's kinetic energy is a small difference of heights; heights s
 would leave it with few digits. Here the chain of pieces is followed in 50 decimal digits, and each
 height above the body's lowest place is rounded once.
 
-On a rotating trace about a vertical axis ``V = S^2 - tilt S C - spread S^2 C^2`` on an arc (see
+On a trace that rotates about a vertical axis ``V = S^2 - tilt S C - spread S^2 C^2`` on an arc (see
 ``kernels.flow.rotating_flow``): a trigonometric polynomial of degree 2 in the angle, whose
 stationary points are found as roots of a polynomial in ``exp(i f)``. D, perspectives.
 """

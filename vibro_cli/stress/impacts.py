@@ -3,7 +3,7 @@
 The reference solver is told which events happen and computes every one of them anew from the very
 doubles that the solver starts from; it refuses a history in which bodies overlap or leave their
 pieces. Starts from a crest, 1e-3 to 1e-300 rad off it, are compared with elliptic integrals: when
-the body leaves, and where it goes. Rotating traces about a vertical axis have their energy and
+the body leaves, and where it goes. Traces that rotate about a vertical axis have their energy and
 their lasting contacts checked too.
 """
 

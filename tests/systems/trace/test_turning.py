@@ -1,4 +1,4 @@
-"""Runs on a rotating trace about a vertical axis."""
+"""Runs on a trace that rotates about a vertical axis."""
 
 from __future__ import annotations
 

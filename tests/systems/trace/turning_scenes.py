@@ -1,4 +1,4 @@
-"""Scenes on a rotating trace about a vertical axis."""
+"""Scenes on a trace that rotates about a vertical axis."""
 
 from __future__ import annotations
 

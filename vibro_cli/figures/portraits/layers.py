@@ -121,7 +121,7 @@ def background(landscape: Landscape, highest: float, passed: float = 0.0) -> Bac
 def _beyond(landscape: Landscape, piece: Piece, reached: float) -> list[float]:
     """Return energies (J) of level curves that turn back on a piece which the others do not cross.
 
-    Without them its panel would be empty: on a rotating trace about a distant axis, or climbs,
+    Without them its panel would be empty: on a trace that rotates about a distant axis, or climbs,
     curves with energies up to the one `reached` (J) may be on one of its pieces only.
     """
     ends = np.array([piece.angle_start, piece.angle_end])
