@@ -133,7 +133,7 @@ def impact_times(
         touches, where a body stops at a junction, and for a rotating trace.
     """
     if system.turning is not None:
-        raise NoDerivative("found a rotating trace, expected one at rest")
+        raise NoDerivative("found a trace that turns, expected one at rest")
     walk = _Walk(differentiated(scenario, paths), system, len(paths))
     stretch, _ = begun(SYSTEM, system, Limits(stop_time, count)).whole()
     logs = stretch.logs
