@@ -184,7 +184,7 @@ def coloured(outcomes: Outcomes) -> Categories:
 
 @dataclass(frozen=True)
 class Mapped:
-    """The basins of a grid on its lattice."""
+    """The basins of a grid on its map."""
 
     shown: ParameterMap
     outcomes: Outcomes
@@ -252,14 +252,14 @@ def mapped_basins(grid: StoredGrid, outcome: Sequence[str]) -> Mapped:
 
 
 def _evenly(grid: StoredGrid) -> ParameterMap:
-    """The lattice over two axes that can be measured, else over one."""
-    lattices = [found for size in (2, 1) if (found := parameter_map(grid, size)) is not None]
-    for shown in lattices:
+    """The map over two axes that can be measured, else over one."""
+    maps = [found for size in (2, 1) if (found := parameter_map(grid, size)) is not None]
+    for shown in maps:
         if all(one.is_even and len(one.different) >= FEWEST for one in shown.coordinates):
             return shown
     told = [
         f"{one.path} ({len(one.different)}{'' if one.is_even else ', uneven'})"
-        for one in (lattices[0].coordinates if lattices else ())
+        for one in (maps[0].coordinates if maps else ())
     ]
     raise NoBasins(
         f"expected an axis of at least {FEWEST} numbers at even distances, found "

@@ -1,6 +1,6 @@
 """Films as files: GIF by Pillow, MP4 by the program ffmpeg.
 
-The stage shows the plan with the bodies in motion, and beside it a plane with a point for each
+A frame shows the plan with the bodies in motion, and beside it a plane with a point for each
 body. What is shown of a run is its system's: see ``System.film``.
 """
 
@@ -260,7 +260,7 @@ _LARGER = 1.6
 
 
 class FilmFrame:
-    """A figure on which frames are drawn one after the other."""
+    """The plan and the plane of all frames, which are drawn on it one after the other."""
 
     def __init__(self, frames: Frames, dpi: float) -> None:
         self.frames, self.ground = frames, frames.ground
@@ -322,7 +322,7 @@ class FilmFrame:
 
 
 class Film(FilmFrame):
-    """A stage whose frames are taken as pictures: what does not move is drawn once."""
+    """Frames that are taken as pictures: what does not move is drawn once."""
 
     def __init__(self, frames: Frames, dpi: float) -> None:
         super().__init__(frames, dpi)

@@ -199,12 +199,9 @@ class Driver:
 
     def _advance(self) -> int:
         name, cause = self._loop.at_once, self._called()
-        while (
-            cause == LOG_FULL
-            and name
-            and self.clock_value(name)
-            and self._capacity() < ROWS_AT_ONCE
-        ):
+        while cause == LOG_FULL and name and self.clock_value(name):
+            if self._capacity() >= ROWS_AT_ONCE:
+                break
             self._grow()
             cause = self._called()
         return cause

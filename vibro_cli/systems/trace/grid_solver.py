@@ -248,7 +248,7 @@ class TraceSolver:
                 at += 1
         if at < len(rows):
             self._templates.move_to_end(key)
-            self._solve_setting(key, rows[at:], _taken(values, slice(at, None)), parts)
+            self._solve_template(key, rows[at:], _taken(values, slice(at, None)), parts)
 
     def _remember(self, key: tuple[Any, ...], template: SystemTemplate) -> None:
         self._templates[key] = template
@@ -256,7 +256,7 @@ class TraceSolver:
             oldest, _ = self._templates.popitem(last=False)
             self._batches.pop(oldest, None)
 
-    def _solve_setting(
+    def _solve_template(
         self, key: tuple[Any, ...], rows: Array, values: dict[KeyPath, Array], parts: _Parts
     ) -> None:
         """Solve points of a known template: first all that are surely valid, then the others."""

@@ -1,6 +1,6 @@
 """From the values of a point to what the solver starts with, for many points at once.
 
-Points that share trace, radii, laws and ends make one template: it is built once by the ordinary
+Points that share trace, radii, laws and ends share a template: it is built once by the ordinary
 reader, and what its points differ in (starts, masses, k, stops) is worked out for all of them at
 once, as are systems that differ in numbers only. The checks are those of `assemble`, of arrays of
 numbers. What they refuse goes through the ordinary reader alone: something is wrong with it, which
