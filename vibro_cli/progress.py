@@ -6,7 +6,7 @@ from contextvars import ContextVar
 from typing import Any
 
 
-class Progress:
+class ProgressChannel:
     """One kind of progress: of what is done in a thread, for a listener of the same thread."""
 
     def __init__(self, name: str) -> None:
@@ -28,7 +28,7 @@ class Progress:
             listener(*news)
 
 
-WORK = Progress("work")
+WORK = ProgressChannel("work")
 """What is drawn or measured next, in words."""
-RUN = Progress("run")
+RUN = ProgressChannel("run")
 """How far a run is, each time a log is full: simulated time (s) and the number of impacts."""

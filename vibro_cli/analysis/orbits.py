@@ -449,12 +449,12 @@ def newton(system: TraceSystem, state: Floats, period: float, energy: float | No
     if any(event.endswith("|") for event in shot.word) and all(k != 1.0 for k in walls):
         raise NoOrbit(_LOSSY.format(walls[0]))
     guess = _Guess(state, period, shot, residual_of(system, shot, state, energy))
-    found = _improved(system, guess, energy, _shares_of_newton)
-    if found.residual > NEARLY_CLOSED:
-        found = _improved(system, guess, energy, _steps_of_marquardt)
-    if found.residual > NEARLY_CLOSED:
-        found = _improved(system, guess, energy, _steps_of_marquardt, bent=True)
-    if found.residual > NEARLY_CLOSED:
+    searches = (_shares_of_newton, False), (_steps_of_marquardt, False), (_steps_of_marquardt, True)
+    for steps, bent in searches:
+        found = _improved(system, guess, energy, steps, bent)
+        if found.residual <= NEARLY_CLOSED:
+            break
+    else:
         raise NoOrbit(
             f"Newton's method does not converge: it comes to a motion that fails to close by "
             f"{found.residual:.2g} of the size of its state; begin nearer to one, or with another "
@@ -497,7 +497,7 @@ def _steps_of_marquardt(rows: Floats, right: Floats) -> Iterator[tuple[Floats, f
 
 
 def _improved(
-    system: TraceSystem, guess: _Guess, energy: float | None, steps: Steps, bent: bool = False
+    system: TraceSystem, guess: _Guess, energy: float | None, steps: Steps, bent: bool
 ) -> _Guess:
     """The motion to which steps lead that come nearer, each with the same events.
 
