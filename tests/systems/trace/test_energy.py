@@ -67,6 +67,59 @@ def test_no_drift_over_many_elastic_impacts(document: dict[str, Any]) -> None:
     assert record["energy_correction"] < 64 * EPSILON * IMPACTS * start
 
 
+def rotating_valley(balls: list[dict[str, Any]], **stop: float) -> Run:
+    """Bodies between two walls that take no energy."""
+    document = {
+        "gravity": 9.81,
+        "trace": {
+            "start_slope": -1.2,
+            "arcs": [{"shape": "valley", "radius": 1.0, "end_slope": 1.2}],
+            "turning": {"x": 0.3, "rate": 1.7},
+        },
+        "balls": [{"arc": 1, **ball} for ball in balls],
+        "ends": {"left": {"wall": 1.0}, "right": {"wall": 1.0}},
+        "stop": stop,
+    }
+    if len(balls) > 1:
+        document["collision"] = {"k": 1.0, "law": "normal-impulse"}
+    return simulate(scenario_of(document), "compiled")
+
+
+FIVE = [
+    {"angle": -0.8 + 0.4 * i, "rate": rate, "mass": mass, "radius": 0.02 + 0.005 * i}
+    for i, (rate, mass) in enumerate([(0.5, 1.0), (-1.0, 0.7), (0.3, 2.1), (0.8, 0.4), (-0.2, 1.5)])
+]
+ONE = [{"angle": -0.5, "rate": 5.0, "mass": 1.0, "radius": 0.03}]
+
+
+@pytest.mark.parametrize(
+    ("balls", "stop"),
+    [(FIVE, {"collisions": IMPACTS}), (ONE, {"time": 50_000.0})],
+    ids=["five", "one at the walls"],
+)
+def test_states_on_a_rotating_trace_keep_the_energy_that_is_carried(
+    balls: list[dict[str, Any]], stop: dict[str, float]
+) -> None:
+    run = rotating_valley(balls, **stop)
+    record = run.summary_record()
+    ends = []
+    for when in (0.0, record["end_time"]):
+        state = run.sample([when])
+        total = 0.0
+        for body, angle, speed in zip(
+            run.system.bodies, state["angle"], state["speed"], strict=True
+        ):
+            rho = 1.0 - body.radius
+            x = math.sin(1.2) + rho * math.sin(angle)
+            total += 0.5 * body.kappa * body.mass * speed**2 - 9.81 * body.mass * rho * math.cos(
+                angle
+            )
+            total -= 0.5 * body.mass * 1.7**2 * (x - 0.3) ** 2
+        ends.append(total)
+    assert record["end_cause"] == next(iter(stop))
+    assert abs(ends[1] - ends[0]) < 1e-12 * record["energy_start"]
+
+
 def state_energy(run: Run, when: str) -> Any:
     """Energy of both bodies at each impact from their places and speeds, above the first bottom."""
     table = run.collisions
