@@ -8,6 +8,7 @@ The solver integrates forces instead, so that the two have nothing in common but
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import mpmath
 import numpy as np
@@ -15,7 +16,7 @@ import pytest
 from mpmath import mpf
 
 from vibro_cli.api import simulate
-from vibro_cli.scenario import load_scenario
+from vibro_cli.scenario import load_scenario, scenario_of
 from vibro_cli.systems.run import Run
 
 SCENARIO = Path(__file__).parents[3] / "scenarios" / "three_arcs.toml"
@@ -108,3 +109,73 @@ def test_time_over_the_junction_is_that_of_the_quadrature(engine: str) -> None:
             expected = scene.duration(scene.junction, psi, rate)
             # The angle is a double, so the time is known to its rounding over the rate.
             assert abs(expected - mpf(after)) <= 1e-12
+
+
+def row_of_three(
+    trace: dict[str, Any], bodies: list[tuple[str, float, float, int]], angle: float, speed: float
+) -> dict[str, Any]:
+    """Bodies in contact of these shapes, radii, masses and pieces, all as fast at the start."""
+    balls = [
+        {"body": body, "radius": radius, "mass": mass, "arc": arc, "speed": speed}
+        for body, radius, mass, arc in bodies
+    ]
+    balls[0]["angle"] = angle
+    for ball in balls[1:]:
+        ball["touching"] = "previous"
+    return {
+        "gravity": 9.81, "trace": trace, "balls": balls,
+        "collision": {"law": "normal-impulse", "k": 0.0}, "stop": {"time": 0.02},
+    }  # fmt: skip
+
+
+# On rotating traces: one contact loses its force on an arc, the other rolls on over the junction.
+# When the force vanishes, when that pair (or the other one) meets again, and both speeds then; by
+# extrapolation of the equations of motion with their contact forces as multipliers, in long double.
+TORN_OPEN = {
+    "two valleys": (
+        row_of_three(
+            {
+                "start_slope": -1.3,
+                "arcs": [
+                    {"shape": "valley", "radius": 1.702, "end_slope": -0.31},
+                    {"shape": "valley", "radius": 0.518, "end_slope": 1.4},
+                ],
+                "turning": {"x": 1.675, "rate": 2.825},
+            },
+            [("ball", 0.038, 0.234, 1), ("hoop", 0.036, 0.209, 1), ("hoop", 0.034, 4.87, 2)],
+            -0.36728, 1.889,
+        ),
+        0.01040271542596025, 0.011554108130857641, (1.8683867048580122, 1.8706135486900852),
+    ),
+    "hump and valley": (
+        row_of_three(
+            {
+                "start_slope": 1.781,
+                "arcs": [
+                    {"shape": "hump", "radius": 1.712, "end_slope": 0.781},
+                    {"shape": "valley", "radius": 0.616, "end_slope": 1.3},
+                ],
+                "turning": {"x": 0.212, "rate": 2.403},
+            },
+            [("hoop", 0.038, 4.38, 1), ("disk", 0.05, 0.699, 2), ("hoop", 0.053, 1.06, 2)],
+            -0.81652, -1.278,
+        ),
+        0.00042366146442854106, 0.018890748760595459, (-1.3414569338516186, -1.3506674540774729),
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("scene", TORN_OPEN)
+def test_a_contact_beside_a_group_across_is_torn_open_when_it_is(scene: str, engine: str) -> None:
+    document, opens, meets, speeds = TORN_OPEN[scene]
+    run = simulate(scenario_of(document), engine)
+    events, table = run.events, run.collisions
+    opened = events["t"][events["event"] == "contact_opened"]
+    # That of the reference moves by 1e-15 s with its start by 1e-15 rad.
+    assert abs(opened[0] - opens) < 1e-14
+    first = int(np.flatnonzero(table["t"] > opens)[0])
+    # Bodies nearer than 16 units in the last place of their places touch.
+    earlier = 16 * 2.0**-52 * 2.0 / float(table["approach_speed"][first])
+    assert abs(table["t"][first] - meets) < earlier
+    found = [float(table[f"speed_{end}_pre"][first]) for end in "ab"]
+    np.testing.assert_allclose(found, speeds, rtol=0.0, atol=10.0 * 9.81 * earlier)
