@@ -14,7 +14,6 @@ from vibro_cli.kernels.contact import arc_contact, contact_kinematics, first_con
 from vibro_cli.kernels.contact.contact_kinematics import centre_position, supported
 from vibro_cli.kernels.events import event_detection, event_loop, liftoff_slip
 from vibro_cli.kernels.events.event_detection import CAUTION
-from vibro_cli.kernels.events.event_loop import is_told_by_energy
 from vibro_cli.kernels.flow import flight, flow, rotating_flight, rotating_flow
 from vibro_cli.kernels.flow.flight import launch_and_log, start_from_state, take_energy
 from vibro_cli.kernels.flow.flow import POLYNOMIAL, angle_from_start
@@ -79,7 +78,7 @@ def _take_start(world: World, ball: int, from_state: int) -> None:
     flight.separatrix_piece = -1
     if from_state == 1:
         take_energy(world, ball)
-    elif is_told_by_energy(world, ball):
+    else:
         flight.p = rate_by_energy(world, ball, flight, track)
     start_from_state(flight)
     set_track(flight, track)

@@ -282,21 +282,14 @@ def leave_piece(world: World, ball: int) -> int:
     if not _enters_next(world, ball, right, flight.exit_p):
         return _hit_wall(world, ball, right)
     track = track_of(world, ball)
-    if is_told_by_energy(world, ball):
+    speed = track.speed_factor * flight.p
+    kinetic = 0.5 * world.bodies[ball].kappa * speed * speed / world.settings[0].gravity
+    if kinetic > SLOW_CROSSING * flight.specific_energy:
         flight.p = rate_by_energy(world, ball, flight, track)
     elif flight.separatrix_piece < 0:
         refer_to_separatrix(flight, track)
     begin_flight(world, ball, CROSSING, 0)
     return RUNNING
-
-
-@kernel
-def is_told_by_energy(world: World, ball: int) -> bool:
-    """Tell whether the speed of a body is so great that its energy tells it to some roundings."""
-    flight = world.flights[ball]
-    speed = track_of(world, ball).speed_factor * flight.p
-    kinetic = 0.5 * world.bodies[ball].kappa * speed * speed / world.settings[0].gravity
-    return kinetic > SLOW_CROSSING * flight.specific_energy
 
 
 @kernel

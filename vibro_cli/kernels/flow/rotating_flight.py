@@ -175,7 +175,7 @@ def next_zero_crossing_on_line(flight: Flight, force: float, growth: float) -> f
 
 
 # Below this share of the whole energy, a speed is kept instead of the energy that is carried.
-SLOW = 1.0e-6
+SLOW = 1.0e-2
 
 
 @kernel
