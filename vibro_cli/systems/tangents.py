@@ -45,12 +45,13 @@ def room_for(
     floats = {
         "frame": (size, size), "product": (size if from_start else 0, size),
         "step": (size, size), "sums": (1, size),
-        "arriving": (size // 2, 2), "delay": (1, size), "turning": (pairs or size // 2, WIDTH),
+        "arriving": (size // 2, 2), "delay": (size // 2, size),
+        "turning": (pairs or size // 2, WIDTH),
         "amplification": (1, impacts), "times": (impacts if times else 0, size),
         "growth": (impacts, size), "series": (SERIES_ROWS + size // 2, TERMS + 1),
     }  # fmt: skip
     room: dict[str, Any] = {name: np.zeros(shape) for name, shape in floats.items()}
-    whole = {"current": (1, size // 2), "smooth": (1, impacts)}
+    whole = {"current": (2, size // 2), "smooth": (1, impacts)}
     room |= {name: np.zeros(shape, dtype=np.int64) for name, shape in whole.items()}
     return Tangents(state=states, **room)
 

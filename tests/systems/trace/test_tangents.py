@@ -410,6 +410,33 @@ def test_contact_of_unequal_kinds_closes_by_the_mass_that_translational_keeps(
     np.testing.assert_allclose(found, _by_neighbours(system, 3.0, 1e-4), atol=5e-7)
 
 
+@pytest.mark.parametrize("k", [0.0, 0.3])
+def test_two_held_pairs_that_are_struck_at_one_instant_are_each_as_late_as_their_own_impact(
+    k: float,
+) -> None:
+    """Two mirror images on one arc: what happens to one of them alone, and neighbouring runs."""
+    left = [
+        ball(-1.25, radius=0.04, body="particle"),
+        ball(-0.95, radius=0.04),
+        ball(-0.846, radius=0.04, mass=2.0, body="hoop"),
+    ]
+    right = [one | {"angle": -one["angle"]} for one in left[::-1]]
+    maps, instants = [], []
+    for balls, restitution in ((left, [0.8, k]), (left + right, [0.8, k, 0.9, k, 0.8])):
+        document = scene(VALLEY, balls, 0.0, "normal-impulse", time=0.5)
+        document["collision"]["k"] = restitution
+        system = system_of(document)
+        run = simulate_system(system, 0.5, None)
+        assert "contact_closed" in run.events["event"]
+        maps.append(follow_system(system, 0.5, None))
+        instants.append(maps[-1].times[run.collisions["ball_a"] == 1])
+    alone, both = maps
+    np.testing.assert_allclose(both.matrix[:6, :6], alone.matrix, atol=1e-12)
+    np.testing.assert_allclose(both.matrix, _by_neighbours(system, 0.5, 1e-6), atol=1e-7)
+    np.testing.assert_allclose(instants[1][:, :6], instants[0], atol=1e-12)
+    assert not np.any(instants[1][:, 6:])
+
+
 def test_joint_impacts_are_marked() -> None:
     balls = [ball(-0.6), ball(0.0), {"radius": 0.1, "mass": 1.0, "arc": 1, "angle": 0.6}]
     found = follow_system(system_of(scene(VALLEY, balls, 1.0, collisions=2)), None, 2)

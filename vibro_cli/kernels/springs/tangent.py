@@ -234,7 +234,7 @@ def _happen(world: World, tangents: Tangents, row: int, impact: int, count: int)
     _note_accelerations(world, tangents, _AFTER)
     for body in range(len(world.bodies)):
         jump = tangents.arriving[body, _AFTER] - tangents.arriving[body, _BEFORE]
-        change_force(tangents, body, jump)
+        change_force(tangents, body, jump, 0)
     if closed:
         tangents.state[0].lost = 1
         _unite_groups(world, tangents)

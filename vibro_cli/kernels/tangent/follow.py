@@ -89,8 +89,21 @@ def strike(world: World, tangents: Tangents, begin: int, count: int) -> None:
             _prepare(world, tangents, begin, step, column)
         _solve_changes(world, tangents, begin, count, column)
         for step in range(count):
-            _apply(world, tangents, world.impacts[begin + step], step, column)
-        tangents.delay[0, column] = tangents.turning[0, _DELAY]
+            row = world.impacts[begin + step]
+            _apply(world, tangents, row, step, column)
+            _delay_groups(tangents, row, column, tangents.turning[step, _DELAY])
+
+
+@kernel
+def _delay_groups(tangents: Tangents, row: ImpactRow, column: int, delay: float) -> None:
+    """Set the derivative of the time of an impact for its bodies and those in contact with them.
+
+    Others that collide at the same instant have their own.
+    """
+    for body in range(len(tangents.delay)):
+        group = tangents.current[1, body]
+        if group == tangents.current[1, row.a] or group == tangents.current[1, row.b]:
+            tangents.delay[body, column] = delay
 
 
 @kernel
@@ -325,13 +338,14 @@ def _happen(
 ) -> int:
     """Carry tangent vectors over one event; returns the row of the next impact."""
     ended = _arrive_all(world, tangents, first, count, scratch)
-    for column in range(len(tangents.frame)):
-        tangents.delay[0, column] = 0.0
+    for step in range(count):
+        for column in range(len(tangents.frame)):
+            tangents.delay[world.log[first + step].body, column] = 0.0
     begin = impact
     if world.log[first].cause == COLLISION:
         impact = _collide(world, tangents, first, count, impact)
     elif ended >= 0:
-        _reach_end(tangents, ended)
+        _reach_end(world, tangents, first, count, ended)
         if world.log[tangents.current[0, ended]].cause == WALL:
             _rebound(world, tangents, ended)
     if ended >= 0 or impact > begin:
@@ -352,10 +366,12 @@ def _arrive_all(
     for step in range(count):
         row = world.log[first + step]
         if row.cause != START:
-            before = world.log[tangents.current[0, row.body]].piece
+            before = world.log[tangents.current[0, row.body]]
+            tangents.current[1, row.body] = before.group_first if before.grouped == 1 else row.body
             _carry(world, tangents, row.body, row.t, row.t_low, scratch)
-            _arrive(world, tangents, row, before, scratch[0])
-            if row.cause == WALL or (row.cause == CROSSING and (row.piece != before or count == 1)):
+            _arrive(world, tangents, row, before.piece, scratch[0])
+            passed = row.piece != before.piece or count == 1
+            if row.cause == WALL or (row.cause == CROSSING and passed):
                 ended = row.body
         tangents.current[0, row.body] = first + step
     return ended
@@ -404,14 +420,16 @@ def _arrive(world: World, tangents: Tangents, row: FlightRow, piece: int, flight
 
 
 @kernel
-def _reach_end(tangents: Tangents, ball: int) -> None:
-    """Set the derivative of the time at which a body comes to an end of its piece."""
+def _reach_end(world: World, tangents: Tangents, first: int, count: int, ball: int) -> None:
+    """Set the derivative of the time at which a body and its group come to an end of its piece."""
     speed = tangents.arriving[ball, 0]
     if speed == 0.0:
         tangents.state[0].rough = 1
         return
     for column in range(len(tangents.frame)):
-        tangents.delay[0, column] = -tangents.frame[2 * ball, column] / speed
+        delay = -tangents.frame[2 * ball, column] / speed
+        for step in range(count):
+            tangents.delay[world.log[first + step].body, column] = delay
 
 
 @kernel
@@ -425,7 +443,7 @@ def _rebound(world: World, tangents: Tangents, ball: int) -> None:
     if restitution == 0.0:
         tangents.state[0].lost = 1
     for column in range(len(tangents.frame)):
-        delay = tangents.delay[0, column]
+        delay = tangents.delay[ball, column]
         way = tangents.frame[2 * ball, column]
         rate = tangents.frame[2 * ball + 1, column]
         # A body without a bounce starts from the wall, whatever rounding leaves of its way.
@@ -443,7 +461,7 @@ def _change_force(world: World, tangents: Tangents, number: int, flight: Flight)
     track = track_on(world, row.body, row.piece)
     replay_flight(world, row, number, flight)
     pull = acceleration_at(flight, track.path_radius, 0.0, row.s, row.c)
-    change_force(tangents, row.body, pull - tangents.arriving[row.body, 1])
+    change_force(tangents, row.body, pull - tangents.arriving[row.body, 1], row.body)
 
 
 @kernel
@@ -654,10 +672,11 @@ def _tell(world: World, tangents: Tangents, begin: int, end: int) -> None:
     """Fill in what the impacts of an event have made of a change of the start."""
     if len(tangents.times) > begin:
         for column in range(len(tangents.frame)):
-            value = 0.0
-            for other in range(column + 1):
-                value += tangents.delay[0, other] * tangents.product[other, column]
             for impact in range(begin, end):
+                ball = world.impacts[impact].a
+                value = 0.0
+                for other in range(column + 1):
+                    value += tangents.delay[ball, other] * tangents.product[other, column]
                 tangents.times[impact, column] = scaled_back(tangents, value)
     tell_event(tangents, begin, end - begin)
     for impact in range(begin, end):

@@ -54,11 +54,13 @@ class Tangents(NamedTuple):
     sums: FloatMatrix
     """[0, direction] sum of the logarithms of the growth so far"""
     current: IntMatrix
-    """[0, body] row of the log that its flight is"""
+    """[0, body] row of the log that its flight is; [1, body] scratch: the first one of the group in
+    which it has come to its last event, or itself"""
     arriving: FloatMatrix
     """[body, 0 or 1] scratch: speed (m/s) and acceleration (m/s^2) before the instant"""
     delay: FloatMatrix
-    """[0, direction] scratch: derivative of the time of the instant's first impact (s)"""
+    """[body, direction] scratch: derivative of the time of the body's last event (s), or
+    [0, direction] of all at an instant"""
     turning: FloatMatrix
     """[pair, ...] scratch: what rows of simultaneous impacts need, see kernels.tangent.follow"""
     series: FloatMatrix
@@ -290,9 +292,12 @@ def carry_far(
 
 
 @kernel
-def change_force(tangents: Tangents, body: int, jump: float) -> None:
-    """Let a body whose acceleration jumps (m/s^2) later go on with what it has changed by then."""
+def change_force(tangents: Tangents, body: int, jump: float, late: int) -> None:
+    """Let a body whose acceleration jumps (m/s^2) later go on with what it has changed by then.
+
+    ``late`` is the row of the delays that has its own.
+    """
     jump *= tangents.state[0].time_scale
     if jump != 0.0:
         for column in range(len(tangents.frame)):
-            tangents.frame[2 * body + 1, column] -= jump * tangents.delay[0, column]
+            tangents.frame[2 * body + 1, column] -= jump * tangents.delay[late, column]
