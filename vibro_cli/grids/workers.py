@@ -6,13 +6,14 @@ A few points are solved ahead, which tell how many impacts to expect, and how la
 from __future__ import annotations
 
 import ipaddress
-import queue
 import threading
 import time
 import uuid
 from collections import Counter
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -26,7 +27,6 @@ from vibro_cli.grids.dataset import has_size, known_division, opened
 from vibro_cli.grids.document import Grid
 from vibro_cli.grids.solving import Solver, solver_of
 from vibro_cli.storage.files import available_cores
-from vibro_cli.systems.run import aside
 
 Told = Callable[[int, int], None]
 """Called with the points and impacts of every stretch that is solved."""
@@ -66,77 +66,37 @@ def solve_in_threads(
     What goes wrong in a thread (a full disk) stops all of them and is raised here. When the caller
     stops, every thread drops its chunk, after the impacts or the many points at hand.
     """
-    left, lock = _stretches(grid, chunks, wanted), threading.Lock()
-    receipts: queue.SimpleQueue[Receipt | BaseException | None] = queue.SimpleQueue()
-    stop = threading.Event()
+    left, stop, own = _stretches(grid, chunks, wanted), threading.Event(), threading.local()
 
-    def write(parts: Encoded) -> None:
-        receipts.put(parts.write(folder))
-
-    def serve() -> None:
-        try:
-            # The disk is waited for by a thread of its own; this one has something else to do.
-            solver = solver_of(grid, engine)
-            solver.interrupted = stop.is_set
-            with aside(1) as call:  # no more than one chunk waits
-                for parts in _encoded(solver, _shared(left, lock, stop), tell):
-                    call(write, parts)
-        except BaseException as error:
-            receipts.put(error)
-        finally:
-            receipts.put(None)
-
-    crew = [threading.Thread(target=serve, daemon=True) for _ in range(threads)]
-    for thread in crew:
-        thread.start()
-    try:
-        yield from _given(receipts, len(crew))
-    finally:
-        stop.set()
-        for thread in crew:
-            thread.join()
-
-
-def _shared(
-    left: Iterator[_Stretch], lock: threading.Lock, stop: threading.Event
-) -> Iterator[_Stretch]:
-    """What one of several threads takes of what is left, until it is to stop."""
-    while not stop.is_set():
-        with lock:
-            following = next(left, None)
-        if following is None:
-            return
-        yield following
-
-
-def _encoded(solver: Solver, stretches: Iterator[_Stretch], tell: Told) -> Iterator[Encoded]:
-    """Solve stretches; yield the parts of each chunk whose last stretch was among them."""
-    for one in stretches:
-        solved = solver.solve(np.arange(one.first, one.last))
-        if solver.interrupted():
-            return
+    def solve(one: _Stretch) -> Encoded | None:
+        if not hasattr(own, "solver"):
+            own.solver = solver_of(grid, engine)
+            own.solver.interrupted = stop.is_set
+        solved = own.solver.solve(np.arange(one.first, one.last))
+        if stop.is_set():
+            return None
         tell(one.last - one.first, solved.impacts)
-        made = one.parts.add(one.number, solved)
-        if made is not None:
-            yield made
+        return one.parts.add(one.number, solved)
 
-
-def _given(
-    receipts: queue.SimpleQueue[Receipt | BaseException | None], running: int
-) -> Iterator[Receipt]:
-    """Receipts until all threads are done."""
-    while running:
+    # The disk is waited for by threads of their own; those that solve have something else to do.
+    with ThreadPoolExecutor(threads) as solvers, ThreadPoolExecutor(threads) as writers:
+        under_way: set[Future[Any]] = set()
         try:
-            # Waiting without an end would keep signals from being seen.
-            got = receipts.get(timeout=0.1)
-        except queue.Empty:
-            continue
-        if got is None:
-            running -= 1
-        elif isinstance(got, BaseException):
-            raise got
-        else:
-            yield got
+            while True:
+                room = 2 * threads - len(under_way)
+                under_way |= {solvers.submit(solve, one) for one in islice(left, max(room, 0))}
+                if not under_way:
+                    return
+                done, under_way = wait(under_way, return_when=FIRST_COMPLETED)
+                for future in done:
+                    found = future.result()
+                    if isinstance(found, Encoded):
+                        under_way.add(writers.submit(found.write, folder))
+                    elif isinstance(found, Receipt):
+                        yield found
+        finally:
+            stop.set()
+            solvers.shutdown(cancel_futures=True)
 
 
 # The number of points that tell how the grid is divided; it must not depend on the machine.

@@ -264,13 +264,12 @@ def ahead(stretches: Iterator[Stretch]) -> Iterator[Stretch]:
 
 
 @contextmanager
-def aside(waiting: int, given_up: Event | None = None) -> Iterator[Callable[..., None]]:
+def aside(waiting: int, given_up: Event) -> Iterator[Callable[..., None]]:
     """Make calls in a thread of its own, one after another; so many may wait before the caller.
 
     Where one thread makes calls in another, they share what says that the whole is `given_up`: a
     call under way may take hours (a stretch with very many samples), and ends with its next one.
     """
-    given_up = given_up or Event()
     with ThreadPoolExecutor(1) as thread:
         under_way: list[Future[None]] = []
 
