@@ -23,7 +23,7 @@ from vibro_cli.kernels.statistics.impact_columns import fill_columns
 from vibro_cli.kernels.statistics.run_statistics import update_statistics
 from vibro_cli.kernels.tangent.flight_jacobian import find_arrivals
 from vibro_cli.kernels.tangent.follow import follow_tangents
-from vibro_cli.stress.kernels import find_first_contacts, follow_all
+from vibro_cli.stress.kernels import find_first_contacts
 from vibro_cli.stress.oracles.interval_oracle import judge_flights
 from vibro_cli.systems import NAMES, system_named
 
@@ -53,7 +53,7 @@ def programs() -> list[Program]:
         Program("trace", of_trace),
         Program("rotating", solving, TURNING),
         *(Program(one.name, one.kernels, flags=one.flags) for one in map(system_named, NAMES[1:])),
-        Program("judge", (judge_flights, follow_all)),
+        Program("judge", (judge_flights,)),
     ]
 
 

@@ -15,9 +15,11 @@ import math
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
+from operator import mul
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.polynomial.polynomial import polyval
 
 from vibro_cli.assemble import build_system
 from vibro_cli.compile.native import compiled
@@ -26,7 +28,7 @@ from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.mechanics.trace import Piece
 from vibro_cli.scenario.loading import scenario_of
 from vibro_cli.scenario.problems import ScenarioError
-from vibro_cli.stress.kernels import ORDER, Answer, find_first_contacts, follow_all
+from vibro_cli.stress.kernels import Answer, find_first_contacts
 from vibro_cli.stress.oracles.interval_oracle import (
     CONTACT,
     NO_CONTACT,
@@ -245,6 +247,24 @@ _CHECKS = 8  # instants of the way back at which the bodies must be on their pie
 _SMALLEST, _LARGEST = -13.0, -2.0  # powers of ten of the overshoot, in radii of the arc
 
 
+_ORDER, _STEP = 18, 0.15  # of the series of a flight, and of a step in t max(1, f')
+
+
+def _followed(sign: float, angle: Any, rate: Any, t: Any) -> tuple[Any, Any]:
+    """Angles and rates of ``f'' = -sign sin f`` after times, flight by flight."""
+    steps = math.ceil(np.max(np.abs(t) * (2.0 + np.abs(rate)), initial=0.0) / _STEP) + 1
+    for _ in range(steps):
+        sines, cosines, rates = [np.sin(angle)], [np.cos(angle)], [rate]
+        for k in range(1, _ORDER + 1):
+            along, against = (sum(map(mul, one, rates[::-1])) for one in (cosines, sines))
+            rates.append(-sign * sines[-1] / k)
+            sines.append(along / k)
+            cosines.append(-against / k)
+        ways = [angle, *(one / k for k, one in enumerate(rates[:-1], 1))]
+        angle, rate = (polyval(t / steps, np.array(one), tensor=False) for one in (ways, rates))
+    return angle, rate
+
+
 def _follow_body(family: Family, ball: int, states: States, times: Any) -> tuple[Any, Any]:
     """Places and speeds of one body after the given times (negative: before)."""
     piece, body = family.pieces[ball], family.system.bodies[ball]
@@ -255,8 +275,8 @@ def _follow_body(family: Family, ball: int, states: States, times: Any) -> tuple
     rho = piece.path_radius(body.radius)
     rates = speeds / rho
     w = math.sqrt(_GRAVITY / (body.kappa * rho))
-    compiled(follow_all)(piece.sign, w, places, rates, times, np.zeros((3, ORDER + 2)))
-    return places, rates * rho
+    places, rates = _followed(piece.sign, places, rates / w, w * times)
+    return places, rates * w * rho
 
 
 def _place_beside(family: Family, places: Any, distance: Any) -> tuple[Any, Any]:
