@@ -25,13 +25,10 @@ _MOST_KEPT = 8
 
 @runtime_checkable
 class LongTable(Protocol):
-    """A table of which some rows can be had without the others."""
+    """A table of which the first rows can be had without the others."""
 
     def first(self, rows: int) -> Table:
         """Return the first rows."""
-
-    def at(self, name: str, rows: Integers) -> NDArray[Any]:
-        """Return the values of a column in some rows."""
 
 
 def first_of(table: Table, rows: int) -> Table:
@@ -39,11 +36,6 @@ def first_of(table: Table, rows: int) -> Table:
     if isinstance(table, LongTable):
         return table.first(rows)
     return {name: column[:rows] for name, column in table.items()}
-
-
-def values_at(table: Table, name: str, rows: Integers) -> NDArray[Any]:
-    """Return the values of a column in some rows."""
-    return table.at(name, rows) if isinstance(table, LongTable) else np.asarray(table[name])[rows]
 
 
 def flights_of(flights: Table, ball: int, until: float = math.inf) -> Integers:

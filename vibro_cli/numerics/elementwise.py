@@ -45,22 +45,8 @@ def each(function: Callable[..., Any], *arguments: Some, kind: type = float) -> 
 
     if any(isinstance(one, Dual) for one in arguments):
         return through(function, *arguments)
-    if len(arguments) == 1 and kind is float and arguments[0].dtype == np.float64:
-        return _each_of_stretches(function, np.ascontiguousarray(arguments[0]))
     columns = [repeat(one) if is_number(one) else one.tolist() for one in arguments]
     return np.fromiter(map(function, *columns), dtype=kind)
-
-
-def _each_of_stretches(function: Callable[[float], float], values: Any) -> Any:
-    """A function's values, asked for once for a stretch of the same numbers."""
-    import numpy as np
-
-    bits = values.view(np.int64)
-    starts = np.flatnonzero(np.concatenate([[True], bits[1:] != bits[:-1]]))[: len(bits)]
-    found = np.fromiter(map(function, values[starts].tolist()), dtype=float, count=len(starts))
-    if len(starts) == len(values):
-        return found
-    return np.repeat(found, np.diff(starts, append=len(values)))
 
 
 def sine(angle: float) -> float:

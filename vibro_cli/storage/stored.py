@@ -217,11 +217,6 @@ class StoredColumns(_Columns):
         complete = rows <= len(found["n"]) or len(found["n"]) == len(self["n"])
         return found if complete else {name: values[:rows] for name, values in self.items()}
 
-    def at(self, name: str, rows: NDArray[np.int64]) -> NDArray[Any]:
-        """Return the values of a column in some rows; no more of it is kept."""
-        values = self._columns.get(name)
-        return (read_column(self._path, name) if values is None else values)[rows]
-
     def __getitem__(self, name: str) -> NDArray[Any]:
         if name not in self:
             raise KeyError(name)

@@ -19,7 +19,6 @@ from vibro_cli.figures.source import (
     flights_of,
     kept,
     made,
-    values_at,
 )
 from vibro_cli.mechanics.trace import Piece, Trace
 
@@ -318,7 +317,9 @@ def jumps_of(
     rows = np.flatnonzero(left | (np.asarray(table["ball_b"]) == ball))
     some, firsts = rows[::every], rows[:MOST_NUMBERS]
     rows = np.concatenate([some, firsts])
-    column = partial(values_at, table, rows=rows)
+
+    def column(name: str) -> Array:
+        return np.asarray(table[name])[rows]
 
     def own(name: str, after: str = "") -> Array:
         return np.where(left[rows], *(column(f"{name}_{side}{after}") for side in "ab"))
