@@ -17,7 +17,7 @@ from tests.effort import processor_time
 from tests.scenario import cases
 from tests.scenario.texts import parse_any, parse_scenario
 from vibro_cli.scenario import ScenarioError, load_scenario
-from vibro_cli.scenario.forms import line_and_column, plain_scalar, toml_places
+from vibro_cli.scenario.forms import line_and_column, places, plain_scalar
 from vibro_cli.scenario.gallery import names, text
 from vibro_cli.scenario.loading import form_of
 
@@ -245,7 +245,7 @@ def test_damaged_scenarios_are_scenarios_or_scenario_errors(draw: st.DataObject)
 @pytest.mark.parametrize("name", names())
 def test_toml_places_lead_to_every_value(name: str) -> None:
     source = text(name)
-    _check_places(toml_places(source), tomllib.loads(source), source)
+    _check_places(places(source, "toml"), tomllib.loads(source), source)
 
 
 def _check_places(node: Any, value: Any, source: str) -> None:
@@ -268,7 +268,7 @@ def test_toml_places_know_every_way_to_write_a_key() -> None:
         "[ t . u ]\nv = '''\n[no]\n# '''\nw = {x.y = [1, [2, 3]], z = \"}\"}\n"
         '[[t.rows]]\n"q\\u0041" = 1979-05-27 07:32:00\n[t.rows.sub]\nk = """a\\"""" \n[[t.rows]]\n'
     )
-    tree = toml_places(source)
+    tree = places(source, "toml")
     offsets = {
         ("a", "b c", "d"): source.index("1 #"),
         ("t", "u", "v"): source.index("'''"),

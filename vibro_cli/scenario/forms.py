@@ -159,11 +159,6 @@ def _syntax_error(text: str, message: str) -> FormError:
     return FormError(offset, found, "valid TOML", scanner.last_key)
 
 
-def toml_places(text: str) -> Node:
-    """Return the tree of places of a TOML text that `tomllib` has accepted."""
-    return Scanner(text).scan()
-
-
 class Scanner:
     """Walks through valid TOML and notes where each key and value is.
 
@@ -501,7 +496,7 @@ def places(text: str, form: str) -> Node:
     """Return the tree of places of a text that could be read in a form."""
     if form == "yaml":
         return read_yaml(text)[1]
-    return toml_places(text) if form == "toml" else _JsonScanner(text).scan()
+    return (Scanner if form == "toml" else _JsonScanner)(text).scan()
 
 
 def line_and_column(text: str, offset: int) -> tuple[int, int]:

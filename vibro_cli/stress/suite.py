@@ -125,21 +125,16 @@ def record_of(finding: Finding) -> dict[str, Any]:
     return record
 
 
-def _file_names(findings: Sequence[Finding]) -> list[str | None]:
-    """Names of the scenario files, None where a finding has none."""
-    return [
-        f"{finding.check}_{number}.json" if finding.scenario is not None else None
-        for number, finding in enumerate(findings, 1)
-    ]
-
-
 def write(findings: Sequence[Finding], plan: Plan, target: Path) -> None:
     """Write the table and the scenario of every worst case into a folder.
 
     Raises FolderRefused when ``target`` is there and is none of ours, OSError when it cannot be
     written.
     """
-    names = _file_names(findings)
+    names = [
+        f"{finding.check}_{number}.json" if finding.scenario is not None else None
+        for number, finding in enumerate(findings, 1)
+    ]
     records = [
         asdict(finding) | {"met": finding.met, "scenario": name}
         for finding, name in zip(findings, names, strict=True)
