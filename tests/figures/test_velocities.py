@@ -95,6 +95,25 @@ def test_bodies_in_translation_have_one_velocity_each_and_an_impulse() -> None:
     assert "touching point $T$" not in shown
 
 
+@pytest.mark.parametrize("kind", ["velocities", "contact_points"])
+@pytest.mark.parametrize("name", ["particle_on_arcs", "one_circle", "on a table"])
+def test_nothing_is_said_of_the_turning_of_bodies_that_slide(name: str, kind: str) -> None:
+    """Particles have no ω and no part of rolling; balls have both."""
+    if name == "on a table":
+        ball = {"radius": 0.05, "mass": 1.0, "body": "particle"}
+        balls = [ball | {"x": -1.0, "y": 0.0, "velocity_x": 1.0}, ball | {"x": 0.0, "y": 0.03}]
+        data = {"system": "table", "balls": balls, "collision": {"k": 1.0}, "stop": {"time": 2.0}}
+        run = simulate(any_scenario_of(data))
+    else:
+        run = run_of(name)
+    one = draw_one(run, kind, 1, "single")
+    assert one is not None
+    assert_texts_are_apart(one.figure)
+    shown = " ".join(text.get_text() for text in texts(one.figure))
+    turning = name == "one_circle"
+    assert [word in shown for word in ("rolling", r"\omega", "rad/s")] == 3 * [turning]
+
+
 @pytest.mark.parametrize("width", ["single", "double"])
 @pytest.mark.parametrize("name", NAMES)
 def test_no_text_is_cut_off_or_overlaps_another(name: str, width: str) -> None:

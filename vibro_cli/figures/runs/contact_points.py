@@ -144,7 +144,8 @@ def figure_of(bodies: Sequence[Rolling], width: str) -> Figure | None:
     if not fastest:
         return None
     with style.journal():
-        lines = rows_of(_LEGEND, wide)
+        turning = any(one.omega for one in bodies)
+        lines = rows_of(_LEGEND if turning else [_LEGEND[0], _LEGEND[-1]], wide)
         figure, panels = _sheet(width, bodies, room_for(lines, _TOP))
         for one, views in zip(bodies, panels, strict=True):
             for axes, draw in zip(views, (_draw_elevation, _draw_plan), strict=False):
@@ -209,9 +210,9 @@ def _draw_elevation(axes: Axes, one: Rolling, scale: float) -> None:
     axes.plot(*np.transpose([name.point for name in named]), zorder=4.0, **style.POINT)
     write_names(axes, named, np.concatenate([*drawn, _RING]))
     radius, speed, omega = (short_number(x, 3) for x in (one.body.radius, one.speed, one.omega))
-    number = one.number
+    number, turning = one.number, "" if one.body.slides else rf", $\omega$ = {omega} rad/s"
     write_over(axes, 0.0, 1, rf"body {number} from the side, $r_{{{number}}}$ = {radius} m")
-    write_over(axes, 0.0, 0, rf"$v$ = {speed} m/s, $\omega$ = {omega} rad/s")
+    write_over(axes, 0.0, 0, rf"$v$ = {speed} m/s{turning}")
 
 
 def _draw_plan(axes: Axes, one: Rolling, scale: float) -> None:

@@ -16,6 +16,7 @@ from vibro_cli.figures import style
 from vibro_cli.figures.chart import Cell, body_look, in_rows
 from vibro_cli.figures.labels import (
     SAY,
+    Entry,
     Named,
     Rows,
     draw_legend,
@@ -88,8 +89,10 @@ _LEGEND = in_black(
     (r"$\omega$", TURNING),
     ("tangent", TANGENT),
 )
-_SLIDING = [_LEGEND[0], _LEGEND[-1]]
-"""The legend where both bodies are in translation along the line of centres."""
+_SLIDING = [_LEGEND[0], _LEGEND[3], _LEGEND[-1]]
+"""The legend where no body rolls."""
+_IN_LINE = [_LEGEND[0], _LEGEND[-1]]
+"""The legend where all bodies are in translation along the line of centres."""
 
 
 @dataclass(frozen=True)
@@ -136,7 +139,7 @@ def velocities(run: Recorded, width: str = "single") -> Figure | None:
     width = "single" if len(rows) == 1 else width
     pairs = [striking(run, row) for row in rows]
     with style.journal():
-        lines = rows_of(_SLIDING if all(map(_in_line, pairs)) else _LEGEND, width_of(width))
+        lines = rows_of(_legend(pairs), width_of(width))
         figure, panels = sheet(width, len(rows), lines, _HIGH, _WORDS)
         surface = trace_points(run.system.trace, _DENSE, _DENSE)
         for row, pair in zip(rows, pairs, strict=True):
@@ -188,6 +191,13 @@ def _in_line(pair: Sequence[Striking]) -> bool:
     """Return whether both bodies are in translation along their line of centres (B fig. 1)."""
     _, normal = touching_point(pair)
     return all(one.body.slides and abs(float(one.tangent @ normal)) > _ALONG for one in pair)
+
+
+def _legend(pairs: Sequence[Sequence[Striking]]) -> list[Entry]:
+    """Return the legend of what is drawn of some impacts."""
+    if all(map(_in_line, pairs)):
+        return _IN_LINE
+    return _SLIDING if all(one.body.slides for pair in pairs for one in pair) else _LEGEND
 
 
 def _arrow_scale(pair: Sequence[Striking]) -> float:

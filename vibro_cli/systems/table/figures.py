@@ -131,7 +131,8 @@ def table_velocities(run: Run, width: str = "single") -> Figure | None:
     if not impacts:
         return None
     with style.journal():
-        lines = rows_of(_LEGEND, wide)
+        rolling = any(not np.isnan(ball.omega[0]) for one in impacts for ball in one.balls)
+        lines = rows_of(_LEGEND if rolling else [*_LEGEND[:2], *_LEGEND[3:]], wide)
         figure, panels = sheet(width, len(impacts), lines, _HIGH, _WORDS)
         for number, one in enumerate(impacts):
             for when in (0, 1):
