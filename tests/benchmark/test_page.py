@@ -8,7 +8,7 @@ from tests.report.page_parser import Page
 from vibro_cli.benchmark.conclusions import conclude
 from vibro_cli.benchmark.measurement import Row
 from vibro_cli.report import html
-from vibro_cli.report.benchmark_page import benchmark_html, growth, work_precision
+from vibro_cli.report.benchmark_page import benchmark_html, drawn, growth, work_precision
 
 
 def timed(method: str, setting: str, microseconds: float, error: float) -> Row:
@@ -105,8 +105,9 @@ def test_growth_has_a_panel_for_each_part() -> None:
 def test_the_page_says_all_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(html, "__version__", "1.2.3")
     details = {"machine": {"Processor": "a processor"}, "plan": "quick"}
-    content = benchmark_html(ROWS, details)
-    said = " ".join(element.text for element in Page(content).elements)
+    page = Page(benchmark_html(ROWS, details, drawn(ROWS)))
+    assert page.all("title")[0].text == "Benchmark · vibro bench"
+    said = " ".join(element.text for element in page.elements)
     for text in ("a processor", "lost: astray", "2.6e−01", "arcs", "1.2.3", "the root diverges"):
         assert text in said
 

@@ -99,10 +99,11 @@ def _write(rows: "list[Row]", details: dict[str, Any], target: Path) -> None:
     from vibro_cli.report.benchmark_page import benchmark_html, drawn
     from vibro_cli.storage.files import write_folder
 
+    wide = drawn(rows)
     files = {
         "benchmark.parquet": parquet(rows, details),
-        "benchmark.html": benchmark_html(rows, details),
-        **pictures(drawn(rows)),
+        "benchmark.html": benchmark_html(rows, details, wide),
+        **pictures(wide),
     }
     write_folder("benchmark", target, files, details)
 

@@ -33,13 +33,18 @@ _HEADS = ["Method", "Setting", "Time per impact [µs]", "Spread", "Error", "Ener
           "Impacts timed", "Status"]  # fmt: skip
 
 
-def benchmark_html(rows: Sequence[Row], details: Mapping[str, Any]) -> bytes:
-    """Return the page of a benchmark as the bytes of an HTML file that needs no other."""
-    both = drawn(rows, "double"), drawn(rows, "single")
+def benchmark_html(
+    rows: Sequence[Row], details: Mapping[str, Any], wide: Mapping[str, Figure]
+) -> bytes:
+    """Return the page of a benchmark as the bytes of an HTML file that needs no other.
+
+    `wide` are its figures, two columns wide, as of :func:`drawn`.
+    """
+    narrow = drawn(rows, "single")
     figures = [
-        shown(title, caption, title, *(figures[name] for figures in both))
+        shown(title, caption, title, wide[name], narrow[name])
         for name, (title, caption, _) in _FIGURES.items()
-        if name in both[0]
+        if name in wide
     ]
     tables = [(scene.title, _precision(rows, scene.name)) for scene in SCENES]
     values = {
