@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from vibro_cli.commands.shared.error_handling import DONE, CommandError
+from vibro_cli.commands.shared.error_handling import DONE, CommandError, leaving
 from vibro_cli.commands.shared.options import json_option, output_option, repeatable
 from vibro_cli.commands.shared.terminal import count, json_text, print_found, say
 
@@ -62,12 +62,13 @@ class BasinsCommand:
         target = Path(self.output or source.with_name(f"{source.name}-basins"))
         check_replaceable(target, "basins")
         stored = open_grid(source)
-        try:
-            found = mapped_basins(stored, self.outcome)
-        except NoBasins as error:
-            raise CommandError(f"vibro: {source}: no basins: {error}") from error
+        with leaving():
+            try:
+                found = mapped_basins(stored, self.outcome)
+            except NoBasins as error:
+                raise CommandError(f"vibro: {source}: no basins: {error}") from error
+            drawn = _drawn(found) if self.figures else {}
         record = record_of(found.basins, [one.path for one in found.shown.coordinates])
-        drawn = _drawn(found) if self.figures else {}
         write_results("basins", target, drawn, record=record)
         print_found(record, _lines(stored.name, found), self.as_json)
         _warn_of_unsolved(stored)
@@ -224,17 +225,18 @@ class SectionCommand:
 
         columns = [name for some in self.columns for name in some.split(",")]
         shown = ""
-        try:
-            if is_grid(self.folder):
-                grid = open_grid(self.folder)
-                drawn = grid.section(columns, self.bodies, self.transient, self.width)
-                shown = _runs_shown(grid, self.bodies, self.transient)
-                _warn_of_unsolved(grid.stored)
-            else:
-                run = open_run(self.folder)
-                drawn = run.section(columns, self.bodies, self.transient or 0, self.width)
-        except ValueError as error:
-            raise CommandError(f"vibro: {self.folder}: {error}") from error
+        with leaving():
+            try:
+                if is_grid(self.folder):
+                    grid = open_grid(self.folder)
+                    drawn = grid.section(columns, self.bodies, self.transient, self.width)
+                    shown = _runs_shown(grid, self.bodies, self.transient)
+                    _warn_of_unsolved(grid.stored)
+                else:
+                    run = open_run(self.folder)
+                    drawn = run.section(columns, self.bodies, self.transient or 0, self.width)
+            except ValueError as error:
+                raise CommandError(f"vibro: {self.folder}: {error}") from error
         drawn.save(self.target)
         if self.as_json:
             print(json_text({"file": str(self.target)}))

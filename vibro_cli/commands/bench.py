@@ -3,19 +3,21 @@
 Run time against error is drawn; the stability suite tells every mark and what was reached.
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
-from vibro_cli.commands.shared.error_handling import DONE, FAILED, CommandError
+from vibro_cli.commands.shared.error_handling import DONE, FAILED, CommandError, leaving
 from vibro_cli.commands.shared.options import json_option, output_option, repeatable
 from vibro_cli.commands.shared.terminal import each_as_told, print_found, say
 
 if TYPE_CHECKING:
     from vibro_cli.benchmark.measurement import Row
+
+_Result = TypeVar("_Result")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,13 +77,20 @@ def _measure(options: BenchCommand, form: str) -> int:
     rows: list[Row] = []
     target = Path(options.output)
     check_replaceable(target, "benchmark")
-    for found in each_as_told("measuring", suite.run(PLANS[form], tuple(options.scene))):
+    results = _unwritten(suite.run(PLANS[form], tuple(options.scene)))
+    for found in each_as_told("measuring", results):
         rows += found
         for row in found:
             print_found(vars(row), [_line(row)], options.as_json)
     _write(rows, details, target)
     say(f"vibro: wrote {target / 'benchmark.html'}")
     return DONE
+
+
+def _unwritten(results: Iterable[_Result]) -> Iterator[_Result]:
+    """Yield results, none of which is written while another is waited for."""
+    with leaving():
+        yield from results
 
 
 def _line(row: "Row") -> str:
@@ -177,7 +186,7 @@ class StressCommand:
         findings = []
         if folder is not None:
             check_replaceable(folder, "stress")
-        for finding in each_as_told("checking", run(plan, tuple(self.only))):
+        for finding in each_as_told("checking", _unwritten(run(plan, tuple(self.only)))):
             findings.append(finding)
             print_found(record_of(finding), [line_of(finding)], self.as_json)
         if folder is not None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
-from vibro_cli.commands.shared.error_handling import DONE, CommandError
+from vibro_cli.commands.shared.error_handling import DONE, CommandError, leaving
 from vibro_cli.commands.shared.options import json_option, output_option, scenario_keys, set_option
 from vibro_cli.commands.shared.terminal import print_found, say
 
@@ -89,15 +89,16 @@ class OrbitCommand:
         if span is not None or self.output is not None:
             folder = Path(self.output or Path("outputs") / f"{scenario.name}-orbit")
             check_replaceable(folder, "orbit")
-        try:
-            found = orbit(scenario, self.impacts, self.period)
-            family = None if span is None else orbit_family(scenario, found, *span)
-        except NoOrbit as error:
-            raise CommandError(f"vibro: {scenario.name}: no orbit: {error}") from error
-        if folder is not None:
-            drawn = {}
+        drawn = {}
+        with leaving():
+            try:
+                found = orbit(scenario, self.impacts, self.period)
+                family = None if span is None else orbit_family(scenario, found, *span)
+            except NoOrbit as error:
+                raise CommandError(f"vibro: {scenario.name}: no orbit: {error}") from error
             if family is not None and self.figures:
                 drawn = pictures({"orbits": family.figure().figure})
+        if folder is not None:
             start = found.as_start(scenario)
             table = orbit_table(found, start) if family is None else family.table
             write_results("orbit", folder, drawn, start, table=table)
@@ -265,7 +266,8 @@ class FitCommand:
             check_replaceable(folder, "fit")
         try:
             measured = read_measured(self.measured)
-            found = Fit.of(fit_impacts(scenario, measured, free, self.noise))
+            with leaving():
+                found = Fit.of(fit_impacts(scenario, measured, free, self.noise))
         except NoFit as error:
             raise CommandError(f"vibro: {scenario.name}: no fit: {error}") from error
         except OSError as error:

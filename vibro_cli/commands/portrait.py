@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from vibro_cli.commands.shared.error_handling import DONE, CommandError
+from vibro_cli.commands.shared.error_handling import DONE, CommandError, leaving
 from vibro_cli.commands.shared.options import Overrides, json_option, output_option
 from vibro_cli.commands.shared.terminal import print_found, say, work_told
 
@@ -255,7 +255,7 @@ class PortraitCommand:
         if self.figures or self.output is not None:
             folder = Path(self.output or Path("outputs") / f"{scenario.name}-portrait")
             check_replaceable(folder, "portrait")
-        with work_told():
+        with leaving(), work_told():
             found, drawn = _analysed(self, scenario, system)
         if folder is not None:
             write_results("portrait", folder, drawn, scenario, found)

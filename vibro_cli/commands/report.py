@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from vibro_cli.commands.shared.error_handling import DONE, CommandError
+from vibro_cli.commands.shared.error_handling import DONE, CommandError, leaving
 from vibro_cli.commands.shared.options import json_option, output_option, repeatable
 from vibro_cli.commands.shared.terminal import json_text, say, work_told
 
@@ -160,7 +160,7 @@ class ReportCommand:
         # Figures are collected again and again, and what is there by now stays.
         gc.freeze()
         gc.set_threshold(50_000, 4, 2)
-        with work_told():
+        with leaving(), work_told():
             content = _page(subject, Path.cwd() if printed else target.parent, self.maps)
         if printed:
             sys.stdout.buffer.write(content)

@@ -22,6 +22,7 @@ from vibro_cli.commands.shared.error_handling import (
     INTERRUPTED,
     MISUSED,
     NOT_STRICT,
+    NOTHING_WRITTEN,
     CommandError,
     Terminated,
     attempt,
@@ -179,7 +180,7 @@ class RunCommand:
         """What is said of a run that is interrupted before its folder is written."""
         if len(self.scenarios) > 1:
             return f"nothing of {name} was written, what was finished is kept"
-        return "nothing was written"
+        return NOTHING_WRITTEN
 
     def may_replace(self, folder: Path) -> bool:
         """Whether a run of other parameters may be replaced: the one that is continued may be."""

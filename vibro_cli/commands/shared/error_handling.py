@@ -40,6 +40,8 @@ EXIT_CODES = {
     TERMINATED: "terminated (SIGTERM); what was finished is kept",
 }
 
+NOTHING_WRITTEN = "nothing was written"
+
 
 class CommandError(Exception):
     """What the user should know, as one or more lines that can be read alone.
@@ -128,7 +130,7 @@ def perform(task: Task, log_format: str) -> int:
 
 
 @contextlib.contextmanager
-def leaving(text: str) -> Iterator[None]:
+def leaving(text: str = NOTHING_WRITTEN) -> Iterator[None]:
     """Have it said what is left on the disk when a signal ends the block."""
     try:
         yield

@@ -1,0 +1,66 @@
+"""What is said to be left on the disk when a signal ends a command while it computes or draws."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.commands.conftest import Vibro
+from tests.grid_folder import product, write_grid
+from vibro_cli.commands.shared.error_handling import Terminated
+
+FALLING = Path(__file__).parents[2] / "scenarios" / "falling_balls.toml"
+COMPUTING = {
+    "report run": "vibro_cli.report.content.report_html",
+    "report grid": "vibro_cli.report.grid_content.grid_html",
+    "section run": "vibro_cli.interface.runs.Run.section",
+    "section grid": "vibro_cli.interface.grids.Grid.section",
+    "basins grid": "vibro_cli.figures.analyses.mapped_basins",
+    f"portrait {FALLING}": "vibro_cli.interface.pictures",
+    f"orbit {FALLING} -o out": "vibro_cli.interface.analyses.orbit",
+    f"fit {FALLING} run/collisions.parquet --free gravity": "vibro_cli.analysis.fit.fit_impacts",
+}
+"""Commands, and what they call before they write."""
+LISTING = {
+    "stress -o out": "vibro_cli.stress.suite.run",
+    "bench --quick -o out": "vibro_cli.benchmark.suite.run",
+}
+"""Commands that print results as they come, and write after the last."""
+
+
+def signalled(*_: object) -> None:
+    raise Terminated(15)
+
+
+def signalled_later(*_: object) -> Iterator[None]:
+    signalled()
+    yield
+
+
+@pytest.mark.parametrize("command", [*COMPUTING, *LISTING])
+def test_nothing_is_kept_of_what_is_written_at_the_end(
+    vibro: Vibro, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: str
+) -> None:
+    write_grid(tmp_path / "grid", product({"balls[1].angle": [0.0, 0.1], "stop.time": [1.0, 2.0]}))
+    vibro("run", FALLING, "--set", "stop.collisions=3", "--no-figures", "-o", "run")
+    before = sorted(tmp_path.rglob("*"))
+    if command in LISTING:
+        monkeypatch.setattr(LISTING[command], signalled_later)
+    else:
+        monkeypatch.setattr(COMPUTING[command], signalled)
+    outcome = vibro(*command.split())
+    assert outcome.code == 143
+    assert outcome.err.splitlines()[-1] == "vibro: terminated; nothing was written"
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_a_page_that_is_written_is_kept(
+    vibro: Vibro, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The film comes after it."""
+    vibro("run", FALLING, "--set", "stop.collisions=3", "--no-figures", "-o", "run")
+    monkeypatch.setattr("vibro_cli.interface.runs.write_film", signalled)
+    outcome = vibro("report", "run", "--animate", "film.html")
+    assert outcome.err.splitlines()[-1] == "vibro: terminated; what was finished is kept"
+    assert (tmp_path / "run-report.html").exists()
+    assert not (tmp_path / "film.html").exists()
