@@ -144,6 +144,10 @@ def test_every_command_has_help(vibro: Vibro, command: str) -> None:
         ),
         (["schema", "figures"], "SUBJECT: found 'figures', expected one of scenario, grid, tables"),
         (["stress", "--seed", "one"], "--seed: found 'one', expected a whole number"),
+        (
+            ["section", "a", "-o", "a.gif"],
+            "-o: found a.gif, expected a file .png, .pdf or .svg (see",
+        ),
         (["section", "a", "--transient=-1"], "found '-1', expected a number of at least 0 (see"),
         (["report", "a", "--fps", "200"], "found '200', expected a number of at most 100 (see"),
         (["report", "a", "--pace", "nan"], "found 'nan', expected a number of at least 1e-06 (see"),

@@ -125,6 +125,15 @@ def test_a_ball_alone_on_a_table_shows_its_impacts_on_the_wall() -> None:
     assert figure.axes[0].get_ylabel() == r"$v_{\mathrm{t}}$ [m/s]"
 
 
+def test_runs_and_grids_have_the_same_words_for_the_angle_on_one_arc() -> None:
+    run = simulate(example("one_circle"))
+    axes = {"collision.k": np.linspace(0.8, 0.9, 3)}
+    grid = sweep(example("one_circle"), axes, collisions=True)
+    named = r"$\varphi$ of the left body [rad]"
+    assert run.section().figure.axes[0].get_xlabel() == named
+    assert grid.section(transient=0).figure.axes[0].get_ylabel() == named
+
+
 def test_a_run_on_a_line_is_shown_by_its_places(tmp_path: Path) -> None:
     """A line has no angles; its impacts were said not to be there."""
     run = simulate(example("falling_balls").replace({"stop.collisions": 30}))

@@ -14,6 +14,7 @@ from vibro_cli.api import simulate
 from vibro_cli.kernels.statistics.impact_columns import place_on
 from vibro_cli.kernels.world import PieceData
 from vibro_cli.scenario import load_any
+from vibro_cli.systems.columns import converging, exponents
 from vibro_cli.systems.trace import tables
 
 FOLDER = Path(__file__).parents[2] / "scenarios"
@@ -144,3 +145,10 @@ def test_an_impact_at_the_seam_of_a_circle_is_at_the_end_that_it_comes_to(
         sine, cosine = math.sin(0.5 * angle), math.cos(0.5 * angle)
         found = place_on(piece, *((sine, cosine) if sign > 0.0 else (cosine, -sine)))
         assert found == pytest.approx(min(max(angle, start), piece.angle_end), abs=1e-15)
+
+
+def test_exponents_of_the_summary_are_those_of_the_whole_run() -> None:
+    """Those of the table on their convergence are of its part until an impact."""
+    for columns, part in ((exponents(2), False), (converging(2).columns, True)):
+        told = [one.description for one in columns if one.name in ("lyapunov_1", "lyapunov_2")]
+        assert ["until then" in text for text in told] == [part, part]

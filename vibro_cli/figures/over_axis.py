@@ -58,7 +58,7 @@ PLACES = (
     ("x_a", "$x$ of the left body", "m"),
 )
 """Columns of the place of an impact, on whatever arc it is."""
-_ANGLES = {VALLEY: r"$\varphi$ of the left body", HUMP: r"$\psi$ of the left body"}
+ANGLES = {VALLEY: r"$\varphi$ of the left body", HUMP: r"$\psi$ of the left body"}
 
 
 def curves(grid: StoredGrid, width: str = "single") -> Figure | None:
@@ -144,8 +144,8 @@ def place_column(grid: StoredGrid) -> tuple[str, str, str] | None:
     kept = grid.impact_columns()
     if "bounces" in grid.summary and "x_a" in kept:
         return "x_a", "$x$ of ball a", "m"
-    if len(grid.shapes) == 1 and grid.shapes[0] in _ANGLES and "angle_a" in kept:
-        return "angle_a", _ANGLES[grid.shapes[0]], "rad"
+    if len(grid.shapes) == 1 and grid.shapes[0] in ANGLES and "angle_a" in kept:
+        return "angle_a", ANGLES[grid.shapes[0]], "rad"
     return next((one for one in PLACES if one[0] in kept), None)
 
 

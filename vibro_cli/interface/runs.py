@@ -258,7 +258,13 @@ class Run:
 
         Raises ``ValueError`` for another column or width, and where there is no such impact.
         """
-        from vibro_cli.figures.over_axis import Section, own_columns, poincare, quantities_of
+        from vibro_cli.figures.over_axis import (
+            ANGLES,
+            Section,
+            own_columns,
+            poincare,
+            quantities_of,
+        )
         from vibro_cli.figures.style import width_of
 
         width_of(width)
@@ -270,6 +276,9 @@ class Run:
             impacts, units = walls if named or not len(impacts["n"]) else (impacts, units)
         names = columns or own_columns(impacts)
         quantities = quantities_of(names, units)
+        if not columns and names[:1] == ["angle_a"]:  # all on one arc
+            piece = self._shown.system.trace.pieces[int(impacts["arc_a"][0]) - 1]
+            quantities[0] = "angle_a", ANGLES[piece.shape], "rad"
         if len(quantities) != 2:
             found = " and ".join(names) or "none"
             raise ValueError(f"found {found}, expected two columns of impacts")

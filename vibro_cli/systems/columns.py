@@ -280,11 +280,11 @@ def with_growth(table: Table) -> Table:
     return with_columns(table, *GROWTH)
 
 
-def exponents(numbers: int | str) -> tuple[Column, ...]:
-    """Columns of so many Lyapunov exponents, or of one that stands for any."""
+def exponents(numbers: int | str, when: str = "") -> tuple[Column, ...]:
+    """Columns of so many Lyapunov exponents, or of one that stands for any; of a run, or `when`."""
     names = [numbers] if isinstance(numbers, str) else range(1, numbers + 1)
-    text = "Lyapunov exponent {} until then, the greatest first (null for −∞, see docs)"
-    return tuple(number(f"lyapunov_{name}", "1/s", text.format(name), True) for name in names)
+    text = "Lyapunov exponent {}{}, the greatest first (null for −∞, see docs)"
+    return tuple(number(f"lyapunov_{name}", "1/s", text.format(name, when), True) for name in names)
 
 
 def converging(numbers: int | str) -> Table:
@@ -292,7 +292,7 @@ def converging(numbers: int | str) -> Table:
     columns = (
         count("n", "number of the impact, from 1"),
         number("t", "s", "time of the impact"),
-        *exponents(numbers),
+        *exponents(numbers, " until then"),
         number("lyapunov_error", "1/s", "standard error of the greatest exponent", True),
     )
     return Table("exponents", "the run until one of its impacts", columns)
