@@ -203,7 +203,9 @@ class SectionCommand:
             text = f"--pair: found {self.pair!r}, expected two bodies, such as 1-2"
             raise typer.BadParameter(text)
         if self.target.suffix.lower() not in FORMS:
-            found = f"-o: found {self.target}, expected a file .png, .pdf or .svg"
+            from vibro_cli.scenario.problems import listing
+
+            found = f"-o: found {self.target}, expected a file {listing(FORMS)}"
             raise typer.BadParameter(found)
 
     @property
