@@ -409,6 +409,18 @@ def test_a_number_at_its_bound_is_told(
     assert (f"may not pass {bound}, which its 95 % do" in capsys.readouterr().out) is at_it
 
 
+def test_impacts_whose_derivatives_overflow_are_refused() -> None:
+    """Each impact multiplies small changes by some 2.9, so that 10^154 is reached within 400."""
+    scenario = example("falling_balls").replace({"stop.collisions": 700})
+    run = simulate(scenario.replace({"analysis.lyapunov": True}))
+    growth = run.summary["lyapunov_1"] * run.summary["end_time"] / 700.0
+    for noise in (None, 1e-4):
+        with pytest.raises(NoFit, match="more than any time when gravity is rounded") as caught:
+            fit(scenario, run.collisions["t"], ["gravity"], noise=noise)
+        (row,) = re.findall(r"expected only the ([0-9]+) before it", str(caught.value))
+        assert growth * int(row) == pytest.approx(154.0 * math.log(10.0), rel=0.1)
+
+
 def test_impacts_that_rounding_of_a_number_moves_are_refused() -> None:
     """The first one refused is where motions of neighbouring doubles part by the noise."""
     scenario = example("line_between_valleys").replace(

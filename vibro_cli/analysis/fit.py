@@ -440,13 +440,25 @@ class _Problem:
                 "measured"
             )
 
+    @np.errstate(over="ignore", invalid="ignore")  # such derivatives are refused
     def _late(self, values: Floats, rows: int) -> tuple[Floats, Floats]:
         """Computed less measured instants in units of their noise, and their derivatives."""
         found = self.motion(values, rows)
         at = self._measured.number[:rows] - 1
         noise = self._noise[:rows]
         late = (found.t[at] - self._measured.t[:rows]) / noise
-        return late, found.derivative[at] / noise[:, None]
+        jacobian = found.derivative[at] / noise[:, None]
+        lost = np.argwhere(
+            ~(np.abs(jacobian) < math.sqrt(sys.float_info.max / rows))
+        )  # squares are summed
+        if len(lost):
+            row, number = lost[0]
+            raise NoFit(
+                f"impact {self._measured.number[row]} moves by more than any time when "
+                f"{self._free[number].name} is rounded to a double: it tells nothing, expected "
+                f"only the {row} before it"
+            )
+        return late, jacobian
 
     def first_residuals(self, start: Floats) -> Floats:
         """Residuals of the motion to begin with, as far as it goes; it has to have the first."""
