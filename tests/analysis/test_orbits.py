@@ -623,7 +623,10 @@ def test_a_piece_of_a_family_has_the_look_of_its_unstable_end(
         "period": np.linspace(1.0, 2.0, 6),
         "multiplier": np.linspace(0.5, 1.5, 6),
     }
-    for axes in branch_figure(table, "mass", "single").axes:
+    figure = branch_figure(table, "mass", "single")
+    named = {text.get_text() for legend in figure.legends for text in legend.get_texts()}
+    assert ("stable" in named, "unstable" in named) == (bool(solid), bool(dashed))
+    for axes in figure.axes:
         drawn: dict[str, set[tuple[int, int]]] = {style.BLUE: set(), style.VERMILLION: set()}
         for line in axes.lines:
             points = np.asarray(line.get_xydata())

@@ -122,7 +122,8 @@ def branch_figure(found: dict[str, Any], label: str, width: str) -> Figure:
     kinds = found["special"]
     marks = dict.fromkeys(_MARKS.get(kind, _OTHER) for kind in kinds if kind)
     entries: list[Entry] = [
-        ("stable", STABLE), ("unstable", UNSTABLE),
+        *([("stable", STABLE)] if np.any(whole) else ()),
+        *([("unstable", UNSTABLE)] if not np.all(whole) else ()),
         *((label, _look(marker)) for marker, label in marks),
     ]  # fmt: skip
     with style.journal():
