@@ -138,6 +138,22 @@ def test_what_is_no_run_is_refused(vibro: Vibro, command: str) -> None:
     assert outcome.err.startswith("vibro: empty is no vibro run")
 
 
+@pytest.mark.parametrize(
+    ("command", "option"),
+    [("report", "-o"), ("report", "--pdf"), ("report", "--animate"), ("section", "-o")],
+)
+def test_a_folder_in_the_place_of_a_file_is_told(vibro: Vibro, command: str, option: str) -> None:
+    vibro(*RUN)
+    folder = Path({"--pdf": "there.pdf", "--animate": "there.gif"}.get(option, "there.html"))
+    if command == "section":
+        folder = Path("there.png")
+    folder.mkdir()
+    outcome = vibro(command, "outputs/one_circle", option, folder)
+    assert (outcome.code, outcome.out) == (2, b"")
+    assert outcome.err == f"vibro: {folder} is a folder; expected a file or nothing\n"
+    assert folder.is_dir()
+
+
 def test_a_changed_run_is_refused(vibro: Vibro) -> None:
     vibro(*RUN)
     with Path("outputs/one_circle/scenario.json").open("a") as file:

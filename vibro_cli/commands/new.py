@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
 import typer
 
-from vibro_cli.commands.shared.error_handling import DONE, CommandError
+from vibro_cli.commands.shared.error_handling import DONE, CommandError, check_no_folder
 from vibro_cli.commands.shared.options import gallery_names, json_option, output_option
 from vibro_cli.commands.shared.terminal import json_text, say, wrapped
 from vibro_cli.errors import printable
@@ -95,8 +95,7 @@ def _write(name: str, output: str | None, force: bool, as_json: bool) -> int:
         sys.stdout.write(content)
         return DONE
     path = Path(f"{name}.toml" if output is None else output)
-    if path.is_dir():
-        raise CommandError(f"vibro: {path} is a folder; expected a file or nothing")
+    check_no_folder(path)
     if path.exists() and not force:
         raise CommandError(f"vibro: {path} exists; --force replaces it")
     make_folder(path.parent)

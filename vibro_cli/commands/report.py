@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from vibro_cli.commands.shared.error_handling import DONE, CommandError, leaving
+from vibro_cli.commands.shared.error_handling import DONE, CommandError, check_no_folder, leaving
 from vibro_cli.commands.shared.options import json_option, output_option, repeatable
 from vibro_cli.commands.shared.terminal import json_text, say, work_told
 
@@ -253,6 +253,9 @@ def _check(options: ReportCommand) -> None:
     except ValueError as error:
         raise CommandError(f"vibro: {error}") from error
     printed = options.output == "-"
+    for path in (None if printed else target, pdf, options.animate):
+        if path is not None:
+            check_no_folder(path)
     if not printed and target.exists() and not is_report(first_bytes(target, _HEAD)):
         raise CommandError(f"vibro: {target} exists and is no vibro report; it is left as it is")
     if pdf is not None and pdf.exists() and first_bytes(pdf, 5) != b"%PDF-":

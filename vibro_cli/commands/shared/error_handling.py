@@ -12,6 +12,7 @@ import signal
 import sys
 import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
 from types import FrameType
 from typing import Any
 
@@ -142,6 +143,12 @@ def leaving(text: str = NOTHING_WRITTEN) -> Iterator[None]:
 def _left(end: BaseException) -> str:
     """What is left on the disk after a signal; without a word from where it struck, as always."""
     return next(iter(getattr(end, "__notes__", ())), "what was finished is kept")
+
+
+def check_no_folder(path: Path) -> None:
+    """Raise `CommandError` if a folder stands where a file is to be written."""
+    if path.is_dir():
+        raise CommandError(f"vibro: {path} is a folder; expected a file or nothing")
 
 
 def reason(error: OSError) -> str:
