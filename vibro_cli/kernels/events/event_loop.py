@@ -31,6 +31,7 @@ from vibro_cli.kernels.events.simultaneous_impacts import (
 )
 from vibro_cli.kernels.flow.flight import (
     LIFT_OFF,
+    SLOW,
     arc_energy,
     begin_flight,
     begin_two_flights,
@@ -86,9 +87,6 @@ from vibro_cli.kernels.world import (
     track_on,
     tracks_of,
 )
-
-# Below this share of the whole energy, a speed is carried over a junction instead of the energy.
-SLOW_CROSSING = 1.0e-2
 
 
 @kernel
@@ -284,7 +282,7 @@ def leave_piece(world: World, ball: int) -> int:
     track = track_of(world, ball)
     speed = track.speed_factor * flight.p
     kinetic = 0.5 * world.bodies[ball].kappa * speed * speed / world.settings[0].gravity
-    if kinetic > SLOW_CROSSING * flight.specific_energy:
+    if kinetic > SLOW * flight.specific_energy:
         flight.p = rate_by_energy(world, ball, flight, track)
     elif flight.separatrix_piece < 0:
         refer_to_separatrix(flight, track)

@@ -23,6 +23,9 @@ from vibro_cli.kernels.world import (
 
 BOUNDARY = 0
 LIFT_OFF = 1
+# Below this share of the whole energy a speed is kept where else the energy tells it, which has
+# fewer digits of it then.
+SLOW = 1.0e-2
 # Within C^2 + P^2 below this of a crest the energy is taken from the state, relative to the crest.
 CREST_NEIGHBOURHOOD = 0.05
 # A swing about the bottom that ends below both ends of its piece by this share reaches neither.

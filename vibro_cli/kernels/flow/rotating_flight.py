@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 
 from vibro_cli.compile.kernel import kernel
-from vibro_cli.kernels.flow.flight import LIFT_OFF, leaves_at_once
+from vibro_cli.kernels.flow.flight import LIFT_OFF, SLOW, leaves_at_once
 from vibro_cli.kernels.flow.flow import angle_from_start, place_from_start
 from vibro_cli.kernels.flow.rotating_flow import (
     TURNING_LINE,
@@ -172,10 +172,6 @@ def next_zero_crossing_on_line(flight: Flight, force: float, growth: float) -> f
         turn = turn_on_line(flight)
         reached = turn != 0.0 and (way - turn) * side >= 0.0
     return time_on_line(flight, way, side * math.sqrt(squared)) if reached else NEVER
-
-
-# Below this share of the whole energy, a speed is kept instead of the energy that is carried.
-SLOW = 1.0e-2
 
 
 @kernel
