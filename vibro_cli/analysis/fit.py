@@ -448,17 +448,20 @@ class _Problem:
         noise = self._noise[:rows]
         late = (found.t[at] - self._measured.t[:rows]) / noise
         jacobian = found.derivative[at] / noise[:, None]
-        lost = np.argwhere(
-            ~(np.abs(jacobian) < math.sqrt(sys.float_info.max / rows))
-        )  # squares are summed
+        # Their squares are summed.
+        lost = np.argwhere(~(np.abs(jacobian) < math.sqrt(sys.float_info.max / rows)))
         if len(lost):
             row, number = lost[0]
-            raise NoFit(
-                f"impact {self._measured.number[row]} moves by more than any time when "
-                f"{self._free[number].name} is rounded to a double: it tells nothing, expected "
-                f"only the {row} before it"
-            )
+            raise self._unresolved(row, number, "any time")
         return late, jacobian
+
+    def _unresolved(self, row: int, number: int, by: str) -> NoFit:
+        """What is said where rounding a number moves an impact by more than it may."""
+        return NoFit(
+            f"impact {self._measured.number[row]} moves by more than {by} when "
+            f"{self._free[number].name} is rounded to a double: it tells nothing, expected only "
+            f"the {row} before it"
+        )
 
     def first_residuals(self, start: Floats) -> Floats:
         """Residuals of the motion to begin with, as far as it goes; it has to have the first."""
@@ -549,11 +552,7 @@ class _Problem:
         lost = np.argwhere(EPSILON * np.abs(jacobian * values) > 1.0)
         if self._known and len(lost):
             row, number = lost[0]
-            raise NoFit(
-                f"impact {self._measured.number[row]} moves by more than its noise of "
-                f"{self._noise[row]:.2g} s when {self._free[number].name} is rounded to a double: "
-                f"it tells nothing, expected only the {row} before it"
-            )
+            raise self._unresolved(row, number, f"its noise of {self._noise[row]:.2g} s")
 
     def told(self, start: Floats, first: Floats, values: Floats) -> Fit:
         rows = len(self._measured.t)
