@@ -84,7 +84,7 @@ def solve_in_threads(
         try:
             while True:
                 room = 2 * threads - len(under_way)
-                under_way |= {solvers.submit(solve, one) for one in islice(left, max(room, 0))}
+                under_way |= {solvers.submit(solve, one) for one in islice(left, room)}
                 if not under_way:
                     return
                 done, under_way = wait(under_way, return_when=FIRST_COMPLETED)
