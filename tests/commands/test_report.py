@@ -234,6 +234,15 @@ def test_a_film_that_cannot_be_is_refused(vibro: Vibro) -> None:
     assert not list(Path().glob("film.*"))
 
 
+def test_what_only_a_film_has_needs_one(vibro: Vibro) -> None:
+    vibro(*RUN)
+    for options in (("--span", "0:1"), ("--pace", "0.5"), ("--fps", "50")):
+        outcome = vibro("report", "outputs/one_circle", *options)
+        assert outcome.code == 2, options
+        assert options[0] in outcome.err and "go with --animate FILE" in outcome.err
+    assert not Path("outputs/one_circle-report.html").exists()
+
+
 def test_a_grid_has_a_page_and_figures(vibro: Vibro) -> None:
     write_grid(Path("sweep"), product({"collision.k": [1.0, 0.9], "balls[1].angle": [0.1, 0.2]}))
     options = ("--pdf", "sweep.pdf", "--figures", "figures", "--width", "single")

@@ -101,6 +101,8 @@ class ReportCommand:
             self._check_film(self.animate)
             if len(self.folders) > 1:
                 raise typer.BadParameter("--animate: found several runs, expected one")
+        elif (self.span, self.pace, self.fps) != (None, type(self).pace, type(self).fps):
+            raise typer.BadParameter("--span, --pace and --fps go with --animate FILE")
         if self.as_json and self.output == "-":
             raise typer.BadParameter("--json and a printed page both need standard output")
 
