@@ -192,7 +192,7 @@ def _turning(scenario: Scenario, trace: Trace, problems: Problems) -> Turning | 
         problems.add("trace.turning.rate", repr(table.rate), f"0, or a rate from {low} to {high}")
     if table.through_arc is None:
         return Turning(table.x or 0.0, table.rate)
-    return Turning(trace.pieces[table.through_arc - 1].center[0], table.rate)
+    return Turning(trace.pieces[table.through_arc - 1].centre[0], table.rate)
 
 
 def _check_trace(trace: Trace, problems: Problems) -> bool:

@@ -33,9 +33,9 @@ def on_circle(rate: float, x: float = 1.0) -> Landscape:
 def test_pitchfork_is_where_turning_balances_gravity() -> None:
     probe = on_circle(1.0)
     rho = probe.path_scale(probe.trace.pieces[0])
-    center = probe.trace.pieces[0].center[0]
+    centre = probe.trace.pieces[0].centre[0]
     rates = [1.0, 2.0, 3.0, 4.0]
-    found = changes(lambda rate: portrait_of(on_circle(rate, center)).type, rates)
+    found = changes(lambda rate: portrait_of(on_circle(rate, centre)).type, rates)
     # At the pitchfork itself the point is degenerate, if a double is just there.
     assert 1 <= len(found) <= 2
     assert found[0].low ** 2 == pytest.approx(probe.gravity / rho, rel=1e-12)
@@ -50,7 +50,7 @@ def test_the_type_beyond_the_pitchfork_holds_up_to_it(beyond: float) -> None:
     probe = on_circle(1.0)
     piece = probe.trace.pieces[0]
     rate = math.sqrt(probe.gravity / probe.path_scale(piece)) * (1.0 + beyond)
-    portrait = portrait_of(on_circle(rate, piece.center[0]))
+    portrait = portrait_of(on_circle(rate, piece.centre[0]))
     assert portrait.type == "centre, saddle, centre; figure eight"
     (trigger,) = portrait.triggers
     assert trigger.margin_left > 0.0 < trigger.margin_right
@@ -114,7 +114,7 @@ def test_level_curves_have_their_energy(share: float) -> None:
 
 def test_several_figure_eights() -> None:
     # Above the pitchfork of the valleys and with the hump between them.
-    circle = portrait_of(on_circle(4.0, on_circle(1.0).trace.pieces[0].center[0]))
+    circle = portrait_of(on_circle(4.0, on_circle(1.0).trace.pieces[0].centre[0]))
     assert [trigger.orbit for trigger in circle.triggers] == [FIGURE_EIGHT]
     saddle = circle.triggers[0].saddle
     assert saddle.kind == SADDLE
@@ -250,7 +250,7 @@ def test_what_is_beside_a_junction_is_found_once(
     slope = 35.0 * DEGREE
     start = slope / DEGREE + (-60.0 if left.shape == "valley" else 60.0)
     first = system(start, left, right).trace.pieces[0]
-    x = first.body_center(first.angle_end, BALL.radius)[0]
+    x = first.body_centre(first.angle_end, BALL.radius)[0]
     axis = Turning(x - 9.81 * math.tan(slope) / rate**2 + beside, rate)
     landscape = Landscape.of(system(start, left, right, turning=axis), 1)
     points = singular_points(landscape)
@@ -259,7 +259,7 @@ def test_what_is_beside_a_junction_is_found_once(
         assert len(at) == 1
 
     def pull(piece: Piece, position: float) -> float:
-        away = piece.body_center(position, BALL.radius)[0] - axis.x
+        away = piece.body_centre(position, BALL.radius)[0] - axis.x
         slope = piece.slope(position)
         return rate**2 / 9.81 * away * math.cos(slope) - math.sin(slope)
 

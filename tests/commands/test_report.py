@@ -239,7 +239,8 @@ def test_what_only_a_film_has_needs_one(vibro: Vibro) -> None:
     for options in (("--span", "0:1"), ("--pace", "0.5"), ("--fps", "50")):
         outcome = vibro("report", "outputs/one_circle", *options)
         assert outcome.code == 2, options
-        assert options[0] in outcome.err and "go with --animate FILE" in outcome.err
+        assert options[0] in outcome.err
+        assert "go with --animate FILE" in outcome.err
     assert not Path("outputs/one_circle-report.html").exists()
 
 

@@ -21,8 +21,8 @@ def on_trace(system: Any, ball: int, arc: int, place: Array, rate: Array) -> Arr
     else:
         side = 1.0 if piece.shape == "valley" else -1.0
         scale = piece.radius - side * body.radius
-        x = piece.center[0] + scale * np.sin(place)
-        y = piece.center[1] - side * scale * np.cos(place)
+        x = piece.centre[0] + scale * np.sin(place)
+        y = piece.centre[1] - side * scale * np.cos(place)
     height = system.gravity * y
     if piece.shape == "line":
         height = height + system.gravity * body.radius * math.cos(piece.start_slope)

@@ -39,22 +39,22 @@ def mixed() -> Trace:
     return Trace.chain(-1.4, shapes)
 
 
-def exact_center(piece: Piece, position: float, radius: float) -> tuple[mpmath.mpf, mpmath.mpf]:
+def exact_centre(piece: Piece, position: float, radius: float) -> tuple[mpmath.mpf, mpmath.mpf]:
     at, r = mpmath.mpf(position), mpmath.mpf(radius)
     if piece.is_line:
         cosine, sine = mpmath.cos(piece.start_slope), mpmath.sin(piece.start_slope)
         x, y = piece.start
         return x + at * cosine - r * sine, y + at * sine + r * cosine
     rho = piece.radius - piece.sign * r
-    x, y = piece.center
+    x, y = piece.centre
     return x + rho * mpmath.sin(at), y - piece.sign * rho * mpmath.cos(at)
 
 
 def exact_gap(
     trace: Trace, body_a: Body, a: InitialState, body_b: Body, on: int, position: float
 ) -> mpmath.mpf:
-    ax, ay = exact_center(trace.pieces[a.piece], a.position, body_a.radius)
-    bx, by = exact_center(trace.pieces[on], position, body_b.radius)
+    ax, ay = exact_centre(trace.pieces[a.piece], a.position, body_a.radius)
+    bx, by = exact_centre(trace.pieces[on], position, body_b.radius)
     return mpmath.hypot(bx - ax, by - ay) - mpmath.mpf(body_a.radius) - body_b.radius
 
 
@@ -189,7 +189,7 @@ def test_at_its_wall_a_body_is_one_radius_from_the_plane(index: int, right: bool
     position = wall_position(piece, radius, right)
     end = piece.end if right else piece.start
     slope = piece.end_slope if right else piece.start_slope
-    x, y = piece.body_center(position, radius)
+    x, y = piece.body_centre(position, radius)
     inward = -1.0 if right else 1.0
     distance = inward * ((x - end[0]) * math.cos(slope) + (y - end[1]) * math.sin(slope))
     assert distance == pytest.approx(radius, rel=1e-14)

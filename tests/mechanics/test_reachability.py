@@ -63,10 +63,10 @@ def positions(trace: Trace) -> list[Array]:
     return [np.linspace(p.angle_start, p.angle_end, SAMPLES) for p in trace.pieces]
 
 
-def centers(trace: Trace, radius: float) -> list[Array]:
+def centres(trace: Trace, radius: float) -> list[Array]:
     """Sampled centres of a body, piece by piece: arrays (SAMPLES, 2)."""
     return [
-        np.array([piece.body_center(float(q), radius) for q in along])
+        np.array([piece.body_centre(float(q), radius) for q in along])
         for piece, along in zip(trace.pieces, positions(trace), strict=True)
     ]
 
@@ -116,7 +116,7 @@ def traces(draw: st.DrawFn, pieces: int = 5, turn: float = 3.0) -> Trace:
 def test_a_body_that_passes_touches_no_sampled_point(trace: Trace, radius: float) -> None:
     assume(not any(narrow_valleys(trace, radius) + overlapping_pieces(trace)))
     touched = touched_pieces(trace, radius)
-    bodies, points = centers(trace, radius), centers(trace, 0.0)
+    bodies, points = centres(trace, radius), centres(trace, 0.0)
     for i, body in enumerate(bodies):
         for j, piece in enumerate(points):
             if (i, j) not in touched:
@@ -128,7 +128,7 @@ def test_a_body_that_passes_touches_no_sampled_point(trace: Trace, radius: float
 def test_a_body_that_is_refused_touches_another_piece(trace: Trace, radius: float) -> None:
     assume(not any(narrow_valleys(trace, radius) + overlapping_pieces(trace)))
     turned = turns(trace)
-    bodies, points = centers(trace, radius), centers(trace, 0.0)
+    bodies, points = centres(trace, radius), centres(trace, 0.0)
     for i, j in touched_pieces(trace, radius):
         stretch = turned[i * SAMPLES : (i + 1) * SAMPLES, j * SAMPLES : (j + 1) * SAMPLES]
         elsewhere = stretch >= math.pi - 0.1
@@ -142,7 +142,7 @@ def test_a_body_that_is_refused_touches_another_piece(trace: Trace, radius: floa
 def test_pieces_out_of_reach_are_out_of_reach(trace: Trace, a: float, b: float) -> None:
     assume(not any(narrow_valleys(trace, max(a, b))))
     far = reach(trace, ball(a), ball(b))
-    paths_a, paths_b = centers(trace, a), centers(trace, b)
+    paths_a, paths_b = centres(trace, a), centres(trace, b)
     for i, path_a in enumerate(paths_a):
         for j, path_b in enumerate(paths_b):
             nearest = distances(path_a, path_b).min()
@@ -155,7 +155,7 @@ def test_pieces_out_of_reach_are_out_of_reach(trace: Trace, a: float, b: float) 
 
 def overlapping_over_one_between(trace: Trace, radii: tuple[float, float, float]) -> bool:
     """Whether sampled places in order let the outer two of three bodies touch, and no others."""
-    a, m, c = (np.concatenate(centers(trace, radius)) for radius in radii)
+    a, m, c = (np.concatenate(centres(trace, radius)) for radius in radii)
     places = np.arange(len(a))
     right = places[None, :] > places[:, None]
     free_left = (distances(a, m) >= radii[0] + radii[1]) & right
@@ -207,7 +207,7 @@ def test_on_closed_traces_too_a_body_that_passes_touches_no_sampled_point(
     assert turn == math.tau
     assume(not any(narrow_valleys(trace, radius) + overlapping_pieces(trace)))
     touched = touched_pieces(trace, radius)
-    bodies, points = centers(trace, radius), centers(trace, 0.0)
+    bodies, points = centres(trace, radius), centres(trace, 0.0)
     for i, body in enumerate(bodies):
         for j, piece in enumerate(points):
             if (i, j) not in touched:
@@ -216,7 +216,7 @@ def test_on_closed_traces_too_a_body_that_passes_touches_no_sampled_point(
 
 def opposite_bodies_touch(trace: Trace, radii: tuple[float, ...]) -> bool:
     """Whether sampled places of four bodies on a closed trace let the first touch the third."""
-    a, m, c, d = (np.concatenate(centers(trace, radius)) for radius in radii)
+    a, m, c, d = (np.concatenate(centres(trace, radius)) for radius in radii)
     free = {
         "am": distances(a, m) >= radii[0] + radii[1],
         "mc": distances(m, c) >= radii[1] + radii[2],

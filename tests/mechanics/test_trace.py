@@ -85,8 +85,8 @@ def test_the_path_of_a_centre_is_continuous_at_junctions(
     for left, right in zip(trace.pieces, trace.pieces[1:], strict=False):
         assert left.slope(left.angle_end) == right.slope(right.angle_start)
         assert left.arc_length(left.angle_end) == pytest.approx(right.start_s, rel=1e-14)
-        end = left.body_center(left.angle_end, radius)
-        start = right.body_center(right.angle_start, radius)
+        end = left.body_centre(left.angle_end, radius)
+        start = right.body_centre(right.angle_start, radius)
         assert math.dist(end, start) <= 1e-14 * (10.0 + trace.length)
 
 
@@ -97,11 +97,11 @@ def test_a_centre_is_one_radius_from_its_contact_point_along_the_normal(
 ) -> None:
     for piece in Trace.chain(*chain).pieces:
         position = piece.angle_start + fraction * (piece.angle_end - piece.angle_start)
-        contact, center = piece.contact_point(position), piece.body_center(position, radius)
+        contact, centre = piece.contact_point(position), piece.body_centre(position, radius)
         slope = piece.slope(position)
         normal = (-math.sin(slope), math.cos(slope))
-        assert center[0] - contact[0] == pytest.approx(radius * normal[0], abs=1e-13)
-        assert center[1] - contact[1] == pytest.approx(radius * normal[1], abs=1e-13)
+        assert centre[0] - contact[0] == pytest.approx(radius * normal[0], abs=1e-13)
+        assert centre[1] - contact[1] == pytest.approx(radius * normal[1], abs=1e-13)
 
 
 @SETTINGS
@@ -157,7 +157,7 @@ def test_a_symmetric_trace_has_equal_ends_and_level_junctions(
     first, middle, last = Trace.chain(-outer, shapes).pieces
     assert last.end[1] == first.start[1] == 0.0
     assert middle.start[1] == middle.end[1]
-    assert first.center[1] == last.center[1]
+    assert first.centre[1] == last.centre[1]
 
 
 @pytest.mark.parametrize(

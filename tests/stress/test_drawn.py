@@ -108,7 +108,7 @@ def test_faults_are_found(a_run: Run) -> None:
     assert kinds(physics.standing(a_run, motion._replace(speed=frozen))) == ["standing"]
     last = a_run.system.trace.pieces[-1]
     x, y, s = motion.x.copy(), motion.y.copy(), motion.s.copy()
-    x[3, 1], y[3, 1] = last.body_center(last.angle_end - 0.05, 0.1)
+    x[3, 1], y[3, 1] = last.body_centre(last.angle_end - 0.05, 0.1)
     s[3, 1] = last.start_s + last.length
     assert kinds(physics.walls(a_run, motion._replace(x=x, y=y, s=s))) == ["wall"]
 

@@ -318,7 +318,7 @@ class _Walk:
         pieces = [self._system.trace.pieces[self._states[body].piece] for body in bodies]
         centres, tangents = [], []
         for body, piece, place in zip(bodies, pieces, places, strict=True):
-            centres.append(piece.body_center(place, self._radius(body)))
+            centres.append(piece.body_centre(place, self._radius(body)))
             sine, cosine = sine_cosine(piece.slope(place))
             tangents.append((cosine, sine))
         x, y = centres[1][0] - centres[0][0], centres[1][1] - centres[0][1]

@@ -54,7 +54,7 @@ class Landscape:
 
     def height(self, piece: Piece, position: float) -> float:
         """Return the height (m) of the body's centre above its lowest place."""
-        x, y = piece.body_center(position, self.body.radius)
+        x, y = piece.body_centre(position, self.body.radius)
         return y - self._sunk(x) - self.lowest
 
     def _sunk(self, x: float) -> float:
@@ -76,7 +76,7 @@ class Landscape:
         """Rise (m) of the height from position 0 on, on a rotating trace."""
         assert self.turning is not None
         strength = self.turning.square / self.gravity
-        x = piece.body_center(0.0, self.body.radius)[0] - self.turning.x
+        x = piece.body_centre(0.0, self.body.radius)[0] - self.turning.x
         if piece.is_line:
             along = math.cos(piece.start_slope) * place
             rise = _sine(piece.start_slope) * place
@@ -196,7 +196,7 @@ def equilibria(landscape: Landscape, piece: Piece) -> list[float]:
         offset = centre_of(piece)
         angles = landscape.pull(piece).equilibria()
         return [f - offset for f in inside(angles, low + offset, high + offset)]
-    x = piece.body_center(0.0, landscape.body.radius)[0] - landscape.turning.x
+    x = piece.body_centre(0.0, landscape.body.radius)[0] - landscape.turning.x
     cosine = math.cos(piece.start_slope)
     strength = landscape.turning.square / landscape.gravity * cosine
     if half_turn(piece.start_slope - 0.5 * math.pi) is not None:

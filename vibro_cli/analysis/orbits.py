@@ -255,7 +255,7 @@ def velocity(system: TraceSystem, state: Floats) -> Floats:
         slope = piece.slope(start.position)
         pull = -system.gravity * np.sin(slope)
         if system.turning is not None:
-            x, _ = piece.body_center(start.position, body.radius)
+            x, _ = piece.body_centre(start.position, body.radius)
             pull += system.turning.square * (x - system.turning.x) * np.cos(slope)
         found += [start.speed, pull / body.kappa]
     return np.array(found)
@@ -276,7 +276,7 @@ def energy_of(system: TraceSystem, state: Floats) -> float:
     """Energy (J) that impacts keep (see `_shares`), potential from the trace's left end on."""
     total, initial = 0.0, started(system, state).initial
     for body, start, share in zip(system.bodies, initial, _shares(system), strict=True):
-        x, height = system.trace.pieces[start.piece].body_center(start.position, body.radius)
+        x, height = system.trace.pieces[start.piece].body_centre(start.position, body.radius)
         if system.turning is not None:
             height -= 0.5 * system.turning.square / system.gravity * (x - system.turning.x) ** 2
         kinetic = 0.5 * body.kappa * start.speed * start.speed

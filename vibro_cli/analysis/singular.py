@@ -146,7 +146,7 @@ def _point(
     landscape: Landscape, kind: str, piece: Piece, position: float, extent: float = 0.0
 ) -> SingularPoint:
     height = landscape.height(piece, position)
-    y = piece.body_center(position, landscape.body.radius)[1]
+    y = piece.body_centre(position, landscape.body.radius)[1]
     if abs(height) <= _ROUNDING * (abs(y) + abs(y - height) + abs(landscape.lowest)):
         height = 0.0  # the lowest place, or one just as low
     return SingularPoint(
@@ -411,7 +411,7 @@ def as_record(portrait: Portrait) -> dict[str, Any]:
 
 def _point_row(portrait: Portrait, name: str, point: SingularPoint) -> dict[str, Any]:
     piece = portrait.landscape.trace.pieces[point.piece]
-    x, y = piece.body_center(point.position, portrait.landscape.body.radius)
+    x, y = piece.body_centre(point.position, portrait.landscape.body.radius)
     return {
         "name": name,
         "kind": point.kind,

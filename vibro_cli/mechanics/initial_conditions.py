@@ -91,12 +91,12 @@ def gap(
     |C_b − C_a|² − (r_a + r_b)² = 4 ρ_a ρ_b sin²(Δφ/2) − 4 r_a r_b, on a line Δ² − 4 r_a r_b.
     """
     piece_a, piece_b = trace.pieces[state_a.piece], trace.pieces[state_b.piece]
-    center_a = piece_a.body_center(state_a.position, body_a.radius)
-    center_b = piece_b.body_center(state_b.position, body_b.radius)
+    centre_a = piece_a.body_centre(state_a.position, body_a.radius)
+    centre_b = piece_b.body_centre(state_b.position, body_b.radius)
     contact = body_a.radius + body_b.radius
-    scale = elementwise.greatest_of([*map(abs, (*center_a, *center_b)), contact])
+    scale = elementwise.greatest_of([*map(abs, (*centre_a, *centre_b)), contact])
     if piece_a is not piece_b:
-        x, y = center_b[0] - center_a[0], center_b[1] - center_a[1]
+        x, y = centre_b[0] - centre_a[0], centre_b[1] - centre_a[1]
         return elementwise.square_root(x * x + y * y) - contact, GAP_ROUNDING * EPSILON * scale
     along = state_b.position - state_a.position
     farthest = elementwise.greatest(abs(state_a.position), abs(state_b.position))
@@ -130,32 +130,32 @@ def beside(
     following = trace.pieces[own.index + 1 :]
     if trace.closed:
         following += trace.pieces[: own.index]
-    center = own.body_center(state_a.position, body_a.radius)
+    centre = own.body_centre(state_a.position, body_a.radius)
     for piece in following:
-        root = _first_contact(piece, center, body_a.radius + body_b.radius, body_b.radius)
+        root = _first_contact(piece, centre, body_a.radius + body_b.radius, body_b.radius)
         if root is not None:
             return piece.index, root
     return None
 
 
 def _first_contact(
-    piece: Piece, center: tuple[float, float], contact: float, radius: float
+    piece: Piece, centre: tuple[float, float], contact: float, radius: float
 ) -> float | None:
     """Return the first position on a piece whose centre path leaves a circle, or None.
 
-    The circle of radius `contact` is around `center`, and the path begins inside it.
+    The circle of radius `contact` is around `centre`, and the path begins inside it.
     """
 
     def outside(position: float) -> float:
-        x, y = piece.body_center(position, radius)
-        return math.hypot(x - center[0], y - center[1]) - contact
+        x, y = piece.body_centre(position, radius)
+        return math.hypot(x - centre[0], y - centre[1]) - contact
 
     if not piece.path_radius(radius) > 0.0:
         return None  # the body does not fit this valley
     low, high = piece.angle_start, piece.angle_end
     if outside(low) >= 0.0:
         return low
-    guess = _circle_meets_path(piece, center, contact, radius)
+    guess = _circle_meets_path(piece, centre, contact, radius)
     if guess is not None:
         width = 1e-9 * max(1.0, abs(guess))
         if low < guess - width < high and outside(guess - width) < 0.0:
@@ -173,19 +173,19 @@ def _first_contact(
 
 
 def _circle_meets_path(
-    piece: Piece, center: tuple[float, float], contact: float, radius: float
+    piece: Piece, centre: tuple[float, float], contact: float, radius: float
 ) -> float | None:
     """Return about where the path of a centre first leaves a circle to the right, or None."""
     if piece.is_line:
-        x, y = piece.body_center(0.0, radius)
+        x, y = piece.body_centre(0.0, radius)
         cosine, sine = math.cos(piece.start_slope), math.sin(piece.start_slope)
-        along = (center[0] - x) * cosine + (center[1] - y) * sine
-        across = (center[1] - y) * cosine - (center[0] - x) * sine
+        along = (centre[0] - x) * cosine + (centre[1] - y) * sine
+        across = (centre[1] - y) * cosine - (centre[0] - x) * sine
         if abs(across) > contact:
             return None
         root = along + math.sqrt(contact**2 - across**2)
     else:
-        x, y = center[0] - piece.center[0], center[1] - piece.center[1]
+        x, y = centre[0] - piece.centre[0], centre[1] - piece.centre[1]
         rho, far = piece.path_radius(radius), math.hypot(x, y)
         cosine = (far**2 + rho**2 - contact**2) / (2.0 * far * rho) if far > 0.0 else math.inf
         if abs(cosine) > 1.0:
@@ -248,8 +248,8 @@ def reaches_over(trace: Trace, bodies: Sequence[Body], right: bool) -> Any:
         if place is None:
             return 0
         state = InitialState(*place, 0.0)
-        center = trace.pieces[state.piece].body_center(state.position, inner.radius)
-        way = zip(center, first.start, along, strict=True)
+        centre = trace.pieces[state.piece].body_centre(state.position, inner.radius)
+        way = zip(centre, first.start, along, strict=True)
         if sum((here - end) * share for here, end, share in way) <= inner.radius:
             return number
     return 0

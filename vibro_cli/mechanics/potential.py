@@ -152,7 +152,7 @@ class Pull:
         """Return the pull on a body of the given radius (m) on an arc."""
         strength = turning.square / gravity
         return Pull(
-            piece.sign * strength * (piece.center[0] - turning.x),
+            piece.sign * strength * (piece.centre[0] - turning.x),
             strength * piece.path_radius(body_radius),
         )
 

@@ -59,9 +59,9 @@ class Path:
         low, high, sign = piece.angle_start, piece.angle_end, piece.sign
         rate = piece.path_scale(body_radius)
         if not piece.is_line:
-            return Path(low, high, False, sign, piece.center, (0.0, 0.0), rate)
+            return Path(low, high, False, sign, piece.centre, (0.0, 0.0), rate)
         sine, cosine = sine_cosine(piece.start_slope)
-        origin = piece.body_center(0.0, body_radius)
+        origin = piece.body_centre(0.0, body_radius)
         return Path(low, high, True, sign, origin, (cosine, sine), rate)
 
     @property

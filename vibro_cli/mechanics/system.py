@@ -168,7 +168,7 @@ class TraceSystem:
         """Return what pulls at the centre of an arc (m/s²): g, with Ω² (O_x − x₀) across it."""
         if self.turning is None:
             return self.gravity
-        return math.hypot(self.gravity, self.turning.square * (piece.center[0] - self.turning.x))
+        return math.hypot(self.gravity, self.turning.square * (piece.centre[0] - self.turning.x))
 
 
 def neighbours(count: int, closed: bool) -> list[tuple[int, int]]:

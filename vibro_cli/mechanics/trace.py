@@ -85,7 +85,7 @@ class Piece:
     """Left end (m)."""
     end: Point
     """Right end (m)."""
-    center: Point
+    centre: Point
     """Centre O of the arc (m); (nan, nan) for a line."""
     angle_start: float
     """Coordinate of the left end: φ or ψ (rad); 0 on a line."""
@@ -114,7 +114,7 @@ class Piece:
         along = position if self.is_line else self.radius * (position - self.angle_start)
         return self.start_s + along
 
-    def body_center(self, position: float, body_radius: float) -> Point:
+    def body_centre(self, position: float, body_radius: float) -> Point:
         """Return the centre (m) of a body of the given radius (m) at a position on this piece.
 
         Valley O + ρ(sin φ, −cos φ), hump O + ρ(sin ψ, cos ψ), line P + r n; radius 0 gives the
@@ -128,11 +128,11 @@ class Piece:
             )
         sine, cosine = sine_cosine(position)
         rho = self.path_radius(body_radius)
-        return (self.center[0] + rho * sine, self.center[1] - self.sign * rho * cosine)
+        return (self.centre[0] + rho * sine, self.centre[1] - self.sign * rho * cosine)
 
     def contact_point(self, position: float) -> Point:
         """Return the point (m) of the trace at a position on this piece."""
-        return self.body_center(position, 0.0)
+        return self.body_centre(position, 0.0)
 
 
 class _Pen:
@@ -161,17 +161,17 @@ class _Pen:
         start_slope, self.slope = self.slope, end_slope
         sine, cosine = sine_cosine(start_slope)
         if shape == LINE:
-            center, ends = (math.nan, math.nan), (0.0, length)
+            centre, ends = (math.nan, math.nan), (0.0, length)
             self._x.append(length * cosine)
             self._y.append(length * sine)
         else:
             # contact point P = O + sign R (sin α, −cos α), for valley and hump alike
             reach = sign * radius
-            to_center = (-reach * sine, reach * cosine)
-            center, ends = self._place(*to_center), (sign * start_slope, sign * end_slope)
+            to_centre = (-reach * sine, reach * cosine)
+            centre, ends = self._place(*to_centre), (sign * start_slope, sign * end_slope)
             sine, cosine = sine_cosine(end_slope)
-            self._x += (to_center[0], reach * sine)
-            self._y += (to_center[1], -reach * cosine)
+            self._x += (to_centre[0], reach * sine)
+            self._y += (to_centre[1], -reach * cosine)
         self._s.append(length)
         return Piece(
             index=index,
@@ -184,7 +184,7 @@ class _Pen:
             start_s=start_s,
             start=start,
             end=self._place(),
-            center=center,
+            centre=centre,
             angle_start=ends[0],
             angle_end=ends[1],
         )

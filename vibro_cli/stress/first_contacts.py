@@ -170,7 +170,7 @@ def random_states(rng: np.random.Generator, family: Family, count: int) -> State
 
 
 def _centres(piece: Piece, positions: Any, body_radius: float) -> tuple[Any, Any]:
-    """Centres (m) of a body at positions on a piece, to rounding: ``Piece.body_center`` has one."""
+    """Centres (m) of a body at positions on a piece, to rounding: ``Piece.body_centre`` has one."""
     if piece.is_line:
         sine, cosine = math.sin(piece.start_slope), math.cos(piece.start_slope)
         return (
@@ -179,8 +179,8 @@ def _centres(piece: Piece, positions: Any, body_radius: float) -> tuple[Any, Any
         )
     rho = piece.path_radius(body_radius)
     return (
-        piece.center[0] + rho * np.sin(positions),
-        piece.center[1] - piece.sign * rho * np.cos(positions),
+        piece.centre[0] + rho * np.sin(positions),
+        piece.centre[1] - piece.sign * rho * np.cos(positions),
     )
 
 

@@ -127,7 +127,7 @@ def state_energy(run: Run, when: str) -> Any:
     for number, end in enumerate("ab"):
         body = run.system.bodies[number]
         lowest = -min(
-            -piece.body_center(0.0, body.radius)[1]
+            -piece.body_centre(0.0, body.radius)[1]
             for piece in run.system.trace.pieces if piece.sign > 0.0
         )  # fmt: skip
         height = table[f"y_{end}"] - lowest

@@ -172,7 +172,7 @@ def test_round_a_turning_circle_a_body_passes_the_seam_at_every_turn() -> None:
     run = run_of("turning_whole_turns")
     system = run.system
     rho, rate = system.trace.pieces[0].path_radius(0.1), 1.2
-    centre = system.trace.pieces[0].center[0] - 0.3
+    centre = system.trace.pieces[0].centre[0] - 0.3
 
     def motion(_: float, state: Any) -> list[float]:
         angle, speed = state

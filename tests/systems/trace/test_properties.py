@@ -185,7 +185,7 @@ def test_bodies_are_on_the_pieces_they_are_said_to_be_on(document: dict[str, Any
         assert -1e-12 <= along <= piece.length + 1e-12
         body = run.system.bodies[int(sample["ball"][row]) - 1]
         position = along if piece.is_line else piece.angle_start + along / piece.radius
-        x, y = piece.body_center(position, body.radius)
+        x, y = piece.body_centre(position, body.radius)
         assert math.hypot(x - sample["x"][row], y - sample["y"][row]) <= 1e-13
 
 

@@ -214,7 +214,7 @@ def test_energy_of_samples_is_kept_between_impacts() -> None:
     sample = run.sample(np.linspace(0.0, 0.999 * first, 41))
     for ball in (1, 2):
         mine, body = of(sample, ball), run.system.bodies[ball - 1]
-        low = min(piece.body_center(0.0, body.radius)[1] for piece in run.system.trace.pieces)
+        low = min(piece.body_centre(0.0, body.radius)[1] for piece in run.system.trace.pieces)
         height = mine["y"] - low
         energy = body.mass * (0.5 * body.kappa * mine["speed"] ** 2 + 9.81 * height)
         np.testing.assert_allclose(energy, mine["energy"], rtol=1e-13)

@@ -164,7 +164,7 @@ def test_passages_are_where_and_when_quadrature_says(
     assert turning is not None
     body, piece = system.bodies[0], system.trace.pieces[0]
     rho, kappa, g = mp.mpf(piece.path_radius(body.radius)), mp.mpf(body.kappa), system.gravity
-    square, away = mp.mpf(turning.square), mp.mpf(piece.center[0]) - turning.x
+    square, away = mp.mpf(turning.square), mp.mpf(piece.centre[0]) - turning.x
 
     def drop(f: Any) -> Any:
         """Twice the work done from f = 0 on, over the moment of inertia."""

@@ -56,7 +56,7 @@ class Motion:
     def __init__(self, system: TraceSystem) -> None:
         self.gravity = system.gravity
         self.arcs = [
-            Arc(p.sign, *p.center, p.angle_start, p.angle_end) for p in system.trace.pieces
+            Arc(p.sign, *p.centre, p.angle_start, p.angle_end) for p in system.trace.pieces
         ]
         self.bodies = system.bodies
         self.law = system.law

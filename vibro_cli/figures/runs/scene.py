@@ -160,7 +160,7 @@ def _centres(run: Recorded) -> Array:
     pieces = run.system.trace.pieces
     states = zip(run.system.bodies, run.system.initial, strict=True)
     return np.array(
-        [pieces[one.piece].body_center(one.position, body.radius) for body, one in states]
+        [pieces[one.piece].body_centre(one.position, body.radius) for body, one in states]
     )
 
 
@@ -188,7 +188,7 @@ def _draw_piece(
     words = str(piece.index + 1)
     if np.all(place > within[0]) and np.all(place < within[1]):
         axes.text(place[0], place[1], words, path_effects=HALO, zorder=3.0, **look)
-    centre = np.array(piece.center)
+    centre = np.array(piece.centre)
     if piece.is_line or np.any(centre < within[0]) or np.any(centre > within[1]):
         return []
     # Far from the number at the middle, the upright from which angles count, and the bodies.
@@ -215,7 +215,7 @@ def _draw_bodies(axes: Axes, run: Recorded, scale: float, within: Extent) -> lis
         zip(run.system.bodies, run.system.initial, strict=True), 1
     ):
         piece = pieces[state.piece]
-        centre = np.array(piece.body_center(state.position, body.radius))
+        centre = np.array(piece.body_centre(state.position, body.radius))
         colour = str(body_look(number)["color"])
         radius = max(body.radius, _LEAST / scale)
         look: dict[str, Any] = {"facecolor": colour, "linewidth": 0.5}
@@ -254,7 +254,7 @@ def _draw_position(
     axes: Axes, piece: Piece, position: float, number: int, centre: Array, within: Extent
 ) -> list[Named]:
     """Draw the angle φ or ψ of a body at the centre of its arc; return its name."""
-    origin = np.array(piece.center)
+    origin = np.array(piece.centre)
     if piece.is_line or np.any(origin < within[0]) or np.any(origin > within[1]):
         return []
     axes.plot(*np.transpose([origin, centre]), zorder=1.4, **_RADIUS)
@@ -418,7 +418,7 @@ def _centres_at(run: Recorded, time: float, row: int, pair: tuple[int, ...]) -> 
         piece = run.system.trace.pieces[int(flights["arc"][last]) - 1]
         times, position, _ = run.flight_curve(last, 257)
         place = float(np.interp(time, times, position))
-        centres[index] = piece.body_center(place, run.system.bodies[index].radius)
+        centres[index] = piece.body_centre(place, run.system.bodies[index].radius)
     for index, side in zip(pair, "ab", strict=True):
         centres[index] = run.collisions[f"x_{side}"][row], run.collisions[f"y_{side}"][row]
     return centres

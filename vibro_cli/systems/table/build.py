@@ -49,12 +49,12 @@ def _wall(table: WallTable | None, problems: Problems) -> Wall | None:
     if table is None:
         return None
     inside = table.side == "inside"
-    center = (table.x, table.y)
+    centre = (table.x, table.y)
     if table.shape == "ellipse":
         axes = (table.semi_axis_x or 0.0, table.semi_axis_y or 0.0)
-        return Wall("ellipse", inside, table.k, center, axes)
+        return Wall("ellipse", inside, table.k, centre, axes)
     if table.shape == "circle":
-        return Wall("circle", inside, table.k, center, (table.radius or 0.0,) * 2)
+        return Wall("circle", inside, table.k, centre, (table.radius or 0.0,) * 2)
     if table.shape == "rectangle":
         x, y = 0.5 * (table.width or 0.0), 0.5 * (table.depth or 0.0)
         corners = ((-x, -y), (x, -y), (x, y), (-x, y))

@@ -122,7 +122,7 @@ def with_wall(wall: Wall | None, low: Floats, high: Floats) -> tuple[Floats, Flo
     """Return the corners (m), lower left and upper right, of a box widened to hold the wall."""
     if wall is None:
         return low, high
-    points, axes = np.array(wall.corners or [wall.center]), np.array(wall.semi_axes)
+    points, axes = np.array(wall.corners or [wall.centre]), np.array(wall.semi_axes)
     return np.minimum(low, points.min(axis=0) - axes), np.maximum(high, points.max(axis=0) + axes)
 
 
@@ -134,7 +134,7 @@ def draw_wall(axes: Axes, wall: Wall) -> None:
         axes.add_patch(Polygon(list(wall.corners), facecolor=filled, **look))
     else:
         a, b = wall.semi_axes
-        axes.add_patch(Ellipse(wall.center, 2.0 * a, 2.0 * b, facecolor=filled, **look))
+        axes.add_patch(Ellipse(wall.centre, 2.0 * a, 2.0 * b, facecolor=filled, **look))
 
 
 def _draw_path(axes: Axes, ball: int, path: Floats) -> None:

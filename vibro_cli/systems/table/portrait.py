@@ -169,8 +169,8 @@ def _start(system: TableSystem, index: int, normal: float, share: float) -> Tabl
     # A little inside, so that rounding does not put the ball into the wall.
     away = body.radius + 1e-9 * min(a, b)
     place = (
-        wall.center[0] + a * a * nx / height - away * nx,
-        wall.center[1] + b * b * ny / height - away * ny,
+        wall.centre[0] + a * a * nx / height - away * nx,
+        wall.centre[1] + b * b * ny / height - away * ny,
     )
     inward = math.sqrt(1.0 - share * share)
     velocity = (-share * ny - inward * nx, share * nx - inward * ny)

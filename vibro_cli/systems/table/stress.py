@@ -123,7 +123,7 @@ class ReferenceSolver:
         wall = self.system.wall
         assert wall is not None
         a, b = (mp.mpf(axis) for axis in wall.semi_axes)
-        x, y = (ball[n] - mp.mpf(wall.center[n]) for n in (0, 1))
+        x, y = (ball[n] - mp.mpf(wall.centre[n]) for n in (0, 1))
         side = 1 if wall.inside else -1
 
         def outer(angle: Any) -> Any:

@@ -46,7 +46,7 @@ class Wall:
     """Whether the balls are inside."""
     restitution: float
     """k of the component across the wall."""
-    center: Point = (0.0, 0.0)
+    centre: Point = (0.0, 0.0)
     """Of an ellipse or a circle, m."""
     semi_axes: Point = (0.0, 0.0)
     """Along x and y, m; equal for a circle, unused for a polygon."""
@@ -166,7 +166,7 @@ def wall_records(wall: Wall) -> tuple[WallData, list[Edge]]:
     data.kind = _KINDS[wall.shape]
     data.side = 1.0 if wall.inside else -1.0
     data.restitution = wall.restitution
-    data.x, data.y = wall.center
+    data.x, data.y = wall.centre
     data.a, data.b = wall.semi_axes
     if wall.shape != POLYGON:
         return data, []
@@ -207,7 +207,7 @@ def largest_radius(wall: Wall) -> float:
 
 def rounding(wall: Wall, place: Point) -> float:
     """Return what of a distance from the wall (m) may be rounding."""
-    sizes = [*wall.center, *wall.semi_axes, *place, *(x for corner in wall.corners for x in corner)]
+    sizes = [*wall.centre, *wall.semi_axes, *place, *(x for corner in wall.corners for x in corner)]
     return 1e-14 * max(map(abs, sizes))
 
 
@@ -216,7 +216,7 @@ def distance_to_wall(wall: Wall, place: Point) -> float:
     if wall.shape == POLYGON:
         distance = min(_to_side(place, *side) for side in _sides(wall.corners))
         return distance if _is_within(wall, place) == wall.inside else -distance
-    x, y = place[0] - wall.center[0], place[1] - wall.center[1]
+    x, y = place[0] - wall.centre[0], place[1] - wall.centre[1]
     distance = _into_ellipse(*wall.semi_axes, abs(x), abs(y))
     return distance if wall.inside else -distance
 

@@ -40,8 +40,8 @@ class Places:
         pieces, bodies = system.trace.pieces, system.bodies
         self.sign = np.array([piece.sign for piece in pieces])
         self.radius = self._numbers([0.0 if piece.is_line else piece.radius for piece in pieces])
-        self.centre_x = self._numbers([piece.center[0] for piece in pieces])
-        self.centre_y = self._numbers([piece.center[1] for piece in pieces])
+        self.centre_x = self._numbers([piece.centre[0] for piece in pieces])
+        self.centre_y = self._numbers([piece.centre[1] for piece in pieces])
         self.start_s = self._numbers([piece.start_s for piece in pieces])
         self.angle_start = self._numbers([piece.angle_start for piece in pieces])
         self.angle_end = self._numbers([piece.angle_end for piece in pieces])

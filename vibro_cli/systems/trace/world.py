@@ -95,7 +95,7 @@ def _set_arc(
     """An arc; returns the least potential height (m) on it, from the lowest place at rest."""
     pull = Pull.on_arc(piece, system.bodies[number].radius, turning, system.gravity)
     track.tilt, track.spread = pull.tilt, pull.spread
-    away = piece.center[0] - turning.x
+    away = piece.centre[0] - turning.x
     track.bottom -= 0.5 * turning.square / system.gravity * away * away
     low, high = _span((track.left_s, track.left_c), (track.right_s, track.right_c))
     equilibria = pull.equilibria()
@@ -280,7 +280,7 @@ def _piece_data(piece: Piece) -> PieceData:
         data.x, data.y = piece.start
         data.tangent_y, data.tangent_x = sine_cosine(piece.start_slope)
     else:
-        data.x, data.y = piece.center
+        data.x, data.y = piece.centre
     return data
 
 
@@ -298,7 +298,7 @@ def _track_data(system: TraceSystem, piece: Piece, number: int, levels: Heights)
         sine, _ = sine_cosine(piece.start_slope)
         track.line_acceleration = -track.gravity_rate * sine
         track.line_rise = sine
-        track.line_x, track.line_y = piece.body_center(0.0, body.radius)
+        track.line_x, track.line_y = piece.body_centre(0.0, body.radius)
         return track
     rho = piece.path_radius(body.radius)
     track.path_radius = rho
