@@ -507,6 +507,42 @@ def test_an_angled_room_is_left_by_no_corner() -> None:
             assert np.all(inner[near] >= r - 1e-12)
 
 
+def test_a_particle_aimed_at_a_corner_does_not_go_through_it() -> None:
+    """Of it nothing is left within the triangle: that is where all three cross products agree."""
+    draw = np.random.default_rng(12)
+    for _ in range(300):
+        turn, off = draw.uniform(0.0, math.tau), draw.uniform(-2.0, 2.0, 2)
+        angles = turn + np.array([0.0, 2.1, 4.2])
+        corners = off + np.column_stack([np.cos(angles), np.sin(angles)])
+        aim = turn + draw.uniform(-1.0, 1.0)
+        start = corners[0] + 2.0 * np.array([math.cos(aim), math.sin(aim)])
+        one = particle(*map(float, start), *map(float, corners[0] - start))
+        run = solve(table([one], polygon(corners.tolist(), 1.0, "outside"), time=1.25), "compiled")
+        assert len(run.bounces["t"]) >= 1
+        first = run.bounces["x"][0] - corners[0, 0], run.bounces["y"][0] - corners[0, 1]
+        assert math.hypot(*first) <= 1e-14
+        last = run.sample([1.25])
+        way = np.array([last["x"][0], last["y"][0]]) - corners
+        sides = np.roll(corners, -1, axis=0) - corners
+        assert np.min(sides[:, 0] * way[:, 1] - sides[:, 1] * way[:, 0]) < -1e-2
+
+
+def test_a_ball_that_has_rolled_along_a_side_leaves_it_straight_on() -> None:
+    draw = np.random.default_rng(13)
+    for _ in range(40):
+        angles = draw.uniform(0.0, math.tau) + np.array([0.0, 1.3, 2.5, 4.4])
+        corners = np.column_stack([np.cos(angles), np.sin(angles)])
+        along = (corners[1] - corners[0]) / math.hypot(*(corners[1] - corners[0]))
+        across = np.array([-along[1], along[0]])  # into the obstacle
+        start = 0.5 * (corners[0] + corners[1]) - across
+        one = ball(*map(float, start), *map(float, across + 0.3 * along))
+        run = solve(table([one], polygon(corners.tolist(), 0.0, "outside"), time=9.0), "compiled")
+        assert len(run.bounces["t"]) == 1
+        last = run.sample([9.0])
+        velocity = np.array([last["velocity_x"][0], last["velocity_y"][0]])
+        assert np.max(np.abs(velocity - 0.3 * along)) <= 1e-15
+
+
 def test_a_missed_obstacle_is_never_met() -> None:
     circle = {"shape": "circle", "radius": 0.7, "k": 0.9, "side": "outside"}
     for wall in (circle, ellipse(1.0, 0.6, side="outside")):

@@ -49,10 +49,16 @@ def meet_wall(world: World, body: BodyData, ball: Ball, x: float, y: float, to: 
         way = _meet_curve(wall, body.radius, x, y, ball.vx / speed, ball.vy / speed, least, to)
         return way / speed if way < NEVER else NEVER
     best = NEVER
-    for index in range(len(world.edges)):
+    sides = len(world.edges)
+    for index in range(sides):
         edge = world.edges[index]
-        time = _meet_edge(edge, body.radius, ball, x, y, RESOLVED * ball.fastest, best, to)
-        if edge.corner == 1:
+        before = world.edges[index - 1 if index > 0 else sides - 1]
+        after = world.edges[index + 1 if index + 1 < sides else 0]
+        time = _meet_edge(edge, after, body.radius, ball, x, y, best, to)
+        # The normal at a corner lies between those of its sides: who comes to neither, as a ball
+        # that has rolled along one, does not come to it. A particle meets one of the sides.
+        pointed = edge.corner == 1 and body.radius > 0.0
+        if pointed and (_comes_to(before, ball) or _comes_to(edge, ball)):
             time = _meet_corner(edge, body.radius, ball, x, y, time, to)
         if time < best:
             best = time
@@ -245,23 +251,32 @@ def _meet_circle(
 
 
 @kernel
-def _meet_edge(
-    edge: Edge, r: float, ball: Ball, x: float, y: float, least: float, best: float, to: Meeting
-) -> float:
-    """The sooner of a time and that until a straight side is met, which is then noted.
+def _comes_to(edge: Edge, ball: Ball) -> bool:
+    """Whether a ball moves towards the line of a side, by more than rounding."""
+    return ball.vx * edge.normal_x + ball.vy * edge.normal_y > RESOLVED * ball.fastest
 
-    Not at a speed across it up to ``least`` (m/s).
-    """
+
+@kernel
+def _meet_edge(
+    edge: Edge, after: Edge, r: float, ball: Ball, x: float, y: float, best: float, to: Meeting
+) -> float:
+    """The sooner of a time and that until a straight side is met, which is then noted."""
+    if not _comes_to(edge, ball):
+        return best
     vx, vy = ball.vx, ball.vy
     closing = vx * edge.normal_x + vy * edge.normal_y
-    if closing <= least:
-        return best
     distance = (edge.x - x) * edge.normal_x + (edge.y - y) * edge.normal_y - r
     time = max(distance / closing, 0.0)
     if time >= best:
         return best
     place = (x - edge.x + time * vx) * edge.along_x + (y - edge.y + time * vy) * edge.along_y
-    if place < -edge.open_start or place > edge.length + edge.open_end:
+    start, end = place + edge.open_start, edge.length + edge.open_end - place
+    if r == 0.0:
+        # By the corners themselves: both sides of one tell alike how a particle passes it.
+        turn = edge.normal_x * edge.along_y - edge.normal_y * edge.along_x
+        start = turn * _beside(edge, ball, x, y) if edge.corner == 1 else start
+        end = -turn * _beside(after, ball, x, y) if after.corner == 1 else end
+    if start < 0.0 or end < 0.0:
         return best
     if distance < 0.0 and -distance > 1.0e-9 * (edge.length + r):
         return best  # it is behind this side, and sees it from there
@@ -269,6 +284,12 @@ def _meet_edge(
     centre_y = edge.y + place * edge.along_y - r * edge.normal_y
     _note(to, centre_x, centre_y, edge.normal_x, edge.normal_y)
     return time
+
+
+@kernel
+def _beside(edge: Edge, ball: Ball, x: float, y: float) -> float:
+    """On which side of a ball's path the first corner of a side lies: positive on the right."""
+    return (edge.x - x) * ball.vy - (edge.y - y) * ball.vx
 
 
 @kernel
