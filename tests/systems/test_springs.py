@@ -613,3 +613,39 @@ def test_the_limit_of_impacts_at_one_instant_is_never_inadmissible(
     own = [run.summary[f"speed_{number}"][0] for number in (1, 2, 3)]
     common = sum(m * v for m, v in zip(masses, speeds, strict=True)) / sum(masses)
     np.testing.assert_allclose(own, common, atol=1e-12)
+
+
+@pytest.mark.parametrize("k", [0.0, 0.3, 0.7])
+def test_under_the_translational_law_bounces_add_to_mass_times_speed(k: float) -> None:
+    """Feet 100 km away pull with constant forces: each bounce lasts 2 u/A, the next one k times it.
+
+    Until the bounces end impacts keep the sum of m v, which the free accelerations change; from
+    then on the bodies roll as one. The bounces left out last up to 3e-5 s here.
+    """
+    far, masses, kappas, pulls = 1e5, (1.0, 2.0), (2.0, 1.4), (1.0, -0.4)
+    speeds, end = (0.01, 0.0), 0.05
+    balls = [
+        disk(
+            x,
+            speed,
+            spring(kappa * mass * abs(pull) / far, 1e-3, 1.0, x + math.copysign(far, pull)),
+        )
+        | {"body": body, "mass": mass, "radius": 0.1}
+        for x, speed, body, mass, kappa, pull in zip(
+            (0.0, 0.2), speeds, ("hoop", "ball"), masses, kappas, pulls, strict=True
+        )
+    ]
+    document = springs(balls, k, time=end)
+    run = solve({**document, "collision": {"k": k, "law": "translational"}}, "compiled")
+    (m, n), (a, b) = masses, pulls
+    lasting = 2.0 * k * (speeds[0] - speeds[1]) / ((a - b) * (1.0 - k))
+    speed = (m * speeds[0] + n * speeds[1] + lasting * (m * a + n * b)) / (m + n)
+    rolling = kappas[0] * m, kappas[1] * n
+    common = (rolling[0] * a + rolling[1] * b) / sum(rolling)
+    final = run.sample([end])["speed"]
+    # Within a millimetre the pull changes by its 1e8th part.
+    assert final == pytest.approx(2 * [speed + (end - lasting) * common], abs=1e-9)
+    summary = run.summary_record()
+    lost = summary["energy_start"] - summary["energy_end"]
+    # The springs store 1e5 J each.
+    assert abs(np.sum(run.collisions["energy_loss"]) - lost) <= 1e-10

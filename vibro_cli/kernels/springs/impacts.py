@@ -211,7 +211,7 @@ def _collide_alone(world: World, pair: int) -> int:
     lasting = _time_of_bounces(world, pair, row.v_b_post - row.v_a_post)
     if lasting >= 0.0:
         row.contact = 1
-        _apply_plastic(world, row)
+        _apply_plastic(world, row, lasting)
     state.known = RESTING if row.v_a_post == row.v_b_post else PARTING
     world.springs[pair].v = row.v_a_post
     world.springs[pair + 1].v = row.v_b_post
@@ -431,11 +431,12 @@ def frequency(world: World, pair: int) -> float:
 
 
 @kernel
-def _apply_plastic(world: World, row: ImpactRow) -> None:
-    """Give both bodies the speed that the bounces tend to: the law at k = 0.
+def _apply_plastic(world: World, row: ImpactRow, lasting: float) -> None:
+    """Give both bodies the speed that their bounces, which last so long (s), tend to.
 
-    From their momentum: either's own speed after it is rounded as before, which to the heavier one
-    may be much.
+    That is the law at k = 0, from their momentum: either's own speed after it is rounded as before,
+    which to the heavier one may be much. Where the law keeps ``sum m v``, it is that which the
+    springs change in the time, as the bodies on their own: not ``sum kappa m v``.
     """
     law = row.law
     qa, _ = weight_and_response(law, world.bodies[row.pair], 1.0)
@@ -445,6 +446,15 @@ def _apply_plastic(world: World, row: ImpactRow) -> None:
     apply_law(world, row, law, 0.0)
     _equalise(world, row.pair, row.pair + 1)
     row.v_a_post = world.springs[row.pair].v
+    one = world.bodies[row.pair]
+    other = world.bodies[row.pair + 1]
+    if balances_mass(law) and one.kappa != other.kappa:
+        pull = one.mass * acceleration_of(world.springs[row.pair])
+        pull += other.mass * acceleration_of(world.springs[row.pair + 1])
+        change = pull / (one.mass + other.mass) - common_acceleration(world, row.pair, 2)
+        change *= lasting
+        row.loss -= mass_of_group(world, row.pair, 2) * change * (row.v_a_post + 0.5 * change)
+        row.v_a_post += change
     row.v_b_post = row.v_a_post
 
 
