@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import errno
+import json
 import os
 import random
+import shutil
 import signal
 import subprocess
 import sys
@@ -13,6 +15,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import pyarrow.parquet as pq
 import pytest
 
 from tests.grids.conftest import Write
@@ -27,9 +30,10 @@ from vibro_cli.grids.dataset import (
     verify,
 )
 from vibro_cli.grids.document import Grid, load_grid
-from vibro_cli.grids.workers import solve_in_threads
+from vibro_cli.grids.workers import chunks_of, solve_in_threads
 from vibro_cli.storage import files
 from vibro_cli.storage.files import FolderRefused
+from vibro_cli.storage.stored import open_grid
 
 pytestmark = pytest.mark.long
 
@@ -136,6 +140,69 @@ def test_parts_that_no_manifest_tells_of_are_taken_up(
     solve(grid, folder)
     assert content(folder) == undisturbed
     assert {path: path.stat().st_ino for path in folder.rglob("part-*")} == before
+
+
+@pytest.mark.parametrize(
+    "edit",
+    [
+        lambda found: found.update(program=None),
+        lambda found: found["files"].update({"grid.json": []}),
+        lambda found: found["files"]["grid.json"].pop("sha256"),
+        lambda found: found["files"]["summary/part-000000.parquet"].update(bytes="12"),
+        lambda found: found.update(chunks=None),
+        lambda found: found["chunks"].append([]),
+        lambda found: found["chunks"][0].update(chunk="0"),
+        lambda found: found["chunks"][0].pop("impacts"),
+        lambda found: found["chunks"][0]["end_causes"].update(time=None),
+        lambda found: found.update(wanted="3"),
+    ],
+)
+def test_a_manifest_in_another_form_is_written_anew(
+    grid: Grid, tmp_path: Path, undisturbed: dict[str, bytes], edit: Callable[[Any], None]
+) -> None:
+    folder = tmp_path / "undisturbed"
+    found = json.loads(undisturbed["manifest.json"])
+    edit(found)
+    (folder / "manifest.json").write_text(json.dumps(found))
+    solve(grid, folder)
+    assert content(folder) == undisturbed
+
+
+def test_no_point_is_there_twice_where_the_division_was_changed(grid: Grid, tmp_path: Path) -> None:
+    folder = tmp_path / "edited"
+    solve(grid, folder)
+    told = json.loads((folder / "grid.json").read_bytes())
+    (folder / "grid.json").write_text(json.dumps({**told, "chunk_points": 3}))
+    chunks = Chunks(grid.design.points, 3, 3)
+    with opened(folder, grid, chunks) as data:
+        tell = lambda points, impacts: None  # noqa: E731
+        for receipt in solve_in_threads(grid, chunks, data.missing, folder, 1, "python", tell):
+            data.add(receipt)
+        data.write_manifest()
+    assert sorted(_scenarios(folder)) == list(range(1, grid.design.points + 1))
+
+
+def test_a_division_of_other_points_is_not_gone_on_with(grid: Grid) -> None:
+    assert sum(chunks_of(grid, (5, 5), "python").sizes) == grid.design.points
+    assert chunks_of(grid, (5, 5, 2), "python").sizes == [5, 5, 2]
+
+
+def test_parts_of_another_grid_are_not_read(grid: Grid, tmp_path: Path) -> None:
+    folder = tmp_path / "with more"
+    solve(grid, folder)
+    for table in ("summary", "collisions"):
+        shutil.copy(folder / table / "part-000000.parquet", folder / table / "part-000007.parquet")
+    stored = open_grid(folder)
+    assert stored.points == grid.design.points
+    impacts = stored.table("collisions").select(["scenario"])["scenario"]
+    once = [pq.read_table(folder / f"collisions/part-00000{n}.parquet") for n in range(3)]
+    assert len(impacts) == sum(one.num_rows for one in once)
+
+
+def _scenarios(folder: Path) -> list[int]:
+    """The numbers of the points of all summaries on the disk."""
+    parts = sorted((folder / "summary").glob("part-*.parquet"))
+    return [n for part in parts for n in pq.read_table(part)["scenario"].to_pylist()]
 
 
 def test_another_version_does_not_go_on(

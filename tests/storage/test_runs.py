@@ -93,6 +93,7 @@ def test_an_empty_folder_is_filled(tmp_path: Path) -> None:
         ("manifest.json", b"{}", "is no vibro run"),
         ("manifest.json", b"[" * 100_000, "is no vibro run"),
         ("manifest.json", b'{"schema": "vibro-grid/1", "files": {}}', "is no vibro run"),
+        ("manifest.json", b'{"schema": "vibro-run/1", "program": 1, "files": {}}', "no vibro run"),
         ("summary.json", b"{}", "is no vibro run"),
     ],
 )

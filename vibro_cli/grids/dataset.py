@@ -16,7 +16,7 @@ import shutil
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
@@ -218,13 +218,15 @@ def drop(folder: Path) -> None:
 def found_receipts(folder: Path, grid: Grid, chunks: Chunks) -> dict[int, Receipt]:
     """Return the receipts of all chunks that are finished: from the manifest, or from the disk."""
     known = _receipts_of(read_manifest(folder) or {}, grid)
-    found = {}
+    found, sizes = {}, chunks.sizes
     for chunk in range(chunks.count):
         names = file_names(grid, chunk).values()
         receipt = known.get(chunk)
-        if receipt is not None and all(has_size(folder / n, receipt.files[n]) for n in names):
-            found[chunk] = receipt
-        elif receipt is None and all((folder / name).exists() for name in names):
+        if receipt is not None:
+            whole = all(has_size(folder / name, receipt.files[name]) for name in names)
+            if whole and receipt.points == sizes[chunk]:
+                found[chunk] = receipt
+        elif all((folder / name).exists() for name in names):
             read = _read_receipt(folder, grid, chunks, chunk)
             if read is not None:
                 found[chunk] = read
@@ -234,13 +236,24 @@ def found_receipts(folder: Path, grid: Grid, chunks: Chunks) -> dict[int, Receip
 def _receipts_of(manifest: dict[str, Any], grid: Grid) -> dict[int, Receipt]:
     files = manifest.get("files", {})
     receipts = {}
-    for counts in manifest.get("chunks", ()):
+    for counts in filter(_is_known, manifest.get("chunks", ())):
         names = file_names(grid, counts["chunk"]).values()
-        is_known = "end_causes" in counts  # earlier versions kept less
-        if is_known and all(name in files for name in names):
+        if all(name in files for name in names):
             own = {name: files[name] for name in names}
             receipts[counts["chunk"]] = Receipt(**counts, files=own)
     return receipts
+
+
+def _is_known(counts: Any) -> bool:
+    """Whether it has the numbers of a receipt: earlier versions kept less."""
+    names = {one.name for one in fields(Receipt)} - {"files"}
+    if not isinstance(counts, dict) or {*counts} != names:
+        return False
+    causes = counts["end_causes"]
+    numbers = [counts[name] for name in names - {"end_causes"}]
+    return isinstance(causes, dict) and all(
+        isinstance(one, int) for one in (*numbers, *causes.values())
+    )
 
 
 def has_size(path: Path, described: dict[str, Any]) -> bool:

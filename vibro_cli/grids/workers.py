@@ -169,7 +169,8 @@ def impact_density(grid: Grid, impacts: Expected, engine: str) -> Array | None:
 def chunks_of(grid: Grid, known: Division | None, engine: str) -> Chunks:
     """Return how a grid is divided: as a folder has it already, or by its expected impacts."""
     expected = expected_impacts(grid)
-    if known is not None and grid.chunk_points is None:
+    fits = not isinstance(known, tuple) or sum(known) == grid.design.points
+    if known is not None and fits and grid.chunk_points is None:
         return Chunks.of_division(grid, known, expected)
     return Chunks.of(grid, expected, impact_density(grid, expected, engine))
 

@@ -324,11 +324,29 @@ def json_of(path: Path) -> Any:
 
 
 def read_manifest(folder: Path) -> dict[str, Any] | None:
-    """The manifest of a folder, or None where there is none of ours."""
+    """The manifest of a folder, or None where there is none of ours, or one in another form."""
     found = json_of(folder / MANIFEST_NAME)
-    if not isinstance(found, dict) or not isinstance(found.get("files"), dict):
-        return None
-    return found if str(found.get("schema")).startswith("vibro-") else None
+    match found:
+        case {"schema": str(), "program": {"name": str(), "version": str()}, "files": dict(files)}:
+            lists = [found.get("undrawn", []), found.get("chunks", [])]
+            numbers = [found.get(name, 0) for name in ("points", "wanted")]
+            whole = (
+                found["schema"].startswith("vibro-")
+                and all(map(_is_entry, files.values()))
+                and all(isinstance(one, list) for one in lists)
+                and all(isinstance(one, int) for one in numbers)
+                and isinstance(found.get("environment", {}), dict)
+            )
+            return found if whole else None
+    return None
+
+
+def _is_entry(described: Any) -> bool:
+    """Whether it says of a file what :func:`entry` does."""
+    match described:
+        case {"bytes": int(), "sha256": str()}:
+            return True
+    return False
 
 
 def differences(before: Any, now: Any, path: str = "") -> list[str]:

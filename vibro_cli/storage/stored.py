@@ -330,13 +330,9 @@ class StoredGrid:
         return _columns(_read(self._parts("collisions"), list(columns), filter=wanted))
 
     def _parts(self, name: str) -> list[Path]:
-        """The files of a table, none where the grid did not keep it.
-
-        Those of finished chunks: the summary of a chunk is written last.
-        """
-        finished = {part.name for part in _parts(self.place / "summary")}
-        parts = [part for part in _parts(self.place / name) if part.name in finished]
-        if not parts and any(file.startswith(f"{name}/") for file in self.manifest["files"]):
+        """The files of a table, none where the grid did not keep it."""
+        parts = _parts(self.place, self.manifest, name)
+        if not all(part.exists() for part in parts):
             raise FileNotFoundError(ENOENT, "the table is gone", str(self.folder / name))
         return parts
 
@@ -363,7 +359,7 @@ def open_grid(folder: Path, owner: object = None) -> StoredGrid:
     manifest = read_manifest(folder)
     if manifest is None or not str(manifest["schema"]).startswith("vibro-grid/"):
         raise NotAGrid(f"{folder} holds no grid of vibro; expected its manifest")
-    parts = _parts(folder.absolute() / "summary")
+    parts = _parts(folder.absolute(), manifest, "summary")
     if not parts:
         raise NotAGrid(f"{folder} holds no finished point of its grid")
     for damage in check_files(folder, manifest["files"]):
@@ -396,8 +392,9 @@ class GridColumns(_Columns):
         return self._columns[name]
 
 
-def _parts(folder: Path) -> list[Path]:
-    return sorted(folder.glob("part-*.parquet"))
+def _parts(folder: Path, manifest: Mapping[str, Any], name: str) -> list[Path]:
+    """The files of a table, of finished chunks: what else is there is not of the grid."""
+    return [folder / file for file in manifest["files"] if file.startswith(f"{name}/")]
 
 
 def _read(parts: Sequence[Path], *columns: Any, **wanted: Any) -> pyarrow.Table:
