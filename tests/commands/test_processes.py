@@ -92,6 +92,33 @@ def test_letters_of_every_locale(folder: Path) -> None:
     assert b"\\u03ba = 1.4" in ascii_only.stdout
 
 
+def test_folders_may_be_named_in_other_letters(folder: Path, tmp_path: Path) -> None:
+    """As in Latin-1, from times before UTF-8."""
+    named = os.fsdecode(b"gr\xfcn")
+    try:
+        (tmp_path / named).mkdir()
+    except OSError:
+        pytest.skip("the system takes names in UTF-8 alone")
+    shutil.copy(folder / "small.toml", tmp_path / named)
+    kept = (folder / "grid.toml").read_text() + "[keep]\ncollisions = true\n"
+    (tmp_path / named / "grid.toml").write_text(kept)
+    run, grid = f"{named}/run", f"{named}/grid"
+    for arguments in (
+        ("run", f"{named}/small.toml", "-o", run, "--figures", "default", "--json"),
+        ("report", run),
+        ("grid", f"{named}/grid.toml", "-o", grid, "--json"),
+        ("section", grid, "--column", "t", "--transient", "0", "--json"),
+        ("report", grid, "-o", "page.html"),
+    ):
+        outcome = call(tmp_path, *arguments)
+        assert outcome.returncode == 0, outcome.stderr
+        if "--json" in arguments:
+            json.loads(outcome.stdout)
+    assert b"gr%FCn/grid/" in (tmp_path / "page.html").read_bytes()
+    shown = call(tmp_path, "show", f"{run}/collisions.parquet", "--format", "csv").stdout
+    assert shown == call(folder, "run", "small.toml", "--format", "csv").stdout
+
+
 def test_flags_go_before_the_environment_and_this_before_defaults(folder: Path) -> None:
     def summary(*arguments: str, **changes: str) -> int:
         return call(folder, "run", "small.toml", "--json", "-q", *arguments, **changes).returncode

@@ -386,14 +386,13 @@ def _tell(name: str, state: dict[str, Any], folder: Path, reason: str | None) ->
 
 def _first_reason(dataset: "Dataset") -> str | None:
     """Why the first point that is invalid or failed is so, None where all are well."""
-    import pyarrow.parquet as parquet
-
     from vibro_cli.grids.chunks import file_names
+    from vibro_cli.storage.tables import read_parquet
 
     for chunk, receipt in sorted(dataset.receipts.items()):
         if receipt.invalid + receipt.failed:
             part = dataset.folder / file_names(dataset.grid, chunk)["summary"]
-            table = parquet.read_table(part, columns=["scenario", "status", "reason"])
+            table = read_parquet(part).select(["scenario", "status", "reason"])
             for row in table.to_pylist():
                 if row["status"] != "ok":
                     return f"scenario {row['scenario']} is {row['status']}: {row['reason']}"

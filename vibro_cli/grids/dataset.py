@@ -267,13 +267,11 @@ def _read_receipt(folder: Path, grid: Grid, chunks: Chunks, chunk: int) -> Recei
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    files = {}
-    for name in file_names(grid, chunk).values():
-        files[name] = entry((folder / name).read_bytes())
-    summary = folder / file_names(grid, chunk)["summary"]
+    names = file_names(grid, chunk)
+    files = {name: entry((folder / name).read_bytes()) for name in names.values()}
     try:
         table = pq.read_table(
-            summary,
+            pa.BufferReader((folder / names["summary"]).read_bytes()),
             columns=["status", "end_cause", *grid.counted],
             page_checksum_verification=True,
         )

@@ -103,7 +103,8 @@ def rendered(name: str, values: Mapping[str, Any]) -> bytes:
     )
     ours = {"policy": policy, "style": style, "script": script}  # the template takes them as is
     values = {**values, **ours, "generator": GENERATORS[name], "version": __version__}
-    return environment.get_template(f"{name}.html").render(values).encode()
+    text = environment.get_template(f"{name}.html").render(values)
+    return text.encode(errors="replace")  # of names of files in other letters than UTF-8
 
 
 def is_report(content: bytes, name: str = "report") -> bool:

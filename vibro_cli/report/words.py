@@ -118,7 +118,8 @@ def cell(table: Mapping[str, Any], column: Column, row: int) -> tuple[str, str]:
 
 def link(target: Path, beside: Path) -> str:
     """Return a link to a file from a page in a folder."""
-    return quote(os.path.relpath(target.resolve(), beside.resolve()).replace(os.sep, "/"))
+    path = os.path.relpath(target.resolve(), beside.resolve()).replace(os.sep, "/")
+    return quote(os.fsencode(path))
 
 
 def versions(manifest: Mapping[str, Any]) -> list[tuple[str, str]]:

@@ -13,6 +13,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import os
 import threading
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -263,13 +264,22 @@ def parquet_options(schema: pa.Schema, without: Collection[str] = ()) -> dict[st
     }
 
 
+def _opened(source: Path | BinaryIO, **options: Any) -> pq.ParquetFile:
+    """A parquet file open for reading, its pages to be held to their checksums.
+
+    Arrow takes texts for UTF-8, and names of files in other letters for others; bytes as they are.
+    """
+    file = pa.OSFile(os.fsencode(source)) if isinstance(source, Path) else source
+    return pq.ParquetFile(file, page_checksum_verification=True, **options)
+
+
 def read_parquet(source: Path | BinaryIO) -> pa.Table:
     """A parquet file as written, its pages held to their checksums.
 
     Raises `OSError` for a file that cannot be read or is damaged, `pyarrow.ArrowException` for one
     that is no parquet, or has two columns of one name.
     """
-    with pq.ParquetFile(source, page_checksum_verification=True) as file:
+    with _opened(source) as file:
         return once_each(file.read())
 
 
@@ -304,7 +314,7 @@ def units_of_numbers(schema: pa.Schema) -> dict[str, str]:
 
 def count_rows(path: Path) -> int:
     """Return how many rows a parquet file has; raises as `read_parquet`."""
-    with pq.ParquetFile(path) as file:
+    with _opened(path) as file:
         return int(file.metadata.num_rows)
 
 
@@ -316,7 +326,7 @@ def rows_by_group(
     `columns` are those wanted, all by default. Only the groups of rows that they are in are read,
     and held to their checksums; raises as `read_parquet`.
     """
-    with pq.ParquetFile(source, page_checksum_verification=True) as file:
+    with _opened(source) as file:
         first, last, _ = rows.indices(file.metadata.num_rows)
         begins = _groups_of(file, first, last)
         if not begins:
@@ -334,7 +344,7 @@ class FileTable:
     """
 
     def __init__(self, path: Path) -> None:
-        self._file = pq.ParquetFile(path, page_checksum_verification=True)
+        self._file = _opened(path)
         self._columns: dict[str, pa.ChunkedArray] = {}
         self._lock = threading.Lock()
         self.schema = once_each(self._file.schema_arrow.empty_table()).schema
@@ -367,9 +377,11 @@ class FileTable:
 def dataset_of(parts: Sequence[Path]) -> Any:
     """The rows of parquet files, one after another, as pyarrow's dataset; raises as `FileTable`."""
     import pyarrow.dataset as dataset
+    from pyarrow.fs import LocalFileSystem
 
     form = dataset.ParquetFileFormat(page_checksum_verification=True)
-    return dataset.dataset([str(part) for part in parts], format=form)
+    names, local = [os.fsencode(part) for part in parts], LocalFileSystem()
+    return dataset.FileSystemDatasetFactory(local, names, form).finish()
 
 
 class PartsTable(FileTable):
@@ -419,7 +431,7 @@ def _of_groups(
 
 def schema_of(path: Path) -> pa.Schema:
     """The names, types and units of the columns of a parquet file; raises as `read_parquet`."""
-    with pq.ParquetFile(path) as file:
+    with _opened(path) as file:
         return file.schema_arrow
 
 
@@ -428,7 +440,7 @@ def read_column(path: Path, name: str) -> np.ndarray[Any, np.dtype[Any]]:
 
     Raises as `read_parquet`.
     """
-    with pq.ParquetFile(path, page_checksum_verification=True, read_dictionary=[name]) as file:
+    with _opened(path, read_dictionary=[name]) as file:
         # Group by group, so that no more than the column is ever there.
         groups = [file.read_row_group(n, [name]) for n in range(file.num_row_groups)]
         return np.concatenate([as_array(rows[name]) for rows in groups or [file.read([name])]])
@@ -439,9 +451,9 @@ def read_first(path: Path, rows: int) -> dict[str, np.ndarray[Any, np.dtype[Any]
 
     Else as `read_column`.
     """
-    with pq.ParquetFile(path, page_checksum_verification=True) as file:
+    with _opened(path) as file:
         words = words_in(file.schema_arrow)
-    with pq.ParquetFile(path, page_checksum_verification=True, read_dictionary=words) as file:
+    with _opened(path, read_dictionary=words) as file:
         group = file.read_row_group(0) if file.num_row_groups else file.read()
         return {name: as_array(group[name].slice(0, rows)).copy() for name in group.column_names}
 
