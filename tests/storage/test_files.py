@@ -74,6 +74,25 @@ def test_a_file_that_fails_leaves_the_old_one(
     assert entries(tmp_path) == ["a.txt"]
 
 
+@pytest.mark.parametrize("last", [1, 2, 3], ids=["file", "folder", "the one above"])
+def test_what_cannot_be_flushed_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, last: int
+) -> None:
+    left = iter(range(last, 0, -1))
+
+    def refuse(handle: int) -> None:
+        if next(left) == 1:
+            raise OSError(5, "Input/output error")
+
+    monkeypatch.setattr(files.os, "fsync", refuse)
+    with (
+        pytest.raises(OSError, match="Input/output error") as failure,
+        new_folder(tmp_path / "made", allow) as folder,
+    ):
+        folder.write("a", b"1")
+    assert str(failure.value.filename).startswith(str(tmp_path))
+
+
 def test_what_is_no_regular_file_is_not_replaced(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "a")
     (tmp_path / "b").symlink_to("a")
