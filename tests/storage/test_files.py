@@ -84,7 +84,7 @@ def test_what_cannot_be_flushed_is_named(
         if next(left) == 1:
             raise OSError(5, "Input/output error")
 
-    monkeypatch.setattr(files.os, "fsync", refuse)
+    monkeypatch.setattr(os, "fsync", refuse)
     with (
         pytest.raises(OSError, match="Input/output error") as failure,
         new_folder(tmp_path / "made", allow) as folder,
