@@ -168,6 +168,15 @@ def test_a_manifest_in_another_form_is_written_anew(
     assert content(folder) == undisturbed
 
 
+def test_a_manifest_without_chunks_is_not_complete(grid: Grid, tmp_path: Path) -> None:
+    folder = tmp_path / "edited"
+    solve(grid, folder)
+    found = json.loads((folder / "manifest.json").read_bytes())
+    del found["chunks"]
+    (folder / "manifest.json").write_text(json.dumps(found))
+    assert verify(folder).missing_chunks == 3
+
+
 def test_no_point_is_there_twice_where_the_division_was_changed(grid: Grid, tmp_path: Path) -> None:
     folder = tmp_path / "edited"
     solve(grid, folder)

@@ -335,7 +335,7 @@ def verify(folder: Path) -> Verdict:
         if path.is_file() and not hidden and not of_shard and name not in known:
             findings.append(Finding(name, "unknown", "not in the manifest"))
     size = sum(one["bytes"] for one in found["files"].values())
-    missing = int(found["wanted"] - len(found["chunks"])) if "wanted" in found else 0
+    missing = int(found["wanted"] - len(found.get("chunks", []))) if "wanted" in found else 0
     kind = str(found["schema"]).removeprefix("vibro-").partition("/")[0]
     return Verdict(kind, len(found["files"]), size, missing == 0, missing, tuple(findings))
 
