@@ -31,6 +31,7 @@ from vibro_cli.commands.app import run_command_line
 from vibro_cli.commands.orbit import _lines, record_of
 from vibro_cli.figures.analyses import branch_figure, label_of_number
 from vibro_cli.interface.analyses import orbit_columns
+from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.numerics.elementwise import Floats
 from vibro_cli.scenario.loading import scenario_of
 from vibro_cli.stress.scenes import VALLEY, Document, ball, scene, system_of, three_arcs
@@ -535,6 +536,34 @@ def test_a_family_of_very_unstable_orbits_ends_by_rounding(
     monkeypatch.setattr(Orbit, "multipliers", np.array([6e5, 1 / 6e5]))
     here = Point(first.energy, replace(first), family._first.along)
     assert family._ending(here, still, 1.0, "the events change") == "rounding"
+
+
+def test_the_direction_of_a_family_of_unstable_orbits_keeps_their_symmetry() -> None:
+    # Motions of this family are their own reversal in time: midway between impacts both disks are
+    # at rest at every mass, so that the direction of the family has no speeds. A change of the
+    # start grows 2e4 times in a period. A difference over 5e-8 kg to one side, where only rounding
+    # and second derivatives are lost, is off by 1e-3, across by the square of that.
+    trace = {
+        "start_slope": math.radians(-100),
+        "arcs": [
+            {"shape": "valley", "radius": 1.0, "end_slope": math.radians(40)},
+            {"shape": "hump", "radius": 0.6, "end_slope": math.radians(-35)},
+            {"shape": "valley", "radius": 1.2, "end_slope": math.radians(100)},
+        ],
+    }
+    disk: Document = {"body": "disk", "radius": 0.04}
+    disks = [ball(-1.2, mass=0.2772541034779619, **disk), ball(0.1, arc=3, mass=0.5, **disk)]
+    scenario = scenario_of(scene(trace, disks, law="hedrih", collisions=2))
+    system = build_system(scenario)
+    found = newton(system, np.array([0.779972555, 0.0, 3.34629146, 0.0]), 6.5464909306)
+    assert max(abs(found.multipliers)) > 300.0
+
+    def at(mass: float) -> TraceSystem:
+        return build_system(scenario.replace({"balls[1].mass": mass}))
+
+    family = Family(at, found, 0.2772541034779619, 0.1, 0.6)
+    tangent = family._tangent(family._first, family._across)
+    assert np.max(np.abs(tangent[[1, 3]])) < 1e-5 * abs(tangent[-1])
 
 
 def test_a_motion_without_impacts_is_told() -> None:

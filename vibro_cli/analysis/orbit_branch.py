@@ -328,16 +328,23 @@ class Family:
         return next((end for end in ends if abs(value - end) < _ROUNDING * self._range), value)
 
     def _by_value(self, state: Floats, period: float, value: float, right: Floats) -> Floats:
-        """Derivative of the equations' left sides to the value, by a difference in the range."""
+        """Derivative of the equations' left sides to the value, by a difference in the range.
+
+        Across the value, where both sides allow it: a difference to one side is off by a share
+        that grows as the greatest multiplier, and tangents then lie aside of their family.
+        """
+        beside = []
         for at in (value + _CHANGE * self._range, value - _CHANGE * self._range):
-            if not self._low <= at <= self._high:
-                continue
-            system = started(self._system_of(at), state)
-            shot = shoot(system, period)
-            if shot.jumps == self._jumps:
-                beside: Floats = equations(system, shot, state, self._energy_of(at))[1]
-                return (right - beside) / (at - value)
-        raise NoOrbit("the events change")
+            if self._low <= at <= self._high:
+                system = started(self._system_of(at), state)
+                shot = shoot(system, period)
+                if shot.jumps == self._jumps:
+                    beside.append((at, equations(system, shot, state, self._energy_of(at))[1]))
+        if not beside:
+            raise NoOrbit("the events change")
+        (one, ahead), (other, behind) = [*beside, (value, right)][:2]
+        derivative: Floats = (behind - ahead) / (one - other)
+        return derivative
 
     def _tangent(self, point: Point, side: Floats) -> Floats:
         """The direction of the branch at a point, to the same side as another direction.
