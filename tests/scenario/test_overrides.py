@@ -120,6 +120,11 @@ def test_what_is_no_value_of_toml_is_a_text(text: str) -> None:
     assert parse_value(text) == text
 
 
+@pytest.mark.parametrize("text", [".84", "-.5", "+.5e-1", "2.", "1.E3"])
+def test_a_number_may_lack_a_digit_beside_its_point(text: str) -> None:
+    assert value_at(data(), f"balls[1].speed={text}") == float(text)
+
+
 def test_a_value_may_be_as_long_as_that_of_a_file() -> None:
     times = [float(n) for n in range(30_000)]
     assert value_at(data(), f"output.times={times}") == times

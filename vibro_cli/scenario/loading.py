@@ -38,6 +38,9 @@ from vibro_cli.scenario.problems import (
     shown,
 )
 
+# Of TOML a number has a digit on both sides of its point; those who type one may leave it out.
+_BARE_POINT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+\.)([eE][-+]?[0-9]+)?", re.ASCII)
+
 Override = tuple[KeyPath, Any]
 """The path of a value, and the value."""
 
@@ -74,12 +77,12 @@ def path_of(text: str) -> KeyPath:
 
 
 def parse_value(text: str) -> Any:
-    """Return the value of a text: one of TOML, or else the text itself."""
+    """Return the value of a text: one of TOML, a number such as .5 or 2., or the text itself."""
     try:
         check_toml(f"value = {text}")
         table = tomllib.loads(f"value = {text}")
     except (FormError, ValueError, RecursionError):
-        return text
+        return float(text) if _BARE_POINT.fullmatch(text) else text
     value = table["value"]
     dated = isinstance(value, (datetime.date, datetime.time))
     return text if len(table) > 1 or dated else value
