@@ -117,6 +117,12 @@ def test_a_family_has_units_and_may_fall(vibro: Vibro) -> None:
     assert falling["changes"][0]["high"] == pytest.approx(rising["changes"][0]["high"], rel=1e-12)
 
 
+def test_a_family_names_the_unit_of_its_values(vibro: Vibro) -> None:
+    command = ("portrait", THREE_ARCS, "--no-figures", "--vary")
+    told = vibro(*command, "trace.arcs[1].radius=100 cm:120 cm:2").text
+    assert "trace.arcs[1].radius [m], portrait of ball 1:\n  1 " in told
+
+
 def test_a_folder_that_is_not_a_portrait_is_left_alone(vibro: Vibro) -> None:
     Path("mine").mkdir()
     Path("mine/notes.txt").write_text("keep")

@@ -88,6 +88,7 @@ def varied(options: "PortraitCommand", vary: str, kind: "System") -> tuple[dict[
 
     record = {
         "path": path,
+        "unit": unit,
         "ball": ball,
         "members": [
             {"value": value, "type": type_of(value)}
@@ -177,7 +178,8 @@ def compared(options: "PortraitCommand", compare: str) -> tuple[dict[str, Any], 
 
 def family_lines(family: dict[str, Any]) -> Iterator[str]:
     """The types of a family as text."""
-    yield f"{family['path']}, portrait of ball {family['ball']}:"
+    unit = f" [{family['unit']}]" if family["unit"] else ""
+    yield f"{family['path']}{unit}, portrait of ball {family['ball']}:"
     for member in family["members"]:
         reason = f" ({member['reason']})" if "reason" in member else ""
         yield f"  {member['value']:<12.6g} {member['type']}{reason}"
