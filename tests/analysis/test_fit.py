@@ -102,6 +102,17 @@ def test_a_wrong_minimum_tells_of_impacts_that_are_nearer_to_another(
     assert json.loads(capsys.readouterr().out)["misplaced"] == others
 
 
+@pytest.mark.parametrize("path", ["collision.k", "balls[2].mass", "balls[1].angle"])
+def test_the_error_of_one_impact_alone_is_its_sensitivity(path: str) -> None:
+    scenario = _circle()
+    value, change = number_at(scenario, parsed_path(path)), 1e-6
+    beside = [scenario.replace({path: value + side}) for side in (change, -change)]
+    ahead, behind = (_instants(one)[9] for one in beside)
+    found = fit(scenario, {"n": [10], "t": [_instants(scenario)[9]]}, [path], noise=1.0)
+    # Of the difference the square of its change is lost.
+    assert found.errors[0] == pytest.approx(2.0 * change / abs(ahead - behind), rel=1e-6)
+
+
 def test_instants_that_are_missing_and_errors_of_each_count() -> None:
     exact = _instants(_circle())
     rows = np.array([0, 1, 4, 5, 7, 11])
