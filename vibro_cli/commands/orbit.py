@@ -355,7 +355,7 @@ def _lines_of_fit(found: Fit) -> Iterator[str]:
             yield (
                 f"  warning              {found.misplaced} of {record['impacts']} computed impacts "
                 "are nearer to another measured one than to their own: the minimum is a wrong one, "
-                "or impacts were missed or counted twice (give n)"
+                "or impacts were missed or doubled (give n)"
             )
     else:
         yield (
@@ -364,9 +364,8 @@ def _lines_of_fit(found: Fit) -> Iterator[str]:
         )
         if found.likelihood < DOUBTFUL:
             yield (
-                "  warning              model or noise are wrong, impacts were missed or counted "
-                "twice (give n), or it is not the lowest minimum (fit fewer impacts, then all from "
-                "what they give)"
+                "  warning              model or noise are wrong, impacts were missed or doubled (give "
+                "n), or it is not the lowest minimum (fit fewer, then all from what they give)"
             )
     if not found.same_events:
         yield (
