@@ -364,8 +364,8 @@ def _lines_of_fit(found: Fit) -> Iterator[str]:
         )
         if found.likelihood < DOUBTFUL:
             yield (
-                "  warning              model or noise are wrong, impacts were missed or doubled (give "
-                "n), or it is not the lowest minimum (fit fewer, then all from what they give)"
+                "  warning              model or noise are wrong, impacts were missed or doubled "
+                "(give n), or it is not the lowest minimum (fit fewer, then all from there)"
             )
     if not found.same_events:
         yield (
