@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from fractions import Fraction
 from typing import Any, cast
 
 import numpy as np
@@ -135,6 +136,23 @@ def test_energy_over_ten_thousand_impacts() -> None:
     assert abs(summary["energy_drift"]) <= 1e-13
     assert summary["max_gap"] <= 1e-14
     assert np.all(run.collisions["approach_speed"] >= 0.0)
+
+
+@pytest.mark.parametrize("mass_b", [0.7, 0.3, 2.9])
+def test_rounding_takes_as_often_energy_of_an_impact_as_it_gives_some(mass_b: float) -> None:
+    """By exact sums of what is written: once a pair lost 2e-16 of its energy in each impact."""
+    left, right = spring(5.0, 1.5, 1.0, 0.3), spring(8.0, 1.5, 1.0, -0.3)
+    balls = [disk(-1.0, 2.0, left), disk(0.5, -1.7, right, mass=mass_b, radius=0.3)]
+    document = springs(balls, collisions=5000)
+    document["collision"]["law"] = "normal-impulse"
+    rows = solve(document, "compiled").collisions
+    gained = np.zeros(5000)
+    for n in range(5000):
+        for body, mass in {"a": 1.0, "b": mass_b}.items():
+            before, after = (Fraction(rows[f"speed_{body}_{when}"][n]) for when in ("pre", "post"))
+            gained[n] += float(Fraction(mass) * (after - before) * (after + before))
+    assert np.any(gained != 0.0)
+    assert abs(np.mean(gained)) <= 5.0 * np.std(gained) / math.sqrt(len(gained))
 
 
 def test_both_engines_give_the_same_bits() -> None:
