@@ -328,6 +328,22 @@ def test_kernels_hold_nothing_but_kernels_and_structs(path: Path) -> None:
         assert _is_of_the_kernels(node), f"{path}:{node.lineno}"
 
 
+def test_every_field_of_a_struct_is_set() -> None:
+    """Whole, by element, or by its name as a column: one that is not is 0 in every run, unseen."""
+    fields, is_set = set[str](), set[str]()
+    for path in SOURCES:
+        for node in ast.walk(tree_of(path)):
+            if isinstance(node, ast.ClassDef) and "struct" in map(ast.unparse, node.decorator_list):
+                fields |= {ast.unparse(n.target) for n in node.body if isinstance(n, ast.AnnAssign)}
+            elif isinstance(node, ast.Constant):
+                is_set.add(str(node.value))
+            elif isinstance(getattr(node, "ctx", None), ast.Store):
+                named = node.value if isinstance(node, ast.Subscript) else node
+                is_set |= {named.attr} if isinstance(named, ast.Attribute) else set()
+    assert len(fields) > 200
+    assert fields - is_set == set()
+
+
 @pytest.mark.parametrize("path", SOURCES, ids=lambda path: str(path.relative_to(PACKAGE)))
 def test_functions_fit_a_screen(path: Path) -> None:
     """At most 40 lines without the docstring, and at most 8 parameters."""
