@@ -14,6 +14,8 @@ from vibro_cli.api import simulate
 from vibro_cli.kernels.statistics.impact_columns import place_on
 from vibro_cli.kernels.world import PieceData
 from vibro_cli.scenario import load_any
+from vibro_cli.storage.tables import record_batch
+from vibro_cli.systems import system_named
 from vibro_cli.systems.columns import converging, exponents
 from vibro_cli.systems.trace import tables
 
@@ -111,6 +113,27 @@ def test_a_spring_lets_its_body_oscillate_and_its_saddle_parts_the_loops() -> No
     assert len(seen) >= 2
     short = run_of("springs/two_disks", "balls[1].spring.length=0.5", "stop.collisions=3")
     assert set(short.collisions["eight_a_pre"]) == {"none"}
+
+
+@pytest.mark.parametrize(
+    ("name", "overrides"),
+    [
+        ("particle_on_arcs", []),
+        ("horizontal_line_1_2", []),
+        ("springs/two_disks", ["balls[2].body=particle"]),
+        ("table/skew_impact", ["balls[1].body=particle", "balls[2].velocity_x=0"]),
+        ("table/elliptic_wall", []),
+    ],
+)
+def test_columns_that_may_have_no_value_say_so(name: str, overrides: list[str]) -> None:
+    """Of bodies that slide, on lines, and at rest: the file has null, and refuses it elsewhere."""
+    scenario = load_any(FOLDER / f"{name}.toml", ["stop.collisions=3", *overrides])
+    run, kind = simulate(scenario), system_named(scenario.system)
+    rows = 0
+    for table in kind.impact_tables:
+        columns = getattr(run, table)
+        rows += record_batch(kind.impact_table(table, [*columns]), columns).num_rows
+    assert rows > 0
 
 
 def _held(shape: tuple[int, int], kind: type, value: int) -> Any:
