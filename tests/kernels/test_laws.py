@@ -18,10 +18,12 @@ from vibro_cli.kernels.impact.laws import (
     TRANSLATIONAL,
     balances_mass,
     impact_of_pair,
+    law_approach,
     separation_speed,
 )
 from vibro_cli.kernels.world import BodyData
 from vibro_cli.mechanics.system import LAWS, law_keeps_energy
+from vibro_cli.stress.oracles.scene import weight_and_response
 
 SETTINGS = settings(deadline=None, derandomize=True, max_examples=300)
 EPSILON = 2.0**-52
@@ -179,11 +181,27 @@ def test_unequal_inertia_takes_energy_under_a_law_that_balances_mass() -> None:
 
 @SETTINGS
 @given(a=bodies(), b=bodies(), va=speed, vb=speed, k=share, ca=normal, cb=normal)
+def test_a_law_turns_its_relative_speed_to_minus_k_times_itself(
+    a: BodyData, b: BodyData, va: float, vb: float, k: float, ca: float, cb: float
+) -> None:
+    """What the kernels have for that speed, and what an impact leaves, by the judges' weights."""
+    for law, name in enumerate(LAW_NAMES):
+        wa, wb, _ = impact_of_pair(law, k, a, b, ca, cb, va, vb)
+        qa, qb = (weight_and_response(name, one, mp.mpf(c))[0] for one, c in ((a, ca), (b, cb)))
+        turned, left = qa * va - qb * vb, qa * wa - qb * wb
+        size = qa * (abs(va) + abs(wa)) + qb * (abs(vb) + abs(wb))
+        # A rounding of each weight, product, difference and, of what is left, step of the impact.
+        assert abs(law_approach(law, a, b, ca, cb, va, vb) - turned) <= 4 * EPSILON * size
+        assert abs(left + k * turned) <= 16 * EPSILON * size
+
+
+@SETTINGS
+@given(a=bodies(), b=bodies(), va=speed, vb=speed, k=share, ca=normal, cb=normal)
 def test_mirror_image_to_the_bit(
     a: BodyData, b: BodyData, va: float, vb: float, k: float, ca: float, cb: float
 ) -> None:
     """Right for left: b becomes a, all speeds change sign."""
-    for law in (HEDRIH, TRANSLATIONAL, NORMAL_IMPULSE):
+    for law in range(len(LAW_NAMES)):
         wa, wb, loss = impact_of_pair(law, k, a, b, ca, cb, va, vb)
         mirrored = impact_of_pair(law, k, b, a, cb, ca, -vb, -va)
         if law == TRANSLATIONAL and a.kappa != b.kappa:
