@@ -55,6 +55,32 @@ def test_every_path_exists(page: Path) -> None:
     assert [path for path in named if not exists(path)] == []
 
 
+FOR_DEVELOPERS = ("architecture", "how-to-add", "kernels", "numerics", "stream")
+NAMES_IN_A_FILE = re.compile(r"((?:`\w+`(?:, | and ))*`\w+`) (?:of|in) `([\w./-]+\.py)`")
+
+
+@pytest.mark.parametrize("name", FOR_DEVELOPERS)
+def test_every_name_is_in_the_file_that_it_is_said_to_be_in(name: str) -> None:
+    page = " ".join((ROOT / "docs" / f"{name}.md").read_text(encoding="utf-8").split())
+    for names, path in NAMES_IN_A_FILE.findall(page):
+        beside = [*ROOT.glob(path), *(ROOT / "vibro_cli").rglob(path)]
+        source = "".join(file.read_text(encoding="utf-8") for file in beside)
+        for word in re.findall(r"\w+", names):
+            assert re.search(rf"\b{word}\b", source), f"{word} of {path}"
+
+
+@pytest.mark.parametrize("name", FOR_DEVELOPERS)
+def test_every_field_and_function_of_something_is_one(name: str) -> None:
+    """As `settings.capacity`: it is asked for so, or a module has it."""
+    page = (ROOT / "docs" / f"{name}.md").read_text(encoding="utf-8")
+    source = "".join(
+        file.read_text(encoding="utf-8") for file in (ROOT / "vibro_cli").rglob("*.py")
+    )
+    for what, field in re.findall(r"`([a-z]\w*)\.(\w+)`", page):
+        if field not in (*SUFFIXES.split("|"), "reference_speed"):  # the example of a new key
+            assert re.search(rf"\.{field}\b|^(def )?{field}\b", source, re.M), f"{what}.{field}"
+
+
 @pytest.mark.parametrize("page", [*PAGES, ROOT / "README.md"], ids=lambda page: page.name)
 def test_every_link_leads_somewhere(page: Path) -> None:
     for link in re.findall(r"\]\(([^)\s]+)\)", page.read_text(encoding="utf-8")):
