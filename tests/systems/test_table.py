@@ -326,6 +326,14 @@ def test_the_foci_of_an_elliptic_wall(shape: tuple[float, float]) -> None:
     assert abs(run.summary_record()["energy_drift"]) <= 1e-12
 
 
+def test_the_roundings_of_impacts_do_not_add_up_in_one_direction() -> None:
+    """Once 1.5e-12 in these, of the factors of the law."""
+    heavy, light = ball(-0.5, 0.1, 1.0, 0.3), ball(0.5, -0.1, -0.7, 0.45, mass=0.3)
+    balls = [{**one, "body": "disk", "radius": 0.2} for one in (heavy, light)]
+    run = solve(table(balls, box(2.0, 1.5), collisions=300_000), "compiled")
+    assert abs(run.summary_record()["energy_drift"]) <= 3e-13
+
+
 def test_the_roundings_of_bounces_do_not_add_up_in_one_direction() -> None:
     """The mean change of what stays is that of independent roundings, one at each bounce."""
     rng, scores = np.random.default_rng(20), []

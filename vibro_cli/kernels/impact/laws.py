@@ -22,7 +22,12 @@ import math
 
 from vibro_cli.compile.kernel import kernel
 from vibro_cli.kernels.numerics.constants import EPSILON
-from vibro_cli.kernels.numerics.double_double import difference_of_products
+from vibro_cli.kernels.numerics.double_double import (
+    dd_add,
+    dd_multiply,
+    difference_of_products,
+    sum_of_products,
+)
 from vibro_cli.kernels.world import BodyData, World, flights_of
 
 HEDRIH = 0
@@ -133,6 +138,34 @@ def impact_of_pair(
     sum_b = speed_b + after_b
     loss = loss_of_impulse(law, restitution, body_a, body_b, impulse, approach, sum_a, sum_b)
     return after_a, after_b, loss
+
+
+@kernel
+def rounded_once(
+    law: int, restitution: float, body_a: BodyData, body_b: BodyData, speed_a: float, speed_b: float
+) -> tuple[float, float]:
+    """Speeds as of `impact_of_pair`, of bodies with one normal, to one rounding of each.
+
+    The law's factors would have the same roundings at every impact of a pair, and energy that is
+    not carried besides would drift. The common normal cancels.
+    """
+    qa, qb = 1.0, 1.0
+    if law == HEDRIH and body_a.radius != body_b.radius:
+        qa, qb = body_b.radius, body_a.radius
+    ha, hb = qa / body_a.rolling_mass, qb / body_b.rolling_mass
+    if balances_mass(law):
+        ha, hb = qa / body_a.mass, qb / body_b.mass
+    high, low = sum_of_products(qa, speed_a, qb, -speed_b)
+    high, low = dd_multiply(high, low, 1.0 + restitution)
+    total, total_low = sum_of_products(qa, ha, qb, hb)
+    impulse = high / total
+    part, part_low = dd_multiply(total, total_low, -impulse)
+    left, _ = dd_add(high, low, part, part_low)
+    part, part_low = dd_multiply(impulse, left / total, -ha)
+    after_a, _ = dd_add(speed_a, 0.0, part, part_low)
+    part, part_low = dd_multiply(impulse, left / total, hb)
+    after_b, _ = dd_add(speed_b, 0.0, part, part_low)
+    return after_a, after_b
 
 
 @kernel

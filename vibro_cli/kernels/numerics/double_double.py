@@ -38,6 +38,14 @@ def difference_of_products(a: float, b: float, c: float, d: float) -> float:
 
 
 @kernel
+def sum_of_products(a: float, b: float, c: float, d: float) -> tuple[float, float]:
+    """Return ``a b + c d`` in two doubles."""
+    first = a * b
+    second = c * d
+    return dd_add(first, product_error(a, b, first), second, product_error(c, d, second))
+
+
+@kernel
 def product_error(a: float, b: float, product: float) -> float:
     """``a b - product`` exactly, for the rounded product."""
     shifted = SPLITTER * a

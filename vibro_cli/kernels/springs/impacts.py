@@ -16,17 +16,16 @@ import math
 
 from vibro_cli.compile.kernel import kernel
 from vibro_cli.kernels.impact.laws import (
-    HEDRIH,
     NORMAL_IMPULSE,
     balances_mass,
     impact_of_pair,
     inclination,
     law_approach,
     loss_of_impulse,
+    rounded_once,
     weight_and_response,
 )
 from vibro_cli.kernels.numerics.constants import EPSILON
-from vibro_cli.kernels.numerics.double_double import dd_add, dd_multiply, product_error
 from vibro_cli.kernels.numerics.tridiagonal import solve_from_both_ends
 from vibro_cli.kernels.springs.series import (
     STEP,
@@ -62,7 +61,7 @@ from vibro_cli.kernels.springs.world import (
     SpringBody,
     World,
 )
-from vibro_cli.kernels.world import END_INADMISSIBLE, RUNNING, BodyData
+from vibro_cli.kernels.world import END_INADMISSIBLE, RUNNING
 
 # Speeds within so much of each other are equal but for rounding, as a share of the greatest at this
 # instant: at k = 0 little of them may be left.
@@ -407,41 +406,9 @@ def apply_law(world: World, row: ImpactRow, law: int, restitution: float) -> Non
     c = inclination(one, other)
     row.law = law
     row.restitution = restitution
-    _, _, row.loss = impact_of_pair(law, restitution, one, other, c, c, row.v_a_pre, row.v_b_pre)
-    _set_speeds(row, one, other)
-
-
-@kernel
-def _set_speeds(row: ImpactRow, one: BodyData, other: BodyData) -> None:
-    """Set the speeds after the impact of a pair, to one rounding of each.
-
-    The law's factors would have the same roundings at every impact of a pair, and its energy would
-    drift. The cosine between the line and the line of centres is the same for both and cancels.
-    """
-    weight_a, weight_b = 1.0, 1.0
-    if row.law == HEDRIH and one.radius != other.radius:
-        weight_a, weight_b = other.radius, one.radius
-    response_a, response_b = weight_a / one.rolling_mass, weight_b / other.rolling_mass
-    if balances_mass(row.law):
-        response_a, response_b = weight_a / one.mass, weight_b / other.mass
-    high, low = _sum_of_products(weight_a, row.v_a_pre, weight_b, -row.v_b_pre)
-    high, low = dd_multiply(high, low, 1.0 + row.restitution)
-    total, total_low = _sum_of_products(weight_a, response_a, weight_b, response_b)
-    impulse = high / total
-    part, part_low = dd_multiply(total, total_low, -impulse)
-    left, _ = dd_add(high, low, part, part_low)
-    part, part_low = dd_multiply(impulse, left / total, -response_a)
-    row.v_a_post, _ = dd_add(row.v_a_pre, 0.0, part, part_low)
-    part, part_low = dd_multiply(impulse, left / total, response_b)
-    row.v_b_post, _ = dd_add(row.v_b_pre, 0.0, part, part_low)
-
-
-@kernel
-def _sum_of_products(a: float, b: float, c: float, d: float) -> tuple[float, float]:
-    """Return ``a b + c d`` in two doubles."""
-    first = a * b
-    second = c * d
-    return dd_add(first, product_error(a, b, first), second, product_error(c, d, second))
+    v_a, v_b = row.v_a_pre, row.v_b_pre
+    _, _, row.loss = impact_of_pair(law, restitution, one, other, c, c, v_a, v_b)
+    row.v_a_post, row.v_b_post = rounded_once(law, restitution, one, other, v_a, v_b)
 
 
 @kernel

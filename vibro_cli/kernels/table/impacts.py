@@ -29,6 +29,7 @@ from vibro_cli.kernels.impact.laws import (
     inclination,
     law_approach,
     loss_of_impulse,
+    rounded_once,
     weight_and_response,
 )
 from vibro_cli.kernels.numerics.constants import EPSILON, NEVER
@@ -130,16 +131,9 @@ def apply_law(world: World, row: PairRow, law: int) -> None:
     if row.normal_a_pre <= row.normal_b_pre:  # a graze after which they part already, by rounding
         row.normal_a_post, row.normal_b_post, row.loss = row.normal_a_pre, row.normal_b_pre, 0.0
         return
-    row.normal_a_post, row.normal_b_post, row.loss = impact_of_pair(
-        law,
-        world.settings[0].restitution,
-        one,
-        other,
-        inclined,
-        inclined,
-        row.normal_a_pre,
-        row.normal_b_pre,
-    )
+    k, v_a, v_b = world.settings[0].restitution, row.normal_a_pre, row.normal_b_pre
+    _, _, row.loss = impact_of_pair(law, k, one, other, inclined, inclined, v_a, v_b)
+    row.normal_a_post, row.normal_b_post = rounded_once(law, k, one, other, v_a, v_b)
 
 
 @kernel
