@@ -360,7 +360,7 @@ def open_grid(folder: Path, owner: object = None) -> StoredGrid:
     if manifest is None or not str(manifest["schema"]).startswith("vibro-grid/"):
         raise NotAGrid(f"{folder} holds no grid of vibro; expected its manifest")
     parts = _parts(folder.absolute(), manifest, "summary")
-    if not parts:
+    if not any(part.exists() for part in parts):
         raise NotAGrid(f"{folder} holds no finished point of its grid")
     for damage in check_files(folder, manifest["files"]):
         raise NotAGrid(f"{folder}/{damage}; vibro grid GRID --repair solves it again")
