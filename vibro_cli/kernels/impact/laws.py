@@ -149,12 +149,13 @@ def rounded_once(
     The law's factors would have the same roundings at every impact of a pair, and energy that is
     not carried besides would drift. The common normal cancels.
     """
-    qa, qb = 1.0, 1.0
-    if law == HEDRIH and body_a.radius != body_b.radius:
-        qa, qb = body_b.radius, body_a.radius
-    ha, hb = qa / body_a.rolling_mass, qb / body_b.rolling_mass
-    if balances_mass(law):
-        ha, hb = qa / body_a.mass, qb / body_b.mass
+    qa, ha = weight_and_response(law, body_a, 1.0)
+    qb, hb = weight_and_response(law, body_b, 1.0)
+    if law == HEDRIH:  # as in `law_approach` not with the weights 1/r
+        alike = body_a.radius == body_b.radius
+        qa = 1.0 if alike else body_b.radius
+        qb = 1.0 if alike else body_a.radius
+        ha, hb = qa / body_a.rolling_mass, qb / body_b.rolling_mass
     high, low = sum_of_products(qa, speed_a, qb, -speed_b)
     high, low = dd_multiply(high, low, 1.0 + restitution)
     total, total_low = sum_of_products(qa, ha, qb, hb)
