@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from vibro_cli.kernels.impact.laws import (
     balances_mass,
     impact_of_pair,
     law_approach,
+    rounded_once,
     separation_speed,
 )
 from vibro_cli.kernels.world import BodyData
@@ -54,6 +56,23 @@ def omegas(body: BodyData, *speeds: float) -> list[Any]:
 def inertia(body: BodyData) -> Any:
     """J_P = kappa m r^2 from the rolling mass, which is what the kernel computes with."""
     return mp.mpf(body.rolling_mass) * mp.mpf(body.radius) ** 2
+
+
+@SETTINGS
+@given(a=bodies(), b=bodies(), va=speed, vb=speed, k=share)
+def test_speeds_with_one_rounding(a: BodyData, b: BodyData, va: float, vb: float, k: float) -> None:
+    """By the judges' weights; what changes has a few of the bodies and of 1 + k besides."""
+    exact = [SimpleNamespace(**{name: mp.mpf(getattr(one, name)) for name in
+             ("radius", "mass", "kappa")}) for one in (a, b)]  # fmt: skip
+    for law, name in enumerate(LAW_NAMES):
+        (qa, ha), (qb, hb) = (weight_and_response(name, one, mp.one) for one in exact)
+        impulse = (1 + mp.mpf(k)) * (qa * va - qb * vb) / (qa * ha + qb * hb)
+        found = rounded_once(law, k, a, b, va, vb)
+        changes = -impulse * ha, impulse * hb
+        for after, before, change in zip(found, (va, vb), changes, strict=True):
+            known = before + change
+            bound = EPSILON * (abs(known) / 2 + 3 * abs(change)) + mp.mpf(10) ** -110
+            assert abs(after - known) <= bound, name
 
 
 @SETTINGS
