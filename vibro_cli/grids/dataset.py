@@ -265,16 +265,13 @@ def _read_receipt(folder: Path, grid: Grid, chunks: Chunks, chunk: int) -> Recei
     """The receipt of parts that no manifest tells of; None if they are not this chunk's."""
     import numpy as np
     import pyarrow as pa
-    import pyarrow.parquet as pq
+
+    from vibro_cli.storage.tables import read_parquet
 
     names = file_names(grid, chunk)
     files = {name: entry((folder / name).read_bytes()) for name in names.values()}
     try:
-        table = pq.read_table(
-            pa.BufferReader((folder / names["summary"]).read_bytes()),
-            columns=["status", "end_cause", *grid.counted],
-            page_checksum_verification=True,
-        )
+        table = read_parquet(folder / names["summary"])
     except (OSError, pa.ArrowException):
         return None
     metadata = table.schema.metadata or {}
