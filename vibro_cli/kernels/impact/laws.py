@@ -142,9 +142,15 @@ def impact_of_pair(
 
 @kernel
 def rounded_once(
-    law: int, restitution: float, body_a: BodyData, body_b: BodyData, speed_a: float, speed_b: float
-) -> tuple[float, float]:
-    """Speeds as of `impact_of_pair`, of bodies with one normal, to one rounding of each.
+    law: int,
+    restitution: float,
+    body_a: BodyData,
+    body_b: BodyData,
+    normal: float,
+    speed_a: float,
+    speed_b: float,
+) -> tuple[float, float, float]:
+    """As `impact_of_pair` of bodies with one normal, but the speeds to one rounding of each.
 
     The law's factors would have the same roundings at every impact of a pair, and energy that is
     not carried besides would drift. The common normal cancels.
@@ -166,7 +172,8 @@ def rounded_once(
     after_a, _ = dd_add(speed_a, 0.0, part, part_low)
     part, part_low = dd_multiply(impulse, left / total, hb)
     after_b, _ = dd_add(speed_b, 0.0, part, part_low)
-    return after_a, after_b
+    _, _, loss = impact_of_pair(law, restitution, body_a, body_b, normal, normal, speed_a, speed_b)
+    return after_a, after_b, loss
 
 
 @kernel

@@ -18,7 +18,6 @@ from vibro_cli.compile.kernel import kernel
 from vibro_cli.kernels.impact.laws import (
     NORMAL_IMPULSE,
     balances_mass,
-    impact_of_pair,
     inclination,
     law_approach,
     loss_of_impulse,
@@ -406,9 +405,9 @@ def apply_law(world: World, row: ImpactRow, law: int, restitution: float) -> Non
     c = inclination(one, other)
     row.law = law
     row.restitution = restitution
-    v_a, v_b = row.v_a_pre, row.v_b_pre
-    _, _, row.loss = impact_of_pair(law, restitution, one, other, c, c, v_a, v_b)
-    row.v_a_post, row.v_b_post = rounded_once(law, restitution, one, other, v_a, v_b)
+    row.v_a_post, row.v_b_post, row.loss = rounded_once(
+        law, restitution, one, other, c, row.v_a_pre, row.v_b_pre
+    )
 
 
 @kernel

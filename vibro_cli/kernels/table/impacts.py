@@ -25,7 +25,6 @@ import math
 from vibro_cli.compile.kernel import kernel
 from vibro_cli.kernels.impact.laws import (
     NORMAL_IMPULSE,
-    impact_of_pair,
     inclination,
     law_approach,
     loss_of_impulse,
@@ -131,9 +130,10 @@ def apply_law(world: World, row: PairRow, law: int) -> None:
     if row.normal_a_pre <= row.normal_b_pre:  # a graze after which they part already, by rounding
         row.normal_a_post, row.normal_b_post, row.loss = row.normal_a_pre, row.normal_b_pre, 0.0
         return
-    k, v_a, v_b = world.settings[0].restitution, row.normal_a_pre, row.normal_b_pre
-    _, _, row.loss = impact_of_pair(law, k, one, other, inclined, inclined, v_a, v_b)
-    row.normal_a_post, row.normal_b_post = rounded_once(law, k, one, other, v_a, v_b)
+    k = world.settings[0].restitution
+    row.normal_a_post, row.normal_b_post, row.loss = rounded_once(
+        law, k, one, other, inclined, row.normal_a_pre, row.normal_b_pre
+    )
 
 
 @kernel
