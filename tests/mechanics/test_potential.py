@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.kernels.kernel_records import three_arcs
-from vibro_cli.mechanics.potential import contains_turn, heights
+from vibro_cli.mechanics.potential import Pull, contains_turn, heights, roots
 from vibro_cli.mechanics.trace import ArcShape, Trace
 from vibro_cli.stress.oracles.scene import Piece, Real, chain, mp
 
@@ -104,3 +104,19 @@ def test_contains_turn() -> None:
     assert contains_turn(valley, math.pi)
     assert not contains_turn(valley, 4.5)
     assert contains_turn(valley, 2.0 * math.pi)
+
+
+@pytest.mark.parametrize("strength", [10.0**-power for power in (3, 9, 15, 16, 17, 18, 20, 24, 40)])
+def test_faint_turning_keeps_all_equilibria(strength: float) -> None:
+    """At the foot and the crest of the arc, both moved by the tilt, to first order."""
+    pull = Pull(tilt=-0.7 * strength, spread=0.4 * strength)
+    foot, crest = sorted(pull.equilibria(), key=abs)
+    assert foot == pytest.approx(pull.tilt, rel=2.0 * strength, abs=1e-300)
+    assert math.remainder(crest - math.pi, math.tau) == pytest.approx(
+        pull.tilt, rel=2.0 * strength, abs=2.0**-51
+    )
+    for order in (1, 2, 3):
+        first, second = roots(1.0, pull.tilt, pull.spread, order)
+        assert math.remainder(2.0 * (second - first), math.tau) == pytest.approx(
+            0.0, abs=16.0 * strength + 2.0**-50
+        )

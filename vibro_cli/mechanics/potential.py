@@ -17,6 +17,7 @@ from decimal import Decimal, localcontext
 from functools import lru_cache
 from typing import Any
 
+from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.mechanics.trace import Piece, Trace
 from vibro_cli.numerics import elementwise
 
@@ -224,6 +225,9 @@ def zeros(constant: float, first: complex, second: complex) -> list[float]:
 
     found = []
     coefficients = [second, first, constant, first.conjugate(), second.conjugate()]
+    if abs(second) < EPSILON * abs(first):
+        # Its own two roots are far from the circle, and would cost the others their digits.
+        coefficients = coefficients[1:-1]
     for z in np.roots(np.trim_zeros(coefficients, trim="f")):
         if abs(abs(z) - 1.0) < _ON_CIRCLE:
             found.append(_polished(math.atan2(z.imag, z.real), constant, first, second))
