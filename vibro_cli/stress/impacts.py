@@ -20,12 +20,12 @@ import numpy as np
 from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.mechanics.initial_conditions import out_of_order
 from vibro_cli.mechanics.system import InitialState, TraceSystem
+from vibro_cli.stress.oracles.arrangement import Arrangement
 from vibro_cli.stress.oracles.reference_solver import (
     Impact,
     ReferenceSolver,
     SolverEvent,
     events_of,
-    in_contact,
 )
 from vibro_cli.stress.oracles.scene import Path, mp, scene_of_system
 from vibro_cli.stress.oracles.sensitivity import amplification
@@ -220,12 +220,12 @@ class _Flight:
         states = [InitialState(now.piece, float(now.place), float(now.speed)) for now in places]
         self.system = replace(system, initial=tuple(states))
         self.event = event._replace(t=float(mp.mpf(event.t) - twin.t))
-        scene = scene_of_system(self.system)
+        start = Arrangement(scene_of_system(self.system))
         self.bounces = False
         if last is not None and last.kind == "impact":
-            scene = in_contact(scene, last.a, last.b)
+            start.into_contact()
             self.bounces = (event.a, event.b) == (last.a, last.b)
-        self.twin = ReferenceSolver(scene)
+        self.twin = ReferenceSolver(replace(start.scene, starts=tuple(start.states)))
 
     def is_a_start(self) -> bool:
         """Whether the bodies stand in order; those that have gone over the seam once do not."""

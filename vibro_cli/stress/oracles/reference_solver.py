@@ -16,7 +16,7 @@ rounding errors alone.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from vibro_cli.stress.oracles.scene import Path, Real, Scene, mp, speed_changes
@@ -322,21 +322,6 @@ class ReferenceSolver:
                 raise ArithmeticError(f"event {happening} precedes the one before it")
             self.check()
         return impacts
-
-
-def in_contact(scene: Scene, a: int, b: int) -> Scene:
-    """The scene with body b put where it touches body a, by Newton's iteration from its place."""
-    touch = scene.bodies[a].radius + scene.bodies[b].radius
-    starts = list(scene.starts)
-    for _ in range(8):
-        twin = ReferenceSolver(replace(scene, starts=tuple(starts)))
-        one, other = twin.at(a, mp.zero), twin.at(b, mp.zero)
-        dx, dy = other.centre[0] - one.centre[0], other.centre[1] - one.centre[1]
-        along = dx * other.tangent[0] + dy * other.tangent[1]
-        piece, place, speed = starts[b]
-        along /= Path(scene, b, piece).per_length
-        starts[b] = (piece, place - (dx * dx + dy * dy - touch * touch) / (2 * along), speed)
-    return twin.scene
 
 
 def events_of(run: Any) -> list[SolverEvent]:
