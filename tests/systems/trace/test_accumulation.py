@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from vibro_cli.assemble import build_system
-from vibro_cli.scenario import scenario_of
 from vibro_cli.stress.oracles.oracle import Oracle
 from vibro_cli.stress.oracles.scene import mp, scene_of_system
+from vibro_cli.stress.scenes import scene, system_of
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.trace import simulate_system
 
@@ -19,21 +18,17 @@ ENDS = 100.0  # s
 
 
 def _run(law: str, k: float, balls: list[dict[str, Any]], **trace: Any) -> Run:
-    document = {
-        "gravity": 9.81,
-        "trace": {
-            "start_slope": "-170 deg",
-            "arcs": [{"shape": "valley", "radius": 1.3, "end_slope": "170 deg"}],
-            **trace,
-        },
-        "balls": [
-            {"radius": 0.12, "mass": 1.7, "arc": 1, "angle": -0.9, **balls[0]},
-            {"radius": 0.12, "mass": 0.6, "arc": 1, "angle": 0.4, **balls[1]},
-        ],
-        "collision": {"law": law, "k": k, "inadmissible": "normal-impulse"},
-        "stop": {"time": ENDS},
+    one_valley = {
+        "start_slope": "-170 deg",
+        "arcs": [{"shape": "valley", "radius": 1.3, "end_slope": "170 deg"}],
     }
-    return simulate_system(build_system(scenario_of(document)), ENDS, None)
+    bodies = [
+        {"radius": 0.12, "mass": 1.7, "arc": 1, "angle": -0.9, **balls[0]},
+        {"radius": 0.12, "mass": 0.6, "arc": 1, "angle": 0.4, **balls[1]},
+    ]
+    document = scene(one_valley | trace, bodies, k, law, time=ENDS)
+    document["collision"]["inadmissible"] = "normal-impulse"
+    return simulate_system(system_of(document), ENDS, None)
 
 
 TURNING = {"turning": {"through_arc": 1, "rate": 1.4}}

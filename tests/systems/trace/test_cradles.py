@@ -11,6 +11,7 @@ import pytest
 
 from vibro_cli.api import simulate
 from vibro_cli.scenario import scenario_of
+from vibro_cli.stress.scenes import VALLEY, ball, scene, solve_any
 from vibro_cli.systems.run import Run
 
 pytestmark = pytest.mark.usefixtures("no_hang")
@@ -21,33 +22,15 @@ COEFFICIENTS = [1.0, 0.7, 0.3, 0.05, 0.0]
 STOP = 4.0
 
 
-def ball(angle: float, mass: float = 1.0) -> dict[str, Any]:
-    return {"radius": RADIUS, "mass": mass, "arc": 1, "angle": angle}
-
-
 def touching(masses: list[float]) -> list[dict[str, Any]]:
     """Balls at rest in contact, about the bottom of the valley."""
-    balls = [ball(-0.5 * BETA * (len(masses) - 1), masses[0])]
+    balls = [ball(-0.5 * BETA * (len(masses) - 1), mass=masses[0])]
     others = [{"radius": RADIUS, "mass": m, "arc": 1, "touching": "previous"} for m in masses[1:]]
     return balls + others
 
 
 def run_of(balls: list[dict[str, Any]], k: float) -> Run:
-    return simulate(
-        scenario_of(
-            {
-                "gravity": 9.81,
-                "trace": {
-                    "start_slope": "-170 deg",
-                    "arcs": [{"shape": "valley", "radius": REACH, "end_slope": "170 deg"}],
-                },
-                "balls": balls,
-                "collision": {"law": "normal-impulse", "k": k},
-                "stop": {"time": STOP},
-            }
-        ),
-        "python",
-    )
+    return solve_any(scene(VALLEY, balls, k, time=STOP), "python")
 
 
 def after_instant(masses: Any, speeds: Any, k: float) -> Any:
@@ -126,7 +109,7 @@ def test_two_balls_against_a_row(count: int, k: float) -> None:
 @pytest.mark.parametrize("middle", [[0.5], [1.0], [2.0], [1.0, 1.0], [3.0, 1.0, 3.0], [1.0] * 4])
 def test_struck_from_both_sides(middle: list[float], k: float) -> None:
     """Masses 1:m:1 and rows: symmetric scenes stay symmetric, to the bit with one in the middle."""
-    row = touching(middle) if len(middle) > 1 else [ball(0.0, middle[0])]
+    row = touching(middle) if len(middle) > 1 else [ball(0.0, mass=middle[0])]
     run = run_of([ball(-1.3), *row, ball(1.3)], k)
     check_accounts(run)
     check_first_instant(run, [1.0, *middle, 1.0], k)

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from mpmath import mpf
 
-from vibro_cli.api import simulate
-from vibro_cli.scenario import scenario_of
+from vibro_cli.stress.scenes import ball, scene, solve_any, valley
 from vibro_cli.systems.run import Run
 
 GRAVITY, VALLEY, RADIUS, K = 9.81, 1.0, 0.1, 0.5
@@ -19,19 +18,8 @@ HALF_BETA = mpmath.asin(mpf(RADIUS) / RHO)
 
 
 def drop(left: float, right: float, engine: str) -> Run:
-    balls = [{"radius": RADIUS, "mass": 1.0, "arc": 1, "angle": angle} for angle in (left, right)]
-    document = {
-        "gravity": GRAVITY,
-        "trace": {
-            "start_slope": "-120 deg",
-            "arcs": [{"shape": "valley", "radius": VALLEY, "end_slope": "120 deg"}],
-        },
-        "balls": balls,
-        "collision": {"law": "hedrih", "k": K},
-        "stop": {"time": STOP},
-        "output": {"turning_points": True},
-    }
-    return simulate(scenario_of(document), engine)
+    document = scene(valley(120), [ball(left), ball(right)], K, "hedrih", time=STOP)
+    return solve_any(document | {"output": {"turning_points": True}}, engine)
 
 
 def contact_closed(run: Run) -> float:

@@ -12,46 +12,28 @@ import pytest
 from vibro_cli.api import load_scenario, simulate
 from vibro_cli.scenario import Scenario, scenario_of
 from vibro_cli.stress.oracles.scene import Real, Scene, mp, scene_of_system
+from vibro_cli.stress.scenes import CIRCLE, scene, solve_any, three_arcs
 from vibro_cli.systems.run import Run
 
 FOLDER = Path(__file__).parents[3] / "scenarios"
 IMPACTS = 100_000
 EPSILON = 2.0**-52
 
-CIRCLE = {
-    "gravity": 9.81,
-    "trace": {
-        "start_slope": "-180 deg", "closed": True,
-        "arcs": [{"shape": "valley", "radius": 1.0, "end_slope": "180 deg"}],
-    },
-    "balls": [
-        {"radius": 0.1, "density": 7800.0, "arc": 1, "angle": -0.72},
-        {"radius": 0.1, "density": 2700.0, "arc": 1, "angle": 0.54},
-    ],
-    "collision": {"k": 1.0},
-    "stop": {"collisions": IMPACTS},
-}  # fmt: skip
+
+def _ball(angle: float, density: float, arc: int = 1) -> dict[str, Any]:
+    return {"radius": 0.1, "density": density, "arc": arc, "angle": angle}
+
+
+ON_CIRCLE = scene(
+    CIRCLE, [_ball(-0.72, 7800.0), _ball(0.54, 2700.0)], 1.0, "hedrih", collisions=IMPACTS
+)
 # Both balls roam over the hump; hedrih would end inadmissible at a touch on two different arcs.
-THREE_ARCS = {
-    "gravity": 9.81,
-    "trace": {
-        "start_slope": "-150 deg",
-        "arcs": [
-            {"shape": "valley", "radius": 1.0, "end_slope": "50 deg"},
-            {"shape": "hump", "radius": 0.5, "end_slope": "-50 deg"},
-            {"shape": "valley", "radius": 1.0, "end_slope": "150 deg"},
-        ],
-    },
-    "balls": [
-        {"radius": 0.1, "density": 7800.0, "arc": 1, "angle": -1.3},
-        {"radius": 0.1, "density": 6000.0, "arc": 3, "angle": 0.2},
-    ],
-    "collision": {"k": 1.0, "law": "normal-impulse"},
-    "stop": {"collisions": IMPACTS},
-}  # fmt: skip
+ON_THREE_ARCS = scene(
+    three_arcs(150), [_ball(-1.3, 7800.0), _ball(0.2, 6000.0, 3)], collisions=IMPACTS
+)
 
 
-@pytest.mark.parametrize("document", [CIRCLE, THREE_ARCS], ids=["circle", "three arcs"])
+@pytest.mark.parametrize("document", [ON_CIRCLE, ON_THREE_ARCS], ids=["circle", "three arcs"])
 def test_no_drift_over_many_elastic_impacts(document: dict[str, Any]) -> None:
     run = simulate(scenario_of(document), "compiled")
     table, record = run.collisions, run.summary_record()
@@ -67,22 +49,16 @@ def test_no_drift_over_many_elastic_impacts(document: dict[str, Any]) -> None:
     assert record["energy_correction"] < 64 * EPSILON * IMPACTS * start
 
 
-def rotating_valley(balls: list[dict[str, Any]], **stop: float) -> Run:
+def rotating_valley(balls: list[dict[str, Any]], **stop: Any) -> Run:
     """Bodies between two walls that take no energy."""
-    document = {
-        "gravity": 9.81,
-        "trace": {
-            "start_slope": -1.2,
-            "arcs": [{"shape": "valley", "radius": 1.0, "end_slope": 1.2}],
-            "turning": {"x": 0.3, "rate": 1.7},
-        },
-        "balls": [{"arc": 1, **ball} for ball in balls],
-        "ends": {"left": {"wall": 1.0}, "right": {"wall": 1.0}},
-        "stop": stop,
+    trace = {
+        "start_slope": -1.2,
+        "arcs": [{"shape": "valley", "radius": 1.0, "end_slope": 1.2}],
+        "turning": {"x": 0.3, "rate": 1.7},
     }
-    if len(balls) > 1:
-        document["collision"] = {"k": 1.0, "law": "normal-impulse"}
-    return simulate(scenario_of(document), "compiled")
+    document = scene(trace, [{"arc": 1, **ball} for ball in balls], **stop)
+    document["ends"] = {"left": {"wall": 1.0}, "right": {"wall": 1.0}}
+    return solve_any(document)
 
 
 FIVE = [

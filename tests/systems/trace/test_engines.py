@@ -16,6 +16,7 @@ from vibro_cli.kernels.events import event_detection
 from vibro_cli.kernels.flow.flow import POLYNOMIAL
 from vibro_cli.kernels.world import Flight
 from vibro_cli.scenario import scenario_of
+from vibro_cli.stress.scenes import CIRCLE, ball, scene
 from vibro_cli.systems import driver
 from vibro_cli.systems.run import Run
 
@@ -62,17 +63,9 @@ def test_crossings_without_end_and_without_impact_are_refused(
 ) -> None:
     """Two equal rotations never meet again: no proof ends the run, and no log could hold it."""
     monkeypatch.setattr(driver, "QUIET_ROWS", 4000)
-    balls = [{"radius": 0.1, "mass": 1.0, "arc": 1, "angle": 0.0, "rate": 12.0}]
     rate = math.sqrt(12.0**2 + 2.0 * 9.81 / (1.4 * 0.9) * (math.cos(1.5) - 1.0))
-    balls.append({"radius": 0.1, "mass": 1.0, "arc": 1, "angle": 1.5, "rate": rate})
-    trace = {
-        "start_slope": "-180 deg", "closed": True,
-        "arcs": [{"shape": "valley", "radius": 1.0, "end_slope": "180 deg"}],
-    }  # fmt: skip
-    document = {
-        "gravity": 9.81, "trace": trace, "balls": balls, "collision": {"k": 1.0},
-        "stop": {"collisions": 5},
-    }  # fmt: skip
+    balls = [ball(0.0, rate=12.0), ball(1.5, rate=rate)]
+    document = scene(CIRCLE, balls, 1.0, "hedrih", collisions=5)
     with pytest.raises(driver.TooQuiet, match="no impact among the last 4,000 flights"):
         simulate(scenario_of(document), "python")
 

@@ -24,6 +24,7 @@ from vibro_cli.scenario import ScenarioError, load_scenario, scenario_of
 from vibro_cli.stress.oracles.oracle import Oracle
 from vibro_cli.stress.oracles.scene import mp, scene_of_system
 from vibro_cli.stress.physics import distance_from_image
+from vibro_cli.stress.scenes import scene, system_of
 from vibro_cli.systems.request import Limits
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.trace import simulate_system
@@ -41,15 +42,10 @@ def row_at_a_wall(masses: list[float], left: bool) -> World:
         {"radius": RADIUS, "mass": mass, "arc": 1, "position": begin + 2.0 * RADIUS * number}
         for number, mass in enumerate(masses)
     ]
-    document: dict[str, Any] = {
-        "gravity": 9.81,
-        "trace": {"start_slope": 0.0, "arcs": [{"shape": "line", "length": length}]},
-        "balls": balls,
-        "ends": {"left": {"wall": 0.5}, "right": {"wall": 0.5}},
-        "collision": {"k": 0.5, "law": "normal-impulse"},
-        "stop": {"time": 1.0},
-    }
-    return make_world(build_system(scenario_of(document)), Limits(1.0))
+    line = {"start_slope": 0.0, "arcs": [{"shape": "line", "length": length}]}
+    document = scene(line, balls, 0.5, time=1.0)
+    document["ends"] = {"left": {"wall": 0.5}, "right": {"wall": 0.5}}
+    return make_world(system_of(document), Limits(1.0))
 
 
 def nearest_motion(

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from vibro_cli.assemble import build_system
 from vibro_cli.compile.kernel import struct
 from vibro_cli.kernels.contact.libration_contact_lanes import BodyLanes
 from vibro_cli.kernels.ensemble.records import Points
@@ -16,7 +15,7 @@ from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.statistics.run_statistics import Results
 from vibro_cli.kernels.world import LOG_FULL
 from vibro_cli.mechanics.system import TraceSystem
-from vibro_cli.scenario import scenario_of
+from vibro_cli.stress.scenes import scene, system_of, three_arcs, valley
 from vibro_cli.systems.trace.ensemble import (
     Batch,
     empty_results,
@@ -24,38 +23,16 @@ from vibro_cli.systems.trace.ensemble import (
     same_in_every_lane,
 )
 
-CIRCLE: dict[str, Any] = {
-    "start_slope": "-160 deg",
-    "arcs": [{"shape": "valley", "radius": 1.0, "end_slope": "160 deg"}],
-}
-SHORT: dict[str, Any] = {
-    "start_slope": "-80 deg",
-    "arcs": [{"shape": "valley", "radius": 1.0, "end_slope": "80 deg"}],
-}
-THREE_ARCS: dict[str, Any] = {
-    "start_slope": "-150 deg",
-    "arcs": [
-        {"shape": "valley", "radius": 1.0, "end_slope": "50 deg"},
-        {"shape": "hump", "radius": 0.5, "end_slope": "-50 deg"},
-        {"shape": "valley", "radius": 1.0, "end_slope": "150 deg"},
-    ],
-}
-TRACES: dict[str, dict[str, Any]] = {
-    "circle": CIRCLE,
-    "walls": SHORT,
-    "three arcs": THREE_ARCS,
-}
+CIRCLE = valley(160)
+TRACES = {"circle": CIRCLE, "walls": valley(80), "three arcs": three_arcs(150)}
 POINTS = 400
 
 
 def _system(trace: dict[str, Any], law: str, radius: float) -> TraceSystem:
     ball = {"radius": 0.1, "density": 7800.0, "arc": 1}
     balls = [ball | {"angle": -0.7}, ball | {"angle": 0.5, "radius": radius}]
-    document = {
-        "gravity": 9.81, "trace": trace, "balls": balls, "collision": {"law": law, "k": 1.0},
-        "ends": {"left": {"wall": 0.9}, "right": {"wall": 1.0}}, "stop": {"collisions": 9},
-    }  # fmt: skip
-    return build_system(scenario_of(document))
+    ends = {"left": {"wall": 0.9}, "right": {"wall": 1.0}}
+    return system_of(scene(trace, balls, 1.0, law, collisions=9) | {"ends": ends})
 
 
 def _starts(rng: Any, low: float, high: float) -> tuple[Any, Any, Any]:

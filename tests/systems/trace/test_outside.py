@@ -11,7 +11,8 @@ import pytest
 
 from tests.systems import springs_cases, table_cases
 from vibro_cli.api import simulate
-from vibro_cli.scenario import load_scenario, scenario_of
+from vibro_cli.scenario import load_scenario
+from vibro_cli.stress.scenes import ball, scene, solve_any
 
 GALLERY = Path(__file__).parents[3] / "scenarios"
 
@@ -114,14 +115,10 @@ def test_a_lone_particle_has_a_summary() -> None:
 
 
 def test_a_flight_backwards_is_the_flight_of_reversed_speed() -> None:
-    arcs = [{"shape": "valley", "radius": 1.0, "end_slope": 1.5}]
-    ball = {"radius": 0.1, "mass": 1.0, "arc": 1, "angle": 0.3}
+    trace = {"start_slope": -1.5, "arcs": [{"shape": "valley", "radius": 1.0, "end_slope": 1.5}]}
 
     def of(speed: float) -> Any:
-        trace = {"start_slope": -1.5, "arcs": arcs}
-        balls = [{**ball, "speed": speed}]
-        document = {"gravity": 9.81, "trace": trace, "balls": balls, "stop": {"time": 1.0}}
-        return simulate(scenario_of(document), "python")
+        return solve_any(scene(trace, [ball(0.3, speed=speed)], time=1.0), "python")
 
     back = of(0.7).sample([-0.4], extrapolate=True)
     forth = of(-0.7).sample([0.4])

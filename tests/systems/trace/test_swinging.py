@@ -7,41 +7,24 @@ from typing import Any
 import numpy as np
 import pytest
 
-from vibro_cli.assemble import build_system
 from vibro_cli.kernels.impact.laws import LAW_NAMES
 from vibro_cli.kernels.world import LOGS
 from vibro_cli.mechanics.system import TraceSystem
-from vibro_cli.scenario import scenario_of
+from vibro_cli.stress.scenes import scene, system_of, three_arcs, valley
 from vibro_cli.systems.driver import Driver
 from vibro_cli.systems.request import Limits
 from vibro_cli.systems.trace.event_loop import LOOP
 from vibro_cli.systems.trace.world import make_world
 
-VALLEY = [{"shape": "valley", "radius": 1.0, "end_slope": "80 deg"}]
-CHAIN = [
-    {"shape": "valley", "radius": 1.0, "end_slope": "50 deg"},
-    {"shape": "hump", "radius": 0.5, "end_slope": "-50 deg"},
-    {"shape": "valley", "radius": 1.0, "end_slope": "80 deg"},
-]
+VALLEY, CHAIN = valley(80), three_arcs(80)
 
 
-def _system(
-    arcs: list[dict[str, Any]], angles: tuple[float, float], **collision: Any
-) -> TraceSystem:
+def _system(trace: dict[str, Any], angles: tuple[float, float], law: str, k: float) -> TraceSystem:
     ball = {"radius": 0.1, "density": 7800.0, "arc": 1}
-    second = {"radius": 0.13 if collision["law"] == "hedrih" else 0.1, "density": 2700.0}
-    return build_system(
-        scenario_of(
-            {
-                "gravity": 9.81,
-                "trace": {"start_slope": "-80 deg", "arcs": arcs},
-                "balls": [ball | {"angle": angles[0]}, ball | second | {"angle": angles[1]}],
-                "collision": collision,
-                "ends": {"left": {"wall": 0.9}, "right": {"wall": 0.9}},
-                "stop": {"collisions": 300},
-            }
-        )
-    )
+    second = {"radius": 0.13 if law == "hedrih" else 0.1, "density": 2700.0}
+    balls = [ball | {"angle": angles[0]}, ball | second | {"angle": angles[1]}]
+    ends = {"left": {"wall": 0.9}, "right": {"wall": 0.9}}
+    return system_of(scene(trace, balls, k, law, collisions=300) | {"ends": ends})
 
 
 def _run(system: TraceSystem, engine: str) -> Driver:
@@ -53,14 +36,14 @@ def _run(system: TraceSystem, engine: str) -> Driver:
 @pytest.mark.parametrize("law", LAW_NAMES)
 @pytest.mark.parametrize("k", [1.0, 0.99])
 @pytest.mark.parametrize(
-    ("arcs", "angles"),
+    ("trace", "angles"),
     [(VALLEY, (-0.72, 0.54)), (VALLEY, (-1.25, 0.2)), (VALLEY, (-0.6, 0.6)), (CHAIN, (-1.2, 0.1))],
     ids=["swings", "walls", "even", "chain"],
 )
 def test_rows_of_the_event_loop(
-    arcs: list[dict[str, Any]], angles: tuple[float, float], k: float, law: str
+    trace: dict[str, Any], angles: tuple[float, float], k: float, law: str
 ) -> None:
-    system = _system(arcs, angles, law=law, k=k)
+    system = _system(trace, angles, law, k)
     ours, theirs = _run(system, "compiled"), _run(system, "python")
     logs, their_logs = ours.drain(), theirs.drain()
     for name in LOGS:

@@ -55,17 +55,13 @@ WALLED = {
 WALLS = {"left": {"wall": 0.95}, "right": {"wall": 1.0}}
 
 
-def _with(document: dict[str, Any], **more: Any) -> dict[str, Any]:
-    return document | more
-
-
 def _unequal(law: str, k: float) -> dict[str, Any]:
     """Two unequal bodies that cross junctions, hit walls, and meet on two pieces."""
     balls = [
         ball(-0.9, radius=0.12, mass=0.7, speed=4.2),
         ball(0.3, arc=4, radius=0.07, mass=1.9, body="hoop", speed=-1.5),
     ]
-    document = _with(scene(WALLED, balls, k, law, collisions=2), ends=WALLS)
+    document = scene(WALLED, balls, k, law, collisions=2) | {"ends": WALLS}
     document["collision"]["inadmissible"] = "normal-impulse"
     return document
 
@@ -259,7 +255,7 @@ def test_volumes_shrink_by_the_square_of_the_restitution_at_each_impact(
     k: float, turns: bool
 ) -> None:
     document = SCENES["turning normal-impulse" if turns else "normal-impulse"]
-    system = system_of(_with(document, collision={"law": "normal-impulse", "k": k}))
+    system = system_of(document | {"collision": {"law": "normal-impulse", "k": k}})
     assert system.left_end is not None
     walls = replace(system, left_end=replace(system.left_end, restitution=1.0))
     found = follow_system(walls, 30.0, 40)
@@ -379,7 +375,7 @@ def test_a_wall_without_a_bounce_takes_one_direction() -> None:
     slope, up, end = -0.3, -2.2, 1.5
     line = {"start_slope": slope, "arcs": [{"shape": "line", "length": 3.0}]}
     body = {"radius": 0.1, "mass": 1.0, "arc": 1, "position": 0.5, "speed": up}
-    system = system_of(_with(scene(line, [body], time=end), ends={"left": {"wall": 0.0}}))
+    system = system_of(scene(line, [body], time=end) | {"ends": {"left": {"wall": 0.0}}})
     pull = system.gravity / 1.4 * math.sin(-slope)
     speed = -math.sqrt(up * up - 2.0 * pull * 0.4)
     t = (speed - up) / pull
@@ -456,7 +452,7 @@ def _falling(rng: np.random.Generator) -> TraceSystem:
     ]  # fmt: skip
     slope = {"start_slope": 0.5, "arcs": [{"shape": "line", "length": 1.0e4}]}
     document = scene(slope, balls, 1.0, "translational", collisions=25)
-    return system_of(_with(document, ends={"left": {"wall": 1.0}}))
+    return system_of(document | {"ends": {"left": {"wall": 1.0}}})
 
 
 def _told(run: Any) -> list[SolverEvent]:
@@ -522,7 +518,7 @@ def test_digits_left_are_those_that_agree_with_50_digits() -> None:
 
 
 def test_a_run_tells_of_exponents_in_all_its_tables(tmp_path: Path) -> None:
-    document = _with(SCENES["arcs"], stop={"collisions": 40}, analysis={"lyapunov": True})
+    document = SCENES["arcs"] | {"stop": {"collisions": 40}, "analysis": {"lyapunov": True}}
     scenario = scenario_of(document)
     run, _ = solved_and_streamed(scenario)
     record = run.summary_record()
