@@ -14,7 +14,8 @@ import pyarrow.parquet as pq
 import pytest
 from mpmath import mp
 
-from tests.pages import DOCS, ROOT, text_of
+from tests.gallery import GALLERY, run_of
+from tests.pages import DOCS, text_of
 from vibro_cli.analysis.levels import Landscape
 from vibro_cli.analysis.paper_formulas import (
     CORRECT,
@@ -25,8 +26,7 @@ from vibro_cli.analysis.paper_formulas import (
     series_time,
 )
 from vibro_cli.analysis.singular import portrait_of
-from vibro_cli.api import simulate
-from vibro_cli.assemble import build_any as assembled
+from vibro_cli.assemble import build_any
 from vibro_cli.commands.app import run_command_line
 from vibro_cli.commands.help import LETTERS, commands_of_papers, rows_of
 from vibro_cli.figures import style
@@ -36,18 +36,6 @@ from vibro_cli.report.papers import time_between, turning_points
 from vibro_cli.scenario import load_any
 from vibro_cli.systems import NAMES, system_named
 from vibro_cli.systems.springs.phase_plane import spring_periods, springs_record
-
-FOLDER = ROOT / "scenarios"
-
-
-def build_any(scenario: Any) -> Any:
-    """The system of a scenario, of whatever kind."""
-    return assembled(scenario)
-
-
-def run_of(name: str, *overrides: str) -> Any:
-    return simulate(load_any(FOLDER / f"{name}.toml", [*overrides]))
-
 
 # Paper B
 
@@ -130,14 +118,14 @@ def test_a_plastic_impact_leaves_one_velocity() -> None:
 
 def test_masses_of_the_examples() -> None:
     """B prints 4/8 for 4/3 in the masses of its balls: 4/3 pi r^3 and 28/15 pi r^5 are right."""
-    body = build_any(load_any(FOLDER / "horizontal_line_1_2.toml")).bodies[0]
+    body = build_any(load_any(GALLERY / "horizontal_line_1_2.toml")).bodies[0]
     assert body.mass == pytest.approx(4 / 3 * math.pi * 0.2**3 * 2700, rel=1e-15)
     assert body.rolling_inertia == pytest.approx(28 / 15 * math.pi * 0.2**5 * 2700, rel=1e-15)
 
 
 def test_contact_angle() -> None:
     """A (6), B (48): their arccos in fifty digits, also in lambda_1 and lambda_2."""
-    piece = build_any(load_any(FOLDER / "one_circle.toml")).trace.pieces[0]
+    piece = build_any(load_any(GALLERY / "one_circle.toml")).trace.pieces[0]
     with mp.workdps(50):
         for one, other in ((0.1, 0.1), (0.2, 0.05), (1e-4, 2e-4)):
             r1, r2 = mp.mpf(one), mp.mpf(other)
@@ -151,7 +139,7 @@ def test_contact_angle() -> None:
 
 def test_circle_has_a_centre_below_and_a_saddle_above() -> None:
     """B III.3.5: with E = 2 m g (R - r) between closed and open trajectories."""
-    system = build_any(load_any(FOLDER / "one_circle.toml"))
+    system = build_any(load_any(GALLERY / "one_circle.toml"))
     portrait = portrait_of(Landscape.of(system, 1))
     found = {point.kind: point for point in portrait.points}
     assert sorted(found) == ["centre", "saddle"]
@@ -298,7 +286,7 @@ POINTS = [(5.0, 1.0, 4.898979485566356), (5.0, 1.5, 4.769696007084728)]
 @pytest.mark.parametrize(("body", "point"), list(enumerate(POINTS)))
 def test_singular_points_of_the_springs(body: int, point: tuple[float, float, float]) -> None:
     """C part 3, b*: where the force of C (4) vanishes, of its three zeros by a root finder."""
-    system = build_any(load_any(FOLDER / "springs/two_disks.toml"))
+    system = build_any(load_any(GALLERY / "springs/two_disks.toml"))
     length, height, away = point
     spring = system.springs[body]
     assert (spring.length, spring.height) == (length, height)
@@ -327,7 +315,7 @@ def test_singular_points_of_the_springs(body: int, point: tuple[float, float, fl
 def test_one_singular_point_stressed_or_not() -> None:
     """C part 3, a*1 (l = b, no energy) and a*2 (l < b, c (b - l)^2/2)."""
     given = ["balls[1].spring.length=1", "balls[2].spring.length=1.2"]
-    system = build_any(load_any(FOLDER / "springs/two_disks.toml", given))
+    system = build_any(load_any(GALLERY / "springs/two_disks.toml", given))
     points = [springs_record(system, body)["points"] for body in (0, 1)]
     assert [[one["kind"] for one in own] for own in points] == [["centre"], ["centre"]]
     assert [own[0]["stressed"] for own in points] == [False, True]
@@ -349,7 +337,7 @@ def test_periods_on_springs() -> None:
     for given, side in (("6.5", 1.0), ("9.0", 1.0), ("12.0", 0.0)):
         system = build_any(
             load_any(
-                FOLDER / "springs/two_disks.toml",
+                GALLERY / "springs/two_disks.toml",
                 [*alone, f"balls[2].position={given}", "balls[2].speed=0"],
             )
         )
@@ -384,7 +372,7 @@ def test_periods_on_springs() -> None:
 
 def test_barrier_of_the_figure_eight() -> None:
     """D: the crest stands (R + R0)(1 - cos J) over the bottoms, 1.5 (1 - cos 45°) = 0.43934 m."""
-    portrait = portrait_of(Landscape.of(build_any(load_any(FOLDER / "lone_particle.toml")), 1))
+    portrait = portrait_of(Landscape.of(build_any(load_any(GALLERY / "lone_particle.toml")), 1))
     (trigger,) = portrait.triggers
     height = portrait.height(trigger.saddle.energy) - portrait.height(trigger.left.energy)
     assert height == pytest.approx(1.5 * (1.0 - math.cos(math.pi / 4.0)), rel=1e-14)
@@ -396,7 +384,7 @@ def test_barrier_of_the_figure_eight() -> None:
 
 
 def triggers_at(name: str, rate: float, *given: str) -> list[str]:
-    scenario = load_any(FOLDER / f"{name}.toml", [*given, f"trace.turning.rate={rate!r}"])
+    scenario = load_any(GALLERY / f"{name}.toml", [*given, f"trace.turning.rate={rate!r}"])
     return [one.orbit for one in portrait_of(Landscape.of(build_any(scenario), 1)).triggers]
 
 
@@ -461,7 +449,7 @@ def test_every_command_of_the_page_runs(
 ) -> None:
     """And what is said to be shown is there: figures, sections of reports, columns of tables."""
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "scenarios").symlink_to(FOLDER)
+    (tmp_path / "scenarios").symlink_to(GALLERY)
     for command in commands_of_papers():
         assert run_command_line(shlex.split(command)[1:]) == 0, command
     capsys.readouterr()

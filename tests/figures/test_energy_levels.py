@@ -9,9 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from functools import cache
 from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,13 +20,12 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from tests.figures.energy import on_spring, on_trace
-from vibro_cli.api import simulate
+from tests.gallery import run_of
 from vibro_cli.figures.film import Film, frame_times
 from vibro_cli.figures.portraits.energies import energy_portrait
 from vibro_cli.figures.portraits.portrait import phase_portrait
 from vibro_cli.figures.runs.over_time import energies
 from vibro_cli.figures.style import MM
-from vibro_cli.scenario.loading import load_any
 from vibro_cli.systems.springs.figures import springs_energies
 from vibro_cli.systems.springs.portrait import springs_portrait, springs_structure
 from vibro_cli.systems.table.figures import table_energies
@@ -38,7 +35,6 @@ from vibro_cli.systems.trace.figures import film as film_on_trace
 pytestmark = pytest.mark.long
 
 Array = NDArray[np.float64]
-FOLDER = Path(__file__).parents[2] / "scenarios"
 LINE = 0.3
 """A line's width (mm): 0.9 pt."""
 MOST = 500
@@ -64,11 +60,6 @@ TABLES = [
     ("billiards", ("collision.k=1", "wall.k=1", "stop={collisions=10000}")),
     ("skew_impact", ()),
 ]  # fmt: skip
-
-
-@cache
-def run_of(name: str, overrides: tuple[str, ...]) -> Any:
-    return simulate(load_any(FOLDER / f"{name}.toml", [*overrides]))
 
 
 def points_of(line: Array) -> Array:
@@ -117,7 +108,7 @@ def arc_of(figure: Figure, axes: Axes) -> int:
 
 @pytest.mark.parametrize(("name", "overrides"), TRACES)
 def test_branches_of_a_trace_are_on_their_levels(name: str, overrides: tuple[str, ...]) -> None:
-    run = run_of(name, overrides)
+    run = run_of(name, *overrides)
     flights = run.flights()
     drawn = 0
     for ball in (1, len(run.system.bodies)):
@@ -144,7 +135,7 @@ def test_branches_of_a_trace_are_on_their_levels(name: str, overrides: tuple[str
 def test_branches_over_the_arc_length_are_on_their_levels(
     name: str, overrides: tuple[str, ...]
 ) -> None:
-    run = run_of(name, overrides)
+    run = run_of(name, *overrides)
     flights, pieces = run.flights(), run.system.trace.pieces
     for ball in (1, len(run.system.bodies)):
         radius = run.system.bodies[ball - 1].radius
@@ -211,7 +202,7 @@ def _is_contact(collection: LineCollection) -> bool:
 
 @pytest.mark.parametrize(("name", "overrides"), SPRINGS)
 def test_branches_of_springs_are_on_their_levels(name: str, overrides: tuple[str, ...]) -> None:
-    run = run_of(f"springs/{name}", overrides)
+    run = run_of(f"springs/{name}", *overrides)
     states, times = run.trajectory.states, run.trajectory.times
     for ball in range(1, len(run.system.bodies) + 1):
         figure = springs_portrait(run, ball)
@@ -244,7 +235,7 @@ def _check_energies(curve: Array, drawn: Array, energy: Any, width: Array) -> No
 @pytest.mark.parametrize("overrides", [(), ("collision.k=0", "stop.time=20")])
 def test_lasting_contact_of_springs_is_where_the_run_is(overrides: tuple[str, ...]) -> None:
     """The curves of bodies in contact pass through states of the run, and nowhere else."""
-    run = run_of("springs/stressed_at_rest", overrides)
+    run = run_of("springs/stressed_at_rest", *overrides)
     begins = [t for t, what in zip(run.events["t"], run.events["event"], strict=True)]
     sample = run.sample(np.linspace(max(begins), run.end_time, 3000))
     for ball in (1, 2, 3):
@@ -263,7 +254,7 @@ def test_lasting_contact_of_springs_is_where_the_run_is(overrides: tuple[str, ..
 @pytest.mark.parametrize("name", ["two_disks", "stressed_at_rest"])
 def test_level_curves_and_separatrices_of_springs(name: str) -> None:
     """Each is of one energy and closed: it begins and ends at rest."""
-    system = run_of(f"springs/{name}", ()).system
+    system = run_of(f"springs/{name}").system
     for ball in range(1, len(system.bodies) + 1):
         upper = springs_structure(system, ball).axes[0]
         curves = [one for one in upper.collections if isinstance(one, LineCollection)]
@@ -279,7 +270,7 @@ def test_level_curves_and_separatrices_of_springs(name: str) -> None:
 
 @pytest.mark.parametrize(("name", "overrides"), TRACES)
 def test_energies_of_a_trace_are_those_of_its_states(name: str, overrides: tuple[str, ...]) -> None:
-    run = run_of(name, overrides)
+    run = run_of(name, *overrides)
     axes = energies(run).axes[0]
     flights = run.flights()
     for ball in range(1, len(run.system.bodies) + 1):
@@ -319,7 +310,7 @@ def _check_steps(axes: Axes, ball: int, run: Any, level: Array, flights: Any, mi
 def test_energies_of_springs_are_those_of_their_states(
     name: str, overrides: tuple[str, ...]
 ) -> None:
-    run = run_of(f"springs/{name}", overrides)
+    run = run_of(f"springs/{name}", *overrides)
     figure = springs_energies(run)
     assert figure is not None
     axes = figure.axes[0]
@@ -345,7 +336,7 @@ def test_energies_of_springs_are_those_of_their_states(
 )
 def test_films_show_states_of_the_run(name: str, overrides: tuple[str, ...]) -> None:
     """Points and trails of frames of the whole run, 24 of them: mostly further than periods."""
-    run = run_of(name, overrides)
+    run = run_of(name, *overrides)
     flights, end = run.flights(), float(np.max(run.flights()["t_end"]))
     for pace in (end, 0.4):
         shown = film_on_trace(run, frame_times(0.0, min(end, pace), pace, 24))
@@ -405,7 +396,7 @@ def _check_trail(run: Any, ball: int, drawn: Array, until: float, axes: Axes, fl
 def test_energies_and_paths_on_a_table_are_those_of_the_motion(
     name: str, overrides: tuple[str, ...]
 ) -> None:
-    run = run_of(f"table/{name}", overrides)
+    run = run_of(f"table/{name}", *overrides)
     bodies, end = run.system.bodies, run.end_time
     figure = table_energies(run)
     for ball, body in enumerate(bodies):

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from functools import cache
-from pathlib import Path
-
 import numpy as np
 import pytest
 from matplotlib.collections import PathCollection
 from matplotlib.patches import Circle
 
 from tests.figures.layout import assert_texts_are_apart, texts
-from vibro_cli.api import Run, simulate
+from tests.gallery import GALLERY, run_of
+from vibro_cli.api import simulate
 from vibro_cli.figures.chart import contact_times
 from vibro_cli.figures.kinds import PORTRAIT, draw_all
 from vibro_cli.figures.portraits.energies import energy_portrait
@@ -22,25 +20,19 @@ from vibro_cli.figures.runs.over_impacts import impact_map
 from vibro_cli.figures.runs.over_time import energy_course, energy_residuals, timeline
 from vibro_cli.figures.runs.scene import WALL, configurations, plan, scene
 from vibro_cli.figures.style import render
-from vibro_cli.scenario import any_scenario_of, load_scenario
+from vibro_cli.scenario import any_scenario_of
 from vibro_cli.systems.trace.figures import FIGURES
 
 pytestmark = pytest.mark.long
 
 WITHOUT_PORTRAITS = [name for name in FIGURES if name != PORTRAIT]
 
-FOLDER = Path(__file__).parents[2] / "scenarios"
 TO_SCALE = (
     "plan",
     "velocities",
     "contact_points",
 )  # pictures, with a bar of length, and values above
-NAMES = sorted(path.stem for path in FOLDER.glob("*.toml"))
-
-
-@cache
-def run_of(name: str, *overrides: str) -> Run:
-    return simulate(load_scenario(FOLDER / f"{name}.toml", [*overrides]))
+NAMES = sorted(path.stem for path in GALLERY.glob("*.toml"))
 
 
 @pytest.mark.parametrize(

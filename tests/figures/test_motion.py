@@ -17,22 +17,17 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
+from tests.gallery import GALLERY, run_of
 from vibro_cli import Run as Solved
 from vibro_cli import example
 from vibro_cli import simulate as solved
 from vibro_cli.api import Run, simulate
 from vibro_cli.figures.film import Film, FilmFrame, Frames, NoFilm, clock_digits, frame_times, movie
 from vibro_cli.report.html import film_html
-from vibro_cli.scenario import any_scenario_of, load_scenario
+from vibro_cli.scenario import any_scenario_of
 from vibro_cli.systems.trace.figures import film as film_on_trace
 
-FOLDER = Path(__file__).parents[2] / "scenarios"
 RATE = 25
-
-
-@cache
-def run_of(name: str, *overrides: str) -> Run:
-    return simulate(load_scenario(FOLDER / f"{name}.toml", [*overrides]))
 
 
 @cache
@@ -222,7 +217,7 @@ def test_mp4_has_the_frames_and_the_same_bytes() -> None:
 
 def test_without_ffmpeg_the_reader_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     _, all_frames = shown("three_arcs", 0.6)
-    monkeypatch.setenv("PATH", str(FOLDER))
+    monkeypatch.setenv("PATH", str(GALLERY))
     with pytest.raises(NoFilm, match=r"the program ffmpeg, which is not there; \.gif and"):
         movie(all_frames, RATE, "mp4")
 

@@ -3,32 +3,26 @@
 from __future__ import annotations
 
 import re
-from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tests.figures.layout import assert_texts_are_apart, texts
-from vibro_cli.api import Run, simulate
+from tests.gallery import GALLERY, run_of
+from vibro_cli.api import simulate
 from vibro_cli.figures.kinds import draw_one
 from vibro_cli.figures.runs.velocities import striking, touching_point, velocities
 from vibro_cli.figures.style import render
 from vibro_cli.scenario import any_scenario_of, load_scenario
 
-FOLDER = Path(__file__).parents[2] / "scenarios"
+TWELVE = "stop.collisions=12"
 NAMES = ["three_arcs", "unequal_hedrih", "closed_three_balls", "horizontal_line_1_3"]
-
-
-@cache
-def run_of(name: str) -> Run:
-    return simulate(load_scenario(FOLDER / f"{name}.toml", ["stop.collisions=12"]))
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_velocities_of_the_touching_points_are_those_of_the_table(name: str) -> None:
     """Along the line of centres their difference is the speed of approach, then of separation."""
-    run = run_of(name)
+    run = run_of(name, TWELVE)
     for row in range(len(run.collisions["n"])):
         pair = striking(run, row)
         touch, normal = touching_point(pair)
@@ -43,7 +37,7 @@ def test_velocities_of_the_touching_points_are_those_of_the_table(name: str) -> 
 @pytest.mark.parametrize("name", NAMES)
 def test_the_bodies_roll(name: str) -> None:
     """The resting point is at rest, the centre moves along the trace, ω is that of the table."""
-    run = run_of(name)
+    run = run_of(name, TWELVE)
     for one in striking(run, 0):
         for when in (0, 1):
             speed = one.speed[when]
@@ -63,7 +57,7 @@ def test_a_body_without_inertia_slides_as_a_particle(kind: str) -> None:
     """κ = 1: the tables have no ω of it, and figures no rolling."""
     pictures = []
     for body in ({"body": "particle"}, {"inertia_ratio": 0.0}):
-        document = load_scenario(FOLDER / "one_circle.toml", ["stop.collisions=2"]).given()
+        document = load_scenario(GALLERY / "one_circle.toml", ["stop.collisions=2"]).given()
         for ball in document["balls"]:
             del ball["density"]
             ball |= {"mass": 1.0, **body}
@@ -78,7 +72,7 @@ def test_a_body_without_inertia_slides_as_a_particle(kind: str) -> None:
 
 
 def test_a_sliding_particle_does_not_turn() -> None:
-    path = FOLDER / "particle_on_arcs.toml"
+    path = GALLERY / "particle_on_arcs.toml"
     run = simulate(load_scenario(path, ["stop.collisions=1"]))
     one, _ = striking(run, 0)
     np.testing.assert_array_equal(one.velocity(one.resting, 0), one.velocity(one.centre, 0))
@@ -86,7 +80,7 @@ def test_a_sliding_particle_does_not_turn() -> None:
 
 def test_bodies_in_translation_have_one_velocity_each_and_an_impulse() -> None:
     """B fig. 1: arrows of the centres alone; B (6): 8/3 N s."""
-    figure = velocities(run_of("translation"))
+    figure = velocities(run_of("translation", TWELVE))
     assert figure is not None
     assert_texts_are_apart(figure)
     shown = [text.get_text() for text in texts(figure)]
@@ -105,7 +99,7 @@ def test_nothing_is_said_of_the_turning_of_bodies_that_slide(name: str, kind: st
         data = {"system": "table", "balls": balls, "collision": {"k": 1.0}, "stop": {"time": 2.0}}
         run = simulate(any_scenario_of(data))
     else:
-        run = run_of(name)
+        run = run_of(name, TWELVE)
     one = draw_one(run, kind, 1, "single")
     assert one is not None
     assert_texts_are_apart(one.figure)
@@ -117,9 +111,9 @@ def test_nothing_is_said_of_the_turning_of_bodies_that_slide(name: str, kind: st
 @pytest.mark.parametrize("width", ["single", "double"])
 @pytest.mark.parametrize("name", NAMES)
 def test_no_text_is_cut_off_or_overlaps_another(name: str, width: str) -> None:
-    figure = velocities(run_of(name), width)
+    figure = velocities(run_of(name, TWELVE), width)
     assert figure is not None
-    impacts = min(len(run_of(name).collisions["n"]), 2 if width == "single" else 4)
+    impacts = min(len(run_of(name, TWELVE).collisions["n"]), 2 if width == "single" else 4)
     assert len(figure.axes) == 2 * impacts
     assert_texts_are_apart(figure)
 
@@ -131,7 +125,7 @@ def test_large_and_small_values_have_a_prefix(radius: float, gravity: float, wid
     """As many rad/s in words as in the table, and no text over the next panel."""
     radii = [f"balls[{ball}].radius={radius}" for ball in (1, 2)]
     changes = [f"gravity={gravity}", "stop={collisions = 4}", *radii]
-    run = simulate(load_scenario(FOLDER / "three_arcs.toml", changes))
+    run = simulate(load_scenario(GALLERY / "three_arcs.toml", changes))
     figure = velocities(run, width)
     assert figure is not None
     assert_texts_are_apart(figure)
@@ -145,14 +139,14 @@ def test_large_and_small_values_have_a_prefix(radius: float, gravity: float, wid
 
 
 def test_an_inadmissible_impact_is_named() -> None:
-    figure = velocities(run_of("unequal_hedrih"), "double")
+    figure = velocities(run_of("unequal_hedrih", TWELVE), "double")
     assert figure is not None
     shown = [text.get_text() for text in texts(figure)]
     assert "after (inadmissible)" in shown
 
 
 def test_no_impact_has_no_plan() -> None:
-    run = simulate(load_scenario(FOLDER / "lone_particle.toml", ["stop.time=0.1"]))
+    run = simulate(load_scenario(GALLERY / "lone_particle.toml", ["stop.time=0.1"]))
     assert velocities(run) is None
     with pytest.raises(ValueError, match="triple"):
         velocities(run, "triple")

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import tomllib
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from tests.gallery import hard_case
 from vibro_cli.stress import digits
 from vibro_cli.stress.oracles.oracle import Told
 from vibro_cli.stress.oracles.scene import mp
 from vibro_cli.stress.scenes import VALLEY, Document, ball, scene, solve, system_of
 from vibro_cli.systems.run import Run
 
-HARD = Path(__file__).parents[1] / "hard_cases"
 # Each within seconds for the oracle.
 NAMES = (
     "hit_on_a_group_across", "three_against_a_wall", "contact_on_a_turning_line",
@@ -27,7 +25,7 @@ NAMES = (
 @pytest.mark.usefixtures("no_hang")
 @pytest.mark.parametrize("name", NAMES)
 def test_hard_cases(name: str) -> None:
-    document = tomllib.loads((HARD / f"{name}.toml").read_text(encoding="utf-8"))
+    document = hard_case(name)
     assert_right(digits.compared(document))
 
 
@@ -45,7 +43,7 @@ def two_balls(law: str = "normal-impulse") -> Document:
 
 
 def test_an_inadmissible_impact_from_a_height_lost_in_rounding_is_none() -> None:
-    hard = tomllib.loads((HARD / "closes_up_to_rounding.toml").read_text(encoding="utf-8"))
+    hard = hard_case("closes_up_to_rounding")
     run = solve(hard, "compiled")
     told = Told(end_cause="inadmissible", end_approach=mp.mpf("1e-8"))
     assert digits._decided_by_rounding(run, told)

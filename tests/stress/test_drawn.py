@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import time
-import tomllib
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from tests.gallery import hard_case
 from vibro_cli.kernels.impact.laws import LAW_NAMES
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.stress import physics
@@ -36,8 +35,6 @@ from vibro_cli.stress.scenes import (
 from vibro_cli.stress.suite import line_of
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.trace import simulate_system
-
-HARD = Path(__file__).parents[1] / "hard_cases"
 
 
 @pytest.fixture(scope="module")
@@ -192,7 +189,7 @@ def test_so_many_scenes_as_asked_for() -> None:
     ],
 )
 def test_sequences_at_one_instant_have_mirror_images(name: str) -> None:
-    document = tomllib.loads((HARD / f"{name}.toml").read_text(encoding="utf-8"))
+    document = hard_case(name)
 
     def solved(system: TraceSystem) -> Run:
         return simulate_system(system, document["stop"]["time"], None)
@@ -218,7 +215,7 @@ def test_a_row_that_turns_at_its_wall_is_told_up_to_rounding(a_run: Run) -> None
 
 
 def test_a_pair_that_parts_by_rounding_only_does_not_jump() -> None:
-    document = tomllib.loads((HARD / "launched_without_parting.toml").read_text(encoding="utf-8"))
+    document = hard_case("launched_without_parting")
     run = simulate_system(system_of(document), document["stop"]["time"], None)
     assert physics.jumps(run, physics.motion_of(run, 500)) == []
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from tests.gallery import GALLERY, run_of
 from vibro_cli.api import simulate
 from vibro_cli.kernels.statistics.impact_columns import place_on
 from vibro_cli.kernels.world import PieceData
@@ -18,12 +18,6 @@ from vibro_cli.storage.tables import record_batch
 from vibro_cli.systems import system_named
 from vibro_cli.systems.columns import converging, exponents
 from vibro_cli.systems.trace import tables
-
-FOLDER = Path(__file__).parents[2] / "scenarios"
-
-
-def run_of(name: str, *overrides: str) -> Any:
-    return simulate(load_any(FOLDER / f"{name}.toml", [*overrides]))
 
 
 @pytest.mark.parametrize("name", ["three_arcs", "one_circle", "five_balls", "springs/two_disks"])
@@ -127,7 +121,7 @@ def test_a_spring_lets_its_body_oscillate_and_its_saddle_parts_the_loops() -> No
 )
 def test_columns_that_may_have_no_value_say_so(name: str, overrides: list[str]) -> None:
     """Of bodies that slide, on lines, and at rest: the file has null, and refuses it elsewhere."""
-    scenario = load_any(FOLDER / f"{name}.toml", ["stop.collisions=3", *overrides])
+    scenario = load_any(GALLERY / f"{name}.toml", ["stop.collisions=3", *overrides])
     run, kind = simulate(scenario), system_named(scenario.system)
     rows = 0
     for table in kind.impact_tables:
@@ -146,7 +140,7 @@ def test_every_column_of_impacts_on_a_trace_is_written(
     name: str, engine: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """What the memory held shows nowhere, and interpreted no place is beyond the last column."""
-    scenario = load_any(FOLDER / f"{name}.toml", ["stop.collisions=6"])
+    scenario = load_any(GALLERY / f"{name}.toml", ["stop.collisions=6"])
     found = []
     for value in (0, 1):
         table = partial(tables.ImpactTable, room=partial(_held, value=value))

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import math
-import tomllib
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from tests.gallery import hard_case
 from vibro_cli import Scenario, simulate
 
-HARD = Path(__file__).parents[2] / "hard_cases"
 # Powers of length and time in the numbers of a scenario; masses stay.
 POWERS = {
     "gravity": (1, -2),
@@ -53,7 +51,7 @@ def scaled(data: Any, length: int, time: int, key: str = "") -> Any:
 @pytest.mark.parametrize(("length", "time"), [(-20, 0), (20, 0), (-20, -10), (20, 10)])
 @pytest.mark.parametrize("name", SCENES)
 def test_any_size_moves_alike_to_the_bit(name: str, length: int, time: int) -> None:
-    data = tomllib.loads((HARD / f"{name}.toml").read_text())
+    data = hard_case(name)
     run = simulate(Scenario.from_dict(data))
     other = simulate(Scenario.from_dict(scaled(data, length, time)))
     assert other.summary["end_cause"] == run.summary["end_cause"]
