@@ -32,15 +32,12 @@ _LEAST = 3
 
 def conclude(rows: Sequence[Row]) -> list[str]:
     """Return the conclusions, a sentence or a few each."""
+    precise = [row for row in rows if row.part == "precision"]
     return [
-        *_of_scenes(rows), *_against_heyoka(rows), *_of_lost(rows), *_of_series(rows),
+        *_of_scenes(precise), *_against_heyoka(precise), *_of_lost(precise), *_of_series(precise),
         *_of_growth(rows), *_of_grid(rows), *_of_kept(rows), *_of_memory(rows), *_of_skips(rows),
         *_of_commands(rows),
     ]  # fmt: skip
-
-
-def _precision(rows: Sequence[Row]) -> list[Row]:
-    return [row for row in rows if row.part == "precision"]
 
 
 def _find(rows: Sequence[Row], scene: str, method: str) -> Row | None:
@@ -50,27 +47,23 @@ def _find(rows: Sequence[Row], scene: str, method: str) -> Row | None:
 
 def _of_scenes(rows: Sequence[Row]) -> Iterator[str]:
     """Our time and error on each scene, and the fastest other method that is nearly as exact."""
-    for scene in dict.fromkeys(row.scene for row in _precision(rows)):
-        ours = _find(_precision(rows), scene, COMPILED)
+    for scene in dict.fromkeys(row.scene for row in rows):
+        ours = _find(rows, scene, COMPILED)
         if ours is None or ours.per_impact is None or ours.error is None:
             continue
+        batch = _find(rows, scene, BATCH)
+        many = f" ({_time(batch.per_impact)} in a batch)" if batch and batch.per_impact else ""
         text = (
             f"{BY_NAME[scene].title.capitalize()}: the compiled solver takes "
-            f"{_time(ours.per_impact)} for an impact{_in_a_batch(rows, scene)}, with a relative "
-            f"error of {ours.error:.1e} in "
-            f"the times of the first {ours.compared}"
+            f"{_time(ours.per_impact)} for an impact{many}, with a relative error of "
+            f"{ours.error:.1e} in the times of the first {ours.compared}"
         )
         yield text + _fastest_other(rows, scene, ours)
 
 
-def _in_a_batch(rows: Sequence[Row], scene: str) -> str:
-    batch = _find(_precision(rows), scene, BATCH)
-    return f" ({_time(batch.per_impact)} in a batch)" if batch and batch.per_impact else ""
-
-
 def _fastest_other(rows: Sequence[Row], scene: str, ours: Row) -> str:
     others = [
-        row for row in _precision(rows)
+        row for row in rows
         if row.scene == scene and row.method not in _OURS and row.per_impact and row.status == "ok"
     ]  # fmt: skip
     if not others or ours.per_impact is None:
@@ -89,8 +82,8 @@ def _fastest_other(rows: Sequence[Row], scene: str, ours: Row) -> str:
 def _against_heyoka(rows: Sequence[Row]) -> Iterator[str]:
     for method in _HEYOKA:
         ratios = []
-        for row in _precision(rows):
-            ours = _find(_precision(rows), row.scene, COMPILED)
+        for row in rows:
+            ours = _find(rows, row.scene, COMPILED)
             if row.method != method or row.setting not in ("1e-16", "1e-09"):
                 continue
             if row.per_impact and ours is not None and ours.per_impact:
@@ -106,7 +99,7 @@ def _against_heyoka(rows: Sequence[Row]) -> Iterator[str]:
 
 
 def _of_lost(rows: Sequence[Row]) -> Iterator[str]:
-    lost = [row for row in _precision(rows) if row.status != "ok"]
+    lost = [row for row in rows if row.status != "ok"]
     for scene, group in groupby(lost, key=lambda row: row.scene):
         told = ", ".join(f"{row.method} {row.setting}" for row in group)
         yield f"Lost on {BY_NAME[scene].title} (other impacts than the motion's, or none): {told}."
@@ -115,7 +108,7 @@ def _of_lost(rows: Sequence[Row]) -> Iterator[str]:
 def _of_series(rows: Sequence[Row]) -> Iterator[str]:
     """How bad the papers' series is, and how slowly higher orders help."""
     for scene in dict.fromkeys(row.scene for row in rows if row.method == SERIES):
-        own = [row for row in _precision(rows) if row.scene == scene and row.method == SERIES]
+        own = [row for row in rows if row.scene == scene and row.method == SERIES]
         good = [row for row in own if row.error is not None]
         first = next((row for row in own if row.setting == f"order {PAPERS_ORDER}"), None)
         if first is None:

@@ -14,7 +14,6 @@ import tempfile
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
-from importlib.util import find_spec
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
@@ -35,6 +34,7 @@ from vibro_cli.benchmark.measurement import (
     shared_out,
     timed,
 )
+from vibro_cli.benchmark.methods import installed_peers
 from vibro_cli.benchmark.methods.runner import Lost, Motion
 from vibro_cli.benchmark.methods.with_heyoka import NAME, TOLERANCES, Lanes
 from vibro_cli.benchmark.methods.with_vibro import DriverRunner, driver_of
@@ -259,7 +259,7 @@ def measure_on_all_cores(plan: Plan) -> list[Row]:
     count, cores = _SCENARIOS[plan.form], available_cores()
     jobs = [(Row(PART, _SCENE, BATCH, "exact", size=count), Job(Crew(cores, count).go))]
     others: list[Processes] = []
-    if find_spec("heyoka"):
+    if "heyoka" in installed_peers():
         for tolerance in TOLERANCES:
             row = Row(PART, _SCENE, NAME, f"{tolerance:g}", size=count)
             others.append(Processes(cores, count, tolerance))
@@ -302,6 +302,7 @@ APART = "searches of pairs out of reach"
 ROWS = "rows that nobody keeps"
 TABLES = "tables that nobody asks for"
 FIGURES = "figures that nobody asks for"
+_SHORT_RUN = 300
 
 
 class _Searching(DriverRunner):
@@ -316,29 +317,20 @@ class _Searching(DriverRunner):
 
 def measure_skips(plan: Plan) -> list[Row]:
     """Measure each skip on a scene where it matters, with and without it by turns."""
-    impacts = 500 if plan.form == "quick" else 20_000
+    impacts = 500 if plan.form == "quick" else _IMPACTS
     jobs = []
-    for skip, scene, *runners in _kernel_skips():
-        for setting, runner in zip((WITH, WITHOUT), runners, strict=True):
-            row = Row("skips", scene.name, skip, setting, impacts=impacts)
+    for skip, name, without in (
+        (APART, "three_arcs", _Searching),
+        (ROWS, "circle", partial(DriverRunner, keep=True)),
+    ):
+        for setting, kind in ((WITH, DriverRunner), (WITHOUT, without)):
+            runner = kind(BY_NAME[name].system, "compiled")
+            row = Row("skips", name, skip, setting, impacts=impacts)
             jobs.append((row, Job(runner.go, partial(runner.ready, impacts))))
     for setting, all_of_them in ((WITH, False), (WITHOUT, True)):
         row = Row("skips", "three_arcs", TABLES, setting, impacts=_SHORT_RUN)
         jobs.append((row, Job(partial(_make_tables, all_of_them))))
     return timed(jobs, plan) + _measure_figures(plan)
-
-
-_SHORT_RUN = 300
-
-
-def _kernel_skips() -> list[tuple[str, Scene, DriverRunner, DriverRunner]]:
-    """What is skipped, on which scene, and what runs it with the skip and without."""
-    three, circle = BY_NAME["three_arcs"], BY_NAME["circle"]
-    plain = [DriverRunner(scene.system, "compiled") for scene in (three, circle)]
-    return [
-        (APART, three, plain[0], _Searching(three.system, "compiled")),
-        (ROWS, circle, plain[1], DriverRunner(circle.system, "compiled", keep=True)),
-    ]
 
 
 def _make_tables(all_of_them: bool) -> None:
