@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.commands.conftest import Vibro
+from tests.grids.kill import content
 from tests.two_balls import SCENARIO
 
 GRID = """
@@ -42,15 +43,6 @@ def grid(tmp_path: Path, scenario: Path) -> Path:
     path = tmp_path / "sweep.toml"
     path.write_text(GRID)
     return path
-
-
-def content(folder: Path) -> dict[str, bytes]:
-    """Every file of a folder but its lock."""
-    return {
-        str(path.relative_to(folder)): path.read_bytes()
-        for path in sorted(folder.rglob("*"))
-        if path.is_file() and not path.name.startswith(".")
-    }
 
 
 def test_a_grid_is_solved_verified_and_found_finished(vibro: Vibro, grid: Path) -> None:

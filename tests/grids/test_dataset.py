@@ -19,6 +19,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from tests.grids.conftest import Write
+from tests.grids.kill import content, kill_and_go_on
 from vibro_cli.grids.chunks import Chunks
 from vibro_cli.grids.dataset import (
     FolderInUse,
@@ -38,15 +39,6 @@ from vibro_cli.storage.stored import open_grid
 pytestmark = pytest.mark.long
 
 SIZE = 5  # points of a chunk: three chunks, the last one short
-
-
-def content(folder: Path) -> dict[str, bytes]:
-    """Every file of a folder but locks."""
-    return {
-        str(path.relative_to(folder)): path.read_bytes()
-        for path in sorted(folder.rglob("*"))
-        if path.is_file() and path.name != ".lock"
-    }
 
 
 def solve(
@@ -350,8 +342,6 @@ def command(grid: Path, folder: Path, *more: str) -> list[str]:
 def test_whatever_ends_the_process_the_same_command_goes_on(
     small: Write, tmp_path: Path, end: signal.Signals
 ) -> None:
-    from tests.grids.kill import kill_and_go_on
-
     path = small()
     grid = load_grid(path, ["stop.collisions=4"])
     reference = subprocess.run(command(path, tmp_path / "whole"), capture_output=True, check=True)

@@ -166,25 +166,6 @@ class Polygon:
         return min(found, key=lambda one: one[0]) if found else None
 
 
-class Box:
-    """A rectangle around the balls, its middle at the origin."""
-
-    def __init__(self, width: float, depth: float, k: float) -> None:
-        self.half, self.k = (number(width) / 2, number(depth) / 2), number(k)
-
-    def hit(self, one: Ball) -> tuple[Any, Vector]:
-        """Time until the contact, and the normal there."""
-        found = []
-        for axis in (0, 1):
-            for sign in (1, -1):
-                speed = sign * one.velocity[axis]
-                if speed > 0:
-                    room = self.half[axis] - one.radius - sign * one.place[axis]
-                    normal = (mp.mpf(sign), mp.zero) if axis == 0 else (mp.zero, mp.mpf(sign))
-                    found.append((room / speed, normal))
-        return min(found, key=lambda one: one[0])
-
-
 def pair_time(one: Ball, other: Ball) -> Any:
     """Time until two balls touch, None if never."""
     d = [b - a for a, b in zip(one.place, other.place, strict=True)]

@@ -111,9 +111,8 @@ def traces(draw: st.DrawFn, pieces: int = 5, turn: float = 3.0) -> Trace:
     return Trace.chain(start, shapes)
 
 
-@settings(deadline=None)
-@given(traces(), st.floats(0.0, 0.5))
-def test_a_body_that_passes_touches_no_sampled_point(trace: Trace, radius: float) -> None:
+def assert_no_sampled_point_is_touched(trace: Trace, radius: float) -> None:
+    """Fail if a body that passes comes to a point of a piece that it is said not to touch."""
     assume(not any(narrow_valleys(trace, radius) + overlapping_pieces(trace)))
     touched = touched_pieces(trace, radius)
     bodies, points = centres(trace, radius), centres(trace, 0.0)
@@ -121,6 +120,12 @@ def test_a_body_that_passes_touches_no_sampled_point(trace: Trace, radius: float
         for j, piece in enumerate(points):
             if (i, j) not in touched:
                 assert distances(body, piece).min() >= radius - 1e-12
+
+
+@settings(deadline=None)
+@given(traces(), st.floats(0.0, 0.5))
+def test_a_body_that_passes_touches_no_sampled_point(trace: Trace, radius: float) -> None:
+    assert_no_sampled_point_is_touched(trace, radius)
 
 
 @settings(deadline=None)
@@ -205,13 +210,7 @@ def test_on_closed_traces_too_a_body_that_passes_touches_no_sampled_point(
     distance, turn = trace.closing_error()
     assert distance <= 1e-14 * trace.length
     assert turn == math.tau
-    assume(not any(narrow_valleys(trace, radius) + overlapping_pieces(trace)))
-    touched = touched_pieces(trace, radius)
-    bodies, points = centres(trace, radius), centres(trace, 0.0)
-    for i, body in enumerate(bodies):
-        for j, piece in enumerate(points):
-            if (i, j) not in touched:
-                assert distances(body, piece).min() >= radius - 1e-12
+    assert_no_sampled_point_is_touched(trace, radius)
 
 
 def opposite_bodies_touch(trace: Trace, radii: tuple[float, ...]) -> bool:

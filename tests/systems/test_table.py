@@ -57,6 +57,7 @@ def twins_of(document: Document) -> list[twin.Ball]:
 
 
 L_SHAPE = [[-1.2, -1.0], [1.2, -1.0], [1.2, 0.1], [0.2, 0.1], [0.2, 1.1], [-1.2, 1.1]]
+RECTANGLE = [[-1.0, -0.7], [1.0, -0.7], [1.0, 0.7], [-1.0, 0.7]]
 KITE = [[-0.9, 0.1], [0.1, -0.7], [0.8, 0.2], [0.0, 0.6]]
 """Corners of a room with one that points at the balls, and of an obstacle."""
 
@@ -86,7 +87,7 @@ CASES: dict[str, tuple[Document, Any]] = {
     ),
     "rectangle": (
         table([ball(0.3, 0.1, 0.9, 0.7)], box(2.0, 1.4, 0.9), bounces=10),
-        twin.Box(2.0, 1.4, 0.9),
+        twin.Polygon(RECTANGLE, 0.9),
     ),
     "polygon": (
         table([ball(-0.5, -0.1, 0.9, 0.7)], polygon(L_SHAPE, 0.98), bounces=12),
@@ -129,7 +130,7 @@ CASES: dict[str, tuple[Document, Any]] = {
             ],
             box(2.0, 1.4, 0.9), k=0.95, collisions=10, bounces=10,
         ),
-        twin.Box(2.0, 1.4, 0.9),
+        twin.Polygon(RECTANGLE, 0.9),
     ),
     "ellipse, two balls": (
         table(

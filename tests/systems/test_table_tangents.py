@@ -3,38 +3,21 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 import pytest
 
+from tests.systems.table_cases import Document, ball, box, ellipse, particle, table
 from tests.systems.tangent_cases import follow
 from vibro_cli.api import simulate
 from vibro_cli.kernels.impact.laws import LAW_NAMES
 from vibro_cli.scenario import any_scenario_of
 from vibro_cli.stress.oracles.sensitivity import map_error
-from vibro_cli.stress.scenes import Document, Plan
+from vibro_cli.stress.scenes import Plan
 from vibro_cli.systems.table import stress
 
-ELLIPSE: Document = {"shape": "ellipse", "semi_axis_x": 1.0, "semi_axis_y": 0.8, "k": 1.0}
-
-
-def ball(x: float, y: float, vx: float = 0.0, vy: float = 0.0, radius: float = 0.1) -> Document:
-    moving = {"velocity_x": vx, "velocity_y": vy}
-    body = {"body": "particle"} if radius == 0.0 else {}
-    return {"radius": radius, "mass": 1.0, "x": x, "y": y, **moving, **body}
-
-
-def scene(balls: list[Document], wall: Document | None = None, k: float = 1.0, **more: Any) -> Any:
-    document: Document = {"system": "table", "balls": balls, **more}
-    if wall is not None:
-        document["wall"] = wall
-    if len(balls) > 1:
-        document["collision"] = {"k": k} | document.get("collision", {})
-    return document
-
-
-TWO = [ball(0.3, 0.1, 1.0, 0.3), ball(-0.3, 0.1, 0.5, 0.7) | {"mass": 2.0}]
+ELLIPSE = ellipse(1.0, 0.8)
+TWO = [ball(0.3, 0.1, 1.0, 0.3), ball(-0.3, 0.1, 0.5, 0.7, mass=2.0)]
 
 
 @pytest.mark.parametrize("seed", [1, 2])
@@ -49,10 +32,10 @@ def test_walls_met_from_outside_and_corners_agree_with_50_digits(shape: str) -> 
     walls: dict[str, Document] = {
         "convex_outside": ELLIPSE | {"side": "outside", "k": 0.7},
         "circle_outside": {"shape": "circle", "radius": 0.9, "side": "outside", "k": 0.4},
-        "corner": {"shape": "rectangle", "width": 2.0, "depth": 1.6, "side": "outside", "k": 0.6},
+        "corner": box(2.0, 1.6, 0.6, side="outside"),
     }
     start = ball(-3.0, 0.2, 1.0, 0.05) if shape != "corner" else ball(-3.0, -0.85, 1.0, 0.0)
-    document = scene([start], walls[shape], stop={"bounces": 1, "time": 9.0})
+    document = table([start], walls[shape], bounces=1, time=9.0)
     error = map_error(document, stress.neighbours)
     assert error is not None
     assert error < 1e-13
@@ -61,10 +44,10 @@ def test_walls_met_from_outside_and_corners_agree_with_50_digits(shape: str) -> 
 @pytest.mark.parametrize("law", LAW_NAMES)
 @pytest.mark.parametrize("k", [1.0, 0.999, 0.9])
 def test_volumes_shrink_by_the_restitution_at_each_impact(law: str, k: float) -> None:
-    small = ball(-0.3, 0.1, 0.5, 0.7, radius=0.08) | {"mass": 2.0}
-    law_of = {"law": law, "inadmissible": "normal-impulse"}
+    small = ball(-0.3, 0.1, 0.5, 0.7, radius=0.08, mass=2.0)
     wall = ELLIPSE | {"k": k}
-    document = scene([TWO[0], small], wall, k, collision=law_of, stop={"collisions": 12})
+    document = table([TWO[0], small], wall, k, collisions=12)
+    document["collision"] |= {"law": law, "inadmissible": "normal-impulse"}
     found, _, whole = follow(document)
     rows, bounces = whole.logs["pair_log"], len(whole.logs["bounce_log"])
     parting = rows["normal_b_post"] - rows["normal_a_post"]
@@ -79,7 +62,7 @@ def test_volumes_shrink_by_the_restitution_at_each_impact(law: str, k: float) ->
 
 
 def test_exponents_come_in_pairs_and_a_chaotic_run_has_one_above_zero() -> None:
-    found, _, _ = follow(scene(TWO, ELLIPSE, stop={"collisions": 4000}))
+    found, _, _ = follow(table(TWO, ELLIPSE, collisions=4000))
     exponents, error = found.growth.exponents()
     assert exponents[0] > 10.0 * error[0]
     assert exponents[0] > 0.4
@@ -92,13 +75,13 @@ def test_exponents_come_in_pairs_and_a_chaotic_run_has_one_above_zero() -> None:
     [
         {"shape": "circle", "radius": 1.0, "k": 1.0},
         ELLIPSE,
-        {"shape": "rectangle", "width": 2.0, "depth": 1.6, "k": 1.0},
+        box(2.0, 1.6),
     ],
     ids=["circle", "ellipse", "rectangle"],
 )
 def test_exponents_of_a_regular_motion_tend_to_zero(wall: Document) -> None:
     for bounces in (1000, 10000):
-        run = scene([ball(0.3, 0.1, 1.0, 0.4, radius=0.0)], wall, stop={"bounces": bounces})
+        run = table([particle(0.3, 0.1, 1.0, 0.4)], wall, bounces=bounces)
         found, _, _ = follow(run)
         exponents, _ = found.growth.exponents(per_impact=True)
         assert abs(exponents[0]) < 1.5 * math.log(bounces) / bounces
@@ -112,8 +95,8 @@ def test_a_bounce_along_an_axis_has_the_trace_of_its_chord(axis: int, radius: fl
     a, b = (1.0, 0.8) if axis == 0 else (0.8, 1.0)
     chord, curvature = 2.0 * (a - radius), b * b / a - radius
     speeds = (1.0, 0.0) if axis == 0 else (0.0, 1.0)
-    one = scene([ball(0.0, 0.0, *speeds, radius)], ELLIPSE, stop={"time": chord, "bounces": 9})
-    found, _, whole = follow(one)
+    one = ball(0.0, 0.0, *speeds, radius=radius) if radius else particle(0.0, 0.0, *speeds)
+    found, _, whole = follow(table([one], ELLIPSE, time=chord, bounces=9))
     assert len(whole.logs["bounce_log"]) == 1
     across = np.ix_([1 - axis, 3 - axis], [1 - axis, 3 - axis])
     trace = -float(np.trace(found.matrix()[across]))
@@ -123,7 +106,7 @@ def test_a_bounce_along_an_axis_has_the_trace_of_its_chord(axis: int, radius: fl
 def test_joint_impacts_have_the_derivative_of_those_that_stay_joint() -> None:
     """Changes that are their own mirror image leave the impact of three balls what it is."""
     still = [ball(0.0, 0.12), ball(0.0, -0.12)]
-    document = scene([ball(-1.0, 0.0, 1.0) | {"mass": 2.0}, *still], k=0.7, stop={"time": 2.0})
+    document = table([ball(-1.0, 0.0, 1.0, mass=2.0), *still], k=0.7, time=2.0)
     found, columns, _ = follow(document)
     assert columns["collisions"]["smooth"].tolist() == [False, False]
     assert np.isfinite(columns["collisions"]["amplification"]).all()
@@ -151,7 +134,7 @@ def test_joint_impacts_have_the_derivative_of_those_that_stay_joint() -> None:
 
 def test_an_impact_without_restitution_takes_a_direction() -> None:
     """Balls that touch without parting, at any time: of eight numbers seven are free."""
-    found, columns, _ = follow(scene(TWO, ELLIPSE, 0.0, stop={"collisions": 1}))
+    found, columns, _ = follow(table(TWO, ELLIPSE, 0.0, collisions=1))
     assert columns["collisions"]["smooth"].tolist() == [True]
     assert np.isneginf(found.sums).sum() == 1
     values = np.linalg.svd(found.matrix(), compute_uv=False)
@@ -161,7 +144,7 @@ def test_an_impact_without_restitution_takes_a_direction() -> None:
 
 def test_nothing_goes_on_from_an_impact_that_is_not_carried_out() -> None:
     balls = [ball(-1.0, 0.0, 1.0, radius=0.2), ball(0.0, 0.0, 0.6, radius=0.08)]
-    document = scene(balls, k=0.6, stop={"collisions": 3})
+    document = table(balls, k=0.6, collisions=3)
     run = simulate(any_scenario_of(document | {"analysis": {"lyapunov": True}}))
     assert run.end_cause == "inadmissible"
     assert np.isnan(run.collisions["amplification"]).all()
@@ -169,8 +152,7 @@ def test_nothing_goes_on_from_an_impact_that_is_not_carried_out() -> None:
 
 
 def test_the_second_of_two_impacts_of_a_ball_at_one_instant_has_no_derivative() -> None:
-    wall = {"shape": "rectangle", "width": 2.0, "depth": 2.0, "k": 1.0}
-    corner = scene([ball(0.0, 0.0, 1.0, 1.0, radius=0.125)], wall, stop={"bounces": 3})
+    corner = table([ball(0.0, 0.0, 1.0, 1.0, radius=0.125)], box(2.0, 2.0), bounces=3)
     _, columns, whole = follow(corner)
     assert whole.logs["bounce_log"]["t"][0] == whole.logs["bounce_log"]["t"][1]
     assert columns["bounces"]["smooth"].tolist() == [False, False, True]

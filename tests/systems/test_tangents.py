@@ -10,8 +10,9 @@ import pytest
 
 from tests.grids.test_same_as_run import grid_of, plain
 from tests.systems.springs_cases import FIGURE_FIVE, springs
+from tests.systems.table_cases import table
 from tests.systems.tangent_cases import solved_and_streamed
-from tests.systems.test_table_tangents import ELLIPSE, TWO, scene
+from tests.systems.test_table_tangents import ELLIPSE, TWO
 from vibro_cli.api import simulate, simulate_streamed
 from vibro_cli.figures.kinds import draw_all
 from vibro_cli.grids.document import document_at
@@ -26,7 +27,7 @@ from vibro_cli.systems.tangents import LoggedMap
 
 GROWN: Document = {"analysis": {"lyapunov": True}}
 DOCUMENTS: dict[str, Document] = {
-    "table": scene(TWO, ELLIPSE, 0.95, stop={"collisions": 30}) | GROWN,
+    "table": table(TWO, ELLIPSE, 0.95, collisions=30) | GROWN,
     "springs": springs(FIGURE_FIVE, 0.95, collisions=8) | GROWN,
 }
 STRESS = {"table": table_stress, "springs": springs_stress}
