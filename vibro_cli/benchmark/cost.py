@@ -14,6 +14,7 @@ import tempfile
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
+from importlib.util import find_spec
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
@@ -34,7 +35,6 @@ from vibro_cli.benchmark.measurement import (
     shared_out,
     timed,
 )
-from vibro_cli.benchmark.methods import installed_peers
 from vibro_cli.benchmark.methods.runner import Lost, Motion
 from vibro_cli.benchmark.methods.with_heyoka import NAME, TOLERANCES, Lanes
 from vibro_cli.benchmark.methods.with_vibro import DriverRunner, driver_of
@@ -259,7 +259,7 @@ def measure_on_all_cores(plan: Plan) -> list[Row]:
     count, cores = _SCENARIOS[plan.form], available_cores()
     jobs = [(Row(PART, _SCENE, BATCH, "exact", size=count), Job(Crew(cores, count).go))]
     others: list[Processes] = []
-    if "heyoka" in installed_peers():
+    if find_spec("heyoka"):
         for tolerance in TOLERANCES:
             row = Row(PART, _SCENE, NAME, f"{tolerance:g}", size=count)
             others.append(Processes(cores, count, tolerance))
