@@ -5,7 +5,6 @@ A file `name.toml` of tests/impossible_scenarios has its errors in `name.toml.ex
 
 from __future__ import annotations
 
-import json
 import math
 from itertools import pairwise
 from pathlib import Path
@@ -14,18 +13,14 @@ from typing import Any
 import pytest
 
 from tests.effort import calls
-from tests.scenario.texts import parse_scenario
 from vibro_cli.assemble import build_system
 from vibro_cli.mechanics.initial_conditions import gap
-from vibro_cli.mechanics.system import InitialState, TraceSystem, Wall, mechanics_warnings
+from vibro_cli.mechanics.system import InitialState, Wall, mechanics_warnings
 from vibro_cli.scenario import ScenarioError, load_scenario
+from vibro_cli.stress.scenes import system_of
 
 FOLDER = Path(__file__).parent / "impossible_scenarios"
 GALLERY = Path(__file__).parents[1] / "scenarios"
-
-
-def system(data: dict[str, Any]) -> TraceSystem:
-    return build_system(parse_scenario(json.dumps(data), "json"))
 
 
 def ball(**changes: Any) -> dict[str, Any]:
@@ -79,7 +74,7 @@ def test_a_system_has_what_the_scenario_says() -> None:
         collision={"k": [0.1, 0.2, 0.3, 0.4], "law": "normal-impulse"},
         ends={"left": {"wall": 0.8}, "right": "stop"},
     )
-    built = system(data)
+    built = system_of(data)
     assert built.initial == (
         InitialState(0, -0.7, 2.0 * 0.9),
         InitialState(0, 0.2, -3.0 * 0.1),
@@ -103,7 +98,7 @@ def test_touching_bodies_stand_in_a_row() -> None:
         ball(touching="previous", arc=2, radius=0.3),
         ball(touching="previous", arc=2, radius=0.2, speed=1.0),
     )
-    built = system(data)
+    built = system_of(data)
     assert [state.piece for state in built.initial] == [0, 0, 0, 1, 1]
     row = list(zip(built.bodies, built.initial, strict=True))
     for (body_a, state_a), (body_b, state_b) in pairwise(row):
@@ -114,7 +109,7 @@ def test_touching_bodies_stand_in_a_row() -> None:
 
 def test_a_body_on_a_junction_starts_on_the_piece_it_moves_into() -> None:
     on_junction = [ball(angle=0.5, rate=rate) for rate in (0.0, -1.0, 1.0)]
-    states = [system(scenario(one)).initial[0] for one in on_junction]
+    states = [system_of(scenario(one)).initial[0] for one in on_junction]
     assert [state.piece for state in states] == [0, 0, 1]
     assert states[2] == InitialState(1, 0.0, 0.9)
 
@@ -130,7 +125,7 @@ def test_laws_that_surprise_are_warned_of() -> None:
         (unequal, "normal-impulse", None),
         (mixed, "normal-impulse", None),
     ):
-        built = system(scenario(*balls, collision={"k": 0.9, "law": law}))
+        built = system_of(scenario(*balls, collision={"k": 0.9, "law": law}))
         warnings = mechanics_warnings(built)
         assert len(warnings) == (words is not None)
         assert all(warning.startswith(words or "") for warning in warnings)
@@ -138,11 +133,11 @@ def test_laws_that_surprise_are_warned_of() -> None:
 
 def test_a_phase_beyond_double_precision_is_warned_of() -> None:
     """On the hump w = sqrt(g/(kappa rho)) = 3.42/s; 1/(2 w eps) = 6.6e14 s."""
-    built = system(scenario(ball(angle=-0.5)))
+    built = system_of(scenario(ball(angle=-0.5)))
     assert mechanics_warnings(built, 6.5e14) == mechanics_warnings(built) == ()
     (warning,) = mechanics_warnings(built, 6.7e14)
     assert "not determined in double precision from about t = 6.6e+14 s" in warning
-    (earlier,) = mechanics_warnings(system(scenario(ball(angle=-0.5, rate=2.0e3))), 1.0e13)
+    (earlier,) = mechanics_warnings(system_of(scenario(ball(angle=-0.5, rate=2.0e3))), 1.0e13)
     assert "t = 1.5e+12 s" in earlier
 
 
@@ -154,8 +149,8 @@ def test_the_seam_of_a_circle_counts_for_warnings() -> None:
     }
     radii = (0.1, 0.1, 0.1, 0.11)
     balls = [ball(angle=-1.0 + n, radius=radius) for n, radius in enumerate(radii)]
-    assert len(mechanics_warnings(system(scenario(*balls, trace=trace)))) == 1
-    assert not mechanics_warnings(system(scenario(*balls[:3], trace=trace)))
+    assert len(mechanics_warnings(system_of(scenario(*balls, trace=trace)))) == 1
+    assert not mechanics_warnings(system_of(scenario(*balls[:3], trace=trace)))
 
 
 def test_building_is_quick() -> None:

@@ -9,7 +9,6 @@ import pytest
 
 from tests.analysis.traces import BALL, DEGREE, hump, line, system, valley
 from tests.systems.trace.turning_scenes import on_lines, on_three_arcs
-from tests.systems.trace.turning_scenes import system as built
 from vibro_cli.analysis.levels import Landscape, level_curves, reaches
 from vibro_cli.analysis.singular import (
     CENTRE,
@@ -23,6 +22,7 @@ from vibro_cli.analysis.singular import (
 )
 from vibro_cli.mechanics.potential import Turning
 from vibro_cli.mechanics.trace import ArcShape, Piece
+from vibro_cli.stress.scenes import system_of
 
 
 def on_circle(rate: float, x: float = 1.0) -> Landscape:
@@ -73,7 +73,7 @@ def test_saddle_and_centre_meet_off_the_axis() -> None:
 
 @pytest.mark.parametrize("scene", [on_three_arcs(rate=1.7), on_lines()])
 def test_singular_points_are_where_the_potential_is_stationary(scene: dict[str, object]) -> None:
-    landscape = Landscape.of(built(scene), 1)
+    landscape = Landscape.of(system_of(scene), 1)
     points = singular_points(landscape)
     assert len(points) >= 3
     h = 1e-4
@@ -86,7 +86,7 @@ def test_singular_points_are_where_the_potential_is_stationary(scene: dict[str, 
 
 
 def test_lowest_place_has_no_energy() -> None:
-    landscape = Landscape.of(built(on_three_arcs(rate=1.7)), 1)
+    landscape = Landscape.of(system_of(on_three_arcs(rate=1.7)), 1)
     places = [
         (piece, np.linspace(piece.angle_start, piece.angle_end, 4001))
         for piece in landscape.trace.pieces
@@ -97,7 +97,7 @@ def test_lowest_place_has_no_energy() -> None:
 
 @pytest.mark.parametrize("share", [0.02, 0.4, 0.9, 1.3])
 def test_level_curves_have_their_energy(share: float) -> None:
-    landscape = Landscape.of(built(on_three_arcs(rate=1.7)), 1)
+    landscape = Landscape.of(system_of(on_three_arcs(rate=1.7)), 1)
     energy = share * max(point.energy for point in singular_points(landscape))
     found = 0
     for piece in landscape.trace.pieces:

@@ -17,6 +17,7 @@ from mpmath import mpf
 
 from vibro_cli.api import simulate
 from vibro_cli.scenario import load_scenario, scenario_of
+from vibro_cli.stress.scenes import scene
 from vibro_cli.systems.run import Run
 
 SCENARIO = Path(__file__).parents[3] / "scenarios" / "three_arcs.toml"
@@ -122,10 +123,7 @@ def row_of_three(
     balls[0]["angle"] = angle
     for ball in balls[1:]:
         ball["touching"] = "previous"
-    return {
-        "gravity": 9.81, "trace": trace, "balls": balls,
-        "collision": {"law": "normal-impulse", "k": 0.0}, "stop": {"time": 0.02},
-    }  # fmt: skip
+    return scene(trace, balls, 0.0, time=0.02)
 
 
 # On rotating traces: one contact loses its force on an arc, the other rolls on over the junction.

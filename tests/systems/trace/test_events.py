@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from vibro_cli.api import load_scenario, simulate
-from vibro_cli.scenario import scenario_of
+from vibro_cli.stress.scenes import scene, solve_any
 
 HARD = Path(__file__).parents[2] / "hard_cases"
 # Groups that part as one of them crosses, or that come over the seam of a circle together.
@@ -63,14 +63,7 @@ def test_the_event_that_ends_a_run_has_the_time_of_its_end() -> None:
             {"radius": 0.05, "mass": 1.0, "arc": 1, "angle": float(angle)},
             {"radius": 0.04, "mass": 1.0, "arc": 2, "position": 0.5, "speed": 0.7},
         ]
-        scene = {
-            "gravity": 9.81,
-            "trace": {"start_slope": -1.2, "surface": "one-sided", "arcs": arcs},
-            "balls": balls,
-            "collision": {"law": "normal-impulse", "k": 0.5},
-            "ends": {"right": {"wall": 0.9}},
-            "stop": {"time": 9.0},
-        }
-        run = simulate(scenario_of(scene))
+        trace = {"start_slope": -1.2, "surface": "one-sided", "arcs": arcs}
+        run = solve_any(scene(trace, balls, 0.5, time=9.0) | {"ends": {"right": {"wall": 0.9}}})
         assert run.end_cause == "lift_off"
         assert run.events["t"][-1] == run.end_time == run.collisions["t"][-1]

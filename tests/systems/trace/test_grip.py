@@ -8,60 +8,34 @@ from typing import Any
 import numpy as np
 import pytest
 
-from vibro_cli.api import simulate
-from vibro_cli.scenario import scenario_of
+from vibro_cli.stress.scenes import scene, solve_any, three_arcs
 from vibro_cli.systems.run import Run
 
 STEP = 1e-5  # of the differences that give accelerations
 
 
-def scene(case: str, surface: str) -> Run:
+def solved(case: str, surface: str) -> Run:
     balls, arcs, slope, time, friction = SCENES[case]
-    document: dict[str, Any] = {
-        "gravity": 9.81,
-        "trace": {"start_slope": slope, "surface": surface, "arcs": arcs},
-        "balls": balls,
-        "stop": {"time": time},
-        "output": {"friction": friction},
-    }
-    if len(balls) > 1:
-        document["collision"] = {"law": "normal-impulse", "k": 0.0}
-    return simulate(scenario_of(document), "python")
+    trace = {"start_slope": slope, "surface": surface, "arcs": arcs}
+    document = scene(trace, balls, 0.0, time=time) | {"output": {"friction": friction}}
+    return solve_any(document, "python")
+
+
+def pushed(arc: int, rate: float) -> list[dict[str, Any]]:
+    """A particle that pushes a hoop before it."""
+    both = {"radius": 0.1, "arc": arc, "rate": rate}
+    return [
+        both | {"body": "particle", "mass": 3.0, "angle": 0.4},
+        both | {"body": "hoop", "mass": 1.0, "touching": "previous"},
+    ]
 
 
 HUMP: list[dict[str, Any]] = [{"shape": "hump", "radius": 1.0, "end_slope": "-85 deg"}]
-ARCS: list[dict[str, Any]] = [
-    {"shape": "valley", "radius": 1.0, "end_slope": "50 deg"},
-    {"shape": "hump", "radius": 0.5, "end_slope": "-50 deg"},
-    {"shape": "valley", "radius": 1.0, "end_slope": "120 deg"},
-]
-PUSHED: list[dict[str, Any]] = [
-    {"body": "particle", "radius": 0.1, "mass": 3.0, "arc": 1, "angle": 0.4, "rate": 0.3},
-    {
-        "body": "hoop",
-        "radius": 0.1,
-        "mass": 1.0,
-        "arc": 1,
-        "touching": "previous",
-        "rate": 0.3,
-    },
-]
-# A hoop pushed over the end of a hump into a valley, so that the junction is between them.
-INTO_VALLEY: list[dict[str, Any]] = [
-    {"body": "particle", "radius": 0.1, "mass": 3.0, "arc": 2, "angle": 0.4, "rate": 2.2},
-    {
-        "body": "hoop",
-        "radius": 0.1,
-        "mass": 1.0,
-        "arc": 2,
-        "touching": "previous",
-        "rate": 2.2,
-    },
-]
 SCENES: dict[str, tuple[list[dict[str, Any]], list[dict[str, Any]], str, float, float]] = {
     "alone": ([{"radius": 0.1, "mass": 1.0, "arc": 1, "angle": 0.1}], HUMP, "85 deg", 3.0, 0.6),
-    "pushed over a hump": (PUSHED, HUMP, "85 deg", 3.0, 0.6),
-    "pushed into a valley": (INTO_VALLEY, ARCS, "-120 deg", 1.0, 0.25),
+    "pushed over a hump": (pushed(1, 0.3), HUMP, "85 deg", 3.0, 0.6),
+    # Over the end of a hump, so that the junction is between them.
+    "pushed into a valley": (pushed(2, 2.2), three_arcs(120)["arcs"], "-120 deg", 1.0, 0.25),
 }
 
 
@@ -109,7 +83,7 @@ def excess(run: Run, t: float, ball: int, name: str) -> float:
 @pytest.mark.parametrize("name", ["lift_off", "slip"])
 @pytest.mark.parametrize("case", SCENES)
 def test_events_are_where_the_forces_of_the_motion_change(case: str, name: str) -> None:
-    run = scene(case, "two-sided")
+    run = solved(case, "two-sided")
     end = run.summary_record()["end_time"]
     breaks = {0.0, end, *run.events["t"].tolist(), *run.collisions["t"].tolist()}
     found = 0
@@ -135,7 +109,7 @@ def test_events_are_where_the_forces_of_the_motion_change(case: str, name: str) 
 
 @pytest.mark.parametrize("case", SCENES)
 def test_a_one_sided_trace_ends_the_run_there(case: str) -> None:
-    free, held = scene(case, "two-sided"), scene(case, "one-sided")
+    free, held = solved(case, "two-sided"), solved(case, "one-sided")
     lifted = np.flatnonzero(free.events["event"] == "lift_off")[0]
     assert held.end_cause == "lift_off"
     assert held.events["event"][-1] == "lift_off"
@@ -151,23 +125,15 @@ STEEPEST = math.atan(1.0 / (SHARE * math.tan(TILT)))
 
 
 def pair_on_a_line(slope: float, surface: str, friction: float | None = None) -> Run:
-    document: dict[str, Any] = {
-        "gravity": 9.81,
-        "trace": {
-            "start_slope": -slope,
-            "surface": surface,
-            "arcs": [{"shape": "line", "length": 4.0}],
-        },
-        "balls": [
-            {"body": "particle", "radius": 0.3, "mass": 1.0, "arc": 1, "position": 1.0},
-            {"body": "hoop", "radius": 0.05, "mass": 3.0, "arc": 1, "touching": "previous"},
-        ],
-        "stop": {"time": 0.5},
-        "collision": {"law": "normal-impulse", "k": 0.0},
-    }
+    trace = {"start_slope": -slope, "surface": surface, "arcs": [{"shape": "line", "length": 4.0}]}
+    balls = [
+        {"body": "particle", "radius": 0.3, "mass": 1.0, "arc": 1, "position": 1.0},
+        {"body": "hoop", "radius": 0.05, "mass": 3.0, "arc": 1, "touching": "previous"},
+    ]
+    document = scene(trace, balls, 0.0, time=0.5)
     if friction is not None:
         document["output"] = {"friction": friction}
-    return simulate(scenario_of(document), "python")
+    return solve_any(document, "python")
 
 
 @pytest.mark.parametrize("surface", ["one-sided", "two-sided"])
@@ -234,14 +200,8 @@ def test_a_particle_that_the_trace_holds_back_needs_no_friction(
     if turning is not None:
         trace["turning"] = {"x": 0.0, "rate": turning}
     bodies = [{"body": "hoop", "mass": 1.0}, {"body": "particle", "mass": 0.1}]
-    document = {
-        "gravity": 9.81,
-        "trace": trace,
-        "balls": [a | b for a, b in zip(bodies, HELD[where], strict=True)],
-        "stop": {"time": 0.1},
-        "collision": {"k": 0.0},
-    }
-    run = simulate(scenario_of(document))
+    balls = [a | b for a, b in zip(bodies, HELD[where], strict=True)]
+    run = solve_any(scene(trace, balls, 0.0, "hedrih", time=0.1))
     instants = np.linspace(2.0 * STEP, 0.1 - 2.0 * STEP, 101)
     normal, friction = np.transpose([forces(run, t) for t in instants], (2, 0, 1))
     assert min(normal[:, 0]) > 0.0 > max(normal[:, 1])
@@ -265,16 +225,8 @@ def test_what_rolls_slips_where_a_hump_that_begins_level_cannot_hold_it(
     }
     if turning is not None:
         trace["turning"] = {"x": 1.0, "rate": turning}
-    document = {
-        "gravity": 9.81,
-        "trace": trace,
-        "balls": [
-            {"body": body, "radius": 0.05, "mass": 1.0, "arc": 1, "position": 0.4, "speed": speed}
-        ],
-        "stop": {"time": 0.15},
-        "output": {"friction": 0.3},
-    }
-    events = simulate(scenario_of(document)).events
+    ball = {"body": body, "radius": 0.05, "mass": 1.0, "arc": 1, "position": 0.4, "speed": speed}
+    events = solve_any(scene(trace, [ball], time=0.15) | {"output": {"friction": 0.3}}).events
     assert 9.81 - speed**2 / rho < 0.0
     for name, times in (("lift_off", [0.1]), ("slip", [0.1] if body == "disk" else [])):
         assert events["t"][events["event"] == name] == pytest.approx(times)
@@ -302,8 +254,7 @@ def test_without_friction_a_body_slips_wherever_rolling_needs_any(
 ) -> None:
     """It is not over with that at a bottom or a crest, where friction vanishes for no time."""
     ball = {"radius": 0.1, "mass": 1.0, "arc": 1, **start}
-    document = {"gravity": 9.81, "trace": trace, "balls": [ball], "output": {"friction": 0.0}}
-    run = simulate(scenario_of({**document, "stop": {"time": 2.5}}))
+    run = solve_any(scene(trace, [ball], time=2.5) | {"output": {"friction": 0.0}})
     times = np.linspace(1e-3, 2.5 - 1e-3, 997)
     earlier, later = (run.sample(times + shift)["speed"] for shift in (-STEP, STEP))
     needed = np.abs(later - earlier) > 1e-9
@@ -326,14 +277,9 @@ def over_a_junction(speed: float, surface: str, **keys: Any) -> Run:
         {"shape": "line", "length": 1.8},
         {"shape": "valley", "radius": 0.7, "end_slope": 0.6},
     ]
-    document = {
-        "gravity": 3.9,
-        "trace": {"start_slope": -1.2, "surface": surface, "arcs": arcs},
-        "balls": [ball | {"speed": speed} for ball in balls],
-        "collision": {"law": "normal-impulse", "k": 0.5},
-        "stop": {"time": 0.7},
-    }
-    return simulate(scenario_of({**document, **keys}))
+    trace = {"start_slope": -1.2, "surface": surface, "arcs": arcs}
+    document = scene(trace, [ball | {"speed": speed} for ball in balls], 0.5, time=0.7)
+    return solve_any(document | {"gravity": 3.9} | keys)
 
 
 @pytest.mark.parametrize("speed", [1.5, 1.75, 2.0])

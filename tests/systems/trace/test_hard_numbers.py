@@ -11,7 +11,8 @@ import pytest
 from scipy.integrate import quad, solve_ivp
 
 from vibro_cli.api import simulate
-from vibro_cli.scenario import load_scenario, scenario_of
+from vibro_cli.scenario import load_scenario
+from vibro_cli.stress.scenes import scene, solve_any
 from vibro_cli.systems.run import Run
 
 CASES = Path(__file__).parents[2] / "hard_cases"
@@ -68,28 +69,16 @@ def test_a_hump_is_crossed_in_the_time_that_its_quadrature_gives(
     """From any slope beyond 180 degrees to any other: t = integral of (R + r) d psi/v(psi)."""
     hump, line = (0.6, 0.1), 0.05
     ends = [math.radians(-mirror * end) for end in (first, last)[::mirror]]
-    scene = {
-        "gravity": 9.81,
-        "trace": {
-            "start_slope": ends[0],
-            "arcs": [
-                {"shape": "line", "length": line},
-                {"shape": "hump", "radius": hump[0], "end_slope": ends[1]},
-                {"shape": "line", "length": line},
-            ],
-        },
-        "balls": [
-            {
-                "radius": hump[1],
-                "mass": 1.0,
-                "arc": 2 - mirror,
-                "position": 0.5 * line,
-                "speed": 9.0 * mirror,
-            }
-        ],
-        "stop": {"time": 3.0},
-    }
-    run = simulate(scenario_of(scene), "python")
+    arcs = [
+        {"shape": "line", "length": line},
+        {"shape": "hump", "radius": hump[0], "end_slope": ends[1]},
+        {"shape": "line", "length": line},
+    ]
+    ball = {"radius": hump[1], "mass": 1.0, "arc": 2 - mirror, "position": 0.5 * line}
+    document = scene(
+        {"start_slope": ends[0], "arcs": arcs}, [ball | {"speed": 9.0 * mirror}], time=3.0
+    )
+    run = solve_any(document, "python")
     at = run.events["event"] == "crossing"
     entered, left = run.events["t"][at]
     v = float(run.events["speed"][at][0])

@@ -126,17 +126,13 @@ def test_row_that_fills_the_room_between_two_walls_has_impacts_without_end(
     monkeypatch: pytest.MonkeyPatch, masses: list[float]
 ) -> None:
     monkeypatch.setattr(event_loop, "ENDLESS_ROUNDS", 4 * MOST_ROUNDS)
-    document: dict[str, Any] = {
-        "gravity": 9.81,
-        "trace": {"start_slope": 0.0, "arcs": [{"shape": "line", "length": 0.2 * len(masses)}]},
-        "balls": [
-            {"radius": RADIUS, "mass": mass, "arc": 1, "position": RADIUS + 0.2 * number}
-            for number, mass in enumerate(masses)
-        ],
-        "ends": {"left": {"wall": 1.0}, "right": {"wall": 1.0}},
-        "collision": {"k": 1.0},
-        "stop": {"time": 1.0},
-    }
+    line = {"start_slope": 0.0, "arcs": [{"shape": "line", "length": 0.2 * len(masses)}]}
+    balls = [
+        {"radius": RADIUS, "mass": mass, "arc": 1, "position": RADIUS + 0.2 * number}
+        for number, mass in enumerate(masses)
+    ]
+    document = scene(line, balls, 1.0, "hedrih", time=1.0)
+    document["ends"] = {"left": {"wall": 1.0}, "right": {"wall": 1.0}}
     document["balls"][0]["speed"] = 1.0
     run = simulate(scenario_of(document), "python")
     assert (run.end_cause, run.end_time) == ("accumulation", 0.0)
@@ -151,13 +147,9 @@ def circle_with_room(share: float, k: float) -> dict[str, Any]:
     radius = 0.1 * (1.0 - share)
     ball = {"radius": radius, "mass": 1.0, "arc": 1}
     arc = {"shape": "valley", "radius": 0.3, "end_slope": "180 deg"}
-    document: dict[str, Any] = {
-        "gravity": 9.81,
-        "trace": {"start_slope": "-180 deg", "closed": True, "arcs": [arc]},
-        "balls": [{**ball, "angle": f"{angle} deg"} for angle in range(-150, 180, 60)],
-        "collision": {"k": k},
-        "stop": {"time": 0.05, "collisions": 300},
-    }
+    balls = [{**ball, "angle": f"{angle} deg"} for angle in range(-150, 180, 60)]
+    trace = {"start_slope": "-180 deg", "closed": True, "arcs": [arc]}
+    document = scene(trace, balls, k, "hedrih", time=0.05, collisions=300)
     document["balls"][0]["rate"] = 3.0
     return document
 

@@ -17,6 +17,7 @@ from tests.strategies import ENGINE, FEWER, SETTINGS, mirrored, possible, scenar
 from tests.systems.trace.test_continuing import assert_same_results
 from vibro_cli.mechanics.system import InitialState, TraceSystem
 from vibro_cli.stress.oracles.sensitivity import CHANGE, amplification
+from vibro_cli.stress.scenes import scene
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.trace import simulate_system
 
@@ -284,19 +285,17 @@ def rounding_of_release(run: Run, row: int) -> float:
 
 def _in_a_row(bodies: list[tuple[str, float]], start: float, end: float) -> dict[str, Any]:
     """Bodies at rest at some angles in a valley, which come to one another at one instant."""
-    return {
-        "gravity": 9.81,
-        "trace": {
-            "start_slope": start,
-            "arcs": [{"shape": "valley", "radius": 1.0, "end_slope": end}],
-        },
-        "balls": [
-            {"body": body, "radius": 0.05, "mass": 1.0, "arc": 1, "speed": 0.0, "angle": angle}
-            for body, angle in bodies
-        ],
-        "collision": {"law": "translational", "k": 0.05, "inadmissible": "normal-impulse"},
-        "stop": {"time": 6.0, "collisions": 40},
+    trace = {
+        "start_slope": start,
+        "arcs": [{"shape": "valley", "radius": 1.0, "end_slope": end}],
     }
+    balls = [
+        {"body": body, "radius": 0.05, "mass": 1.0, "arc": 1, "speed": 0.0, "angle": angle}
+        for body, angle in bodies
+    ]
+    document = scene(trace, balls, 0.05, "translational", time=6.0, collisions=40)
+    document["collision"]["inadmissible"] = "normal-impulse"
+    return document
 
 
 # Two contacts close at one instant, of which one takes energy that the other does not.

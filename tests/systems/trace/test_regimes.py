@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import tomllib
 from functools import cache
@@ -12,11 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.scenario.texts import parse_scenario
 from vibro_cli.analysis.levels import Landscape
 from vibro_cli.analysis.singular import FIGURE_EIGHT, Portrait, portrait_of
 from vibro_cli.api import Run, simulate
-from vibro_cli.scenario import Scenario, load_scenario
+from vibro_cli.scenario import load_scenario, scenario_of
+from vibro_cli.stress.scenes import scene, solve_any
 
 FOLDER = Path(__file__).parents[3] / "scenarios"
 RUNS = {
@@ -147,17 +146,10 @@ def ring(turn: int) -> tuple[Run, dict[int, str]]:
         }
         balls.append((place, "right" if index == 1 else "left", {**ball, "speed": speed}))
     balls.sort(key=lambda one: one[0])
-    scenario = Scenario.model_validate(
-        {
-            "name": "ring",
-            "gravity": 9.81,
-            "trace": {"start_slope": math.radians(BEGINS[turn]), "closed": True, "arcs": arcs},
-            "balls": [ball for _, _, ball in balls],
-            "collision": {"k": 1.0, "inadmissible": "normal-impulse"},
-            "stop": {"collisions": 6, "time": 30.0},
-        }
-    )
-    return simulate(scenario), {n: lobe for n, (_, lobe, _) in enumerate(balls, 1)}
+    trace = {"start_slope": math.radians(BEGINS[turn]), "closed": True, "arcs": arcs}
+    document = scene(trace, [ball for _, _, ball in balls], 1.0, "hedrih", collisions=6, time=30.0)
+    document["collision"]["inadmissible"] = "normal-impulse"
+    return solve_any(document), {n: lobe for n, (_, lobe, _) in enumerate(balls, 1)}
 
 
 def words_of(turn: int) -> list[dict[str, list[str]]]:
@@ -199,19 +191,10 @@ def turning_words(start: float, cuts: list[float], closed: bool) -> list[tuple[s
         angle = place + (math.tau if place < start else 0.0)
         arc = 1 + sum(cut <= angle for cut in cuts)
         balls.append({"radius": 0.05, "mass": 1.0, "arc": arc, "angle": angle, "speed": speed})
-    trace = {"start_slope": start, "closed": closed, "arcs": arcs}
-    run = simulate(
-        Scenario.model_validate(
-            {
-                "name": "valley",
-                "gravity": 9.81,
-                "trace": trace | {"turning": {"through_arc": 1, "rate": 3.6}},
-                "balls": sorted(balls, key=lambda ball: ball["angle"]),
-                "collision": {"k": 0.9},
-                "stop": {"collisions": 8, "time": 20.0},
-            }
-        )
-    )
+    turning = {"through_arc": 1, "rate": 3.6}
+    trace = {"start_slope": start, "closed": closed, "arcs": arcs, "turning": turning}
+    balls.sort(key=lambda ball: ball["angle"])
+    run = solve_any(scene(trace, balls, 0.9, "hedrih", collisions=8, time=20.0))
     table = run.collisions
     columns = [f"{name}_{end}_pre" for name in ("regime", "eight") for end in "ab"]
     order = -1 if closed and start > BALLS[0][0] else 1  # the first ball is the second one there
@@ -248,7 +231,7 @@ def test_a_cut_beside_a_crest_at_rest_changes_no_word(cut: float) -> None:
     crest["balls"][1]["arc"] = 4
     crest["name"] = "cut"
     short = {"time": 60.0, "collisions": 60}
-    table = simulate(parse_scenario(json.dumps(crest | {"stop": short}), "json")).collisions
+    table = simulate(scenario_of(crest | {"stop": short})).collisions
     whole = run_of("three_arcs").collisions
     for column in ("eight_a_pre", "eight_a_post", "eight_b_pre", "eight_b_post"):
         assert list(table[column]) == list(whole[column])

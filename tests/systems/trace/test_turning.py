@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from inspect import signature
 from pathlib import Path
@@ -11,13 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.scenario.texts import parse_scenario
 from tests.systems.trace.turning_scenes import (
     on_circle,
     on_lines,
     on_three_arcs,
     over_the_hump,
-    system,
 )
 from vibro_cli.api import simulate
 from vibro_cli.compile.kinds import symbol_of
@@ -26,6 +23,7 @@ from vibro_cli.scenario import load_scenario
 from vibro_cli.stress.impacts import QUANTITIES, SPEEDS, solved
 from vibro_cli.stress.oracles.reference_solver import ReferenceSolver, events_of
 from vibro_cli.stress.oracles.scene import scene_of_system
+from vibro_cli.stress.scenes import solve_any, system_of
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.trace import simulate_system
 
@@ -33,7 +31,7 @@ SCENES = {"circle": on_circle(), "three arcs": on_three_arcs(), "lines": on_line
 
 
 def run(scenario: dict[str, Any], engine: str = "python") -> Run:
-    return simulate(parse_scenario(json.dumps(scenario), "json"), engine)
+    return solve_any(scenario, engine)
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -182,7 +180,7 @@ def test_lift_off_is_where_the_normal_force_vanishes() -> None:
 
 
 def test_a_run_continued_is_the_run_without_a_break() -> None:
-    scene = system(on_three_arcs())
+    scene = system_of(on_three_arcs())
     whole = simulate_system(scene, None, 10, "python")
     part = simulate_system(scene, None, 4, "python")
     rest = simulate_system(

@@ -8,15 +8,13 @@ from typing import Any
 
 import pytest
 
-from vibro_cli.api import simulate
 from vibro_cli.kernels.cluster.trace_forces import AT_TIME, set_forces
 from vibro_cli.kernels.world import Flight, World
 from vibro_cli.mechanics.system import InitialState
-from vibro_cli.scenario import scenario_of
+from vibro_cli.stress.scenes import GRAVITY, scene, solve_any
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.trace import simulate_system
 
-GRAVITY = 9.81
 RADII, MASSES = (0.1, 0.2, 0.1), (1.0, 2.0, 0.5)
 
 
@@ -41,15 +39,10 @@ def leaning(shape: str, side: str, slope: float = 20.0) -> Run:
         {"radius": radius, "mass": mass, "arc": 1, key: sign * place}
         for radius, mass, place in zip(RADII, MASSES, places, strict=True)
     ]
-    document = {
-        "gravity": GRAVITY,
-        "trace": {"start_slope": start, "arcs": [arc]},
-        "balls": balls if side == "left" else balls[::-1],
-        "ends": {"left": {"wall": 0.3}, "right": {"wall": 0.3}},
-        "collision": {"law": "normal-impulse", "k": 0.3},
-        "stop": {"time": 4.0},
-    }
-    return simulate(scenario_of(document), "python")
+    trace = {"start_slope": start, "arcs": [arc]}
+    document = scene(trace, balls if side == "left" else balls[::-1], 0.3, time=4.0)
+    document["ends"] = {"left": {"wall": 0.3}, "right": {"wall": 0.3}}
+    return solve_any(document, "python")
 
 
 def statics(run: Run, side: str) -> list[float]:

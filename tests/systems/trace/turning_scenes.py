@@ -2,12 +2,7 @@
 
 from __future__ import annotations
 
-import json
 from typing import Any
-
-from tests.scenario.texts import parse_scenario
-from vibro_cli.assemble import build_system
-from vibro_cli.mechanics.system import TraceSystem
 
 CIRCLE = [{"shape": "valley", "radius": 1.0, "end_slope": "90 deg"}]
 THREE_ARCS = [
@@ -73,7 +68,3 @@ def on_lines(**more: Any) -> dict[str, Any]:
     balls = [ball(2, "-32 deg"), disk | {"arc": 3, "position": 0.9}, ball(4, 0.5)]
     law = {"law": "normal-impulse", "k": 0.97}
     return data(LINES, balls, {"x": 1.3, "rate": 1.2}, "-60 deg", **({"collision": law} | more))
-
-
-def system(scenario: dict[str, Any]) -> TraceSystem:
-    return build_system(parse_scenario(json.dumps(scenario), "json"))
