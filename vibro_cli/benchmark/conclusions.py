@@ -110,9 +110,7 @@ def _of_series(rows: Sequence[Row]) -> Iterator[str]:
     for scene in dict.fromkeys(row.scene for row in rows if row.method == SERIES):
         own = [row for row in rows if row.scene == scene and row.method == SERIES]
         good = [row for row in own if row.error is not None]
-        first = next((row for row in own if row.setting == f"order {PAPERS_ORDER}"), None)
-        if first is None:
-            continue
+        first = next(row for row in own if row.setting == f"order {PAPERS_ORDER}")
         text = f"The papers' series on {BY_NAME[scene].title}: at their order {PAPERS_ORDER} "
         text += (
             f"it errs by {first.error:.2g}" if first.error is not None else "it loses the motion"

@@ -23,7 +23,7 @@ from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.systems import system_named
 from vibro_cli.systems.driver import Driver
 from vibro_cli.systems.request import Limits
-from vibro_cli.systems.trace import SYSTEM
+from vibro_cli.systems.trace import SYSTEM, simulate_system
 from vibro_cli.systems.trace.ensemble import Batch, empty_results, points_of
 from vibro_cli.systems.trace.world import make_world
 
@@ -73,22 +73,16 @@ class DriverRunner(Runner):
         """Return what the last of the runs left."""
         driver = self.drivers[-1]
         pieces, y = self._state(driver)
-        times = self._times() if len(self.drivers) == 1 else []
+        times = []
+        if len(self.drivers) == 1:  # from a run that keeps them
+            run = simulate_system(self._system, None, _FIRST, self._engine)
+            times = run.collisions["t"].tolist()
         crossings = int(driver.clock_value("crossings"))
         course = course_of(self._motion, times, crossings, pieces, y)
         course.impacts = int(driver.clock_value("collisions"))
         if course.impacts < self._each:
             raise Lost(f"the run ended after {course.impacts} impacts")
         return course
-
-    def _times(self) -> list[float]:
-        """Times of the first impacts, from a run that keeps them."""
-        driver = Driver(
-            SYSTEM.loop, make_world(self._system, Limits(collisions=_FIRST)), self._engine
-        )
-        driver.run()
-        rows: Any = driver.drain()["impacts"]
-        return [float(t) for t in rows["t"]]
 
     def _state(self, driver: Driver) -> tuple[list[int], list[float]]:
         """Pieces, angles and rates of the bodies where their last flights began."""
