@@ -9,24 +9,18 @@ import numpy as np
 import pytest
 
 from tests.figures.layout import texts
+from tests.systems.table_cases import ball, table
 from vibro_cli import example, simulate, sweep
 from vibro_cli.figures.kinds import draw_one
 from vibro_cli.figures.runs.over_time import GAIN, LOSS
 from vibro_cli.figures.runs.scene import plan
 from vibro_cli.scenario import Scenario
+from vibro_cli.stress.scenes import scene, solve_any
 from vibro_cli.systems.table.plan import table_plan
 
 TRACE = example("unequal_hedrih")
 TABLE = Scenario.from_dict(
-    {
-        "system": "table",
-        "balls": [
-            {"radius": 0.1, "mass": 1.0, "x": -1.0, "y": 0.0, "velocity_x": 1.0},
-            {"radius": 0.15, "mass": 1.0, "x": -2.0, "y": 0.1, "velocity_x": 2.0},
-        ],
-        "collision": {"k": 0.9},
-        "stop": {"time": 10.0},
-    }
+    table([ball(-1.0, 0.0, 1.0), ball(-2.0, 0.1, 2.0, radius=0.15)], k=0.9, time=10.0)
 )
 SPRINGS = example("two_disks").replace({"balls[1].radius": 0.8, "balls[2].radius": 0.1})
 
@@ -85,16 +79,8 @@ def test_a_plan_names_six_bodies_and_writes_powers_of_ten() -> None:
         for angle in range(-60, 60, 20)
     ]
     shape = {"shape": "valley", "radius": 2e9, "end_slope": "80 deg"}
-    scenario = Scenario.from_dict(
-        {
-            "gravity": 9.81,
-            "trace": {"start_slope": "-80 deg", "arcs": [shape]},
-            "balls": bodies,
-            "collision": {"k": 0.5},
-            "stop": {"collisions": 1},
-        }
-    )
-    figure = plan(simulate(scenario).solved)
+    trace = {"start_slope": "-80 deg", "arcs": [shape]}
+    figure = plan(solve_any(scene(trace, bodies, 0.5, "hedrih", collisions=1)))
     assert figure is not None
     shown = {text.get_text() for text in texts(figure)}
     assert {"body 1", "2", "3", "4", "5", "6"} <= shown

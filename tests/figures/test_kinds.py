@@ -21,6 +21,7 @@ from vibro_cli.figures.runs.over_time import energy_course, energy_residuals, ti
 from vibro_cli.figures.runs.scene import WALL, configurations, plan, scene
 from vibro_cli.figures.style import render
 from vibro_cli.scenario import any_scenario_of
+from vibro_cli.stress import scenes
 from vibro_cli.systems.trace.figures import FIGURES
 
 pytestmark = pytest.mark.long
@@ -296,22 +297,9 @@ def test_walls_are_drawn_in_scene_and_plan() -> None:
 
 def test_bodies_that_stay_in_contact_have_no_figure_of_accuracy() -> None:
     """They make no impact and no free flight, so that there is nothing to measure."""
-    scenario = any_scenario_of(
-        {
-            "gravity": 9.81,
-            "trace": {
-                "start_slope": -1.5,
-                "arcs": [{"shape": "valley", "radius": 1.0, "end_slope": 1.5}],
-            },
-            "balls": [
-                {"radius": 0.1, "mass": 1.0, "arc": 1, "angle": -0.3},
-                {"radius": 0.1, "mass": 1.0, "arc": 1, "touching": "previous"},
-            ],
-            "collision": {"k": 0.5},
-            "stop": {"time": 1.0},
-        }
-    )
-    run = simulate(scenario)
+    trace = {"start_slope": -1.5, "arcs": [{"shape": "valley", "radius": 1.0, "end_slope": 1.5}]}
+    pair = [scenes.ball(-0.3), {"radius": 0.1, "mass": 1.0, "arc": 1, "touching": "previous"}]
+    run = scenes.solve_any(scenes.scene(trace, pair, 0.5, "hedrih", time=1.0))
     assert run.summary_record()["collisions"] == 0
     drawn = {one.name for one in draw_all(run, None, "single")}
     assert "accuracy" not in drawn
@@ -360,12 +348,10 @@ def test_of_very_many_pieces_and_bodies_those_with_room_are_named() -> None:
     """A trace of 120 arcs with a body in every valley: names were on one another, in a minute."""
     shapes = [("valley", "50 deg"), ("hump", "-50 deg")] * 60
     arcs = [{"shape": one, "radius": 1.0, "end_slope": slope} for one, slope in shapes]
-    balls = [{"radius": 0.1, "mass": 1.0, "arc": 2 * n + 1, "angle": 0.0} for n in range(60)]
-    document = {
-        "gravity": 9.81, "trace": {"start_slope": "-50 deg", "arcs": arcs}, "balls": balls,
-        "collision": {"k": 1.0}, "stop": {"time": 0.1},
-    }  # fmt: skip
-    figure = scene(simulate(any_scenario_of(document)), "double")
+    balls = [scenes.ball(0.0, arc=2 * n + 1) for n in range(60)]
+    trace = {"start_slope": "-50 deg", "arcs": arcs}
+    document = scenes.scene(trace, balls, 1.0, "hedrih", time=0.1)
+    figure = scene(scenes.solve_any(document), "double")
     assert_texts_are_apart(figure)
     names = [text.get_text() for text in figure.axes[0].texts]
     assert 40 < len(names) <= 60

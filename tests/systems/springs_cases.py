@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any, cast
+from typing import Any
 
-from vibro_cli.api import simulate
-from vibro_cli.scenario import any_scenario_of
+from vibro_cli.stress.scenes import solve_any
 from vibro_cli.systems.run import Run
-from vibro_cli.systems.springs.scenario import SpringsScenario
 
 Document = dict[str, Any]
 
@@ -48,4 +46,4 @@ PRESSED = [
 
 
 def solve(document: Document, engine: str = "python") -> Run:
-    return simulate(cast(SpringsScenario, any_scenario_of(document)), engine)
+    return solve_any(document, engine)

@@ -153,17 +153,21 @@ def test_most_pairs_are_sifted_out() -> None:
     assert kept == meeting < 0.1 * (256 * 255 / 2)
 
 
-def test_overlaps_are_those_of_all_pairs_and_few_are_measured(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    draw = np.random.default_rng(6)
-    measured: list[Any] = []
+@pytest.fixture
+def measured(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
+    """The first balls of pairs whose distance is measured."""
+    first: list[Any] = []
 
     def distance(one: Any, other: Any) -> float:
-        measured.append(one)
+        first.append(one)
         return touching_distance(one, other)
 
     monkeypatch.setattr("vibro_cli.systems.table.build.touching_distance", distance)
+    return first
+
+
+def test_overlaps_are_those_of_all_pairs_and_few_are_measured(measured: list[Any]) -> None:
+    draw = np.random.default_rng(6)
     for overlapping in (0.0, 0.9):
         x, y = (3.0 * R * number for number in np.divmod(draw.permutation(400), 20))
         x = x + overlapping * R * draw.normal(size=400)
@@ -183,15 +187,8 @@ def test_overlaps_are_those_of_all_pairs_and_few_are_measured(
         assert (len(pairs) > 20) == (overlapping > 0.0)
 
 
-def test_of_balls_in_a_column_only_neighbours_are_measured(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_of_balls_in_a_column_only_neighbours_are_measured(measured: list[Any]) -> None:
     """One and a half diameters apart, none is within a diameter of another."""
-    measured: list[Any] = []
-
-    def distance(one: Any, other: Any) -> float:
-        measured.append(one)
-        return touching_distance(one, other)
-
-    monkeypatch.setattr("vibro_cli.systems.table.build.touching_distance", distance)
     world_of(table([ball(0.0, 3.0 * R * number, radius=R) for number in range(200)], time=1.0))
     assert not measured
     with pytest.raises(ScenarioError, match="balls 7 and 200 that overlap by"):

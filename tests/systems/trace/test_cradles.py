@@ -9,8 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from vibro_cli.api import simulate
-from vibro_cli.scenario import scenario_of
 from vibro_cli.stress.scenes import VALLEY, ball, scene, solve_any
 from vibro_cli.systems.run import Run
 
@@ -144,16 +142,10 @@ def test_impacts_handed_on_at_one_instant_are_marked() -> None:
         {"radius": 0.1, "mass": 1.0, "arc": 1, "position": 2.0, "speed": 0.0},
         {"radius": 0.1, "mass": 1.0, "arc": 1, "touching": "previous"},
     ]
-    document = {
-        "gravity": 9.81,
-        "trace": {"start_slope": 0.0, "arcs": [{"shape": "line", "length": 10.0}]},
-        "balls": balls,
-        "collision": {"k": 1.0},
-        "stop": {"time": STOP},
-        "analysis": {"lyapunov": True},
-    }
+    line = {"start_slope": 0.0, "arcs": [{"shape": "line", "length": 10.0}]}
+    document = scene(line, balls, 1.0, "hedrih", time=STOP) | {"analysis": {"lyapunov": True}}
     for engine in ("compiled", "python"):
-        rows = simulate(scenario_of(document), engine).collisions
+        rows = solve_any(document, engine).collisions
         np.testing.assert_allclose(rows["t"], [1.7, 1.7], rtol=1e-15)
         assert rows["simultaneous"].tolist() == [False, True]
         assert rows["smooth"].tolist() == [False, False]
