@@ -39,7 +39,7 @@ from vibro_cli.stress.oracles.interval_oracle import (
 )
 from vibro_cli.stress.oracles.oracle import first_contact
 from vibro_cli.stress.oracles.scene import Scene, mp, scene_of_system
-from vibro_cli.stress.scenes import Document, Finding, Plan
+from vibro_cli.stress.scenes import GRAVITY, Document, Finding, Plan
 from vibro_cli.systems.driver import compiled_world, zeros
 from vibro_cli.systems.request import Limits
 from vibro_cli.systems.trace import SYSTEM
@@ -50,7 +50,6 @@ KINDS = (
     "hump line", "line hump", "valley valley", "hump hump",
 )  # fmt: skip
 BODIES = ("ball", "disk", "hollow_ball", "hoop", "particle")
-_GRAVITY = 9.81
 # Bodies start at least this far apart, in units of the sum of their radii.
 LEAST_GAP = 1.0e-6
 
@@ -111,7 +110,7 @@ def _document(rng: np.random.Generator, kind: str) -> Document:
         }  # fmt: skip
         balls.append(own | _middle(arcs, start, arc - 1, 0.3 if ball == 0 else 0.7))
     return {
-        "gravity": _GRAVITY,
+        "gravity": GRAVITY,
         "trace": {"start_slope": start, "arcs": arcs},
         "balls": balls,
         "collision": {"law": "normal-impulse", "k": 1.0},
@@ -162,9 +161,9 @@ def random_states(rng: np.random.Generator, family: Family, count: int) -> State
         near = 10.0 ** rng.uniform(-1.5, 0.0, count)
         places[:, 0] = first.angle_end + (places[:, 0] - first.angle_end) * near
         places[:, 1] = last.angle_start + (places[:, 1] - last.angle_start) * near
-    typical = math.sqrt(_GRAVITY * min(family.sizes))
+    typical = math.sqrt(GRAVITY * min(family.sizes))
     speeds = rng.normal(0.0, 1.0, (count, 2)) * typical * 10.0 ** rng.uniform(-1.5, 0.3, (count, 1))
-    longest = math.sqrt(max(family.sizes) / _GRAVITY) * 10.0 ** rng.uniform(0.0, 1.0, count)
+    longest = math.sqrt(max(family.sizes) / GRAVITY) * 10.0 ** rng.uniform(0.0, 1.0, count)
     states = States(places, speeds, longest)
     return states.part(distances(family, states) > family.touch * (1.0 + LEAST_GAP))
 
@@ -270,11 +269,11 @@ def _follow_body(family: Family, ball: int, states: States, times: Any) -> tuple
     piece, body = family.pieces[ball], family.system.bodies[ball]
     places, speeds = states.places[:, ball].copy(), states.speeds[:, ball].copy()
     if piece.is_line:
-        pull = -_GRAVITY / body.kappa * math.sin(piece.start_slope)
+        pull = -GRAVITY / body.kappa * math.sin(piece.start_slope)
         return places + times * (speeds + 0.5 * pull * times), speeds + pull * times
     rho = piece.path_radius(body.radius)
     rates = speeds / rho
-    w = math.sqrt(_GRAVITY / (body.kappa * rho))
+    w = math.sqrt(GRAVITY / (body.kappa * rho))
     places, rates = _followed(piece.sign, places, rates / w, w * times)
     return places, rates * w * rho
 
@@ -314,7 +313,7 @@ def _second_derivative(family: Family, states: States) -> tuple[Any, Any]:
         piece, body = family.pieces[ball], family.system.bodies[ball]
         tx, ty = tangents[ball]
         central = 0.0 if piece.is_line else piece.sign * speed**2 / piece.path_radius(body.radius)
-        pull = -_GRAVITY / body.kappa * ty
+        pull = -GRAVITY / body.kappa * ty
         second += side * (dx * (pull * tx - central * ty) + dy * (pull * ty + central * tx))
     across_x = speed_b * tangents[1][0] - speed_a * tangents[0][0]
     across_y = speed_b * tangents[1][1] - speed_a * tangents[0][1]
@@ -341,11 +340,11 @@ def near_grazing(rng: np.random.Generator, family: Family, tries: int) -> tuple[
     places[:, 0] = rng.uniform(low, first.angle_end, tries)
     places[:, 1], found = _place_beside(family, places[:, 0], touch - overshoot)
     speeds = np.zeros((tries, 2))
-    speeds[:, 0] = rng.normal(0.0, 1.0, tries) * math.sqrt(_GRAVITY * min(sizes))
-    backwards = math.sqrt(max(sizes) / _GRAVITY) * 10.0 ** rng.uniform(-1.5, 0.3, tries)
+    speeds[:, 0] = rng.normal(0.0, 1.0, tries) * math.sqrt(GRAVITY * min(sizes))
+    backwards = math.sqrt(max(sizes) / GRAVITY) * 10.0 ** rng.uniform(-1.5, 0.3, tries)
     states, overshoot = States(places, speeds, backwards).part(found), overshoot[found]
     states.speeds[:, 1], second = _second_derivative(family, states)
-    chosen = (second > 1.0e-3 * _GRAVITY * touch) & (abs(states.speeds[:, 1]) < 20.0)
+    chosen = (second > 1.0e-3 * GRAVITY * touch) & (abs(states.speeds[:, 1]) < 20.0)
     return _go_back(family, states.part(chosen), overshoot[chosen])
 
 
@@ -382,7 +381,7 @@ def first_event(one: Sample, tolerance: float) -> float | None:
     def change(t: float, y: Any) -> list[float]:
         found = []
         for n, (piece, body) in enumerate(zip(pieces, bodies, strict=True)):
-            pull = -_GRAVITY / body.kappa * math.sin(piece.slope(y[2 * n]))
+            pull = -GRAVITY / body.kappa * math.sin(piece.slope(y[2 * n]))
             found += [y[2 * n + 1], pull / scales[n]]
         return found
 

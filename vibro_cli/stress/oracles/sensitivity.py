@@ -126,7 +126,7 @@ def differences(
     ----------
     scene
         What is run.
-    happenings
+    events
         Its events, which are those of its neighbours too.
     end
         Instant (s) after all of them.
