@@ -53,7 +53,7 @@ from vibro_cli.figures.style import Look, line, width_of
 from vibro_cli.mechanics.system import touching_distance
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.springs.phase_plane import SpringsLandscape
-from vibro_cli.systems.springs.portrait import Motions, by_groups, motions, springs_portrait
+from vibro_cli.systems.springs.portrait import Motions, motions, springs_portrait
 
 _BEAM = 0.02
 """Half of what a spring hangs from, and how far its coils swing, as shares of half the width."""
@@ -95,7 +95,9 @@ def _ground(run: Any, x: Array) -> Ground:
 
 
 _EACH = 64
-"""Points of a period."""
+"""Points of the shortest period."""
+_AT_ONCE = 1 << 14
+"""Times at which the motion is sampled together."""
 FOOT = "foot of the spring"
 
 
@@ -127,36 +129,53 @@ def springs_energy(run: Run, ball: int, until: float) -> tuple[Array, Array]:
     """
     found, hills = motions(run)[ball - 1], SpringsLandscape.of(run.system, ball - 1, ball - 1)
     shown = found.some(found.start <= until)
+    ends, level = np.minimum(shown.end, until), hills.mass * hills.energy(*shown.states[:2])
+    instants, before, after = _in_contact(run, until)
     times, energies = [], []
     changes = np.flatnonzero(np.diff(shown.contact)) + 1
-    for rows in np.split(np.arange(len(shown.start)), changes):
-        if shown.contact[rows[0]]:
-            time, place, speed = springs_course(run, ball, shown.some(rows), until)
-        else:
-            ends = np.minimum(shown.end[rows], until)
-            time = np.column_stack([shown.start[rows], ends]).ravel()
-            place, speed = (np.repeat(column[rows], 2) for column in shown.states[:2])
-        times.append(time)
-        energies.append(hills.mass * hills.energy(place, speed))
+    for rows in np.split(np.arange(len(ends)), changes):
+        if not shown.contact[rows[0]]:
+            times.append(np.column_stack([shown.start[rows], ends[rows]]).ravel())
+            energies.append(np.repeat(level[rows], 2))
+            continue
+        for start, end in zip(shown.start[rows], ends[rows], strict=True):
+            part = slice(np.searchsorted(instants, start), np.searchsorted(instants, end, "right"))
+            times.append(instants[part])
+            own = after[part, ball - 1].copy()
+            own[-1] = before[part, ball - 1][-1]
+            energies.append(own)
     return np.concatenate(times), np.concatenate(energies)
 
 
-def springs_course(run: Run, ball: int, found: Motions, until: float) -> tuple[Array, Array, Array]:
-    """Return times (s) up to one, displacements (m) and speeds (m/s) of a body in its motions."""
-    parts: list[Any] = [None] * len(found.start)
-    for rows, hills, shift in by_groups(run.system, ball - 1, found):
-        x, v, x_end, v_end = (column[rows] for column in found.states)
-        start = found.start[rows]
-        most = until - start + hills.period(x - shift, v)
-        lasts = found.end[rows] - start
-        whole = lasts <= most  # the rest is not drawn
-        end = np.where(whole, x_end - shift, math.nan), np.where(whole, v_end, math.nan)
-        courses = hills.courses((x - shift, v), end, np.minimum(lasts, most), _EACH)
-        for row, begun, (time, place, speed) in zip(rows, start, courses, strict=True):
-            shown = time <= until - begun
-            parts[row] = begun + time[shown], place[shown] + shift, speed[shown]
-    time, place, speed = map(np.concatenate, zip(*parts, strict=True))
-    return time, place, speed
+@kept
+def _in_contact(run: Run, until: float) -> tuple[Array, Array, Array]:
+    """Return times (s) up to one in lasting contacts, and all energies (J) before and after them.
+
+    Energies are of shape (times, bodies).
+    """
+    spans = [(start, min(end, until)) for start, end in _contacts(motions(run)) if start <= until]
+    times = _instants_in(run, spans, until)
+    return times, _column(run, times, "energy", "before"), _column(run, times, "energy")
+
+
+def _instants_in(run: Run, spans: list[tuple[float, float]], until: float) -> Array:
+    """Return times (s) in spans of a chart up to one: events, and points in all periods."""
+    fastest = max(run.system.frequency(body) for body in range(len(run.system.bodies)))
+    # Nearer ones are many in the width of a line.
+    step = max(2.0 * math.pi / (_EACH * fastest), until / MOST_VECTOR_POINTS)
+    events: Any = run.trajectory.times  # type: ignore[attr-defined]
+    parts = [np.zeros(0)]
+    for start, end in spans:
+        within = events[(events > start) & (events < end)]
+        parts.append(np.unique(np.concatenate([np.arange(start, end, step), within, [end]])))
+    return np.concatenate(parts)
+
+
+def _column(run: Run, times: Array, name: str, side: str = "after") -> Array:
+    """Return a column of the motion at times (s), of shape (times, bodies)."""
+    parts = np.array_split(times, 1 + len(times) // _AT_ONCE)  # of all columns one is kept
+    found = np.concatenate([run.trajectory.sample(part, side)[name] for part in parts])
+    return found.reshape(len(times), len(run.system.bodies))
 
 
 def _calm(run: Run, every: list[Motions]) -> float:
@@ -195,32 +214,26 @@ def springs_places(run: Run, width: str = "single") -> Figure:
     until = min(many, run.end_time, _periods(run))
     spans = [span for span in _contacts(every) if span[0] < until]
     marks = [("impact", IMPACT)] if np.any(run.collisions["t"] <= until) else []
-    feet = [(FOOT, _foot(1) | {"color": style.FRAME_GREY})]
-    entries = [*body_entries(run), *marks, *feet, *band_entry(spans)]
+    foot = (FOOT, _foot(1) | {"color": style.FRAME_GREY})
+    entries = [*body_entries(run), *marks, foot, *band_entry(spans)]
+    times = _instants_in(run, [(0.0, until)], until)
+    places = _column(run, times, "x")
     with style.journal():
         figure, (axes,) = stacked(width, [1.5 * HIGH[width][0]], entries=entries)
         draw_contacts(axes, spans)
-        reached = [np.array([spring.foot for spring in run.system.springs])]
         for ball, spring in enumerate(run.system.springs, 1):
-            time, place = springs_place(run, ball, every[ball - 1], until)
-            (drawn,) = axes.plot(time, place, zorder=2.0, **body_look(ball))
-            drawn.set_rasterized(len(time) > MOST_VECTOR_POINTS)
+            (drawn,) = axes.plot(times, places[:, ball - 1], zorder=2.0, **body_look(ball))
+            drawn.set_rasterized(len(times) > MOST_VECTOR_POINTS)
             axes.axhline(spring.foot, zorder=0.9, **_foot(ball))
-            reached.append(place)
         draw_impacts(axes, run, "x", until)
         time_axis(axes, until, whole=run.end_time)
-        value_axis(axes, np.concatenate(reached), "$x$", "m")
+        feet = [spring.foot for spring in run.system.springs]
+        value_axis(axes, np.append(places, feet), "$x$", "m")
     return figure
 
 
 def _foot(ball: int) -> Look:
     return body_look(ball) | {"linewidth": 0.5, "alpha": 0.6}
-
-
-def springs_place(run: Run, ball: int, found: Motions, until: float) -> tuple[Array, Array]:
-    """Return times (s) up to one, and where a body (from 1) is along the line then (m)."""
-    times, places, _ = springs_course(run, ball, found.some(found.start <= until), until)
-    return times, places + run.system.springs[ball - 1].foot
 
 
 _IMPACTS = 2

@@ -7,7 +7,6 @@ one point in a potential: U(q) = Σ c/2 (√(b² + (q + d)²) - l)² / Σ κ m, 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -74,11 +73,7 @@ Array = NDArray[np.float64]
 _SCANNED = 4096
 """Intervals in which places without force are looked for, where springs act together."""
 _QUADRATURE = 128
-"""Points of the sum that gives a time to a few percent, ..."""
-_FINE = 4096
-"""... and of one for the period of a motion of many of them."""
-_SUB = 8
-"""Points of the sum that gives the time from one point of a motion to the next."""
+"""Points of the sum that gives a time to a few percent."""
 
 
 class Level(NamedTuple):
@@ -256,20 +251,6 @@ class SpringsLandscape:
         q[known, -1], speed[known, -1] = end[0][known], end[1][known]
         return q, speed
 
-    def courses(
-        self, start: tuple[Array, Array], end: tuple[Array, Array], duration: Array, each: int
-    ) -> Iterator[tuple[Array, Array, Array]]:
-        """Yield times from the start (s), displacements (m) and speeds (m/s) of each motion.
-
-        `each` points in every period; motions are as in `branches`. The states have the energy
-        exactly, the times to a small part of a period.
-        """
-        loops = _Loops.of(self, *start, _FINE)
-        for row, lasts in enumerate(duration.tolist()):
-            one = slice(row, row + 1)
-            states = [(side[0][one], side[1][one]) for side in (start, end)]
-            yield loops.some(one).course(states, lasts, each)
-
 
 @dataclass(frozen=True)
 class _Loops:
@@ -286,13 +267,9 @@ class _Loops:
     """Turning points and the crests between them, shape (loops, nodes); others at the ends."""
     marks: Array
     """The phase of each node on the upper half."""
-    quadrature: int
-    """Points of the sums that give times."""
 
     @staticmethod
-    def of(
-        landscape: SpringsLandscape, q: Array, speed: Array, quadrature: int = _QUADRATURE
-    ) -> _Loops:
+    def of(landscape: SpringsLandscape, q: Array, speed: Array) -> _Loops:
         low, high = landscape.reaches(q, Level(q, speed**2))
         inner = np.clip(landscape.crests[None, :], low[:, None], high[:, None])
         nodes = np.column_stack([low, inner, high])
@@ -300,12 +277,7 @@ class _Loops:
         parts[:, 0] += np.where(np.sum(parts, axis=1) == 0.0, 1.0, 0.0)  # a body at rest
         marks = np.column_stack([np.zeros(len(q)), np.cumsum(parts, axis=1)])
         level = Level(q[:, None], speed[:, None] ** 2)
-        return _Loops(landscape, level, nodes, marks, quadrature)
-
-    def some(self, rows: slice) -> _Loops:
-        """Return those in some rows."""
-        level = Level(self.level.place[rows], self.level.square[rows])
-        return _Loops(self.landscape, level, self.nodes[rows], self.marks[rows], self.quadrature)
+        return _Loops(landscape, level, nodes, marks)
 
     @property
     def round(self) -> Array:
@@ -373,38 +345,6 @@ class _Loops:
         whole: Array = np.where(known, np.maximum(between, 0.0), turned)
         return first, whole
 
-    def course(
-        self, states: Sequence[tuple[Array, Array]], duration: float, each: int
-    ) -> tuple[Array, Array, Array]:
-        """Return the motion in the only loop from state to state, see `courses`."""
-        (start, end) = states
-        first, sweep = self.swept(start, end, np.array([duration]))
-        if not math.isfinite(end[1][0]):
-            sweep = self.reached(first, duration)
-        count = max(1, math.ceil(each * float(sweep[0] / self.round[0])))
-        share = np.linspace(0.0, 1.0, count + 1)
-        q, speed = self.states(first[:, None] + sweep[:, None] * share)
-        q[:, 0], speed[:, 0] = start
-        if math.isfinite(end[1][0]):
-            q[:, -1], speed[:, -1] = end
-        middles = (np.arange(count * _SUB) + 0.5) / (count * _SUB)
-        steps = self.paces(first[:, None] + sweep[:, None] * middles)[0]
-        passed = np.append(0.0, np.cumsum(steps.reshape(count, _SUB).sum(axis=1)))
-        times = duration * (passed / passed[-1] if passed[-1] > 0.0 else share)
-        return times, q[0], speed[0]
-
-    def reached(self, first: Array, duration: float) -> Array:
-        """Return by how much the phase of the only loop grows in a time (s)."""
-        period, turn = float(self.period[0]), float(self.round[0])
-        if math.isinf(period):
-            return np.zeros(1)
-        share = (np.arange(self.quadrature) + 0.5) / self.quadrature
-        steps = self.paces(first[:, None] + turn * share)[0]
-        passed = np.append(0.0, np.cumsum(steps)) * (period / np.sum(steps))
-        whole, rest = divmod(duration, period)
-        parts = np.linspace(0.0, turn, self.quadrature + 1)
-        return np.array([whole * turn + np.interp(rest, passed, parts)])
-
     @cached_property
     def period(self) -> Array:
         """The time of a whole turn (s); infinite at rest."""
@@ -413,16 +353,12 @@ class _Loops:
 
     def _time(self, first: Array, sweep: Array) -> Array:
         """Return the time (s) of sweeps of the phase, as exactly as turns are to be counted."""
-        share = (np.arange(self.quadrature) + 0.5) / self.quadrature
-        time: Array = np.mean(self.paces(first[:, None] + sweep[:, None] * share), axis=1) * sweep
+        share = (np.arange(_QUADRATURE) + 0.5) / _QUADRATURE
+        q, rate = self._places(first[:, None] + sweep[:, None] * share)
+        speed = np.sqrt(np.maximum(self.landscape.square(q, self.level), 0.0))
+        paces = np.divide(rate, speed, out=np.zeros_like(rate), where=speed > 0.0)
+        time: Array = np.mean(paces, axis=1) * sweep
         return time
-
-    def paces(self, phase: Array) -> Array:
-        """Return the times per phase (s) at phases of shape (loops, points)."""
-        q, rate = self._places(phase)
-        square = self.landscape.square(q, self.level)
-        speed = np.sqrt(np.maximum(square, 0.0))
-        return np.divide(rate, speed, out=np.zeros_like(rate), where=speed > 0.0)
 
 
 def spring_periods(system: SpringsSystem, ball: int) -> tuple[float, float]:
