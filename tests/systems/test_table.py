@@ -16,6 +16,7 @@ from tests.systems.table_cases import Document, ball, box, ellipse, particle, so
 from vibro_cli.kernels.impact.laws import LAW_NAMES
 from vibro_cli.scenario import ScenarioError, any_scenario_of
 from vibro_cli.systems.run import Run
+from vibro_cli.systems.table.system import ELLIPSE, Wall, distance_to_wall
 from vibro_cli.systems.table.tables import Bounces
 from vibro_cli.systems.tables import Bodies
 
@@ -721,3 +722,15 @@ def test_a_ball_that_a_wall_nearly_stops_at_k_0_meets_it_once(shape: str) -> Non
             if shape.startswith("square"):
                 assert abs(run.bounces["velocity_x_post"][0] + along * y) <= 1e-15
                 assert abs(run.bounces["velocity_y_post"][0] - along * x) <= 1e-15
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_distances_from_an_ellipse_on_its_long_axis_are_the_closed_form(turned: bool) -> None:
+    """Between its two nearest points: b sqrt(1 - x^2/(a^2 - b^2)), whatever the rounding of b^2."""
+    for b in (12.457, *np.linspace(0.1, 3.0, 300).tolist()):
+        for share in (0.0, 1e-9, 0.05, 0.7):
+            x, axes, place = share * b, (2.0 * b, b), (share * b, 0.0)
+            wall = Wall(ELLIPSE, True, 1.0, semi_axes=axes[::-1] if turned else axes)
+            exact = b * math.sqrt(1.0 - x * x / (3.0 * b * b))
+            found = distance_to_wall(wall, place[::-1] if turned else place)
+            assert found == pytest.approx(exact, rel=1e-15, abs=0.0)

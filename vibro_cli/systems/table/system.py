@@ -248,10 +248,11 @@ def _into_ellipse(a: float, b: float, x: float, y: float) -> float:
     The nearest point ``(a^2 x/(s + a^2), b^2 y/(s + b^2))`` has the greatest root s of
     ``(a x/(s + a^2))^2 + (b y/(s + b^2))^2 = 1``, found by bisection.
     """
+    if a < b:
+        a, b, x, y = b, a, y, x
     if x == 0.0 and y == 0.0:
-        return min(a, b)
-    least = min(a, b) ** 2
-    low, high = -least, a * math.hypot(x, y) + b * math.hypot(x, y)
+        return b
+    low, high = -b * b, a * math.hypot(x, y) + b * math.hypot(x, y)
     for _ in range(200):
         s = 0.5 * (low + high)
         if not low < s < high:
@@ -259,23 +260,15 @@ def _into_ellipse(a: float, b: float, x: float, y: float) -> float:
         value = _term(a, x, s) + _term(b, y, s)
         low, high = (s, high) if value > 1.0 else (low, s)
     nearest_x, nearest_y = a * a * x / (high + a * a), b * b * y / (high + b * b)
-    if high + least <= 1e-12 * least:  # the place is on the long axis near the middle
-        nearest_x, nearest_y = _beside_axis(a, b, x, y)
+    if high + b * b <= 1e-12 * b * b:  # the place is on the long axis, nearer the centre than foci
+        nearest_x = a * a * x / (a * a - b * b) if a > b else 0.0
+        nearest_y = b * math.sqrt(max(1.0 - (nearest_x / a) ** 2, 0.0))
     distance = math.hypot(nearest_x - x, nearest_y - y)
     return distance if (x / a) ** 2 + (y / b) ** 2 <= 1.0 else -distance
 
 
 def _term(axis: float, place: float, s: float) -> float:
     return 0.0 if place == 0.0 else (axis * place / (s + axis * axis)) ** 2
-
-
-def _beside_axis(a: float, b: float, x: float, y: float) -> Point:
-    """Nearest point of the ellipse to a place on its long axis, nearer the centre than the foci."""
-    if a >= b:
-        nearest = a * a * x / (a * a - b * b) if a > b else 0.0
-        return nearest, b * math.sqrt(max(1.0 - (nearest / a) ** 2, 0.0))
-    nearest = b * b * y / (b * b - a * a)
-    return a * math.sqrt(max(1.0 - (nearest / b) ** 2, 0.0)), nearest
 
 
 def on_left(wall: Wall) -> float:
