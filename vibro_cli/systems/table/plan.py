@@ -122,7 +122,7 @@ def with_wall(wall: Wall | None, low: Floats, high: Floats) -> tuple[Floats, Flo
     """Return the corners (m), lower left and upper right, of a box widened to hold the wall."""
     if wall is None:
         return low, high
-    points, axes = np.array(wall.corners or [wall.centre]), np.array(wall.semi_axes)
+    points, axes = np.array(wall.points), np.array(wall.semi_axes)
     return np.minimum(low, points.min(axis=0) - axes), np.maximum(high, points.max(axis=0) + axes)
 
 

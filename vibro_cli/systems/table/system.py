@@ -55,6 +55,11 @@ class Wall:
     named: str = ""
     """The scenario's word for the shape, where it is another."""
 
+    @property
+    def points(self) -> tuple[Point, ...]:
+        """Points (m) around which it extends as far as its semi-axes: its corners or its centre."""
+        return self.corners or (self.centre,)
+
 
 @dataclass(frozen=True)
 class InitialState:
@@ -132,12 +137,13 @@ def time_scale(system: TableSystem) -> float:
     In it the fastest ball of the start goes half the greater extent of the wall, or without one of
     the places of the balls; 1 m if all are at one place, 1 s if none moves.
     """
-    places = [state.place for state in system.initial]
-    if system.wall is not None and system.wall.shape == POLYGON:
-        places = list(system.wall.corners)
-    half = 0.5 * max(max(values) - min(values) for values in zip(*places, strict=True))
-    if system.wall is not None and system.wall.shape != POLYGON:
-        half = max(system.wall.semi_axes)
+    points, axes = tuple(state.place for state in system.initial), (0.0, 0.0)
+    if system.wall is not None:
+        points, axes = system.wall.points, system.wall.semi_axes
+    half = max(
+        axis + 0.5 * (max(values) - min(values))
+        for axis, *values in zip(axes, *points, strict=True)
+    )
     fastest = max(math.hypot(*state.velocity) for state in system.initial)
     return (half or 1.0) / fastest if fastest > 0.0 else 1.0
 
@@ -207,7 +213,7 @@ def largest_radius(wall: Wall) -> float:
 
 def rounding(wall: Wall, place: Point) -> float:
     """Return what of a distance from the wall (m) may be rounding."""
-    sizes = [*wall.centre, *wall.semi_axes, *place, *(x for corner in wall.corners for x in corner)]
+    sizes = [*wall.semi_axes, *place, *(x for point in wall.points for x in point)]
     return 1e-14 * max(map(abs, sizes))
 
 
