@@ -117,8 +117,7 @@ class Met:
     @property
     def fastest(self) -> float:
         """The greatest speed (m/s), 1 where all are at rest."""
-        speeds = [float(np.hypot(*velocity)) for ball in self.balls for velocity in ball.velocity]
-        return max(speeds) or 1.0
+        return max(speed for ball in self.balls for speed in ball.speed) or 1.0
 
 
 def table_velocities(run: Run, width: str = "single") -> Figure | None:
@@ -127,7 +126,8 @@ def table_velocities(run: Run, width: str = "single") -> Figure | None:
     Raises ValueError for a width that is neither `single` nor `double`.
     """
     wide = width_of(width)
-    impacts = impacts_of(run, _IMPACTS[width])
+    most = _IMPACTS[width]
+    impacts = sorted(_first_met(run, most), key=lambda one: one.time)[:most]
     if not impacts:
         return None
     with style.journal():
@@ -144,25 +144,25 @@ def table_velocities(run: Run, width: str = "single") -> Figure | None:
     return figure
 
 
-def impacts_of(run: Run, most: int) -> list[Met]:
-    """Return the first impacts of two balls and on the wall, in the order of time."""
+def _first_met(run: Run, most: int) -> list[Met]:
+    """Return the first impacts of two balls, then the first on the wall."""
     pairs, walls = first_of(run.collisions, most), first_of(run.bounces, most)
-    found = [
-        *(_met_pair(run, pairs, row, there) for row, there in enumerate(made(pairs).tolist())),
+    return [
+        *(
+            _met(run, pairs, "impact", ("_a", "_b"), row, there)
+            for row, there in enumerate(made(pairs).tolist())
+        ),
         *(_met(run, walls, "wall", ("",), row) for row in range(len(walls["n"]))),
     ]
-    return sorted(found, key=lambda one: one.time)[:most]
-
-
-def _met_pair(run: Run, pairs: Any, row: int, happened: bool) -> Met:
-    """Return an impact of two balls, which happened unless it is inadmissible and ended the run."""
-    return _met(run, pairs, "impact", ("_a", "_b"), row, happened)
 
 
 def _met(
     run: Run, table: Any, words: str, ends: Sequence[str], row: int, happened: bool = True
 ) -> Met:
-    """Return an impact of the balls at the ends of a pair, or of the one in the table."""
+    """Return an impact of the balls at the ends of a pair, or of the one in the table.
+
+    It happened unless it is inadmissible and ended the run.
+    """
     balls = tuple(_ball(run, table, row, end) for end in ends)
     angle = float(table["normal_angle"][row])
     normal = np.array([math.cos(angle), math.sin(angle)])
@@ -295,15 +295,10 @@ def table_contact_points(run: Run, width: str = "single") -> Figure | None:
 
     α is then the angle at which each ball arrives, if it does not do so along the normal.
     """
-    pairs, walls = first_of(run.collisions, 1), first_of(run.bounces, 1)
-    if not len(pairs["n"]) and not len(walls["n"]):
+    found = _first_met(run, 1)
+    if not found:
         return None
-    met = (
-        _met_pair(run, pairs, 0, bool(made(pairs)[0]))
-        if len(pairs["n"])
-        else _met(run, walls, "wall", ("",), 0)
-    )
-    bodies = []
+    met, bodies = found[0], []
     for ball, other in zip(met.balls, met.balls[::-1], strict=True):
         both = ball.radius + other.radius
         above = (other.radius - ball.radius) / both if both > 0.0 else 0.0
