@@ -371,8 +371,13 @@ class System(ABC):
     where tangent maps are not known."""
 
     def tangents(self, system: Any) -> LoggedMap:
-        """Return the tangent map of a run, which goes through its logs, see systems/tangents.py."""
-        raise NotImplementedError
+        """Return the tangent map of a run, which goes through its logs, see systems/tangents.py.
+
+        Its kernel is ``follow`` of the loop, its scale of time ``time_scale`` of ``system.py``.
+        """
+        from vibro_cli.systems.tangents import LoggedMap
+
+        return LoggedMap(self, system)
 
     # Figures: figures/kinds.py.
 

@@ -65,6 +65,10 @@ class EventLoop:
     """Logs, and the field of the clock that counts their rows."""
     state: tuple[str, ...]
     """The records that change in a run, which are its state."""
+    follow: Callable[..., None] | None = None
+    """A kernel that carries small changes through the logs: from a world with those of a stretch,
+    how much of it is known, why and when (two doubles, s) the run ended, the tangents, which it
+    changes, and scratch."""
     start: Callable[[Any], None] | None = None
     """A kernel that is called once, before the loop."""
     enter: Callable[[Any, Overrides | None], int] | None = None

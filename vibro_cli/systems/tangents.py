@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from vibro_cli.compile.kernel import Overrides
 from vibro_cli.kernels.tangent.frame import SCALE, SERIES_ROWS, TERMS, WIDTH, Tangents, TangentState
 from vibro_cli.kernels.world import RUNNING
 from vibro_cli.numerics import elementwise
@@ -30,23 +29,20 @@ BLOCKS = 16
 
 
 def room_for(
-    size: int,
-    impacts: int,
-    times: bool,
-    states: Any,
-    from_start: bool = True,
-    pairs: int | None = None,
+    size: int, impacts: int, times: bool, states: Any, from_start: bool = True
 ) -> Tangents:
     """Return what a tangent map is followed with: its size, and the impacts there is room for.
 
-    Without ``from_start`` the growth of the frame is followed only. At most so many ``pairs``
-    collide at once, by default half the size.
+    Without ``from_start`` the growth of the frame is followed only.
     """
+    # Pairs that collide at once: of bodies in a row, two numbers each, no more than there are; on a
+    # plane fewer than eight for each ball, of four numbers.
+    pairs = 2 * size
     floats = {
         "frame": (size, size), "product": (size if from_start else 0, size),
         "step": (size, size), "sums": (1, size),
         "arriving": (size // 2, 2), "delay": (size // 2, size),
-        "turning": (pairs or size // 2, WIDTH),
+        "turning": (pairs, WIDTH),
         "amplification": (1, impacts), "times": (impacts if times else 0, size),
         "growth": (impacts, size), "series": (SERIES_ROWS + size // 2, TERMS + 1),
     }  # fmt: skip
@@ -120,38 +116,23 @@ class TangentMap:
 
     Parameters
     ----------
-    follow, overrides
-        The kernel: from a world with the logs of a stretch, how much of it is known, why and when
-        (two doubles, s) the run ended, the tangents, which it changes, and scratch.
+    kind, system
+        What is solved; the kernel is ``follow`` of its loop.
     time_scale
         Time (s) by which speeds are compared with ways.
-    bodies, numbers
-        How many bodies there are, and how many numbers are the state of each: ways (m), then as
-        many speeds (m/s).
     times
         Whether derivatives of the impacts' times are wanted.
-    pairs
-        See :func:`room_for`.
     """
 
-    def __init__(
-        self,
-        follow: Any,
-        time_scale: float,
-        bodies: int,
-        numbers: int,
-        overrides: Overrides | None = None,
-        times: bool = False,
-        pairs: int | None = None,
-    ) -> None:
-        self._follow, self._overrides = follow, overrides
+    def __init__(self, kind: System, system: Any, time_scale: float, times: bool = False) -> None:
+        self._follow, self._overrides = kind.loop.follow, kind.overrides(system)
         self.time_scale = time_scale
-        self.size = numbers * bodies
+        self._numbers = kind.exponents
+        """State of a body: ways (m), then as many speeds (m/s)."""
+        self.size = self._numbers * len(system.bodies)
         """Number of exponents."""
         self.growth = Growth()
         self._times = times
-        self._numbers = numbers
-        self._pairs = pairs
         self._state = zeros(1, TangentState)
         self._state["time_scale"] = time_scale
         self._kept = room_for(self.size, 0, False, self._state)
@@ -164,7 +145,7 @@ class TangentMap:
         at the start.
         """
         kept = {name: getattr(self._kept, name) for name in ("frame", "product", "sums")}
-        room = room_for(self.size, len(instants), self._times, self._state, pairs=self._pairs)
+        room = room_for(self.size, len(instants), self._times, self._state)
         room = room._replace(**kept)
         end = stretch.end
         called(self._follow, self._overrides, world, known, stretch.cause, *end, room, *scratch)
@@ -213,10 +194,8 @@ class LoggedMap(TangentMap):
     Else as :class:`TangentMap`; what the kernel knows of a run is 1 after the first stretch.
     """
 
-    def __init__(
-        self, kind: System, system: Any, follow: Any, time_scale: float, pairs: int | None = None
-    ) -> None:
-        super().__init__(follow, time_scale, len(system.bodies), kind.exponents, pairs=pairs)
+    def __init__(self, kind: System, system: Any) -> None:
+        super().__init__(kind, system, kind.part("system").time_scale(system))
         self._kind = kind
         self._world = kind.world(system, NO_LIMITS)
         self._known = 0

@@ -9,7 +9,6 @@ from vibro_cli.systems.contract import Rows, System
 
 if TYPE_CHECKING:
     from vibro_cli.compile.kernel import Kernel
-    from vibro_cli.systems.tangents import LoggedMap
 
 
 class BodiesOnSprings(System):
@@ -33,13 +32,6 @@ class BodiesOnSprings(System):
         from vibro_cli.systems.springs.tables import EVENTS, Contacts
 
         return EVENTS.filled(Contacts(logs["states"], len(system.bodies)))
-
-    def tangents(self, system: Any) -> LoggedMap:
-        from vibro_cli.kernels.springs.tangent import follow_bodies
-        from vibro_cli.systems.springs.system import time_scale
-        from vibro_cli.systems.tangents import LoggedMap
-
-        return LoggedMap(self, system, follow_bodies, time_scale(system))
 
     def method(self, scenario: Mapping[str, Any]) -> str:
         return (

@@ -11,6 +11,7 @@ import numpy as np
 
 from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.springs.loop import MOST_STEPS, advance
+from vibro_cli.kernels.springs.tangent import follow_bodies
 from vibro_cli.kernels.springs.world import (
     BODY_ROWS,
     ROW,
@@ -111,6 +112,7 @@ def _fastest(world: World) -> str:
 
 LOOP = EventLoop(
     advance=advance,
+    follow=follow_bodies,
     records=records_of(World),
     logs={"impacts": "impact_rows", "states": "state_rows"},
     state=("clock", "springs", "pairs"),

@@ -9,7 +9,6 @@ from vibro_cli.systems.contract import System
 
 if TYPE_CHECKING:
     from vibro_cli.compile.kernel import Kernel
-    from vibro_cli.systems.tangents import LoggedMap
 
 
 class BallsOnTable(System):
@@ -28,14 +27,6 @@ class BallsOnTable(System):
         from vibro_cli.kernels.table.tangent import follow_balls
 
         return advance, follow_balls
-
-    def tangents(self, system: Any) -> LoggedMap:
-        from vibro_cli.kernels.table.tangent import follow_balls
-        from vibro_cli.systems.table.system import most_touches, time_scale
-        from vibro_cli.systems.tangents import LoggedMap
-
-        pairs = most_touches(len(system.bodies))
-        return LoggedMap(self, system, follow_balls, time_scale(system), pairs)
 
     def method(self, scenario: Mapping[str, Any]) -> str:
         return (

@@ -10,6 +10,7 @@ from typing import Any
 
 from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.table.loop import advance
+from vibro_cli.kernels.table.tangent import follow_balls
 from vibro_cli.kernels.table.world import (
     CONIC,
     Ball,
@@ -91,6 +92,7 @@ BEYOND = 1.0e-9
 
 LOOP = EventLoop(
     advance=advance,
+    follow=follow_balls,
     records=records_of(World),
     logs={"pair_log": "pair_rows", "bounce_log": "bounce_rows"},
     state=("clock", "balls", "meetings"),  # the tournament follows from them

@@ -19,6 +19,7 @@ from vibro_cli.kernels.contact.libration_contact_lanes import TwoBodies, TwoLibr
 from vibro_cli.kernels.ensemble.libration_fast_path import proceed_in_libration
 from vibro_cli.kernels.events.event_detection import ROUNDS
 from vibro_cli.kernels.events.event_loop import advance, proceed, start
+from vibro_cli.kernels.tangent.follow import follow_tangents
 from vibro_cli.kernels.world import LOGS, RECORDS, World
 from vibro_cli.systems import driver
 from vibro_cli.systems.driver import Driver, joined, zeros
@@ -38,6 +39,7 @@ def enter_advance(world: World, overrides: Overrides | None) -> int:
 
 LOOP = driver.EventLoop(
     advance=advance,
+    follow=follow_tangents,
     records=RECORDS,
     logs={
         "impacts": "impact_rows",

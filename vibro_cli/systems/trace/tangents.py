@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vibro_cli.kernels.tangent.follow import follow_tangents
 from vibro_cli.kernels.world import Flight, World
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.numerics.elementwise import Floats, greatest_of
@@ -46,8 +45,7 @@ class TangentMap(tangents.TangentMap):
     """
 
     def __init__(self, system: TraceSystem, times: bool = False) -> None:
-        overrides, bodies = SYSTEM.overrides(system), len(system.bodies)
-        super().__init__(follow_tangents, float(time_scale(system)), bodies, 2, overrides, times)
+        super().__init__(SYSTEM, system, float(time_scale(system)), times)
 
     def take(self, world: World, stretch: Stretch) -> Rows:
         """Go on through a stretch whose logs a world has, see `systems.tangents.TangentMap`."""
