@@ -6,7 +6,7 @@ docs/ all come from these declarations, and so do the columns themselves where t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
@@ -296,9 +296,3 @@ def converging(numbers: int | str) -> Table:
         number("lyapunov_error", "1/s", "standard error of the greatest exponent", True),
     )
     return Table("exponents", "the run until one of its impacts", columns)
-
-
-def converging_table(column_names: Iterable[str]) -> Table:
-    """The table of how exponents converge, as it must be for data with these columns."""
-    names = {name for name in column_names if name.startswith("lyapunov_")}
-    return converging(len(names - {"lyapunov_error"}))

@@ -303,14 +303,15 @@ class System(ABC):
 
     def table(self, name: str, column_names: Sequence[str]) -> Table | None:
         """Return the table with a name for data with these columns, None where there is none."""
-        from vibro_cli.systems.columns import GROWTH, converging_table, with_growth
+        from vibro_cli.systems.columns import GROWTH, converging, with_growth
 
         if name == "summary":
             # The final place of each, or on a trace the piece that it is on.
             bodies = sum(column.startswith(("x_", "arc_")) for column in column_names)
             return self.summary(bodies, grown="lyapunov_1" in column_names)
         if name == "exponents":
-            return converging_table(column_names)
+            numbers = {column for column in column_names if column.startswith("lyapunov_")}
+            return converging(len(numbers - {"lyapunov_error"}))
         if name in self.impact_tables:
             table = self.impact_table(name, column_names)
             return with_growth(table) if GROWTH[0].name in column_names else table
