@@ -253,7 +253,7 @@ def test_arrival_of_disks_on_springs() -> None:
     assert table["x_b"][0] - table["x_a"][0] == pytest.approx(reach, rel=1e-14)
     for end, body in (("a", 0), ("b", 1)):
         spring, start = system.springs[body], system.initial[body]
-        rate, radius = system.frequency(body), system.bodies[body].radius
+        rate, radius = system.frequencies[body], system.bodies[body].radius
         x0, x = start.position - spring.foot, float(table[f"displacement_{end}"][0])
         roots = [math.hypot(spring.height, place) for place in (x0, x)]
         square = (start.speed / rate) ** 2 + x0**2 - x**2
@@ -309,7 +309,7 @@ def test_singular_points_of_the_springs(body: int, point: tuple[float, float, fl
     saddle = 0.5 * spring.stiffness * (height - length) ** 2
     assert record["points"][1]["energy"] == pytest.approx(saddle, rel=1e-15)
     assert saddle == (48.0, 55.125)[body]
-    assert system.frequency(body) == pytest.approx((2.0, math.sqrt(3.0))[body], rel=1e-15)
+    assert system.frequencies[body] == pytest.approx((2.0, math.sqrt(3.0))[body], rel=1e-15)
 
 
 def test_one_singular_point_stressed_or_not() -> None:
@@ -341,7 +341,7 @@ def test_periods_on_springs() -> None:
                 [*alone, f"balls[2].position={given}", "balls[2].speed=0"],
             )
         )
-        spring, rate = system.springs[1], system.frequency(1)
+        spring, rate = system.springs[1], system.frequencies[1]
         small, own = spring_periods(system, 2)
         share = 1.0 - (spring.height / spring.length) ** 2
         assert small == pytest.approx(2.0 * math.pi / (rate * math.sqrt(share)), rel=1e-14)

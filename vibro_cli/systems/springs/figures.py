@@ -64,7 +64,7 @@ _ROOM = 0.04
 def film(run: Any, times: Array) -> Frames:
     """Return the states of all bodies at the times of frames (s), each exact at its time."""
     bodies, times = run.system.bodies, np.asarray(times)
-    periods = [2.0 * math.pi / run.system.frequency(body) for body in range(len(bodies))]
+    periods = [2.0 * math.pi / frequency for frequency in run.system.frequencies]
     x, speed, trails, span = trails_of(run, times, "x", periods)
     rolls = [0.0 if body.slides else 1.0 / body.radius for body in bodies]
     ground = _ground(run, x)
@@ -160,7 +160,7 @@ def _in_contact(run: Run, until: float) -> tuple[Array, Array, Array]:
 
 def _instants_in(run: Run, spans: list[tuple[float, float]], until: float) -> Array:
     """Return times (s) in spans of a chart up to one: events, and points in all periods."""
-    fastest = max(run.system.frequency(body) for body in range(len(run.system.bodies)))
+    fastest = max(run.system.frequencies)
     # Nearer ones are many in the width of a line.
     step = max(2.0 * math.pi / (_EACH * fastest), until / MOST_VECTOR_POINTS)
     events: Any = run.trajectory.times  # type: ignore[attr-defined]
@@ -187,7 +187,7 @@ def _calm(run: Run, every: list[Motions]) -> float:
 
 def _periods(run: Run) -> float:
     """Return the time (s) of as many small oscillations as can be told apart."""
-    slowest: float = min(run.system.frequency(body) for body in range(len(run.system.bodies)))
+    slowest: float = min(run.system.frequencies)
     return MOST_PERIODS * 2.0 * math.pi / slowest
 
 

@@ -46,13 +46,13 @@ def springs_record(system: SpringsSystem, index: int) -> dict[str, Any]:
     points = singular_points(spring)
     speed = None
     if len(points) == 3:
-        speed = separatrix_speed(spring, system.frequency(index), points[0][0])
+        speed = separatrix_speed(spring, system.frequencies[index], points[0][0])
     return {
         "ball": index + 1,
         "body": body.kind,
         "radius": body.radius,
         "type": TYPES[len(points)],
-        "frequency": system.frequency(index),
+        "frequency": system.frequencies[index],
         "separatrix_speed": speed,
         "points": [
             {
@@ -368,7 +368,7 @@ def spring_periods(system: SpringsSystem, ball: int) -> tuple[float, float]:
     l < b; infinite for l = b, where nothing of first order pulls. That of the start is infinite at
     the saddle and on its separatrix.
     """
-    spring, rate = system.springs[ball - 1], system.frequency(ball - 1)
+    spring, rate = system.springs[ball - 1], system.frequencies[ball - 1]
     b, long = spring.height, spring.length
     share = 1.0 - (b / long) ** 2 if long > b else 1.0 - long / b
     small = 2.0 * math.pi / (rate * math.sqrt(share)) if share > 0.0 else math.inf

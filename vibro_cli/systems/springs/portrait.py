@@ -371,7 +371,7 @@ def swings(system: SpringsSystem) -> Iterator[dict[str, float | None]]:
         small, own = (
             period if math.isfinite(period) else None for period in spring_periods(system, ball)
         )
-        yield {"omega_0": system.frequency(ball - 1), "small_period": small, "period": own}
+        yield {"omega_0": system.frequencies[ball - 1], "small_period": small, "period": own}
 
 
 def swing_line(swing: dict[str, float | None]) -> str:

@@ -67,10 +67,11 @@ class SpringsSystem(ImpactSystem):
         elastic = all(k == 1.0 for k in self.restitution)
         return elastic and clock["contacts"] == 0 and self.law_keeps_energy
 
-    def frequency(self, index: int) -> float:
-        """Return ω₀ = √(c r²/J_P) = √(c/(κ m)) of a body (from 0), 1/s (C (4))."""
-        body = self.bodies[index]
-        return math.sqrt(self.springs[index].stiffness / body.rolling_mass)
+    @property
+    def frequencies(self) -> list[float]:
+        """ω₀ = √(c r²/J_P) = √(c/(κ m)) of each body, 1/s (C (4))."""
+        pairs = zip(self.springs, self.bodies, strict=True)
+        return [math.sqrt(spring.stiffness / body.rolling_mass) for spring, body in pairs]
 
 
 def time_scale(system: SpringsSystem) -> float:
@@ -78,7 +79,7 @@ def time_scale(system: SpringsSystem) -> float:
 
     That is 1/ω₀ of the slowest body.
     """
-    return 1.0 / min(map(system.frequency, range(len(system.bodies))))
+    return 1.0 / min(system.frequencies)
 
 
 def singular_points(spring: Spring) -> tuple[tuple[float, str], ...]:
