@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 import numpy as np
@@ -196,19 +196,15 @@ def final_state(ball: int | str) -> tuple[Column, ...]:
 IN_ORDER = tuple(column.name for column in collisions(sided=True).columns)
 
 
-Room = Callable[[tuple[int, int], type], Any]
-
-
 class ImpactTable:
     """Room for so many impacts of some runs, which are filled in in any order.
 
-    Columns that are `wanted` are kept; `room` gives an array of a shape and a type.
+    Columns that are `wanted` are kept.
     """
 
-    def __init__(self, rows: int, wanted: Collection[str], room: Room = np.empty) -> None:
+    def __init__(self, rows: int, wanted: Collection[str]) -> None:
         self._rows = rows
         self._wanted = wanted
-        self._memory = room
         numbers, numbers_at = self._room(NUMBERS, np.float64)
         integers, integers_at = self._room(INTEGERS, np.int64)
         flags, flags_at = self._room(FLAGS, np.bool_)
@@ -221,8 +217,7 @@ class ImpactTable:
         # An odd number of cache lines apart: else all columns would share the same few of them.
         lines = -(-self._rows * np.dtype(kind).itemsize // 64) | 1
         shape = len(kept) + 1, lines * 64 // np.dtype(kind).itemsize
-        room = self._memory(shape, kind)
-        return room, np.array(places)
+        return np.empty(shape, kind), np.array(places)
 
     def fill(
         self,
