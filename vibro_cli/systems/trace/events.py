@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from vibro_cli.compile.kernel import Overrides
 from vibro_cli.kernels.events.liftoff_slip import (
     LIFT_OFF,
     MOST_PLACES,
@@ -20,8 +19,9 @@ from vibro_cli.kernels.events.liftoff_slip import (
     find_passages,
 )
 from vibro_cli.kernels.numerics.constants import NEVER
-from vibro_cli.kernels.world import CROSSING, END_LIFT_OFF, END_OF_TRACE, WALL, Flight, World
+from vibro_cli.kernels.world import CROSSING, END_LIFT_OFF, END_OF_TRACE, RUNNING, WALL, Flight
 from vibro_cli.systems.driver import called, chosen, joined, zeros
+from vibro_cli.systems.request import OutputRequest
 from vibro_cli.systems.trace.motion import Paths
 
 NAMES = (
@@ -53,96 +53,82 @@ Rows = Any
 class Events:
     """The events of a run, stretch by stretch; what is asked for: see ``OutputRequest``."""
 
-    def __init__(
-        self,
-        bodies: int,
-        turning_points: bool,
-        friction: float | None,
-        overrides: Overrides | None,
-    ) -> None:
-        self._turning_points = turning_points
-        self._friction = friction
-        self._overrides = overrides
+    def __init__(self, bodies: int, wanted: OutputRequest) -> None:
+        self._wanted = wanted
         self._open = np.zeros(bodies, dtype=OPEN)
         self._waiting = _rows(0)
         self._placed = 0
 
-    def take(self, paths: Paths, world: World, touches: Any, known: int, settled: float) -> Rows:
+    def take(self, paths: Paths) -> Rows:
         """Return the rows of a stretch that no later one can come before, in order of time.
 
-        The stretch has flights as paths, lasting contacts and records with its logs. So many rows
-        of the log of flights are `known`, 0 or one for each body: they begin before it. No contact
-        from before the time `settled` (s) is still to be logged.
+        At the end of the run those are all that are left.
         """
-        rows = joined([self._waiting, self._rows(paths, world, touches, known, 0)])
-        # A flight that goes on is asked until now, a segment across pieces once it has ended.
-        until = paths.log["t"] + np.where(_is_segment(paths.log), 0.0, paths.duration)
-        ready = rows["t"] < min(float(until[paths.last].min()), settled)
-        self._waiting = chosen(rows, ~ready)
-        return _in_order(chosen(rows, ready))
-
-    def finish(
-        self, paths: Paths, world: World, touches: Any, known: int, cause: int, ball: int
-    ) -> Rows:
-        """Return the rows that are left at the end of the run, in order of time.
-
-        ``cause`` is why it ended, ``ball`` the body of the last event; else as :meth:`take`.
-        """
-        rows = joined([self._waiting, self._rows(paths, world, touches, known, 1)])
-        if cause in (END_OF_TRACE, END_LIFT_OFF) and ball >= 0:
-            last = _end(paths, cause, ball)
+        stretch = paths.stretch
+        rows = joined([self._waiting, self._rows(paths)])
+        if stretch.cause == RUNNING:
+            # A flight that goes on is asked until now, a segment across pieces once it has ended.
+            until = paths.log["t"] + np.where(_is_segment(paths.log), 0.0, paths.duration)
+            ready = rows["t"] < min(float(until[paths.last].min()), stretch.settled)
+            self._waiting = chosen(rows, ~ready)
+            return _in_order(chosen(rows, ready))
+        ball = int(stretch.clock["last_ball"])
+        if stretch.cause in (END_OF_TRACE, END_LIFT_OFF) and ball >= 0:
+            last = _end(paths, ball)
             # The normal force that vanishes at the end of the run is this event and no other.
             rows = joined([chosen(rows, rows["name"] != last["name"]), last])
         return _in_order(rows)
 
-    def _rows(self, paths: Paths, world: World, touches: Any, known: int, ended: int) -> Rows:
-        passages = self._passages(paths, world, known, ended)
+    def _rows(self, paths: Paths) -> Rows:
+        passages = self._passages(paths)
         parts = (
-            _boundaries(paths, known),
-            _contacts(paths, touches),
-            _events_of(paths, passages, self._friction),
+            _boundaries(paths),
+            _contacts(paths),
+            _events_of(paths, passages, self._wanted.friction),
         )
         for rows in parts:
             rows["place"] += self._placed
             self._placed += len(rows)
         return joined(parts)
 
-    def _passages(self, paths: Paths, world: World, known: int, ended: int) -> Any:
+    def _passages(self, paths: Paths) -> Any:
         """Return the passages of all flights, as records of ``Passage`` by rows of paths."""
-        spans, found = self._find(paths, world, self._spans(paths, known, ended))
+        ended = paths.stretch.cause != RUNNING
+        spans, found = self._find(paths, self._spans(paths, ended))
         # Of several launches at one instant only the last one lasts.
-        counted = (paths.duration != 0.0) | (paths.last & (ended == 1))
+        counted = (paths.duration != 0.0) | (paths.last & ended)
         counted &= (paths.log["grouped"] == 0) | (paths.duration > 0.0)
         counted &= (spans["ended"] == 1) | ~_is_segment(paths.log)
         begun = [self._begun_beyond(paths, spans, counted, kind) for kind in (LIFT_OFF, SLIP)]
         self._keep_open(paths, spans, counted)
         return joined([found, *begun])
 
-    def _find(self, paths: Paths, world: World, spans: Any) -> tuple[Any, Any]:
+    def _find(self, paths: Paths, spans: Any) -> tuple[Any, Any]:
         """Have the kernel find passages; return the spans as it has filled them in, and those."""
         # In order of the log: bodies in contact stand together there.
         order = np.empty_like(paths.number)
         order[paths.number] = np.arange(len(order))
         progress: Any = zeros(1, Progress)
-        progress["turning_points"] = self._turning_points
-        progress["friction"] = -1.0 if self._friction is None else self._friction
+        progress["turning_points"] = self._wanted.turning_points
+        friction = self._wanted.friction
+        progress["friction"] = -1.0 if friction is None else friction
         rooms = zeros(_ROOM, Passage), zeros(MOST_PLACES, Course), zeros(2, Flight)
         search = Search(spans.take(order), progress, *rooms)
         found = []
         filled = _ROOM
         while filled == _ROOM:
-            filled = called(find_passages, self._overrides, world, search)
+            filled = called(find_passages, paths.overrides, paths.world, search)
             found.append(rooms[0][:filled].copy())
         passages = joined(found)
         passages["span"] = order[passages["span"]]
         return np.asarray(search.spans).take(paths.number), passages
 
-    def _spans(self, paths: Paths, known: int, ended: int) -> Any:
+    def _spans(self, paths: Paths, ended: bool) -> Any:
         """The flights of a stretch, with what was found on those under way before."""
         spans = zeros(len(paths.log), Span)
         spans["row"], spans["duration"] = paths.number, paths.duration
         spans["ended"] = np.where(paths.last, ended, 1)
-        before = np.flatnonzero(paths.number < known)
+        before = np.flatnonzero(paths.number < paths.stretch.known)
         for name in ("turnings", "lifts", "slips"):
             spans[name][before] = self._open[name][paths.body[before]]
         spans["begun"][before] = self._open["begun"][paths.body[before]]
@@ -204,11 +190,11 @@ def _rows(count: int) -> Rows:
     return rows
 
 
-def _boundaries(paths: Paths, known: int) -> Rows:
+def _boundaries(paths: Paths) -> Rows:
     """Crossings and walls, from the starts of flights that begin in this stretch."""
     log, places = paths.log, paths.places
     caused = (log["cause"] == CROSSING) | (log["cause"] == WALL)
-    caused &= paths.number >= known
+    caused &= paths.number >= paths.stretch.known
     # A group is launched anew as a whole: only the body that came to an end of its piece counts.
     moved = np.append(False, paths.piece[1:] != paths.piece[:-1]) | (log["cause"] == WALL)
     # A whole turn, at the seam of a circle that is one piece, turns half-angle variables by half.
@@ -228,9 +214,9 @@ def _boundaries(paths: Paths, known: int) -> Rows:
     return rows
 
 
-def _contacts(paths: Paths, touches: Any) -> Rows:
+def _contacts(paths: Paths) -> Rows:
     """Lasting contacts that close (``value``: duration of the accumulation, s) or open."""
-    places = paths.places
+    places, touches = paths.places, paths.stretch.logs["touches"]
     rows = _rows(len(touches))
     opened = touches["opened"] == 1
     rows["t"] = touches["t"] + touches["delay"]
@@ -287,14 +273,14 @@ def _at(paths: Paths, rows: Any, after: Any) -> Any:
     return found
 
 
-def _end(paths: Paths, end_cause: int, ball: int) -> Rows:
+def _end(paths: Paths, ball: int) -> Rows:
     """The event that ended the run: the end of the trace, or lift-off from a one-sided one."""
     row = np.flatnonzero((paths.body == ball) & paths.last)[:1]
     passage = _at(paths, row, paths.duration[row])
     passage["kind"], passage["normal"] = LIFT_OFF, np.nan
     rows = _events_of(paths, passage, None)
     rows["t"] = paths.t_end[row]
-    if end_cause == END_OF_TRACE:
+    if paths.stretch.cause == END_OF_TRACE:
         rows["name"] = NAMES.index("end")
     rows["sort"] = _SORTS[NAMES.index("end")]
     return rows

@@ -186,24 +186,15 @@ class _Sorted:
 
 
 class Paths:
-    """All flights of a run, body by body in order of time, each with its end.
+    """All flights of a stretch of a run, body by body in order of time, each with its end.
 
-    `world` has the records of the run, of either engine, with its logs, and `log` is that of
-    flights; the run ended at `end_t` and `end_t_low` (two doubles, s).
+    `world` has the records of the run, of either engine, with the logs of the stretch.
     """
 
-    def __init__(
-        self,
-        places: Places,
-        world: World,
-        log: Any,
-        end_t: float,
-        end_t_low: float,
-        overrides: Overrides | None,
-    ) -> None:
-        self.places = places
-        self._world = world
-        self._overrides = overrides
+    def __init__(self, places: Places, world: World, stretch: Stretch) -> None:
+        self.places, self.world, self.stretch = places, world, stretch
+        self.overrides = SYSTEM.overrides(places.system)
+        log, (end_t, end_t_low) = stretch.logs["log"], stretch.end
         order = np.argsort(log["body"].astype(np.int32), kind="stable")
         self.log = _Sorted(log, order)
         self.number = order
@@ -222,7 +213,7 @@ class Paths:
 
     def states(self, rows: Any, after: Any) -> Any:
         """Return records of ``Sample``: flights of these paths a time (s) after their starts."""
-        return states_at(self._world, self.number[rows], after, self._overrides)
+        return states_at(self.world, self.number[rows], after, self.overrides)
 
     def table(self) -> dict[str, Any]:
         """Return the flights as columns: body, arc, times, positions and rates at both ends."""
@@ -387,9 +378,9 @@ class LongMotion:
         return ahead(run.until(lambda: run.driver.rows["log"] >= self._most))
 
     def _paths(self, stretch: Stretch) -> Paths:
-        logs = stretch.logs
-        self._world = with_logs(SYSTEM.loop, self._world, stretch.engine, logs, stretch.clock)
-        return Paths(self._places, self._world, logs["log"], *stretch.end, self._overrides)
+        told = stretch.engine, stretch.logs, stretch.clock
+        self._world = with_logs(SYSTEM.loop, self._world, *told)
+        return Paths(self._places, self._world, stretch)
 
     def _gathered(self, flights: int) -> tuple[dict[str, Any], Any, Any]:
         """Go through the run: the table of flights, their rows in the log, how long they last."""

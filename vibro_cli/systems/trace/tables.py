@@ -307,15 +307,14 @@ class Tables:
         self._places = Places(system)
         self._system = system
         self._sink = sink
-        overrides = SYSTEM.overrides(system)
         bodies = len(system.bodies)
         self._impacts = Impacts(system) if "collisions" in names else None
         self._events = self._motion = None
         if "events" in names:
-            self._events = Events(bodies, wanted.turning_points, wanted.friction, overrides)
+            self._events = Events(bodies, wanted)
         if "motion" in names and wanted.motion:
             self._motion = Sampling(wanted)
-        self._overrides = overrides
+        self._overrides = SYSTEM.overrides(system)
         self._results = Results(
             zeros(1, Outcome), zeros(bodies, FinalState), zeros(0, ImpactRow), zeros(1, Flight)
         )
@@ -346,15 +345,9 @@ class Tables:
         called(update_statistics, self._overrides, world, *of_run)
         if self._events is None and self._motion is None:
             return
-        paths = Paths(self._places, world, logs["log"], *stretch.end, self._overrides)
-        touches = logs["touches"]
+        paths = Paths(self._places, world, stretch)
         if self._events is not None:
-            if not ended:
-                rows = self._events.take(paths, world, touches, known, stretch.settled)
-            else:
-                ball = int(stretch.clock["last_ball"])
-                rows = self._events.finish(paths, world, touches, known, stretch.cause, ball)
-            self._sink("events", event_columns(rows))
+            self._sink("events", event_columns(self._events.take(paths)))
         if self._motion is not None:
             for instants in self._motion.until(stretch.end[0], ended):
                 self._sink("motion", paths.sample(instants))
@@ -377,11 +370,10 @@ class Tables:
         return columns if self._tangents is None else columns | self._tangents.summary()
 
 
-def trajectory_of(system: TraceSystem, run: Stretch) -> Paths:
+def trajectory_of(system: TraceSystem, stretch: Stretch) -> Paths:
     """Return the motion in a stretch of a run, which knows what is under way at its start."""
-    own = make_world(system)
-    world = with_logs(SYSTEM.loop, own, run.engine, run.logs, run.clock)
-    return Paths(Places(system), world, run.logs["log"], *run.end, SYSTEM.overrides(system))
+    told = stretch.engine, stretch.logs, stretch.clock
+    return Paths(Places(system), with_logs(SYSTEM.loop, make_world(system), *told), stretch)
 
 
 def conserves_energy(
