@@ -165,19 +165,6 @@ def _finished(run: Run, body: int, found: Motions) -> Motions:
     return found.some(kept)
 
 
-def by_groups(
-    system: SpringsSystem, body: int, found: Motions
-) -> Iterator[tuple[Integers, SpringsLandscape, float]]:
-    """Yield which motions of a body (from 0) are in each group of bodies that moves as one.
-
-    With them the potential of the group, and the body's displacement less that of its first (m).
-    """
-    for group in set(zip(found.first.tolist(), found.last.tolist(), strict=True)):
-        rows = np.flatnonzero((found.first == group[0]) & (found.last == group[1]))
-        hills = SpringsLandscape.of(system, *group)
-        yield rows, hills, hills.offsets[body - group[0]]
-
-
 def springs_trajectory(run: Run, ball: int) -> Trajectory:
     """Return the phase trajectory of a body (from 1): displacement (m) and speed (m/s).
 
@@ -190,7 +177,10 @@ def springs_trajectory(run: Run, ball: int) -> Trajectory:
     shown = all_of.some(slice(None, None, every))
     count = points_each(len(shown.start))
     place, speed = (np.empty((len(shown.start), count)) for _ in range(2))
-    for rows, hills, shift in by_groups(run.system, body, shown):
+    for group in set(zip(shown.first.tolist(), shown.last.tolist(), strict=True)):
+        rows = np.flatnonzero((shown.first == group[0]) & (shown.last == group[1]))
+        hills = SpringsLandscape.of(run.system, *group)
+        shift = hills.offsets[body - group[0]]
         x, v, x_end, v_end = (column[rows] for column in shown.states)
         lasts = shown.end[rows] - shown.start[rows]
         q, v = hills.branches((x - shift, v), (x_end - shift, v_end), lasts, count)
