@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -170,15 +170,6 @@ class Task:
         return Places(self.system, None if self.of_points is None else self.of_points[which])
 
 
-@dataclass
-class _Parts:
-    """What is solved of a stretch, as it comes."""
-
-    summaries: list[tuple[Array, Columns]] = field(default_factory=list)
-    """Each with the points it is of (from 0 in the stretch)."""
-    logged: list[Logged] = field(default_factory=list)
-
-
 class TraceSolver:
     """Solves stretches of a grid's points, in one thread.
 
@@ -198,23 +189,25 @@ class TraceSolver:
         self._sums: Any = None
         self._reader = Reader(grid.base)
         self._indices: Array = np.zeros(0, dtype=np.int64)
+        self._summaries: list[tuple[Array, Columns]] = []
+        """Each with the points it is of (from 0 in the stretch)."""
+        self._logged: list[Logged] = []
         paths = grid.design.paths
         self._of_systems = [path for path in paths if is_of_system(path)]
         self._slow = [path for path in paths if not is_quick(path) and not is_of_system(path)]
 
     def solve(self, indices: Array) -> Solved:
         """Solve some points, given by their numbers from 0."""
-        self._indices = indices
+        self._indices, self._summaries, self._logged = indices, [], []
         self._logs.clear()
         values = self._grid.design.columns(indices)
-        parts = _Parts()
         for key, rows in self._groups(values, len(indices)):
-            self._solve_group(key, rows, {path: values[path][rows] for path in values}, parts)
-        summary = _in_order(parts.summaries, len(indices))
+            self._solve_group(key, rows, {path: values[path][rows] for path in values})
+        summary = _in_order(self._summaries, len(indices))
         impacts = int(np.ma.filled(summary["collisions"], 0).sum())
         if self._table is None:
             return Solved(summary, impacts, {})
-        columns = impact_columns(self._table, parts.logged, indices)
+        columns = impact_columns(self._table, self._logged, indices)
         kept = {"collisions": record_batch(self._table, columns)}
         return Solved(summary, impacts, kept)
 
@@ -229,13 +222,11 @@ class TraceSolver:
             groups.setdefault(key, []).append(row)
         return [(key, np.array(rows)) for key, rows in groups.items()]
 
-    def _solve_group(
-        self, key: tuple[Any, ...], rows: Array, values: dict[KeyPath, Array], parts: _Parts
-    ) -> None:
+    def _solve_group(self, key: tuple[Any, ...], rows: Array, values: dict[KeyPath, Array]) -> None:
         """Solve points of one template."""
         if self._engine == "python":
             for at, row in enumerate(rows):
-                self._solve_alone(row, self._reader.read(_taken(values, at)), parts)
+                self._solve_alone(row, self._reader.read(_taken(values, at)))
             return
         at = 0
         while key not in self._templates and at < len(rows):
@@ -244,11 +235,11 @@ class TraceSolver:
             if isinstance(point, SystemTemplate):
                 self._remember(key, point)
             else:
-                self._solve_alone(rows[at], point, parts)
+                self._solve_alone(rows[at], point)
                 at += 1
         if at < len(rows):
             self._templates.move_to_end(key)
-            self._solve_template(key, rows[at:], _taken(values, slice(at, None)), parts)
+            self._solve_template(key, rows[at:], _taken(values, slice(at, None)))
 
     def _remember(self, key: tuple[Any, ...], template: SystemTemplate) -> None:
         self._templates[key] = template
@@ -257,7 +248,7 @@ class TraceSolver:
             self._batches.pop(oldest, None)
 
     def _solve_template(
-        self, key: tuple[Any, ...], rows: Array, values: dict[KeyPath, Array], parts: _Parts
+        self, key: tuple[Any, ...], rows: Array, values: dict[KeyPath, Array]
     ) -> None:
         """Solve points of a known template: first all that are surely valid, then the others."""
         template = self._templates[key]
@@ -269,38 +260,31 @@ class TraceSolver:
             starts = template.starts(_taken(own_values, systems.points), systems)
             sure[systems.points] = starts.sure
             if starts.sure.any():
-                self._solve_batch(key, starts, systems, rows[systems.points], parts)
+                self._solve_batch(key, starts, systems, rows[systems.points])
         found: dict[tuple[Any, ...], list[tuple[int, SystemTemplate]]] = {}
         for at in np.flatnonzero(~sure):
             one = _taken(values, int(at))
             point = self._reader.read(one)
             if isinstance(point, str):
-                self._solve_alone(rows[at], point, parts)
+                self._solve_alone(rows[at], point)
             else:
                 # Systems of which nothing was known before are made one by one.
                 own = (*key, *(one[path].item() for path in self._of_systems))
                 found.setdefault(own, []).append((rows[at], point))
         for own, points in found.items():
-            self._solve_read(own, points, parts)
+            self._solve_read(own, points)
 
-    def _solve_read(
-        self, key: tuple[Any, ...], points: list[tuple[int, SystemTemplate]], parts: _Parts
-    ) -> None:
+    def _solve_read(self, key: tuple[Any, ...], points: list[tuple[int, SystemTemplate]]) -> None:
         """Solve valid points of one system that were read alone."""
         if key not in self._templates:
             self._remember(key, points[0][1])
         template = self._templates[key]
         starts = template.starts_of([point for _, point in points])
         systems = Systems(np.arange(len(points)), template.system, None)
-        self._solve_batch(key, starts, systems, np.array([row for row, _ in points]), parts)
+        self._solve_batch(key, starts, systems, np.array([row for row, _ in points]))
 
     def _solve_batch(
-        self,
-        key: tuple[Any, ...],
-        starts: Starts,
-        systems: Systems,
-        rows: Array,
-        parts: _Parts,
+        self, key: tuple[Any, ...], starts: Starts, systems: Systems, rows: Array
     ) -> None:
         """Solve valid points of a template with the compiled kernels."""
         template = self._templates[key]
@@ -317,10 +301,10 @@ class TraceSolver:
         whole = outcomes["end_cause"] != LOG_FULL
         rows = rows[starts.sure]
         if whole.any():
-            self._take(task, rows, whole, results, self._batches[key].world, parts)
+            self._take(task, rows, whole, results, self._batches[key].world)
         for row in rows[~whole]:
             values = self._grid.design.columns(self._indices[[row]])
-            self._solve_alone(row, self._reader.read(_taken(values, 0)), parts)
+            self._solve_alone(row, self._reader.read(_taken(values, 0)))
 
     def _run(self, batch: Batch, task: Task) -> Results:
         count, bodies = task.starts.piece.shape
@@ -337,9 +321,7 @@ class TraceSolver:
         self._room = max(self._room, 1.1 * float(np.mean(taken["kept"])))
         return results
 
-    def _take(
-        self, task: Task, rows: Array, whole: Array, results: Results, world: World, parts: _Parts
-    ) -> None:
+    def _take(self, task: Task, rows: Array, whole: Array, results: Results, world: World) -> None:
         """Turn results of a batch into columns."""
         starts, bodies = task.starts, task.starts.piece.shape[1]
         every: Any = results.outcomes
@@ -348,13 +330,13 @@ class TraceSolver:
         table = summary_columns(task.places(whole), starts.restitution[whole], outcomes, finals)
         if self._wanted.lyapunov:
             table |= exponent_columns(self._sums[whole], outcomes["end_t"])
-        parts.summaries.append((rows[whole], table))
+        self._summaries.append((rows[whole], table))
         if not self._grid.keep.collisions:
             return
         # A point that is left out has no rows here.
         counts = every["kept"].copy()
         log = self._logs.keep(results.impacts, int(counts.sum()))
-        parts.logged.append(
+        self._logged.append(
             Logged(
                 system=task.system,
                 world=world if task.stack is None else own_records(world),
@@ -366,13 +348,13 @@ class TraceSolver:
             )
         )
 
-    def _solve_alone(self, number: int, point: SystemTemplate | str, parts: _Parts) -> None:
+    def _solve_alone(self, number: int, point: SystemTemplate | str) -> None:
         """Solve one point by itself, or take down why it cannot be solved."""
         row = np.array([number])
         table = SYSTEM.summary(ball_count(self._grid), self._wanted.lyapunov)
         if isinstance(point, str):
             record = {"status": "invalid", "reason": point}
-            parts.summaries.append((row, columns_of_records([record], table)))
+            self._summaries.append((row, columns_of_records([record], table)))
             return
         stop, system = point.scenario.stop, point.system
         limits = Limits(stop.time, stop.collisions)
@@ -383,14 +365,14 @@ class TraceSolver:
             )
         except (ArithmeticError, ValueError, IndexError, RuntimeError) as error:
             record = {"status": "failed", "reason": f"{type(error).__name__}: {error}"}
-            parts.summaries.append((row, columns_of_records([record], table)))
+            self._summaries.append((row, columns_of_records([record], table)))
             return
-        parts.summaries.append((row, summary))
+        self._summaries.append((row, summary))
         for log in kept.values():
             counts, points = np.array([len(log)]), self._indices[row]
             world = make_world(system)
             world = world if self._engine == "python" else compiled_world(SYSTEM.loop, world)
-            parts.logged.append(Logged(system, world, points, counts, log))
+            self._logged.append(Logged(system, world, points, counts, log))
 
 
 def _taken(values: dict[KeyPath, Array], at: Any) -> dict[KeyPath, Array]:
