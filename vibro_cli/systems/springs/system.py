@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -67,7 +68,7 @@ class SpringsSystem(ImpactSystem):
         elastic = all(k == 1.0 for k in self.restitution)
         return elastic and clock["contacts"] == 0 and self.law_keeps_energy
 
-    @property
+    @cached_property
     def frequencies(self) -> list[float]:
         """ω₀ = √(c r²/J_P) = √(c/(κ m)) of each body, 1/s (C (4))."""
         pairs = zip(self.springs, self.bodies, strict=True)
