@@ -11,7 +11,7 @@ piece.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from vibro_cli.compile.kernel import Series, kernel, struct
 from vibro_cli.kernels.numerics.elliptic import QuarticConstants
@@ -432,31 +432,13 @@ class World(NamedTuple):
     tracks: Sequence[TrackData]  # body by body
     pairs: Sequence[PairData]
     contacts: Sequence[PairTrack]  # pair by pair
-    far: Sequence[Sequence[int]]  # far[pair * pieces + piece of a][piece of b]: never in contact
+    far: list[list[int]]  # far[pair * pieces + piece of a][piece of b]: never in contact
     flights: Sequence[Flight]
     forces: Sequence[BodyForces]  # scratch: one for each body of a group, at last one for others
     impacts: Sequence[ImpactRow]
     log: Sequence[FlightRow]
     touches: Sequence[ContactRow]
     segments: Sequence[SegmentRow]
-
-
-LOGS = ("impacts", "log", "touches", "segments")
-RECORDS: dict[str, Any] = {
-    "settings": Settings,
-    "clock": Clock,
-    "bodies": BodyData,
-    "pieces": PieceData,
-    "tracks": TrackData,
-    "pairs": PairData,
-    "contacts": PairTrack,
-    "flights": Flight,
-    "forces": BodyForces,
-    "impacts": ImpactRow,
-    "log": FlightRow,
-    "touches": ContactRow,
-    "segments": SegmentRow,
-}
 
 
 @kernel

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from vibro_cli.kernels.impact.laws import LAW_NAMES
-from vibro_cli.kernels.world import LOGS
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.stress.scenes import scene, system_of, three_arcs, valley
 from vibro_cli.systems.driver import Driver
@@ -46,7 +45,7 @@ def test_rows_of_the_event_loop(
     system = _system(trace, angles, law, k)
     ours, theirs = _run(system, "compiled"), _run(system, "python")
     logs, their_logs = ours.drain(), theirs.drain()
-    for name in LOGS:
+    for name in LOOP.logs:
         a, b = logs[name], their_logs[name]
         for field in a.dtype.names:
             np.testing.assert_array_equal(a[field], b[field], f"{name}.{field}")

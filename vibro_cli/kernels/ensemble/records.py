@@ -115,7 +115,7 @@ class Stack(NamedTuple):
     tracks: Sequence[TrackData]
     contacts: Sequence[PairTrack]
     pairs: Sequence[PairNumbers]
-    of_runs: Sequence[int]
+    of_runs: list[int]
 
 
 @kernel

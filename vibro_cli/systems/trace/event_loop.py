@@ -20,9 +20,9 @@ from vibro_cli.kernels.ensemble.libration_fast_path import proceed_in_libration
 from vibro_cli.kernels.events.event_detection import ROUNDS
 from vibro_cli.kernels.events.event_loop import advance, proceed, start
 from vibro_cli.kernels.tangent.follow import follow_tangents
-from vibro_cli.kernels.world import LOGS, RECORDS, World
+from vibro_cli.kernels.world import World
 from vibro_cli.systems import driver
-from vibro_cli.systems.driver import Driver, joined, zeros
+from vibro_cli.systems.driver import Driver, joined, records_of, zeros
 from vibro_cli.systems.run import Stretch, Stretches
 from vibro_cli.systems.trace.motion import last_of_each
 
@@ -40,7 +40,7 @@ def enter_advance(world: World, overrides: Overrides | None) -> int:
 LOOP = driver.EventLoop(
     advance=advance,
     follow=follow_tangents,
-    records=RECORDS,
+    records=records_of(World),
     logs={
         "impacts": "impact_rows",
         "log": "flight_rows",
@@ -63,7 +63,7 @@ class TraceStretches(Stretches):
     def __init__(self, driver: Driver, stop_time: float | None) -> None:
         super().__init__(LOOP, driver, stop_time)
         self._told = 0
-        self._nothing = {name: zeros(0, RECORDS[name]) for name in LOGS}
+        self._nothing = {name: zeros(0, LOOP.records[name]) for name in LOOP.logs}
         self._carried: dict[str, Any] = self._nothing
 
     def _framed(self, logs: dict[str, Any]) -> Stretch:
