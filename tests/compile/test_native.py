@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import ctypes
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple
@@ -11,9 +12,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
+from vibro_cli.compile import native
 from vibro_cli.compile.build import NATIVE, build, library_name
 from vibro_cli.compile.kernel import FloatMatrix, Overrides, dtype, interpreted, kernel, struct
-from vibro_cli.compile.native import CompiledKernel, add_library, compiled
+from vibro_cli.compile.native import CompiledKernel, compiled
 from vibro_cli.compile.translate import Program
 from vibro_cli.errors import NoLibrary
 
@@ -71,11 +73,14 @@ DOUBLED = Overrides("doubled", {half: twice})
 
 
 @pytest.fixture(scope="module", autouse=True)
-def library(tmp_path_factory: pytest.TempPathFactory) -> None:
-    """A library of the kernels above."""
+def library(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """A library of the kernels above, in place of the package's."""
     folder: Path = tmp_path_factory.mktemp("library")
     build([Program("test", (mixed, total, nothing)), Program("more", (mixed,), DOUBLED)], folder)
-    add_library(folder / library_name(NATIVE))
+    made = ctypes.CDLL(str(folder / library_name(NATIVE)))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(native, "library", lambda: made)
+        yield
 
 
 class Lazy(ModuleType):

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import ctypes
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from vibro_cli.compile import native
 from vibro_cli.compile.build import build, library_name
 from vibro_cli.compile.kernel import (
     LANES,
@@ -30,7 +31,7 @@ from vibro_cli.compile.kernel import (
     struct,
 )
 from vibro_cli.compile.kinds import TranslationError
-from vibro_cli.compile.native import add_library, compiled
+from vibro_cli.compile.native import compiled
 from vibro_cli.compile.translate import Program, literal
 
 WHOLE = -7
@@ -158,11 +159,14 @@ ENTRIES = (arithmetic, functions, control, strides, constants, swapped, cells, i
 
 
 @pytest.fixture(scope="module", autouse=True)
-def library(tmp_path_factory: pytest.TempPathFactory) -> None:
-    """A library of the kernels above."""
+def library(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """A library of the kernels above, in place of the package's."""
     folder: Path = tmp_path_factory.mktemp("library")
     build([Program("rules", ENTRIES)], folder)
-    add_library(folder / library_name("native"))
+    made = ctypes.CDLL(str(folder / library_name("native")))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(native, "library", lambda: made)
+        yield
 
 
 @pytest.mark.parametrize(

@@ -95,14 +95,6 @@ def digest_of(sources: Sequence[str]) -> str:
     return found.hexdigest()
 
 
-_more: list[ctypes.CDLL] = []
-
-
-def add_library(path: Path) -> None:
-    """Have the kernels of another library found too."""
-    _more.append(ctypes.CDLL(str(path)))
-
-
 class CompiledKernel:
     """A kernel of the library, to be called like the kernel itself.
 
@@ -144,12 +136,11 @@ compiled = cache(CompiledKernel)
 
 
 def _found(symbol: str) -> Any:
-    for each in (*_more, library()):
-        try:
-            return each[symbol]  # an object of its own each time: its types are not shared
-        except AttributeError:
-            continue
-    raise NoLibrary(f"the library of kernels has no {symbol}: it is named in no program")
+    try:
+        return library()[symbol]  # an object of its own each time: its types are not shared
+    except AttributeError:
+        found = f"the library of kernels has no {symbol}: it is named in no program"
+        raise NoLibrary(found) from None
 
 
 def _words(kind: Any, argument: Any, name: str) -> Any:
