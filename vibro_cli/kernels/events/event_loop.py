@@ -476,26 +476,28 @@ def advance(world: World) -> int:
 def _horizon(world: World) -> tuple[float, float, int, int]:
     """When an event comes at the latest (two doubles, s): the stop, an end of a flight, a release.
 
-    Then the body whose flight ends before the stop, and the pair that parts before that; else -1.
+    Then the body whose flight ends first by the stop, and the pair that parts first before that;
+    else -1.
     """
-    t = world.settings[0].stop_t
+    settings = world.settings[0]
+    t = settings.stop_t
     low = 0.0
-    ball = _first_exit(world)
-    if ball >= 0:
-        flight = world.flights[ball]
-        if time_between(flight.exit_t, flight.exit_t_low, t, 0.0) <= 0.0:
+    ball = -1
+    for number in range(settings.bodies):
+        flight = world.flights[number]
+        later = time_between(flight.exit_t, flight.exit_t_low, t, low)
+        if later < 0.0 or (later == 0.0 and ball < 0 and flight.exit_t < NEVER):
+            ball = number
             t = flight.exit_t
             low = flight.exit_t_low
-        else:
-            ball = -1
-    pair = _first_release(world) if world.clock[0].held_pairs > 0 else -1
-    if pair >= 0:
-        held = world.pairs[pair]
-        if time_between(held.release_t, held.release_t_low, t, low) < 0.0:
-            t = held.release_t
-            low = held.release_t_low
-        else:
-            pair = -1
+    pair = -1
+    if world.clock[0].held_pairs > 0:
+        for j in range(settings.pairs):
+            one = world.pairs[j]
+            if one.held == 1 and time_between(one.release_t, one.release_t_low, t, low) < 0.0:
+                pair = j
+                t = one.release_t
+                low = one.release_t_low
     return t, low, ball, pair
 
 
@@ -507,21 +509,6 @@ def drop_rows(clock: Clock) -> None:
     clock.flight_rows = 0
     clock.contact_rows = 0
     clock.segment_rows = 0
-
-
-@kernel
-def _first_release(world: World) -> int:
-    """The pair in lasting contact that parts first, or -1."""
-    first = -1
-    t = NEVER
-    t_low = 0.0
-    for j in range(world.settings[0].pairs):
-        pair = world.pairs[j]
-        if pair.held == 1 and time_between(pair.release_t, pair.release_t_low, t, t_low) < 0.0:
-            first = j
-            t = pair.release_t
-            t_low = pair.release_t_low
-    return first
 
 
 @kernel
@@ -545,21 +532,6 @@ def _finish(world: World) -> int:
     if settings.stop_t < NEVER:
         return END_TIME
     return END_REST if resting else END_NO_MORE_COLLISIONS
-
-
-@kernel
-def _first_exit(world: World) -> int:
-    """The body whose flight ends first, or -1."""
-    first = -1
-    t = NEVER
-    t_low = 0.0
-    for ball in range(world.settings[0].bodies):
-        flight = world.flights[ball]
-        if time_between(flight.exit_t, flight.exit_t_low, t, t_low) < 0.0:
-            first = ball
-            t = flight.exit_t
-            t_low = flight.exit_t_low
-    return first
 
 
 # Times closer than this share of themselves are one instant.
