@@ -488,17 +488,11 @@ def polish_root_on_arc(world: World, j: int, t: float, orientation: float) -> fl
         gap += _left_over(2.0 * launched, PLACES_ROUNDING, first_rate, t)
         change = _step(gap, rate, first_rate, t)
         t += change
-        _keep_flows_at(world, j, t)
+        world.clock[0].evaluations += 1
+        keep_flows(world, j, t, t)
         if abs(change) <= SETTLED * t:
             break
     return t
-
-
-@kernel
-def _keep_flows_at(world: World, j: int, t: float) -> None:
-    """Keep the states a time t (s) after the start of both flights as those of contact."""
-    world.clock[0].evaluations += 1
-    keep_flows(world, j, t, t)
 
 
 @kernel
@@ -537,7 +531,8 @@ def polish_root_by_distance(world: World, j: int, straight: bool, t: float) -> f
         gap += _left_over(launched, rounding, first_rate, t)
         change = _step(gap, rate, first_rate, t)
         t += change
-        _keep_flows_at(world, j, t)
+        world.clock[0].evaluations += 1
+        keep_flows(world, j, t, t)
         if abs(change) <= SETTLED * t:
             break
     return t

@@ -146,10 +146,8 @@ def contact_in_lanes(
     approach = 2.0 * (a.frequency * a.contact_p - b.frequency * b.contact_p)
     certain = mask_and(approach > 0.0, is_clear_with(h - clear, approach, level, fastest))
     # Short flights from contact to contact are timed otherwise (kernels.contact.first_contact).
-    long = mask_and(a.frequency * h > LONG, h > 0.0)
-    long = mask_and(mask_or(long, b.frequency * h > LONG), h > 0.0)
-    far = mask_and(approach > 0.0, approach * h > FAR)
-    return h, mask_or(failed, mask_not(mask_and(certain, mask_or(long, far))))
+    long = mask_or(fastest * h > LONG, approach * h > FAR)
+    return h, mask_or(failed, mask_not(mask_and(certain, long)))
 
 
 @kernel

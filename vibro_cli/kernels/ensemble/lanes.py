@@ -46,8 +46,7 @@ from vibro_cli.kernels.flow.flight import (
     specific_energy_on_arc,
 )
 from vibro_cli.kernels.flow.flow import CAUTION
-from vibro_cli.kernels.impact.chattering import SMALL_BOUNCE
-from vibro_cli.kernels.impact.laws import do_part, impact_of_pair, separation_speed
+from vibro_cli.kernels.impact.chattering import speeds_after
 from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.numerics.double_double import add_to_time, time_between
 from vibro_cli.kernels.numerics.elliptic import PARAMETER_SPLIT, set_libration, set_theta_constants
@@ -56,7 +55,6 @@ from vibro_cli.kernels.statistics.run_statistics import (
     Results,
     arc_force,
     gap_on_arc,
-    half_angle_on_arc,
 )
 from vibro_cli.kernels.world import (
     COLLISION,
@@ -224,25 +222,18 @@ def _collide(world: World, group: LaneGroup) -> tuple[Lanes, bool]:
     Returns what the energy lacked before it was shared (J), and in which lanes the impact is of
     another kind.
     """
-    settings = world.settings[0]
     run = group.runs[0]
     a = group.librations[0]
     b = group.librations[1]
     body_a = group.bodies[0]
     body_b = group.bodies[1]
-    contact = world.contacts[run.piece]
     track_a = track_on(world, 0, run.piece)
     track_b = track_on(world, 1, run.piece)
     speed_a = track_a.speed_factor * a.contact_p
     speed_b = track_b.speed_factor * b.contact_p
-    wa, wb, loss = impact_of_pair(
-        settings.law, run.restitution, body_a, body_b,
-        contact.normal_a, contact.normal_b, speed_a, speed_b,
-    )  # fmt: skip
-    size = abs(speed_a) + abs(speed_b)
-    parts = do_part(contact.normal_a, contact.normal_b, wa, wb, size)
-    u = separation_speed(contact.normal_a, contact.normal_b, wa, wb)
-    small = u * u <= SMALL_BOUNCE * settings.gravity * world.pairs[0].distance
+    wa, wb, loss, bounces = speeds_after(
+        world, body_a, body_b, run.restitution, run.piece, speed_a, speed_b
+    )
     a.next_p = wa / track_a.speed_factor
     b.next_p = wb / track_b.speed_factor
     total = body_a.weight * a.specific_energy + body_b.weight * b.specific_energy - loss
@@ -261,8 +252,8 @@ def _collide(world: World, group: LaneGroup) -> tuple[Lanes, bool]:
     b.next_m = select(less, rest, m)
     a.next_root = select(less, root, rest_root)
     b.next_root = select(less, rest_root, root)
-    sure = mask_and(parts, mask_or(less, energy_b < energy_a))
-    return total - (energy_a + energy_b), mask_or(small, mask_not(sure))
+    sure = mask_and(bounces, mask_or(less, energy_b < energy_a))
+    return total - (energy_a + energy_b), mask_not(sure)
 
 
 @kernel
@@ -323,10 +314,9 @@ def _count(world: World, group: LaneGroup, duration: Lanes, failed: bool) -> boo
     run.most_demand = select(failed, run.most_demand, most)
     rho_a = track_on(world, 0, run.piece).path_radius
     rho_b = track_on(world, 1, run.piece).path_radius
-    sine, cosine = half_angle_on_arc(rho_a * rho_b, body_a.radius, body_b.radius)
     gap = gap_on_arc(
-        rho_a * rho_b, body_a.radius + body_b.radius,
-        a.contact_s, a.contact_c, b.contact_s, b.contact_c, sine, cosine,
+        rho_a * rho_b, body_a.radius, body_b.radius,
+        a.contact_s, a.contact_c, b.contact_s, b.contact_c,
     )  # fmt: skip
     run.max_gap = select(failed, run.max_gap, max(run.max_gap, abs(gap)))
     return failed

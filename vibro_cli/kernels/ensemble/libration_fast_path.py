@@ -29,8 +29,8 @@ from vibro_cli.kernels.flow.flight import (
     size_of_root,
     specific_energy_on_arc,
 )
-from vibro_cli.kernels.impact.chattering import SMALL_BOUNCE
-from vibro_cli.kernels.impact.laws import do_part, impact_of_pair, log_impact, separation_speed
+from vibro_cli.kernels.impact.chattering import speeds_after
+from vibro_cli.kernels.impact.laws import log_impact
 from vibro_cli.kernels.numerics.double_double import add_to_time, time_between
 from vibro_cli.kernels.numerics.elliptic import (
     PARAMETER_SPLIT,
@@ -153,7 +153,10 @@ def _next_impact(world: World, two: TwoLibrations, tracks: TwoTracks) -> bool:
     if time_between(t, t_low, settings.stop_t, 0.0) >= 0.0 or any_lane(project_libration(two)):
         return False
     before = tracks.speed_factor * two.contact_p
-    wa, wb, loss, bounces = _speeds_after(world, extract(before, 0), extract(before, 1))
+    wa, wb, loss, bounces = speeds_after(
+        world, world.bodies[0], world.bodies[1], world.pairs[0].restitution, a.piece,
+        extract(before, 0), extract(before, 1),
+    )  # fmt: skip
     if not bounces:
         return False
     specific_energy_a = a.specific_energy
@@ -173,22 +176,6 @@ def _next_impact(world: World, two: TwoLibrations, tracks: TwoTracks) -> bool:
     row.specific_energy_b_post = b.specific_energy
     _depart(world, two, after, wa, wb, more)
     return True
-
-
-@kernel
-def _speeds_after(world: World, va: float, vb: float) -> tuple[float, float, float, bool]:
-    """Speeds (m/s) after an impact, the energy (J) it takes, and whether it is no small bounce."""
-    settings = world.settings[0]
-    pair = world.pairs[0]
-    contact = world.contacts[world.flights[0].piece]
-    wa, wb, loss = impact_of_pair(
-        settings.law, pair.restitution, world.bodies[0], world.bodies[1],
-        contact.normal_a, contact.normal_b, va, vb,
-    )  # fmt: skip
-    u = separation_speed(contact.normal_a, contact.normal_b, wa, wb)
-    small = u * u <= SMALL_BOUNCE * settings.gravity * pair.distance
-    part = do_part(contact.normal_a, contact.normal_b, wa, wb, abs(va) + abs(vb))
-    return wa, wb, loss, part and not small
 
 
 @kernel

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 
-from vibro_cli.compile.kernel import kernel
+from vibro_cli.compile.kernel import kernel, mask_and
 from vibro_cli.kernels.contact.contact_kinematics import (
     distance_gap,
     free_acceleration,
@@ -45,6 +45,7 @@ from vibro_cli.kernels.impact.laws import (
     NORMAL_IMPULSE,
     SPEED_ROUNDING,
     balances_mass,
+    do_part,
     impact_of_pair,
     separation_speed,
     weight_and_response,
@@ -53,6 +54,7 @@ from vibro_cli.kernels.numerics.conservative_advancement import safe_step_second
 from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.kernels.world import (
     CLOSING,
+    BodyData,
     Flight,
     World,
     flight_along,
@@ -100,6 +102,21 @@ def closing_law(world: World, first: int, count: int) -> int:
         if not _law_is_normal(world, number_along(world, first, step), law):
             return NORMAL_IMPULSE
     return law
+
+
+@kernel
+def speeds_after(
+    world: World, one: BodyData, other: BodyData, k: float, piece: int, va: float, vb: float
+) -> tuple[float, float, float, bool]:
+    """Speeds (m/s) after an impact, the energy (J) it takes, and whether it is no small bounce."""
+    settings = world.settings[0]
+    contact = world.contacts[piece]
+    normal_a, normal_b = contact.normal_a, contact.normal_b
+    wa, wb, loss = impact_of_pair(settings.law, k, one, other, normal_a, normal_b, va, vb)
+    u = separation_speed(normal_a, normal_b, wa, wb)
+    bounces = u * u > SMALL_BOUNCE * settings.gravity * world.pairs[0].distance
+    part = do_part(normal_a, normal_b, wa, wb, abs(va) + abs(vb))
+    return wa, wb, loss, mask_and(part, bounces)
 
 
 @kernel

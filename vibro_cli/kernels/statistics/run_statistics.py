@@ -163,52 +163,14 @@ def _update_impact_statistics(world: World, cause: int, outcome: Outcome) -> Non
             outcome.first_t = world.impacts[0].t
         outcome.last_t = world.impacts[count - 1].t
     outcome.impacts += count - 1 if cause == END_INADMISSIBLE else count
-    largest = outcome.max_gap
-    pair = -1
-    piece = -1
-    sine = 0.0
-    cosine = 0.0
     for number in range(count):
-        row = world.impacts[number]
-        if row.piece_a != row.piece_b:
-            largest = max(largest, abs(_gap(world, row, 0.0, 1.0)))
-            continue
-        if row.pair != pair or row.piece_a != piece:
-            pair = row.pair
-            piece = row.piece_a
-            sine, cosine = _half_angle_of_contact(world, row)
-        largest = max(largest, abs(_gap(world, row, sine, cosine)))
-    outcome.max_gap = largest
+        gap = residual_gap(world, world.impacts[number])
+        outcome.max_gap = max(outcome.max_gap, abs(gap))
 
 
 @kernel
 def residual_gap(world: World, row: ImpactRow) -> float:
     """Distance of the surfaces (m) left in the states of an impact, without cancellation."""
-    sine, cosine = _half_angle_of_contact(world, row)
-    return _gap(world, row, sine, cosine)
-
-
-@kernel
-def _half_angle_of_contact(world: World, row: ImpactRow) -> tuple[float, float]:
-    """Sine and cosine of half the angle of contact on an arc, where both bodies are on it."""
-    rho_a = track_on(world, row.a, row.piece_a).path_radius
-    rho_b = track_on(world, row.b, row.piece_b).path_radius
-    if row.piece_a != row.piece_b or rho_a == 0.0:
-        return 0.0, 1.0
-    return half_angle_on_arc(rho_a * rho_b, world.bodies[row.a].radius, world.bodies[row.b].radius)
-
-
-@kernel
-def half_angle_on_arc(product: float, radius_a: float, radius_b: float) -> tuple[float, float]:
-    """As :func:`_half_angle_of_contact`, of ``rho_a rho_b`` and the radii."""
-    sine = math.sqrt(radius_a * radius_b / product)
-    short = min(sine, 1.0)
-    return sine, math.sqrt(1.0 - short * short)
-
-
-@kernel
-def _gap(world: World, row: ImpactRow, half_sine: float, half_cosine: float) -> float:
-    """As :func:`residual_gap`, with half the angle of contact on the arc."""
     track_a = track_on(world, row.a, row.piece_a)
     track_b = track_on(world, row.b, row.piece_b)
     radius_a = world.bodies[row.a].radius
@@ -224,28 +186,32 @@ def _gap(world: World, row: ImpactRow, half_sine: float, half_cosine: float) -> 
         along = row.b_s - row.a_s
         distance = 2.0 * math.sqrt(radius_a * radius_b)
         return (along - distance) * (along + distance) / (2.0 * reach)
-    # d^2 - (r_a + r_b)^2 = 4 rho_a rho_b sin((delta - beta)/2) sin((delta + beta)/2)
     product = track_a.path_radius * track_b.path_radius
-    return gap_on_arc(product, reach, row.a_s, row.a_c, row.b_s, row.b_c, half_sine, half_cosine)
+    return gap_on_arc(product, radius_a, radius_b, row.a_s, row.a_c, row.b_s, row.b_c)
 
 
 @kernel
 def gap_on_arc(
     product: float,
-    reach: float,
+    radius_a: float,
+    radius_b: float,
     a_s: float,
     a_c: float,
     b_s: float,
     b_c: float,
-    half_sine: float,
-    half_cosine: float,
 ) -> float:
-    """Gap (m) of two bodies on one arc, of ``rho_a rho_b`` and ``r_a + r_b``."""
+    """Gap (m) of two bodies on one arc, of ``rho_a rho_b`` and the radii.
+
+    ``d^2 - (r_a + r_b)^2 = 4 rho_a rho_b sin((delta - beta)/2) sin((delta + beta)/2)``.
+    """
+    half_sine = math.sqrt(radius_a * radius_b / product)
+    short = min(half_sine, 1.0)
+    half_cosine = math.sqrt(1.0 - short * short)
     delta = abs(b_s * a_c - b_c * a_s)
     cosine = abs(b_c * a_c + b_s * a_s)
     less = delta * half_cosine - cosine * half_sine
     more = delta * half_cosine + cosine * half_sine
-    return 2.0 * product * less * more / reach
+    return 2.0 * product * less * more / (radius_a + radius_b)
 
 
 @kernel
