@@ -114,6 +114,7 @@ def note_before(world: World, row: PairRow, a: int, b: int) -> None:
     row.normal_x = dx / apart
     row.normal_y = dy / apart
     row.gap = apart - touching_distance(world, a, b)
+    row.restitution = world.settings[0].restitution
     row.normal_a_pre = one.vx * row.normal_x + one.vy * row.normal_y
     row.normal_b_pre = other.vx * row.normal_x + other.vy * row.normal_y
     speeds = math.sqrt(one.square) + math.sqrt(other.square)
@@ -130,9 +131,8 @@ def apply_law(world: World, row: PairRow, law: int) -> None:
     if row.normal_a_pre <= row.normal_b_pre:  # a graze after which they part already, by rounding
         row.normal_a_post, row.normal_b_post, row.loss = row.normal_a_pre, row.normal_b_pre, 0.0
         return
-    k = world.settings[0].restitution
     row.normal_a_post, row.normal_b_post, row.loss = rounded_once(
-        law, k, one, other, inclined, row.normal_a_pre, row.normal_b_pre
+        law, row.restitution, one, other, inclined, row.normal_a_pre, row.normal_b_pre
     )
 
 
@@ -319,14 +319,12 @@ def impulses_for(world: World, pairs: int) -> None:
     for number in range(pairs):
         touch = world.touches[number]
         touch.left_low = 0.0
-        touch.impulse, touch.impulse_low = 0.0, 0.0
-        touch.direction = touch.left / touch.diagonal
     _descend(world, pairs)
 
 
 @kernel
 def _descend(world: World, closing: int) -> None:
-    """Set the impulses by conjugate gradients, from the right-hand sides and first directions.
+    """Set the impulses by conjugate gradients, from the right-hand sides.
 
     Where contacts are redundant but for the rounding of their normals, the residuals fall to that
     rounding and grow again before it is seen: the impulses are those that leave least.
@@ -334,8 +332,9 @@ def _descend(world: World, closing: int) -> None:
     target = 0.0
     for number in range(closing):
         touch = world.touches[number]
+        touch.impulse, touch.impulse_low, touch.best = 0.0, 0.0, 0.0
+        touch.direction = touch.left / touch.diagonal
         target += touch.left * touch.left / touch.diagonal
-        touch.best = 0.0
     rho = target
     least = target
     for _ in range(20 + 10 * closing):
@@ -385,7 +384,6 @@ def _set_up(world: World, closing: int, law: int, restitution: float) -> None:
         touch.approach = law_approach(
             law, one, other, inclined, inclined, row.normal_a_pre, row.normal_b_pre
         )
-        touch.impulse, touch.impulse_low = 0.0, 0.0
     # By the very weights that the impulses are measured with: where these are redundant, another
     # rounding of the speeds would ask for what no impulses can do.
     for place in range(world.clock[0].group):
@@ -398,7 +396,6 @@ def _set_up(world: World, closing: int, law: int, restitution: float) -> None:
         touch = world.touches[number]
         factor = -(1.0 + restitution)
         touch.left, touch.left_low = dd_multiply(touch.change, touch.change_low, factor)
-        touch.direction = touch.left / touch.diagonal
 
 
 @kernel
@@ -588,6 +585,7 @@ def _complete(
         touch = world.touches[number]
         row = world.pair_log[first + number]
         _set_after(world, row)
+        row.restitution = restitution
         row.law = law
         row.admissible = admissible
         row.loss = loss_of_impulse(

@@ -52,7 +52,6 @@ def follow_balls(
     """
     if known == 0:
         begin_frame(tangents)
-        tangents.state[0].begin_t = 0.0
     clock = world.clock[0]
     for ball in range(len(world.balls)):
         tangents.current[0, ball] = -1
@@ -209,7 +208,7 @@ def _meet(world: World, tangents: Tangents, first: int, count: int, impact: int)
 @kernel
 def _strike(world: World, tangents: Tangents, first: int, count: int) -> None:
     """Change the tangent vectors by the impulses of an event, and by what changes of these."""
-    restitution = _restitution(world, first, count)
+    restitution = world.pair_log[first].restitution
     if restitution == 0.0:
         tangents.state[0].lost = 1
     _gather(world, first, count)
@@ -232,18 +231,6 @@ def _strike(world: World, tangents: Tangents, first: int, count: int) -> None:
         impulses_for(world, count)
         for number in range(count):
             _apply(world, tangents, number, column)
-
-
-@kernel
-def _restitution(world: World, first: int, count: int) -> float:
-    """Coefficient of an event: that of the pairs, or 0 where the limit of many was taken."""
-    restitution = world.settings[0].restitution
-    row = world.pair_log[first]
-    parting = row.normal_b_post - row.normal_a_post
-    closing = row.normal_a_pre - row.normal_b_pre
-    if count > 1 and row.simultaneous == 1 and abs(parting) <= 1.0e-9 * closing:
-        return 0.0
-    return restitution
 
 
 @kernel

@@ -58,7 +58,7 @@ def meet_wall(world: World, body: BodyData, ball: Ball, x: float, y: float, to: 
         # The normal at a corner lies between those of its sides: who comes to neither, as a ball
         # that has rolled along one, does not come to it. A particle meets one of the sides.
         pointed = edge.corner == 1 and body.radius > 0.0
-        if pointed and (_comes_to(before, ball) or _comes_to(edge, ball)):
+        if pointed and max(_approach_to(before, ball), _approach_to(edge, ball)) > 0.0:
             time = _meet_corner(edge, body.radius, ball, x, y, time, to)
         if time < best:
             best = time
@@ -251,9 +251,10 @@ def _meet_circle(
 
 
 @kernel
-def _comes_to(edge: Edge, ball: Ball) -> bool:
-    """Whether a ball moves towards the line of a side, by more than rounding."""
-    return ball.vx * edge.normal_x + ball.vy * edge.normal_y > RESOLVED * ball.fastest
+def _approach_to(edge: Edge, ball: Ball) -> float:
+    """Speed (m/s) at which a ball moves towards the line of a side; 0 if it is rounding."""
+    closing = ball.vx * edge.normal_x + ball.vy * edge.normal_y
+    return closing if closing > RESOLVED * ball.fastest else 0.0
 
 
 @kernel
@@ -261,10 +262,10 @@ def _meet_edge(
     edge: Edge, after: Edge, r: float, ball: Ball, x: float, y: float, best: float, to: Meeting
 ) -> float:
     """The sooner of a time and that until a straight side is met, which is then noted."""
-    if not _comes_to(edge, ball):
+    closing = _approach_to(edge, ball)
+    if closing == 0.0:
         return best
     vx, vy = ball.vx, ball.vy
-    closing = vx * edge.normal_x + vy * edge.normal_y
     distance = (edge.x - x) * edge.normal_x + (edge.y - y) * edge.normal_y - r
     time = max(distance / closing, 0.0)
     if time >= best:

@@ -168,6 +168,7 @@ class PairRow:
     normal_b_post: float
     loss: float
     gap: float
+    restitution: float  # k of its impulse
     law: int
     admissible: int
     substituted: int
