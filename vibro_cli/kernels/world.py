@@ -332,11 +332,17 @@ END_NAMES = {
 
 
 @struct
-class ImpactRow:
-    """One impact, as the kernels see it."""
+class Instant:
+    """A time in two doubles, s."""
 
     t: float
     t_low: float
+
+
+@struct
+class ImpactRow(Instant):
+    """One impact, as the kernels see it."""
+
     pair: int
     a: int
     b: int

@@ -47,6 +47,7 @@ from vibro_cli.kernels.tangent.frame import (
     carry_vectors,
     change_force,
     orthogonalise,
+    spoil,
     tell_event,
     tell_growth,
     tell_nothing,
@@ -242,7 +243,7 @@ def _happen(world: World, tangents: Tangents, row: int, impact: int, count: int)
         _judge(world, tangents, impact, count, closed)
     elif closed:
         tangents.state[0].rough = 1
-        _spoil(world, tangents, impact)
+        spoil(tangents, world.impacts, impact, world.clock[0].t, world.clock[0].t_low)
     for number in range(impact, impact + count):
         pair = world.impacts[number].pair
         tell_growth(tangents, number, pair, pair + 1, NUMBERS)
@@ -258,7 +259,7 @@ def _judge(world: World, tangents: Tangents, impact: int, count: int, closed: bo
         lawful = row.law == world.settings[0].law or row.substituted == 1
         fine = fine and lawful and world.pairs[row.pair].restitution == 0.0
     if row.simultaneous == 1:
-        _spoil(world, tangents, impact)
+        spoil(tangents, world.impacts, impact, row.t, row.t_low)
     tell_smooth(tangents, impact, count, fine)
     tangents.state[0].rough = 0
 
@@ -307,20 +308,6 @@ def _closes(world: World, row: int) -> bool:
         if world.states[row + body].held == 1 and world.pairs[body].held == 0:
             return True
     return False
-
-
-@kernel
-def _spoil(world: World, tangents: Tangents, end: int) -> None:
-    """Mark the impacts of this instant before row ``end``: the order of all decides."""
-    clock = world.clock[0]
-    number = end - 1
-    while (
-        number >= 0
-        and world.impacts[number].t == clock.t
-        and world.impacts[number].t_low == clock.t_low
-    ):
-        tangents.smooth[0, number] = 0
-        number -= 1
 
 
 @kernel

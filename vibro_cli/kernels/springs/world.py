@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from vibro_cli.compile.kernel import struct
 from vibro_cli.kernels.numerics.tridiagonal import ChainRow
-from vibro_cli.kernels.world import BodyData
+from vibro_cli.kernels.world import BodyData, Instant
 
 ORDER = 24  # of the Taylor series of a body's place
 ROW = ORDER + 1
@@ -103,11 +103,9 @@ class Settings:
 
 
 @struct
-class ImpactRow:
+class ImpactRow(Instant):
     """One impact of a pair."""
 
-    t: float
-    t_low: float
     pair: int
     x_a: float  # along the line
     x_b: float

@@ -40,8 +40,10 @@ from vibro_cli.kernels.tangent.frame import (
     begin_frame,
     carry_far,
     change_force,
+    from_start,
     orthogonalise,
     scaled_back,
+    spoil,
     tell_event,
     tell_growth,
     tell_nothing,
@@ -272,7 +274,6 @@ def follow_tangents(
     rows = world.clock[0].flight_rows
     if known == 0:
         begin_frame(tangents)
-        state.rough = 0
         state.begin_t = world.log[0].t
     for ball in range(known):
         tangents.current[0, ball] = ball
@@ -368,8 +369,12 @@ def _arrive_all(
         if row.cause != START:
             before = world.log[tangents.current[0, row.body]]
             tangents.current[1, row.body] = before.group_first if before.grouped == 1 else row.body
-            _carry(world, tangents, row.body, row.t, row.t_low, scratch)
-            _arrive(world, tangents, row, before.piece, scratch[0])
+            age = _carry(world, tangents, row.body, row.t, row.t_low, scratch)
+            track = track_on(world, row.body, before.piece)
+            tangents.arriving[row.body, 0] = track.speed_factor * row.before_p
+            tangents.arriving[row.body, 1] = acceleration_at(
+                scratch[0], track.path_radius, age, row.before_s, row.before_c
+            )
             passed = row.piece != before.piece or count == 1
             if row.cause == WALL or (row.cause == CROSSING and passed):
                 ended = row.body
@@ -380,8 +385,11 @@ def _arrive_all(
 @kernel
 def _carry(
     world: World, tangents: Tangents, ball: int, t: float, t_low: float, scratch: Sequence[Flight]
-) -> None:
-    """Carry the tangent vectors of a body to an instant of its flight, which is recalled."""
+) -> float:
+    """Carry the tangent vectors of a body to an instant of its flight, which is recalled.
+
+    Returns how long it has flown, s.
+    """
     number = tangents.current[0, ball]
     row = world.log[number]
     flight = scratch[0]
@@ -390,6 +398,7 @@ def _carry(
     if age > 0.0 and not leans(world, number, flight):
         one, two, three, four = flight_jacobian(flight, age, tangents.series)
         carry_far(tangents, ball, one, two, three, four)
+    return age
 
 
 @kernel
@@ -405,18 +414,6 @@ def leans(world: World, number: int, flight: Flight) -> bool:
     if track.path_radius == 0.0:
         return row.grouped == 1 or track.line_acceleration != 0.0
     return row.grouped == 1 or row.s * row.c != 0.0
-
-
-@kernel
-def _arrive(world: World, tangents: Tangents, row: FlightRow, piece: int, flight: Flight) -> None:
-    """Set the speed and the acceleration of a body at the end of a flight on a piece."""
-    track = track_on(world, row.body, piece)
-    start = world.log[tangents.current[0, row.body]]
-    age = time_between(row.t, row.t_low, start.t, start.t_low)
-    tangents.arriving[row.body, 0] = track.speed_factor * row.before_p
-    tangents.arriving[row.body, 1] = acceleration_at(
-        flight, track.path_radius, age, row.before_s, row.before_c
-    )
 
 
 @kernel
@@ -674,9 +671,7 @@ def _tell(world: World, tangents: Tangents, begin: int, end: int) -> None:
         for column in range(len(tangents.frame)):
             for impact in range(begin, end):
                 ball = world.impacts[impact].a
-                value = 0.0
-                for other in range(column + 1):
-                    value += tangents.delay[ball, other] * tangents.product[other, column]
+                value = from_start(tangents, tangents.delay, ball, column)
                 tangents.times[impact, column] = scaled_back(tangents, value)
     tell_event(tangents, begin, end - begin)
     for impact in range(begin, end):
@@ -685,19 +680,5 @@ def _tell(world: World, tangents: Tangents, begin: int, end: int) -> None:
         fine = end == begin + 1 and row.simultaneous == 0 and row.contact == 0
         tell_smooth(tangents, impact, 1, fine)
         if row.simultaneous == 1:
-            _spoil(world, tangents, impact)
+            spoil(tangents, world.impacts, impact, row.t, row.t_low)
     tangents.state[0].rough = 0
-
-
-@kernel
-def _spoil(world: World, tangents: Tangents, impact: int) -> None:
-    """Mark the impacts before one that share its instant: the order of all decides."""
-    row = world.impacts[impact]
-    number = impact - 1
-    while (
-        number >= 0
-        and world.impacts[number].t == row.t
-        and world.impacts[number].t_low == row.t_low
-    ):
-        tangents.smooth[0, number] = 0
-        number -= 1

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from vibro_cli.compile.kernel import FloatMatrix, IntMatrix, kernel, struct
+from vibro_cli.kernels.world import Instant
 
 # The product of the triangular factors is kept between this and its reciprocal.
 SCALE = 2.0**400
@@ -91,6 +92,7 @@ def begin_frame(tangents: Tangents) -> None:
     state = tangents.state[0]
     state.scalings = 0
     state.lost = 0
+    state.rough = 0
     for row in range(len(tangents.frame)):
         tangents.sums[0, row] = 0.0
         for column in range(len(tangents.frame)):
@@ -187,17 +189,20 @@ def growth_of_pair(tangents: Tangents, a: int, b: int, numbers: int) -> float:
     for end in range(2 * numbers):
         row = numbers * (a if end < numbers else b) + end % numbers
         for column in range(len(tangents.frame)):
-            value = from_start(tangents, row, column)
+            value = from_start(tangents, tangents.frame, row, column)
             total += value * value
     return scaled_back(tangents, math.sqrt(total / (2 * numbers)))
 
 
 @kernel
-def from_start(tangents: Tangents, row: int, column: int) -> float:
-    """Element of the tangent map from the start, but for what has been taken out of the product."""
+def from_start(tangents: Tangents, rows: FloatMatrix, row: int, column: int) -> float:
+    """Element of the rows' product with what leads from the start to the frame.
+
+    But for what has been taken out of that: of the frame's rows an element of the tangent map.
+    """
     value = 0.0
     for other in range(column + 1):
-        value += tangents.frame[row, other] * tangents.product[other, column]
+        value += rows[row, other] * tangents.product[other, column]
     return value
 
 
@@ -235,6 +240,15 @@ def tell_nothing(tangents: Tangents, impact: int) -> None:
     tangents.amplification[0, impact] = math.nan
     tangents.smooth[0, impact] = 0
     _tell_sums(tangents, impact)
+
+
+@kernel
+def spoil(tangents: Tangents, impacts: Sequence[Instant], end: int, t: float, t_low: float) -> None:
+    """Mark the impacts of an instant before row ``end``: the order of all decides."""
+    number = end - 1
+    while number >= 0 and impacts[number].t == t and impacts[number].t_low == t_low:
+        tangents.smooth[0, number] = 0
+        number -= 1
 
 
 @kernel
