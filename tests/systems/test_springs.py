@@ -667,3 +667,21 @@ def test_under_the_translational_law_bounces_add_to_mass_times_speed(k: float) -
     lost = summary["energy_start"] - summary["energy_end"]
     # The springs store 1e5 J each.
     assert abs(np.sum(run.collisions["energy_loss"]) - lost) <= 1e-10
+
+
+def test_a_contact_that_the_next_double_does_not_have_is_grazing() -> None:
+    """A body that swings up to another one at rest, from farther and farther away."""
+
+    def touched(position: float) -> Any:
+        held = [spring(5.0, 0.5, 1.0, foot) for foot in (0.0, 3.0)]
+        return solve(springs([disk(position, 0.0, held[0]), disk(3.0, 0.0, held[1])], time=4.0))
+
+    meets, passes = -2.5, -2.0
+    while meets < (middle := 0.5 * (meets + passes)) < passes:
+        if len(touched(middle).collisions["t"]):
+            meets = middle
+        else:
+            passes = middle
+    assert touched(meets).collisions["grazing"].tolist() == [True]
+    # 1e-12 m more is thousands of units in the last place of the places.
+    assert not touched(meets - 1e-12).collisions["grazing"].any()

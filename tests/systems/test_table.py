@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from collections.abc import Callable
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -734,3 +735,47 @@ def test_distances_from_an_ellipse_on_its_long_axis_are_the_closed_form(turned: 
             exact = b * math.sqrt(1.0 - x * x / (3.0 * b * b))
             found = distance_to_wall(wall, place[::-1] if turned else place)
             assert found == pytest.approx(exact, rel=1e-15, abs=0.0)
+
+
+def last_that_meets(scene: Callable[[float], Document], low: float, high: float) -> float:
+    """The last double from one with a contact to one without, by bisection; the next has none."""
+    while low < (middle := 0.5 * (low + high)) < high:
+        if len(contacts_of(solve(scene(middle), "compiled"))["t"]):
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+def contacts_of(run: Run) -> dict[str, Any]:
+    """The impacts of balls, or those on the wall where there is one ball."""
+    return run.collisions if len(run.system.bodies) > 1 else cast(Any, run).bounces
+
+
+TOUCHES: dict[str, tuple[Callable[[float], Document], float, float]] = {
+    "balls": (lambda y: table([ball(-1.0, 0.0, 1.0), ball(0.0, y)], time=3.0), 0.1, 0.3),
+    "round obstacle": (
+        lambda y: table([ball(-2.0, y, 1.0)], ellipse(0.7, 0.5, side="outside"), time=5.0),
+        0.3,
+        0.9,
+    ),
+    "corner": (
+        lambda y: table(
+            [ball(-2.0, y, 1.0)],
+            polygon([[0, -1], [1, 0], [0, 1], [-1, 0]], 1.0, "outside"),
+            time=5.0,
+        ),
+        1.05,
+        1.2,
+    ),
+}
+"""Scenes of one number that ends contacts, and one below and one above the end."""
+
+
+@pytest.mark.parametrize("name", TOUCHES)
+def test_a_contact_that_the_next_double_does_not_have_is_grazing(name: str) -> None:
+    scene, low, high = TOUCHES[name]
+    last = last_that_meets(scene, low, high)
+    assert contacts_of(solve(scene(last)))["grazing"].tolist() == [True]
+    # 1e-12 m deeper is thousands of units in the last place of the places.
+    assert not contacts_of(solve(scene(last - 1e-12)))["grazing"].any()

@@ -194,6 +194,17 @@ def do_part(normal_a: float, normal_b: float, wa: float, wb: float, size: float)
 
 
 @kernel
+def is_graze(approach: float, pull: float, rounding: float) -> bool:
+    """Tell whether an impact cannot be told from a passing touch.
+
+    Had it not happened, bodies that approach at a speed (m/s), and that a ``pull`` (m/s^2) drives
+    apart again, would have overlapped by ``approach^2/(2 pull)``: in a touch no more than the
+    ``rounding`` (m) of their places.
+    """
+    return approach * approach <= 2.0 * pull * rounding
+
+
+@kernel
 def log_impact(world: World, j: int, wa: float, wb: float, law: int, loss: float) -> None:
     """Log the impact of a pair whose states and scratch speeds are those before it."""
     clock = world.clock[0]

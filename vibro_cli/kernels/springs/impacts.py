@@ -19,6 +19,7 @@ from vibro_cli.kernels.impact.laws import (
     NORMAL_IMPULSE,
     balances_mass,
     inclination,
+    is_graze,
     law_approach,
     loss_of_impulse,
     rounded_once,
@@ -383,8 +384,8 @@ def _new_row(world: World, pair: int) -> ImpactRow:
     row.contact = 0
     row.simultaneous = 1 if clock.at_once > 0 else 0
     clock.at_once += 1
-    speeds = abs(one.v) + abs(other.v)
-    row.grazing = 1 if one.v - other.v <= 64.0 * ROUNDING * speeds else 0
+    pull = abs(acceleration_of(one)) + abs(acceleration_of(other))
+    row.grazing = 1 if is_graze(one.v - other.v, pull, rounding_of_gap(world, pair)) else 0
     return row
 
 

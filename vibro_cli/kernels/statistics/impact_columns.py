@@ -18,7 +18,7 @@ from vibro_cli.compile.kernel import BoolMatrix, FloatMatrix, IntMatrix, kernel
 from vibro_cli.kernels.contact.contact_kinematics import centre_position
 from vibro_cli.kernels.flow.rotating_flight import specific_potential
 from vibro_cli.kernels.flow.rotating_flow import stiffness, torque
-from vibro_cli.kernels.impact.laws import TRANSLATIONAL, separation_speed
+from vibro_cli.kernels.impact.laws import TRANSLATIONAL, is_graze, separation_speed
 from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.kernels.statistics.run_statistics import residual_gap
 from vibro_cli.kernels.world import ImpactRow, PieceData, TrackData, World, track_on
@@ -338,8 +338,7 @@ def side_of_eight(
     return 4 if count > 0 else 0
 
 
-# An impact whose overlap, had it not happened, would have stayed below this many units in the last
-# place of the positions cannot be told from a passing touch.
+# Units in the last place of the positions below which an overlap is rounding.
 _GRAZING_UNITS = 16.0
 
 ENDS = ("a", "b")
@@ -495,8 +494,8 @@ def _fill_row(
     if end_b == 1:
         impulse = runs.masses[run, row.b] * (row.speed_b_post - row.speed_b_pre)
     _number(columns, _IMPULSE, at, impulse if row.law == TRANSLATIONAL else math.nan)
-    overlap = approach * approach / (2.0 * (pull_a + pull_b))
-    _flag(columns, 3, at, overlap < _GRAZING_UNITS * EPSILON * (size_a + size_b))
+    rounding = _GRAZING_UNITS * EPSILON * (size_a + size_b)
+    _flag(columns, 3, at, is_graze(approach, pull_a + pull_b, rounding))
     side = 0
     if around > 0.0:
         ahead = (s_b - s_a if end_a == 0 else s_a - s_b) % around

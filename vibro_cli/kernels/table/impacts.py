@@ -26,6 +26,7 @@ from vibro_cli.compile.kernel import kernel
 from vibro_cli.kernels.impact.laws import (
     NORMAL_IMPULSE,
     inclination,
+    is_graze,
     law_approach,
     loss_of_impulse,
     rounded_once,
@@ -33,7 +34,7 @@ from vibro_cli.kernels.impact.laws import (
 )
 from vibro_cli.kernels.numerics.constants import EPSILON, NEVER
 from vibro_cli.kernels.numerics.double_double import dd_add, dd_multiply
-from vibro_cli.kernels.table.walls import RESOLVED, present_place, touching_distance
+from vibro_cli.kernels.table.walls import RESOLVED, bend_at, present_place, touching_distance
 from vibro_cli.kernels.table.world import POLYGON, PairRow, World
 from vibro_cli.kernels.world import END_INADMISSIBLE, END_WALL_CONTACT, RUNNING
 
@@ -117,8 +118,10 @@ def note_before(world: World, row: PairRow, a: int, b: int) -> None:
     row.restitution = world.settings[0].restitution
     row.normal_a_pre = one.vx * row.normal_x + one.vy * row.normal_y
     row.normal_b_pre = other.vx * row.normal_x + other.vy * row.normal_y
-    speeds = math.sqrt(one.square) + math.sqrt(other.square)
-    row.grazing = 1 if row.normal_a_pre - row.normal_b_pre <= 64.0 * RESOLVED * speeds else 0
+    across = (other.vx - one.vx) * row.normal_y - (other.vy - one.vy) * row.normal_x
+    size = abs(one.x) + abs(one.y) + abs(other.x) + abs(other.y) + apart
+    approach = row.normal_a_pre - row.normal_b_pre
+    row.grazing = 1 if is_graze(approach, across * across / apart, TOUCHING * size) else 0
 
 
 @kernel
@@ -198,7 +201,11 @@ def bounce(world: World, ball: int) -> int:
     row.vx_pre, row.vy_pre = state.vx, state.vy
     closing = max(state.vx * to.normal_x + state.vy * to.normal_y, 0.0)
     speed = math.sqrt(state.square)
-    row.grazing = 1 if closing <= 64.0 * RESOLVED * speed else 0
+    # From a side, and from within a curve, a ball that touches does not come away again.
+    along = row.vx_pre * row.normal_y - row.vy_pre * row.normal_x
+    pull = max(-bend_at(world, row), 0.0) * along * along
+    size = abs(row.x) + abs(row.y) + world.bodies[ball].radius
+    row.grazing = 1 if is_graze(closing, pull, TOUCHING * size) else 0
     k = wall.restitution
     # The normal is of length 1 but for rounding, which would add up bounce after bounce; so would
     # that of its square, since doubles are twice as dense below 1 as above.

@@ -19,8 +19,8 @@ import math
 from vibro_cli.compile.kernel import kernel
 from vibro_cli.kernels.numerics.double_double import time_between
 from vibro_cli.kernels.table.impacts import impulses_for, set_weights
-from vibro_cli.kernels.table.walls import touch_curve
-from vibro_cli.kernels.table.world import POLYGON, BounceRow, World
+from vibro_cli.kernels.table.walls import bend_at
+from vibro_cli.kernels.table.world import BounceRow, World
 from vibro_cli.kernels.tangent.frame import (
     Tangents,
     begin_frame,
@@ -144,7 +144,7 @@ def _reflect(world: World, tangents: Tangents, row: BounceRow, closing: float) -
     tau = tangents.state[0].time_scale
     more = 1.0 + world.wall[0].restitution
     nx, ny = row.normal_x, row.normal_y
-    bend = _bend(world, row)
+    bend = bend_at(world, row)
     frame = tangents.frame
     way = NUMBERS * row.ball
     speed = way + 2
@@ -158,24 +158,6 @@ def _reflect(world: World, tangents: Tangents, row: BounceRow, closing: float) -
         change += tau * (turn_x * row.vx_pre + turn_y * row.vy_pre)
         frame[speed, column] -= more * (change * nx + tau * closing * turn_x)
         frame[speed + 1, column] -= more * (change * ny + tau * closing * turn_y)
-
-
-@kernel
-def _bend(world: World, row: BounceRow) -> float:
-    """By how much the normal at a contact turns, in rad, as the centre moves on by 1 m along it.
-
-    The normal is that towards the wall; the centre's curve about a corner has the radius r.
-    """
-    wall = world.wall[0]
-    radius = world.bodies[row.ball].radius
-    if wall.kind != POLYGON:
-        fx, fy = wall.side * row.normal_x, wall.side * row.normal_y
-        _, _, _, _, curvature_radius = touch_curve(wall, wall.side * radius, fx, fy, 0.0)
-        return wall.side / curvature_radius
-    edge = world.edges[row.edge]
-    if row.normal_x == edge.normal_x and row.normal_y == edge.normal_y:
-        return 0.0
-    return -1.0 / radius
 
 
 @kernel

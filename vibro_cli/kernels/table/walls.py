@@ -18,7 +18,7 @@ import math
 from vibro_cli.compile.kernel import kernel
 from vibro_cli.kernels.numerics.constants import EPSILON, NEVER
 from vibro_cli.kernels.numerics.double_double import difference_of_products, time_between
-from vibro_cli.kernels.table.world import POLYGON, Ball, Edge, Meeting, WallData, World
+from vibro_cli.kernels.table.world import POLYGON, Ball, BounceRow, Edge, Meeting, WallData, World
 from vibro_cli.kernels.world import BodyData
 
 MOST_STEPS = 200
@@ -163,6 +163,24 @@ def touch_curve(
     cy = (wall.b * wall.b / h - offset) * ny
     ratio = wall.a * wall.b / h
     return cx, cy, nx, ny, (ratio * ratio / h - offset) * cosine
+
+
+@kernel
+def bend_at(world: World, row: BounceRow) -> float:
+    """Return by how much (rad) the normal at a contact turns as the centre moves on by 1 m.
+
+    The normal is that towards the wall; the centre's curve about a corner has the radius r.
+    """
+    wall = world.wall[0]
+    radius = world.bodies[row.ball].radius
+    if wall.kind != POLYGON:
+        fx, fy = wall.side * row.normal_x, wall.side * row.normal_y
+        _, _, _, _, curvature_radius = touch_curve(wall, wall.side * radius, fx, fy, 0.0)
+        return wall.side / curvature_radius
+    edge = world.edges[row.edge]
+    if row.normal_x == edge.normal_x and row.normal_y == edge.normal_y:
+        return 0.0
+    return -1.0 / radius
 
 
 @kernel
