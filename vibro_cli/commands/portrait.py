@@ -115,7 +115,7 @@ def _numbers(path: str, texts: Sequence[str], model: Any) -> tuple[list[float], 
     from vibro_cli.grids.axes import kind_of, read_number
     from vibro_cli.scenario.fields import unit_of
     from vibro_cli.scenario.loading import parse_value, path_of
-    from vibro_cli.scenario.problems import Faulty
+    from vibro_cli.scenario.problems import Fault
     from vibro_cli.scenario.quantities import Quantity
 
     try:
@@ -123,7 +123,7 @@ def _numbers(path: str, texts: Sequence[str], model: Any) -> tuple[list[float], 
         if not isinstance(kind, Quantity):
             raise CommandError(f"vibro: --vary: found {path}, expected a number of the scenario")
         return [read_number(kind, parse_value(text)) for text in texts], unit_of(kind)
-    except Faulty as error:
+    except Fault as error:
         raise CommandError(f"vibro: --vary: {error}") from error
     except PydanticCustomError as error:
         raise CommandError(f"vibro: --vary: {path}: {error.message()}") from error

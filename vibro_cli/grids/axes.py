@@ -26,7 +26,7 @@ from vibro_cli.scenario.fields import Model, unknown_key
 from vibro_cli.scenario.models import Scenario
 from vibro_cli.scenario.problems import (
     A_PATH,
-    Faulty,
+    Fault,
     KeyPath,
     listing,
     parsed_path,
@@ -119,14 +119,14 @@ def kind_of(path: KeyPath, root: Model = Scenario) -> kinds.Kind:
 
     Raises
     ------
-    Faulty
+    Fault
         If a scenario has nothing there, or nothing that is one value.
     """
     if path[0] in _WITHOUT_EFFECT:
         expected = "a value that the tables of a grid depend on"
-        raise Faulty(path, path_text(path), expected)
+        raise Fault(path, path_text(path), expected)
     if path in _IN_COMMON:
-        raise Faulty(path, path_text(path), f"a value of the scenario: {_IN_COMMON[path]}")
+        raise Fault(path, path_text(path), f"a value of the scenario: {_IN_COMMON[path]}")
     if path[:2] == ("collision", "k") and len(path) in (2, 3):
         return kinds.RESTITUTION
     kind = fields.kind_at(path, root)
@@ -135,13 +135,13 @@ def kind_of(path: KeyPath, root: Model = Scenario) -> kinds.Kind:
     if fields.field_at(path, root) is None:
         raise _unknown(path, root)
     expected = "one value: a number, a word, true or false"
-    raise Faulty(path, f"{path_text(path)} as a whole", expected)
+    raise Fault(path, f"{path_text(path)} as a whole", expected)
 
 
-def _unknown(path: KeyPath, root: Model) -> Faulty:
+def _unknown(path: KeyPath, root: Model) -> Fault:
     if isinstance(path[-1], int) or fields.model_at(path[:-1], root) is None:
-        return Faulty(path, path_text(path), "a value of a scenario, such as balls[1].angle")
-    return Faulty.of(unknown_key(path, root))
+        return Fault(path, path_text(path), "a value of a scenario, such as balls[1].angle")
+    return unknown_key(path, root)
 
 
 def type_of(kind: kinds.Kind) -> Any:
@@ -212,7 +212,7 @@ class Axis:
 def read_axis(given: AxisTable, loc: KeyPath, folder: Path, seed: int, root: Model) -> Axis:
     """Return the axis that a table of a grid file describes, of scenarios with the model `root`.
 
-    `loc` is its path in the file, whose folder is where paths of tables start from. Raises `Faulty`
+    `loc` is its path in the file, whose folder is where paths of tables start from. Raises `Fault`
     with the first thing that is wrong with it.
     """
     if given.table is not None:
@@ -250,14 +250,14 @@ def _path(name: str, loc: KeyPath) -> KeyPath:
         return parsed_path(name)
     except ValueError:
         expected = "columns named by paths such as collision.k or balls[1].angle, counted from 1"
-        raise Faulty(loc, f"the column {shown(name)}", expected) from None
+        raise Fault(loc, f"the column {shown(name)}", expected) from None
 
 
 def _kind(path: KeyPath, loc: KeyPath, root: Model) -> kinds.Kind:
     try:
         return kind_of(path, root)
-    except Faulty as error:
-        raise Faulty(loc, error.fault.found, error.fault.expected) from None
+    except Fault as error:
+        raise Fault(loc, error.found, error.expected) from None
 
 
 def _value(kind: kinds.Kind, value: Any, loc: KeyPath) -> Any:
@@ -265,7 +265,7 @@ def _value(kind: kinds.Kind, value: Any, loc: KeyPath) -> Any:
         return read_number(kind, value)
     except PydanticCustomError as error:
         context = error.context or {}
-        raise Faulty(loc, str(context["found"]), str(context["expected"])) from None
+        raise Fault(loc, str(context["found"]), str(context["expected"])) from None
 
 
 def _column(kind: kinds.Kind, values: list[Any]) -> Array:
@@ -280,7 +280,7 @@ def _listed(
     for i, value in enumerate(given):
         row = value if isinstance(value, list) else [value] * len(paths)
         if len(row) != len(paths):
-            raise Faulty((*loc, i), shown(value), f"a value, or a list of {len(paths)}")
+            raise Fault((*loc, i), shown(value), f"a value, or a list of {len(paths)}")
         rows.append([_value(kind, one, (*loc, i)) for kind, one in zip(of, row, strict=True)])
     columns = [_column(kind, [row[j] for row in rows]) for j, kind in enumerate(of)]
     return _with_columns(paths, of, columns)
@@ -308,15 +308,15 @@ def _digest(columns: list[Array]) -> str:
 def _numbers(of: tuple[kinds.Kind, ...], given: Any, loc: KeyPath) -> list[Any]:
     """Two ends in SI units and, if the form has it, a count."""
     if not all(isinstance(kind, kinds.Quantity) for kind in of):
-        raise Faulty(loc, str(loc[-1]), "values: this path has no real numbers", on_key=True)
+        raise Fault(loc, str(loc[-1]), "values: this path has no real numbers", on_key=True)
     if len({kind.dimension for kind in of if isinstance(kind, kinds.Quantity)}) > 1:
-        raise Faulty(loc, "paths of different dimensions", "paths of one dimension, or values")
+        raise Fault(loc, "paths of different dimensions", "paths of one dimension, or values")
     numbers = [_value(of[0], value, (*loc, i)) for i, value in enumerate(given[:2])]
     if len(given) == 3:
         count = given[2]
         if not isinstance(count, int) or isinstance(count, bool) or not 1 <= count <= _MOST_VALUES:
             expected = f"a whole number from 1 to {_MOST_VALUES}"
-            raise Faulty((*loc, 2), shown(count), expected)
+            raise Fault((*loc, 2), shown(count), expected)
         numbers.append(count)
     return numbers
 
@@ -326,7 +326,7 @@ def _spaced(low: float, high: float, count: int, loc: KeyPath) -> Array:
     if loc[-1] == "linspace":
         return np.linspace(low, high, count)
     if not (low != 0.0 and high != 0.0 and (low > 0.0) == (high > 0.0)):
-        raise Faulty(loc, f"{low!r} to {high!r}", "two ends of one sign, neither of them 0")
+        raise Fault(loc, f"{low!r} to {high!r}", "two ends of one sign, neither of them 0")
     # The library's logarithms differ in the last bit from processor to processor.
     ratio = math.log(high / low)
     steps = [low * math.exp(ratio * i / (count - 1)) for i in range(1, count - 1)]
@@ -340,11 +340,11 @@ def _from_table(given: AxisTable, name: str, where: KeyPath, folder: Path, root:
     try:
         table = read_columns(folder / name)
     except UnreadableTable as error:
-        raise Faulty(where, f"{shown(name)}, {error}", "a .parquet or .csv file") from None
+        raise Fault(where, f"{shown(name)}, {error}", "a .parquet or .csv file") from None
     if wanted := [path_text(parsed_path(text)) for text in _texts(given)]:
         missing = [name for name in wanted if name not in table]
         if missing:
-            raise Faulty(where, f"columns {listing(table, 'and')}", f"a column {missing[0]}")
+            raise Fault(where, f"columns {listing(table, 'and')}", f"a column {missing[0]}")
         table = {name: table[name] for name in wanted}
     paths = tuple(_path(name, where) for name in table)
     of = tuple(_kind(path, where, root) for path in paths)
@@ -353,7 +353,7 @@ def _from_table(given: AxisTable, name: str, where: KeyPath, folder: Path, root:
         for (name, values), kind in zip(table.items(), of, strict=True)
     ]
     if not columns or not len(columns[0]):
-        raise Faulty(where, "a table without rows", "a table with a row for each scenario")
+        raise Fault(where, "a table without rows", "a table with a row for each scenario")
     return _with_columns(paths, of, columns)
 
 
@@ -364,7 +364,7 @@ def _table_column(kind: kinds.Kind, values: Array, name: str, loc: KeyPath) -> A
         if not np.isfinite(numbers).all():
             row = int(np.argmin(np.isfinite(numbers)))
             found = f"{numbers[row]} in row {row + 1} of column {name}"
-            raise Faulty(loc, found, "a finite number")
+            raise Fault(loc, found, "a finite number")
         return numbers
     if isinstance(kind, kinds.Count) and values.dtype.kind in "iu":
         return values.astype(np.int64)
@@ -372,9 +372,9 @@ def _table_column(kind: kinds.Kind, values: Array, name: str, loc: KeyPath) -> A
     for row, value in enumerate(values.tolist()):
         try:
             read.append(_value(kind, value, loc))
-        except Faulty as error:
-            found = f"{error.fault.found} in row {row + 1} of column {name}"
-            raise Faulty(loc, found, error.fault.expected) from None
+        except Fault as error:
+            found = f"{error.found} in row {row + 1} of column {name}"
+            raise Fault(loc, found, error.expected) from None
     return _column(kind, read)
 
 

@@ -30,7 +30,6 @@ from vibro_cli.scenario.loading import Document, apply, load_document, located
 from vibro_cli.scenario.models import Data, one_of, rows, section
 from vibro_cli.scenario.problems import (
     Fault,
-    Faulty,
     KeyPath,
     Problem,
     ScenarioError,
@@ -284,12 +283,12 @@ def _design(given: GridFile, folder: Path, base: Document, faults: list[Fault]) 
         try:
             axes.append(read_axis(table, ("axes", i), folder, given.seed, model_of(base.data)))
             _check_paths(axes, base)
-        except Faulty as error:
-            faults.append(error.fault)
+        except Fault as error:
+            faults.append(error)
     try:
         points = _points(given.mode, given.n, axes)
-    except Faulty as error:
-        faults.append(error.fault)
+    except Fault as error:
+        faults.append(error)
     return Design(tuple(axes), given.mode, points, given.seed)
 
 
@@ -300,13 +299,13 @@ def _check_paths(axes: list[Axis], base: Document) -> None:
     before = [path for axis in axes[:-1] for path in axis.paths]
     for i, path in enumerate(axes[-1].paths):
         if path in before or path in axes[-1].paths[:i]:
-            raise Faulty(loc, f"{path_text(path)} twice", "each path on one axis only")
+            raise Fault(loc, f"{path_text(path)} twice", "each path on one axis only")
         try:
             apply(base.data, path, None)
-        except Faulty as error:
-            raise Faulty(loc, error.fault.found, error.fault.expected) from None
+        except Fault as error:
+            raise Fault(loc, error.found, error.expected) from None
         except (TypeError, AttributeError, KeyError, IndexError):
-            raise Faulty(loc, path_text(path), "a path into the scenario") from None
+            raise Fault(loc, path_text(path), "a path into the scenario") from None
 
 
 def _points(mode: str, count: int | None, axes: list[Axis]) -> int:
@@ -315,17 +314,17 @@ def _points(mode: str, count: int | None, axes: list[Axis]) -> int:
     for i, axis in enumerate(axes):
         if axis.interval is not None:
             where: KeyPath = ("axes", i, "uniform")
-            raise Faulty(where, "[low, high]", f"[low, high, count] in mode {mode}")
+            raise Fault(where, "[low, high]", f"[low, high, count] in mode {mode}")
     lengths = [len(axis) for axis in axes]
     if mode == "zip":
         for i, length in enumerate(lengths):
             if length != lengths[0]:
                 expected = f"{lengths[0]} values, as many as the first axis has (mode zip)"
-                raise Faulty(("axes", i), f"{length} values", expected)
+                raise Fault(("axes", i), f"{length} values", expected)
         return lengths[0] if lengths else 0
     total = math.prod(lengths)
     if total >= 2**53:
-        raise Faulty(("axes",), f"{total} points", "fewer than 2^53")
+        raise Fault(("axes",), f"{total} points", "fewer than 2^53")
     return total
 
 

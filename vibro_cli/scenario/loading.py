@@ -25,7 +25,6 @@ from vibro_cli.scenario.models import Scenario
 from vibro_cli.scenario.problems import (
     A_PATH,
     Fault,
-    Faulty,
     FormError,
     KeyPath,
     Place,
@@ -50,11 +49,11 @@ def parse(text: str) -> Override:
 
     The value is one of TOML (`0.8`, `"0.4 m"`, `[1, 0.9]`, `{wall = 0.8}`); what is not, is a
     word or text without quotes (`hedrih`, `-60 deg`); of nothing and of `null` it is None.
-    Raises `Faulty` if there is no `=`, or no path before it.
+    Raises `Fault` if there is no `=`, or no path before it.
     """
     path, equals, value = text.partition("=")
     if not equals:
-        raise Faulty((), shown(text), "path=value, such as balls[1].angle=-1.2")
+        raise Fault((), shown(text), "path=value, such as balls[1].angle=-1.2")
     value = value.strip()
     return path_of(path), None if value in ("", "null") else parse_value(value)
 
@@ -62,18 +61,18 @@ def parse(text: str) -> Override:
 def given(path: str, value: Any) -> Override:
     """Return the override of a path by a value of Python: a number, a text, a list, a dictionary.
 
-    Numbers and arrays of numpy are taken as those of Python. Raises `Faulty` if the text is
+    Numbers and arrays of numpy are taken as those of Python. Raises `Fault` if the text is
     no path.
     """
     return path_of(str(path)), plain(value)
 
 
 def path_of(text: str) -> KeyPath:
-    """Return the parts of a path, counted from 0; raises `Faulty` if the text is no path."""
+    """Return the parts of a path, counted from 0; raises `Fault` if the text is no path."""
     try:
         return parsed_path(text)
     except ValueError:
-        raise Faulty((), shown(text), A_PATH) from None
+        raise Fault((), shown(text), A_PATH) from None
 
 
 def parse_value(text: str) -> Any:
@@ -95,7 +94,7 @@ def apply(
 
     Tables that are missing on the way are made. Of keys that exclude one another (`density` and
     `mass`) the new one replaces the other, unless that one is among the paths `given` by overrides
-    too. Raises `Faulty` if the path is not one of a scenario, or counts beyond a list.
+    too. Raises `Fault` if the path is not one of a scenario, or counts beyond a list.
     """
     changed = deepcopy(data)
     root = model_of(data)
@@ -132,10 +131,10 @@ def _entered(place: Any, path: KeyPath, depth: int, root: type[AnyScenario]) -> 
     elif isinstance(place.get(part), list):
         count = len(place[part])
         expected = f"a number from 1 to {count} after it: {path_text(here)}[1].{following}"
-        raise Faulty(here, path_text(here), expected)
+        raise Fault(here, path_text(here), expected)
     elif not isinstance(place.get(part), dict):
         if fields.model_at(here, root) is None:
-            raise Faulty(here, f"{path_text(here)} as a table", "a single value")
+            raise Fault(here, f"{path_text(here)} as a table", "a single value")
         place[part] = {}
     return place[part]
 
@@ -147,15 +146,15 @@ def _check_step(place: Any, path: KeyPath, root: type[AnyScenario]) -> None:
         _check_list(place, path[:-1])
         if part >= len(place):
             found = f"{path_text(path)} of {len(place)}"
-            raise Faulty(path, found, f"a number from 1 to {len(place)}")
+            raise Fault(path, found, f"a number from 1 to {len(place)}")
     elif not isinstance(place, dict) or part not in fields.known_keys(path[:-1], root):
-        raise Faulty.of(fields.unknown_key(path, root))
+        raise fields.unknown_key(path, root)
 
 
 def _check_list(value: Any, path: KeyPath) -> None:
     if not isinstance(value, list) or not value:
         found = f"{path_text(path)} as a list" if value is None else shown(value)
-        raise Faulty(path, found, f"a value of {path_text(path)} as a whole")
+        raise Fault(path, found, f"a value of {path_text(path)} as a whole")
 
 
 FORMS = {".toml": "toml", ".json": "json", ".yaml": "yaml", ".yml": "yaml"}
@@ -285,9 +284,9 @@ def _changed(
             path, value = made()
             after = apply(changed, path, value, [before for before, _ in done])
             if value is None:
-                raise Faulty(path, "no value", "a value (keys are changed here, not removed)")
-        except Faulty as error:
-            problems.append(_problem(error.fault, Place(called)))
+                raise Fault(path, "no value", "a value (keys are changed here, not removed)")
+        except Fault as error:
+            problems.append(_problem(error, Place(called)))
         else:
             changed = after
             done.append((path, called))

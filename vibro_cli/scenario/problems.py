@@ -70,9 +70,9 @@ class ScenarioError(VibroError):
         return "\n".join(str(problem) for problem in self.problems)
 
 
-@dataclass(frozen=True)
-class Fault:
-    """A problem that does not know its place yet: only the path into the data."""
+@dataclass(unsafe_hash=True)
+class Fault(Exception):
+    """A problem that does not know its place yet, only the path into the data; told or raised."""
 
     loc: KeyPath
     found: str
@@ -80,18 +80,8 @@ class Fault:
     on_key: bool = False
     """Whether the key is at fault (an unknown one), rather than its value."""
 
-
-class Faulty(Exception):
-    """What was given has a fault, whose place is not known yet."""
-
-    def __init__(self, loc: KeyPath, found: str, expected: str, on_key: bool = False) -> None:
-        super().__init__(f"found {found}, expected {expected}")
-        self.fault = Fault(loc, found, expected, on_key)
-
-    @classmethod
-    def of(cls, fault: Fault) -> Faulty:
-        """Return the exception for a fault."""
-        return cls(fault.loc, fault.found, fault.expected, fault.on_key)
+    def __str__(self) -> str:
+        return f"found {self.found}, expected {self.expected}"
 
 
 def path_text(loc: KeyPath) -> str:
