@@ -34,7 +34,6 @@ from vibro_cli.scenario.problems import (
     Problem,
     ScenarioError,
     in_order,
-    parsed_path,
     path_text,
     shown,
     suggestion,
@@ -228,8 +227,8 @@ def _base(
     if "base" in document.data:
         given = _referred(document, folder)
     else:
-        within = _Within(outer.file, outer.form, outer.text)
-        given = Document(document.data["scenario"], within, document.name)
+        own = Source(outer.file, outer.form, outer.text, within=("scenario",))
+        given = Document(document.data["scenario"], own, document.name)
     changed, texts, wrong = loading.overridden(given.data, overrides)
     return Document(changed, replace(given.source, overrides=tuple(texts)), given.name), wrong
 
@@ -242,17 +241,6 @@ def _referred(document: Document, folder: Path) -> Document:
         found = f"{shown(name)}, which cannot be read ({error.strerror or error})"
         fault = Fault(("base",), found, "a scenario file")
         raise ScenarioError(located([fault], document.source)) from error
-
-
-class _Within(Source):
-    """The source of the scenario that stands in a grid file: its places are further in."""
-
-    def place(self, key_path: str | KeyPath, on_key: bool = False) -> Any:
-        loc = parsed_path(key_path) if isinstance(key_path, str) else key_path
-        for path, _ in self.overrides:
-            if loc[: len(path)] == path:
-                return super().place(loc, on_key)
-        return super().place(("scenario", *loc), on_key)
 
 
 def impact_columns_of(system: str) -> tuple[Column, ...]:

@@ -527,6 +527,8 @@ class Source:
     """Paths that were overridden, and what errors call the override."""
     data: dict[str, Any] | None = field(default=None, repr=False)
     """The data as it was given, after overrides: what further changes start from."""
+    within: KeyPath = ()
+    """Path of the scenario in the text: not empty where it stands in a grid file."""
     _tree: Node | None = field(default=None, repr=False)
 
     def __eq__(self, other: object) -> bool:
@@ -547,7 +549,7 @@ class Source:
                 return Place(override)
         if not self.text:
             return Place(self.file)
-        offset = self.tree().offset_of(loc, on_key)
+        offset = self.tree().offset_of((*self.within, *loc), on_key)
         return Place(self.file, *line_and_column(self.text, offset))
 
     def tree(self) -> Node:
