@@ -125,6 +125,16 @@ def test_a_ball_alone_on_a_table_shows_its_impacts_on_the_wall() -> None:
     assert figure.axes[0].get_ylabel() == r"$v_{\mathrm{t}}$ [m/s]"
 
 
+def test_an_edge_that_a_wall_does_not_have_is_not_shown(tmp_path: Path) -> None:
+    """A run that was not opened from a folder showed it as edge 0."""
+    run = simulate(example("elliptic_wall"))
+    run.save(tmp_path / "run", figures=False)
+    assert np.ma.getmaskarray(run.bounces["edge"]).all()
+    for one in (run, open_run(tmp_path / "run")):
+        with pytest.raises(ValueError, match="there is no impact"):
+            one.section(["edge", "t"])
+
+
 def test_runs_and_grids_have_the_same_words_for_the_angle_on_one_arc() -> None:
     run = simulate(example("one_circle"))
     axes = {"collision.k": np.linspace(0.8, 0.9, 3)}

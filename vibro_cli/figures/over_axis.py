@@ -412,7 +412,9 @@ def poincare(
     names = [name for name, _, _ in quantities]
     run = np.zeros(len(impacts[names[0]]), dtype=np.int64)
     chosen = section.chosen(impacts, run)
-    x, y = (np.asarray(impacts[name], dtype=np.float64)[chosen] for name in names)
+    # Of whole numbers, those that are not there are masked.
+    values = (np.ma.asarray(impacts[name], dtype=np.float64) for name in names)
+    x, y = (np.ma.filled(column, np.nan)[chosen] for column in values)
     if not np.any(np.isfinite(x) & np.isfinite(y)):
         raise NothingToShow(section.why_none(section.counts(impacts, run)))
     name, symbol, unit = quantities[0]
