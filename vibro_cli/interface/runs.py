@@ -19,7 +19,7 @@ from vibro_cli.scenario.quantities import Count, Dictionary, Quantity
 from vibro_cli.storage import folders
 from vibro_cli.storage.files import available_cores, write_file
 from vibro_cli.storage.frame import Table
-from vibro_cli.storage.stored import StoredColumns, as_if_stored
+from vibro_cli.storage.stored import as_if_stored
 from vibro_cli.storage.stored import open_run as open_stored_run
 from vibro_cli.storage.tables import AnyTable, FileTable, table_named, to_arrow, units_of_numbers
 from vibro_cli.systems import system_named
@@ -286,21 +286,10 @@ class Run:
         drawn = poincare(wanted, (quantities[0], quantities[1]), section, width)
         return Drawing("section", drawn)
 
-    def _columns(self, name: str) -> tuple[Mapping[str, Any], dict[str, str]]:
-        """The columns of a table, none where the run has none, and the units of numbers.
-
-        Of a run in a folder each column is read when it is asked for.
-        """
-        if self.stored is not None and self.folder is not None:
-            if f"{name}.parquet" not in self.stored.manifest["files"]:
-                return {}, {}
-            columns = self.stored.table(name)
-            assert isinstance(columns, StoredColumns)
-            return columns, units_of_numbers(columns.schema)
-        table = self._table(name)
-        if table is None:
-            return {}, {}
-        return dict(table), units_of_numbers(table.to_arrow().schema)
+    def _columns(self, name: str) -> tuple[Any, dict[str, str]]:
+        """A table with its columns, none where the run has none, and the units of numbers."""
+        table, data = self._table(name), self._made[name]
+        return ({}, {}) if data is None else (table, units_of_numbers(data.schema))
 
     def figure(self, kind: str = "portrait", body: int = 1, width: str = "double") -> Drawing:
         """Draw one figure of the run.

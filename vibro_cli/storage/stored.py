@@ -26,7 +26,7 @@ from vibro_cli.storage.tables import (
     as_array,
     dataset_of,
     read_column,
-    read_first,
+    rows_by_group,
     schema_of,
     unit_of,
     units_of_numbers,
@@ -212,7 +212,9 @@ class StoredColumns(_Columns):
     def first(self, rows: int) -> Columns:
         """Return the first rows."""
         if not self._first:
-            self._first = read_first(self._path, _FIRST)
+            found = _columns(next(rows_by_group(self._path, slice(_FIRST))))
+            # Copies, so that the whole group of rows does not stay in memory.
+            self._first = {name: values.copy() for name, values in found.items()}
         found = {name: values[:rows] for name, values in self._first.items()}
         complete = rows <= len(found["n"]) or len(found["n"]) == len(self["n"])
         return found if complete else {name: values[:rows] for name, values in self.items()}
@@ -310,17 +312,13 @@ class StoredGrid:
 
     def impact_columns(self) -> tuple[str, ...]:
         """Return the columns of the table of impacts, none where none was kept."""
-        schema = self._impact_schema()
-        return () if schema is None else tuple(schema.names)
+        parts = self._parts("collisions")
+        return tuple(schema_of(parts[0]).names) if parts else ()
 
     def impact_units(self) -> dict[str, str]:
         """Return the units of the columns of numbers of the impacts, by name."""
-        schema = self._impact_schema()
-        return {} if schema is None else units_of_numbers(schema)
-
-    def _impact_schema(self) -> pyarrow.Schema | None:
-        part = next(iter(self._parts("collisions")), None)
-        return None if part is None else schema_of(part)
+        parts = self._parts("collisions")
+        return units_of_numbers(schema_of(parts[0])) if parts else {}
 
     def impacts(self, columns: Sequence[str], scenarios: Column) -> dict[str, Column]:
         """Return some columns of the impacts of some scenarios, in their order."""

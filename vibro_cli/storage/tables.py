@@ -446,18 +446,6 @@ def read_column(path: Path, name: str) -> np.ndarray[Any, np.dtype[Any]]:
         return np.concatenate([as_array(rows[name]) for rows in groups or [file.read([name])]])
 
 
-def read_first(path: Path, rows: int) -> dict[str, np.ndarray[Any, np.dtype[Any]]]:
-    """All columns of the first rows of a parquet file, no more than its first group has.
-
-    Else as `read_column`.
-    """
-    with _opened(path) as file:
-        words = words_in(file.schema_arrow)
-    with _opened(path, read_dictionary=words) as file:
-        group = file.read_row_group(0) if file.num_row_groups else file.read()
-        return {name: as_array(group[name].slice(0, rows)).copy() for name in group.column_names}
-
-
 def as_array(column: pa.ChunkedArray) -> np.ndarray[Any, np.dtype[Any]]:
     """A column as an array; null is NaN in numbers and None in words."""
     if pa.types.is_string(column.type):
