@@ -7,7 +7,7 @@ from __future__ import annotations
 import json
 import threading
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -63,12 +63,6 @@ BufferPool = list[Buffers]
 """Those that nobody works in, for any thread to take and give back."""
 
 
-# Columns of impacts that readers of a few scenarios or moments look at first.
-_ORDERED = ("scenario", "n", "t")
-# A group of rows has no fewer, but for the last one of a part; it has whole stretches.
-_ROWS_OF_A_GROUP = 100_000
-
-
 @dataclass(frozen=True)
 class Encoded:
     """The parts of a chunk, ready to be written."""
@@ -95,16 +89,6 @@ class Encoded:
         return replace(self.receipt, files=files)
 
 
-@dataclass
-class _Part:
-    """A part of impacts in the making."""
-
-    file: PartFile
-    batches: list[pa.RecordBatch] = field(default_factory=list)
-    """Rows that wait for their group to be whole."""
-    groups: int = 0
-
-
 class ChunkWriter:
     """The parts of a chunk in the making.
 
@@ -127,7 +111,7 @@ class ChunkWriter:
         self._summaries: list[Columns] = []
         self._impacts = 0
         self._parts = {
-            name: _Part(part_file(grid, impact_table_of(grid, name), chunk, self._buffer))
+            name: part_file(grid, impact_table_of(grid, name), chunk, self._buffer)
             for name in grid.kept_tables
         }
 
@@ -178,24 +162,12 @@ class ChunkWriter:
         self._summaries.append(solved.summary)
         self._impacts += solved.impacts
         for name, part in self._parts.items():
-            part.batches.append(solved.kept[name])
-            if sum(batch.num_rows for batch in part.batches) >= _ROWS_OF_A_GROUP:
-                self._end_group(part)
-
-    def _end_group(self, part: _Part) -> None:
-        """Write the rows of a part that wait."""
-        part.file.add(part.batches)
-        part.groups += 1
-        part.batches.clear()
+            part.take(solved.kept[name])
 
     def _whole(self) -> Encoded:
         """The parts, once all stretches are taken in."""
-        contents: dict[str, memoryview] = {}
         names = file_names(self._grid, self._chunk)
-        for name, part in self._parts.items():
-            if part.batches and (part.groups == 0 or any(b.num_rows for b in part.batches)):
-                self._end_group(part)
-            contents[names[name]] = part.file.finish()
+        contents = {names[name]: part.finish() for name, part in self._parts.items()}
         whole = {name: _joined(name, self._summaries) for name in list(self._summaries[0])}
         table = summary_table(self._grid)
         given = [self._indices + 1, *self._grid.design.columns(self._indices).values()]
@@ -227,6 +199,10 @@ def _joined(name: str, tables: list[Columns]) -> Any:
     return end_to_end(parts)
 
 
+# Columns of impacts that readers of a few scenarios or moments look at first.
+_ORDERED = ("scenario", "n", "t")
+# A group of rows has no fewer, but for the last one of a part; it has whole stretches.
+_ROWS_OF_A_GROUP = 100_000
 # Bytes of a page, which is split, compressed and summed up before the next one: in the cache.
 _PAGE = 1 << 17
 # Numbers by which it is judged whether a column has few different ones.
@@ -252,9 +228,16 @@ class PartFile:
         self._buffer = buffer
         self._schema = schema
         self._skipped_by = list(skipped_by)
+        self._waiting: list[pa.RecordBatch] = []
         self._groups: list[list[int]] = []
         self._few: list[str] = []
         self._writer: Any = None
+
+    def take(self, batch: pa.RecordBatch) -> None:
+        """Take in rows, which wait for their group to be whole."""
+        self._waiting.append(batch)
+        if sum(one.num_rows for one in self._waiting) >= _ROWS_OF_A_GROUP:
+            self.add(self._waiting)
 
     def add(self, batches: Sequence[pa.RecordBatch]) -> None:
         """Write a group of rows; the batches are not needed afterwards."""
@@ -266,9 +249,15 @@ class PartFile:
             self._move(2 * len(self._block) + _most_bytes(group))
         self._write(group)
         self._groups.append([batch.num_rows for batch in batches])
+        self._waiting = []
 
     def finish(self) -> memoryview:
-        """Return the whole file, once at least one group is written."""
+        """Return the whole file, of at least one group."""
+        if self._waiting and (not self._groups or any(one.num_rows for one in self._waiting)):
+            self.add(self._waiting)
+        return self._closed()
+
+    def _closed(self) -> memoryview:
         self._writer.close()
         return memoryview(self._block)[: self._sink.tell()]
 
@@ -289,7 +278,7 @@ class PartFile:
 
     def _move(self, size: int) -> None:
         """Go on in more memory: what is written already is read and written again."""
-        before = pq.ParquetFile(pa.BufferReader(pa.py_buffer(self.finish())))
+        before = pq.ParquetFile(pa.BufferReader(pa.py_buffer(self._closed())))
         self._begin(size)
         for number, lengths in enumerate(self._groups):
             rows = before.read_row_group(number).combine_chunks()
