@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
@@ -33,10 +35,10 @@ def test_momentum_restitution_and_energy(
 def test_the_special_cases() -> None:
     """Plastic: one common velocity; elastic and of equal inertia: exchanged velocities."""
     impact = CentralImpact((2.0, 2.0), (3.0, -1.0), 0.5)
-    assert impact.with_restitution(0.0).after == (1.0, 1.0)
-    assert impact.with_restitution(1.0).after == (-1.0, 3.0)
-    assert impact.with_restitution(1.0).loss == 0.0
-    assert impact.with_restitution(0.0).loss == 0.5 * 1.0 * 16.0
+    assert replace(impact, restitution=0.0).after == (1.0, 1.0)
+    assert replace(impact, restitution=1.0).after == (-1.0, 3.0)
+    assert replace(impact, restitution=1.0).loss == 0.0
+    assert replace(impact, restitution=0.0).loss == 0.5 * 1.0 * 16.0
     assert (impact.impulse, impact.reduced) == (6.0, 1.0)
 
 

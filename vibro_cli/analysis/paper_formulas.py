@@ -81,10 +81,6 @@ class CentralImpact:
         lost = sum(0.5 * self.impulse**2 / inertia for inertia in self.inertia)
         return (1.0 - self.restitution) / (1.0 + self.restitution) * lost
 
-    def with_restitution(self, restitution: float) -> CentralImpact:
-        """Return the same impact with another k: 0 is the plastic one, 1 the ideally elastic."""
-        return CentralImpact(self.inertia, self.before, restitution)
-
 
 PRINTED = 3.0 / (2.0 * 4.0 * 6.0)
 """The coefficient of k⁴u⁵ as A (8)–(9) and B (58) print it, …"""

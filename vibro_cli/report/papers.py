@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -143,7 +144,7 @@ def _pair(values: Pair, unit: str) -> str:
 
 def _special(one: CentralImpact, restitution: float, unit: str) -> str:
     """Velocities after with another k, and the loss."""
-    special = one.with_restitution(restitution)
+    special = replace(one, restitution=restitution)
     return f"{_pair(special.after, unit)}; loss {number(special.loss, 'J')}"
 
 
