@@ -70,13 +70,12 @@ def _understood(
 
 def understood_grid(grid: "Grid") -> dict[str, Any]:
     """What a grid means, as plain values; of its points the first and the last are tried."""
-    from vibro_cli.scenario.fields import unit_of
     from vibro_cli.scenario.problems import path_text
 
     axes = [
         {
             "paths": [path_text(path) for path in axis.paths],
-            "unit": unit_of(axis.kinds[0]),
+            "unit": axis.kinds[0].unit,
             "values": len(axis) or None,
             **_ends(axis),
         }

@@ -113,7 +113,6 @@ def _numbers(path: str, texts: Sequence[str], model: Any) -> tuple[list[float], 
     from pydantic_core import PydanticCustomError
 
     from vibro_cli.grids.axes import kind_of, read_number
-    from vibro_cli.scenario.fields import unit_of
     from vibro_cli.scenario.loading import parse_value, path_of
     from vibro_cli.scenario.problems import Fault
     from vibro_cli.scenario.quantities import Quantity
@@ -122,7 +121,7 @@ def _numbers(path: str, texts: Sequence[str], model: Any) -> tuple[list[float], 
         kind = kind_of(path_of(path), model)
         if not isinstance(kind, Quantity):
             raise CommandError(f"vibro: --vary: found {path}, expected a number of the scenario")
-        return [read_number(kind, parse_value(text)) for text in texts], unit_of(kind)
+        return [read_number(kind, parse_value(text)) for text in texts], kind.unit
     except Fault as error:
         raise CommandError(f"vibro: --vary: {error}") from error
     except PydanticCustomError as error:

@@ -33,7 +33,7 @@ def axis_column(path: KeyPath, root: fields.Model) -> Column:
     """Return the column of an axis' values, of scenarios with the model `root`."""
     kind = kind_of(path, root)
     text = fields.description(path, root) or "value of this key of the scenario"
-    return Column(path_text(path), type_of(kind), fields.unit_of(kind), text[:1].lower() + text[1:])
+    return Column(path_text(path), type_of(kind), kind.unit, text[:1].lower() + text[1:])
 
 
 def summary_table(grid: Grid) -> Table:

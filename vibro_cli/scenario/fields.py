@@ -22,7 +22,7 @@ from pydantic_core import ErrorDetails
 from vibro_cli.errors import similar
 from vibro_cli.scenario.base import Table
 from vibro_cli.scenario.problems import Fault, KeyPath, listing, shown, suggestion
-from vibro_cli.scenario.quantities import Kind, Quantity
+from vibro_cli.scenario.quantities import Kind
 from vibro_cli.systems import system_named
 
 Model = type[Table]
@@ -73,14 +73,10 @@ def _kinds_within(annotation: Any) -> Iterator[Any]:
         yield from _kinds_within(part)
 
 
-def unit_of(kind: Kind | None) -> str:
-    """Return the unit of the numbers of a kind, an empty text where they have none."""
-    return kind.unit if isinstance(kind, Quantity) else ""
-
-
 def unit_at(path: KeyPath, root: Model) -> str:
     """Return the unit of the number at a path, an empty text where it has none."""
-    return unit_of(kind_at(path, root))
+    kind = kind_at(path, root)
+    return "" if kind is None else kind.unit
 
 
 # Garbage that is collected while Python 3.11 parses may let another thread in, whose parsing spoils

@@ -49,6 +49,11 @@ def fault(found: str, expected: str) -> PydanticCustomError:
 class Kind:
     """A kind of value: `read` turns what the file holds into the value, or raises."""
 
+    @property
+    def unit(self) -> str:
+        """The SI unit in which its numbers are, an empty text for plain numbers and all else."""
+        return ""
+
     def read(self, value: object) -> Any:
         """Return the value, or raise a `PydanticCustomError` made by `fault`."""
         raise NotImplementedError
@@ -97,7 +102,7 @@ class Quantity(Kind):
 
     @property
     def unit(self) -> str:
-        """The SI unit in which its numbers are, an empty text for plain numbers."""
+        """The SI unit in which its numbers are."""
         return SI[self.dimension] if self.dimension else ""
 
     def read(self, value: object) -> float:
