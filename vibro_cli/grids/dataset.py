@@ -25,6 +25,7 @@ from vibro_cli.errors import Failure, VibroError
 from vibro_cli.grids.chunks import Chunks, Division, Receipt, file_names, receipt_of
 from vibro_cli.grids.document import Grid
 from vibro_cli.storage.files import (
+    GRID_NAME,
     MANIFEST_NAME,
     Finding,
     FolderRefused,
@@ -37,11 +38,11 @@ from vibro_cli.storage.files import (
     json_of,
     manifest_of,
     read_manifest,
+    refusal,
     remove_partial_files,
     write_file,
 )
 
-GRID_NAME = "grid.json"
 _LOCK_NAME = ".lock"
 SHARD = re.compile(r"shard-(\d+)-of-(\d+)")
 """The name of the folder of a shard within that of its grid."""
@@ -184,12 +185,7 @@ def check_same(
     if stored is None or (stored == wanted and version == __version__):
         return
     found = differences({**stored, "version": version}, {**wanted, "version": __version__})
-    lines = [f"  {line}" for line in found]
-    raise GridChanged(
-        f"{folder} holds another grid; found there and wanted now:\n"
-        + "\n".join(lines)
-        + f"\n({remedy})"
-    )
+    raise GridChanged(refusal(f"{folder} holds another grid", found, remedy))
 
 
 @contextlib.contextmanager

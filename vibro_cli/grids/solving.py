@@ -18,6 +18,7 @@ from vibro_cli.grids.axes import DTYPES, Array, kind_of, type_of
 from vibro_cli.grids.document import Grid, document_at, reason_of
 from vibro_cli.scenario import fields
 from vibro_cli.scenario.loading import any_scenario_of
+from vibro_cli.scenario.models import section
 from vibro_cli.scenario.problems import KeyPath, ScenarioError, path_text
 from vibro_cli.storage.tables import record_batch, table_named
 from vibro_cli.systems import system_named
@@ -60,14 +61,12 @@ def ball_count(grid: Grid) -> int:
 
 def is_followed(grid: Grid) -> bool:
     """Whether exponents of every point are wanted."""
-    analysis = grid.base.data.get("analysis", {})
-    return isinstance(analysis, dict) and analysis.get("lyapunov") is True
+    return section(grid.base.data, "analysis").get("lyapunov") is True
 
 
 def _may_be_sided(grid: Grid) -> bool:
     """Whether some scenarios have two bodies on a closed trace, which may meet two ways."""
-    trace = grid.base.data.get("trace", {})
-    closed = isinstance(trace, dict) and trace.get("closed") is True
+    closed = section(grid.base.data, "trace").get("closed") is True
     return ball_count(grid) == 2 and (closed or ("trace", "closed") in grid.design.paths)
 
 

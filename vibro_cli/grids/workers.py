@@ -26,6 +26,7 @@ from vibro_cli.grids.chunks import Chunks, Division, Expected, Receipt, has_many
 from vibro_cli.grids.dataset import has_size, known_division, opened
 from vibro_cli.grids.document import Grid
 from vibro_cli.grids.solving import Solver, solver_of
+from vibro_cli.scenario.models import section
 from vibro_cli.storage.files import available_cores
 
 Told = Callable[[int, int], None]
@@ -127,8 +128,8 @@ def spread(grid: Grid, count: int) -> Array:
 
 def expected_impacts(grid: Grid) -> Expected:
     """Return how many impacts a point may be expected to have: the same on every machine."""
-    stop = grid.base.data.get("stop")
-    given = [stop.get(name) if isinstance(stop, dict) else None for name in grid.counted]
+    stop = section(grid.base.data, "stop")
+    given = [stop.get(name) for name in grid.counted]
     limits = [float(most) for most in given if isinstance(most, int) and most > 0]
     limit = sum(limits) if len(limits) == len(given) else _MANY * _MOST_IMPACTS
     free = [name for name in grid.counted if ("stop", name) not in grid.design.paths]

@@ -21,7 +21,7 @@ import os
 import platform
 import secrets
 import shutil
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
@@ -269,6 +269,7 @@ def _exchange(one: Path, other: Path) -> bool:
 
 
 MANIFEST_NAME = "manifest.json"
+GRID_NAME = "grid.json"
 _MANIFEST_VERSION = "1"
 _LIBRARIES = ("matplotlib", "numpy", "pyarrow", "scipy")
 
@@ -368,6 +369,15 @@ def differences(before: Any, now: Any, path: str = "") -> list[str]:
             for line in differences(*pair, f"{path}[{number}]")
         ]
     return [] if before == now else [f"{path}: {_short(before)} -> {_short(now)}"]
+
+
+def refusal(holds: str, found: Sequence[str], hint: str) -> str:
+    """What is said of a folder that holds something else, with the `differences` that were found.
+
+    The `hint` says how to go on.
+    """
+    lines = [f"{holds}; found there and wanted now:", *(f"  {line}" for line in found), f"({hint})"]
+    return "\n".join(lines)
 
 
 def _short(value: Any) -> str:

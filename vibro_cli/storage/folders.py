@@ -28,6 +28,7 @@ from vibro_cli.storage.files import (
     manifest_of,
     new_folder,
     read_manifest,
+    refusal,
     write_folder,
 )
 from vibro_cli.storage.tables import GrowingTable, Origin, parquet_bytes, table_named, to_arrow
@@ -62,12 +63,7 @@ def check_run_folder(
         json_of(folder / SCENARIO_NAME), json.loads(json_bytes(scenario.resolved()))
     )
     if found:
-        lines = [f"  {line}" for line in found]
-        raise FolderRefused(
-            f"{folder} holds a run with other parameters; found there and wanted now:\n"
-            + "\n".join(lines)
-            + f"\n({hint})"
-        )
+        raise FolderRefused(refusal(f"{folder} holds a run with other parameters", found, hint))
 
 
 def origin_of(scenario: AnyScenario) -> Origin:

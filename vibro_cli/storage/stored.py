@@ -19,7 +19,7 @@ from vibro_cli.assemble import build_any
 from vibro_cli.errors import VibroError
 from vibro_cli.scenario.base import AnyScenario
 from vibro_cli.scenario.loading import load_stored
-from vibro_cli.storage.files import check_files, manifest_of, read_manifest
+from vibro_cli.storage.files import GRID_NAME, check_files, manifest_of, read_manifest
 from vibro_cli.storage.folders import NotContinuable, read_earlier_run
 from vibro_cli.storage.tables import (
     PartsTable,
@@ -237,7 +237,6 @@ def _check_tables(folder: Path, manifest: Mapping[str, Any]) -> None:
         raise NotContinuable(f"{folder}/{damage}")
 
 
-GRID_NAME = "grid.json"
 Column = NDArray[Any]
 
 
