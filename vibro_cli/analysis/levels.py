@@ -72,20 +72,22 @@ class Landscape:
         """Return how the pull changes with the angle there, on an arc of a rotating trace."""
         return self.pull(piece).stiffness(position + centre_of(piece))
 
-    def _turned(self, piece: Piece, place: Array) -> Array:
-        """Rise (m) of the height from position 0 on, on a rotating trace."""
-        assert self.turning is not None
-        strength = self.turning.square / self.gravity
-        x = piece.body_centre(0.0, self.body.radius)[0] - self.turning.x
+    def _rise(self, piece: Piece, place: Array) -> Array:
+        """Rise (m) of the height from position 0 on.
+
+        By 2ρ sin²(φ/2) from the bottom of a valley; it falls by 2ρ sin²(ψ/2) from the crest of a
+        hump.
+        """
+        rho = self.path_scale(piece)
         if piece.is_line:
-            along = math.cos(piece.start_slope) * place
-            rise = _sine(piece.start_slope) * place
+            rise: Array = _sine(piece.start_slope) * place
         else:
-            rho = self.path_scale(piece)
-            along = rho * np.sin(place)
             rise = piece.sign * 2.0 * rho * np.sin(0.5 * place) ** 2
-        turned: Array = rise - strength * along * (x + 0.5 * along)
-        return turned
+        if self.turning is None:
+            return rise
+        along = math.cos(piece.start_slope) * place if piece.is_line else rho * np.sin(place)
+        x = piece.body_centre(0.0, self.body.radius)[0] - self.turning.x
+        return rise - self.turning.square / self.gravity * along * (x + 0.5 * along)
 
     def path_scale(self, piece: Piece) -> float:
         """Return speed over rate, see :meth:`Piece.path_scale`."""
@@ -98,19 +100,9 @@ class Landscape:
         return self.body.natural_rate(self.gravity, self.path_scale(piece))
 
     def potential(self, piece: Piece, position: ArrayLike) -> Array:
-        """Return the potential energy (J) at positions on one piece, of any shape.
-
-        m g (y_C − lowest), with y_C rising by 2ρ sin²(φ/2) from the bottom of a valley, falling
-        by 2ρ sin²(ψ/2) from the crest of a hump.
-        """
+        """Return the potential energy m g (y_C − lowest) (J) at positions on one piece."""
         place = np.asarray(position, dtype=np.float64)
-        weight, datum = self.weight, self.datum(piece)
-        if self.turning is not None:
-            return datum + weight * self._turned(piece, place)
-        if piece.is_line:
-            return datum + weight * _sine(piece.start_slope) * place
-        rise = 2.0 * self.path_scale(piece) * np.sin(0.5 * place) ** 2
-        return datum + piece.sign * weight * rise
+        return self.datum(piece) + self.weight * self._rise(piece, place)
 
     def datum(self, piece: Piece) -> float:
         """Return the potential energy (J) at position 0 of a piece, which may be off it."""
@@ -128,15 +120,9 @@ class Landscape:
         NaN where the energy does not reach. rate² = 2(E − V)/(κ m ρ²), on an arc
         c ∓ 4w² sin²(φ/2) with c its value at the bottom or crest: A (5), B (33), D (2).
         """
-        place = np.asarray(position, dtype=np.float64)
-        weight, datum = self.weight, self.datum(piece)
+        place, datum = np.asarray(position, dtype=np.float64), self.datum(piece)
         per_energy = 2.0 / (self.body.rolling_mass * self.path_scale(piece) ** 2)
-        if self.turning is not None:
-            fall = per_energy * weight * self._turned(piece, place)
-        elif piece.is_line:
-            fall = per_energy * weight * _sine(piece.start_slope) * place
-        else:
-            fall = piece.sign * (2.0 * self.natural_rate(piece) * np.sin(0.5 * place)) ** 2
+        fall = per_energy * self.weight * self._rise(piece, place)
         square = per_energy * (energy - datum) - fall
         scale = per_energy * (abs(energy) + abs(datum)) + np.abs(fall)
         square = np.where(np.abs(square) <= _ROUNDING * scale, np.maximum(square, 0.0), square)
