@@ -55,13 +55,9 @@ class Landscape:
     def height(self, piece: Piece, position: float) -> float:
         """Return the height (m) of the body's centre above its lowest place."""
         x, y = piece.body_centre(position, self.body.radius)
-        return y - self._sunk(x) - self.lowest
-
-    def _sunk(self, x: float) -> float:
-        """Height (m) by which turning lowers the potential at a place."""
-        if self.turning is None:
-            return 0.0
-        return 0.5 * self.turning.square / self.gravity * (x - self.turning.x) ** 2
+        if self.turning is not None:
+            y -= 0.5 * self.turning.square / self.gravity * (x - self.turning.x) ** 2
+        return y - self.lowest
 
     def pull(self, piece: Piece) -> Pull:
         """Return the pull on an arc of a rotating trace."""

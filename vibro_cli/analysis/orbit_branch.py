@@ -32,6 +32,7 @@ from vibro_cli.analysis.orbits import (
     energy_of,
     equations,
     newton,
+    over_period,
     residual_of,
     scale_of,
     shoot,
@@ -191,18 +192,18 @@ class Family:
         )
         self._across = np.eye(len(self._units))[-1]  # the plane of equal values
         first = begun_between(first)
-        self._first = Point(value, first, self._packed(first.state, first.period, value))
+        self._first = self._point(value, first)
         # In a narrow range a direction would be that of the value nearly alone, and two families
         # that cross have the same: the value counts no more than what changes with it.
         tangent = self._tangent(self._first, self._across)
         changes = float(np.linalg.norm(tangent[:-1]))
         self._share = changes / max(changes, abs(tangent[-1])) if changes > _LEAST_CHANGE else 1.0
         self._units[-1] *= self._share
-        self._first = replace(self._first, along=self._packed(first.state, first.period, value))
+        self._first = self._point(value, first)
 
-    def _packed(self, state: Floats, period: float, value: float) -> Floats:
-        packed: Floats = np.concatenate([state, [period, value]]) * self._units
-        return packed
+    def _point(self, value: float, orbit: Orbit) -> Point:
+        along: Floats = np.concatenate([orbit.state, [orbit.period, value]]) * self._units
+        return Point(value, orbit, along)
 
     def _system_of(self, value: float) -> TraceSystem:
         if self._system_at is None:
@@ -310,7 +311,7 @@ class Family:
                 gaps = found.part_gaps.values()
                 if min(map(np.linalg.norm, gaps), default=np.inf) < _PART * size_of(system, state):
                     raise NoOrbit("the orbits come to have a part of their period")
-                return Point(value, found, self._packed(found.state, found.period, value))
+                return self._point(value, found)
             # Near a fold a step may leave more than rounding, and the next one nothing.
             if residual > 4.0 * max(before, 100.0 * NEARLY_CLOSED) or residual > 1.0:
                 break
@@ -409,10 +410,7 @@ class Family:
             raise NoOrbit("the period halves beyond the range")
         system, energy = self._system_of(value), self._energy_of(value)
         half = newton(system, np.array(state), 0.5 * period, energy)
-        shot = shoot(half.system, 2.0 * half.period)
-        residual = residual_of(half.system, shot, half.state, None)
-        orbit = replace(half, period=2.0 * half.period, shot=shot, residual=residual)
-        return Point(value, orbit, self._packed(orbit.state, orbit.period, value))
+        return self._point(value, over_period(half, 2.0 * half.period))
 
     def _passed(self, points: list[Point]) -> list[Special]:
         """Where multipliers pass -1 or 1; at a fold one passes 1."""

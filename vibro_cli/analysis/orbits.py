@@ -366,12 +366,17 @@ def gone_through_once(orbit: Orbit) -> Orbit:
     for times in range(len(orbit.shot.word), 1, -1):
         if any(one != one[: len(one) // times] * times for one in orbit.shot.jumps):
             continue
-        period = orbit.period / times
-        shot = shoot(orbit.system, period)
-        residual = residual_of(orbit.system, shot, orbit.state, None)
-        if residual <= NEARLY_CLOSED:
-            return replace(orbit, period=period, shot=shot, residual=residual)
+        once = over_period(orbit, orbit.period / times)
+        if once.residual <= NEARLY_CLOSED:
+            return once
     return orbit
+
+
+def over_period(orbit: Orbit, period: float) -> Orbit:
+    """Return an orbit gone through in another period (s), which it need not close in."""
+    shot = shoot(orbit.system, period)
+    residual = residual_of(orbit.system, shot, orbit.state, None)
+    return replace(orbit, period=period, shot=shot, residual=residual)
 
 
 def begun_between(orbit: Orbit, longest: bool = False) -> Orbit:
@@ -404,12 +409,11 @@ def begun_between(orbit: Orbit, longest: bool = False) -> Orbit:
             system = admitted(orbit.system, state)
         except NoOrbit:
             continue
-        shot = shoot(system, period)
-        if [*map(sorted, shot.jumps)] != [*map(sorted, orbit.shot.jumps)]:
+        moved = over_period(replace(orbit, system=system, state=state), period)
+        if [*map(sorted, moved.shot.jumps)] != [*map(sorted, orbit.shot.jumps)]:
             raise NoOrbit("the events change")
-        residual = residual_of(system, shot, state, None)
-        if residual <= NEARLY_CLOSED:
-            return Orbit(system, period, state, shot, residual, orbit.energy)
+        if moved.residual <= NEARLY_CLOSED:
+            return moved
     return orbit
 
 
