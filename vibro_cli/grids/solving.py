@@ -121,7 +121,7 @@ class RunSolver:
             name: record_batch(of_impacts, self._impacts(name, indices[done], runs))
             for name, of_impacts in self._kept.items()
         }
-        return Solved(table, impacts_of(table, self._grid), kept)
+        return Solved(table, int(counts_of(table, self._grid).sum()), kept)
 
     def _impacts(
         self, name: str, points: Array, runs: Sequence[tuple[Any, Mapping[str, Any]]]
@@ -163,9 +163,10 @@ class RunSolver:
         return record_of(found), system, kept
 
 
-def impacts_of(table: dict[str, Any], grid: Grid) -> int:
-    """Return how many impacts there are in the points of a summary."""
-    return int(sum(np.ma.filled(table[name], 0).sum() for name in grid.counted))
+def counts_of(summary: Columns, grid: Grid) -> Array:
+    """Return how many impacts each point of a summary has."""
+    counts: Array = np.sum([np.ma.filled(summary[name], 0) for name in grid.counted], axis=0)
+    return counts
 
 
 def columns_of_records(records: Sequence[Mapping[str, Any]], table: Table) -> Columns:

@@ -10,7 +10,7 @@ import threading
 import time
 import uuid
 from collections import Counter
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from itertools import islice
@@ -25,7 +25,7 @@ from vibro_cli.grids.chunk_writer import BufferPool, ChunkWriter, Encoded, part_
 from vibro_cli.grids.chunks import Chunks, Division, Expected, Receipt, has_many_parts
 from vibro_cli.grids.dataset import has_size, known_division, opened
 from vibro_cli.grids.document import Grid
-from vibro_cli.grids.solving import Solver, solver_of
+from vibro_cli.grids.solving import Solver, counts_of, solver_of
 from vibro_cli.scenario.models import section
 from vibro_cli.storage.files import available_cores
 
@@ -135,16 +135,9 @@ def expected_impacts(grid: Grid) -> Expected:
     free = [name for name in grid.counted if ("stop", name) not in grid.design.paths]
     limited = grid.stopped_at(min(int(limit), _MOST_IMPACTS), free)
     solved = solver_of(limited.without_collisions()).solve(spread(grid, _POINTS)).summary
-    counts = _counts(grid, solved)
-    counts[counts >= _MOST_IMPACTS] = limit
+    counts = counts_of(solved, grid)
+    counts = np.where(counts >= _MOST_IMPACTS, limit, counts)
     return Expected(float(np.mean(counts)), float(np.max(counts)))
-
-
-def _counts(grid: Grid, summary: Mapping[str, Any]) -> Array:
-    """How many impacts each point of a summary has."""
-    each = [np.ma.filled(summary[name], 0).astype(np.float64) for name in grid.counted]
-    counts: Array = np.sum(each, axis=0)
-    return counts
 
 
 def impact_density(grid: Grid, impacts: Expected, engine: str) -> Array | None:
@@ -162,7 +155,7 @@ def impact_density(grid: Grid, impacts: Expected, engine: str) -> Array | None:
     distinct, places = np.unique(sample, return_inverse=True)
     solver = solver_of(grid.without_collisions(), engine)
     solved = solver.solve(distinct).summary
-    counts = _counts(grid, solved)
+    counts = counts_of(solved, grid)
     density: Array = counts[places].reshape(sample.shape).mean(axis=1)
     return density
 
