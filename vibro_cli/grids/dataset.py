@@ -152,18 +152,15 @@ def opened(
 
 def check_grid_folder(folder: Path) -> None:
     """Raise `FolderRefused` unless the folder is free, empty, or holds a grid of ours."""
-    if folder.exists() and not folder.is_dir():
-        raise FolderRefused(f"{folder} is a file; expected a folder or nothing")
-    if not (folder / GRID_NAME).exists():
-        entries = {one.name for one in folder.iterdir()} if folder.is_dir() else set()
-        # An empty folder of a run that was stopped at once is ours.
-        entries = {name for name in entries if not SHARD.fullmatch(name)}
-        if not folder.exists() or entries <= {_LOCK_NAME, *_FOLDERS, MANIFEST_NAME}:
-            return
-        check_replaceable(folder, "grid")
+    if (folder / GRID_NAME).exists():
+        if _stored_grid(folder) is None:
+            raise FolderRefused(f"{folder / GRID_NAME} is no grid of vibro; it is left as it is")
         return
-    if _stored_grid(folder) is None:
-        raise FolderRefused(f"{folder / GRID_NAME} is no grid of vibro; it is left as it is")
+    if folder.is_dir():
+        names = {one.name for one in folder.iterdir() if not SHARD.fullmatch(one.name)}
+        if names <= {_LOCK_NAME, *_FOLDERS, MANIFEST_NAME}:
+            return  # an empty folder of a run that was stopped at once is ours
+    check_replaceable(folder, "grid")
 
 
 def _stored_grid(folder: Path) -> dict[str, Any] | None:

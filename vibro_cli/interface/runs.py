@@ -160,9 +160,7 @@ class Run:
         """
         import numpy as np
 
-        motion = self._solved if self.stored is None else self.stored.motion
-        assert motion is not None
-        columns = motion.sample(np.atleast_1d(times), side, extrapolate)
+        columns = self._shown.sample(np.atleast_1d(times), side, extrapolate)
         described = table_named("motion", list(columns), self.scenario.system)
         return Table("motion", to_arrow(described, columns, folders.origin_of(self.scenario)))
 

@@ -156,12 +156,9 @@ class StoredRun:
         """Return times (s), positions (rad, m) and rates (rad/s, m/s) along one flight, exactly."""
         return self.motion.flight_curve(index, count, lasts)
 
-    def sample(self, times: Any) -> dict[str, Any]:
-        """Return the motion of every body at given times (s), exactly; at an event, after it.
-
-        Raises ValueError for a time outside the run.
-        """
-        return self.motion.sample(times)
+    def sample(self, times: Any, side: str = "after", extrapolate: bool = False) -> dict[str, Any]:
+        """Return the motion of every body at given times (s), exactly, see ``systems.run.Run``."""
+        return self.motion.sample(times, side, extrapolate)
 
 
 def as_if_stored(run: Run, scenario: AnyScenario, tables: Mapping[str, Columns]) -> StoredRun:
