@@ -416,9 +416,7 @@ class Design:
         """Index on one axis of some points."""
         if self.mode == "zip":
             return indices
-        inner = 1
-        for axis in self.axes[number + 1 :]:
-            inner *= len(axis)
+        inner = math.prod(map(len, self.axes[number + 1 :]))
         return (indices // inner) % len(self.axes[number])
 
     def _shares(self, indices: Array) -> Array:

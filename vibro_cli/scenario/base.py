@@ -10,7 +10,7 @@ import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, get_args
 
 from pydantic import (
     BaseModel,
@@ -356,9 +356,9 @@ class BodyTable(Table):
         at_most_one("inertia_ratio", "density"),
     )
 
-    body: Annotated[
-        BodyKind | None, kinds.Word(("ball", "disk", "hollow_ball", "hoop", "particle"))
-    ] = Field(default=None, json_schema_extra={"default": "ball"})
+    body: Annotated[BodyKind | None, kinds.Word(get_args(BodyKind))] = Field(
+        default=None, json_schema_extra={"default": "ball"}
+    )
     """Kind of the body, ball if not given; gives its moment of inertia."""
     inertia_ratio: Annotated[float | None, kinds.RATIO] = None
     """J_C/(m r^2) of any other body, instead of its kind; needs the mass."""

@@ -118,7 +118,7 @@ def _pieces(data: Data) -> list[Piece]:
     for arc in arcs if isinstance(arcs, list) else []:
         given: Data = arc if isinstance(arc, Mapping) else {}
         shape = given.get("shape")
-        known = shape if shape in ("valley", "hump", "line") else None
+        known = shape if shape in get_args(Shape) else None
         end = slope if known == "line" else kinds.SLOPE.read_or_none(given.get("end_slope"))
         length = kinds.LENGTH.read_or_none(given.get("length")) if known == "line" else None
         pieces.append(Piece(known, slope, end, length))
@@ -382,7 +382,7 @@ class Arc(Table):
         _shape(["valley", "hump"], ["radius", "end_slope"], ["length"]),
     )
 
-    shape: Annotated[Shape, kinds.Word(("valley", "hump", "line"))]
+    shape: Annotated[Shape, kinds.Word(get_args(Shape))]
     """valley (concave, the body above its lowest point), hump (convex) or line."""
     radius: Annotated[float | None, kinds.LENGTH] = None
     """Radius of the arc in m; a line has none."""
@@ -413,7 +413,7 @@ class Trace(Table):
     """Slope of the tangent at the left end, in rad."""
     closed: Annotated[bool, kinds.FLAG] = False
     """Whether the trace ends where and how it began."""
-    surface: Annotated[Surface, kinds.Word(("two-sided", "one-sided"))] = "two-sided"
+    surface: Annotated[Surface, kinds.Word(get_args(Surface))] = "two-sided"
     """two-sided: the trace also holds a body back, and lift-off is marked; one-sided: lift-off
     ends the run."""
     turning: Annotated[Turning | None, BeforeValidator(_not_null)] = None

@@ -355,20 +355,14 @@ def differences(before: Any, now: Any, path: str = "") -> list[str]:
     """Where two pieces of plain data differ, a line each: `path: before -> now`."""
     if isinstance(before, dict) and isinstance(now, dict):
         keys = [*before, *(key for key in now if key not in before)]
-        return [
-            line
-            for key in keys
-            for line in differences(
-                before.get(key), now.get(key), f"{path}.{key}" if path else str(key)
-            )
+        parts = [(before.get(k), now.get(k), f"{path}.{k}" if path else str(k)) for k in keys]
+    elif isinstance(before, list) and isinstance(now, list) and len(before) == len(now):
+        parts = [
+            (a, b, f"{path}[{n}]") for n, (a, b) in enumerate(zip(before, now, strict=True), 1)
         ]
-    if isinstance(before, list) and isinstance(now, list) and len(before) == len(now):
-        return [
-            line
-            for number, pair in enumerate(zip(before, now, strict=True), 1)
-            for line in differences(*pair, f"{path}[{number}]")
-        ]
-    return [] if before == now else [f"{path}: {_short(before)} -> {_short(now)}"]
+    else:
+        return [] if before == now else [f"{path}: {_short(before)} -> {_short(now)}"]
+    return [line for part in parts for line in differences(*part)]
 
 
 def refusal(holds: str, found: Sequence[str], hint: str) -> str:
