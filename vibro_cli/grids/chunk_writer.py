@@ -32,11 +32,9 @@ from vibro_cli.storage.files import BLOCK, entry, write_file
 from vibro_cli.storage.tables import (
     Origin,
     arrow_schema,
-    numbers_in,
     parquet_options,
     plain_numbers,
     record_batch,
-    words_in,
 )
 from vibro_cli.systems.columns import Table
 
@@ -243,7 +241,8 @@ class PartFile:
         """Write a group of rows; the batches are not needed afterwards."""
         group = pa.Table.from_batches(batches, self._schema)
         if self._writer is None:
-            self._few = [n for n in numbers_in(self._schema) if _has_few(group[n])]
+            numbers = [one.name for one in self._schema if pa.types.is_floating(one.type)]
+            self._few = [name for name in numbers if _has_few(group[name])]
             self._begin(_GROUPS_AT_FIRST * _most_bytes(group) + _AT_THE_END)
         elif self._sink.tell() + _most_bytes(group) + _AT_THE_END > len(self._block):
             self._move(2 * len(self._block) + _most_bytes(group))
@@ -267,7 +266,6 @@ class PartFile:
         self._writer = pq.ParquetWriter(
             self._sink,
             self._schema,
-            use_dictionary=[*words_in(self._schema), *self._few],
             write_statistics=self._skipped_by,
             data_page_size=_PAGE,
             **parquet_options(self._schema, self._few),

@@ -309,13 +309,20 @@ def touched_pieces(trace: Trace, radius: float) -> tuple[tuple[int, int], ...]:
     itself. An empty answer is certified; where rounding hides whether a body just touches, the
     pair is listed.
     """
-    paths = [Path.of(piece, radius) for piece in trace.pieces]
-    pieces = [Path.of(piece, 0.0) for piece in trace.pieces]
-    return tuple(
-        (i, j)
-        for i, j in near(paths, pieces, radius)
-        if i != j and not is_clear(paths[i], pieces[j], Window.of(trace, i, j), radius)
-    )
+    return tuple(_not_clear(trace, radius, 0.0, True))
+
+
+def _not_clear(
+    trace: Trace, radius_a: float, radius_b: float, both_ways: bool
+) -> Iterator[tuple[int, int]]:
+    """Yield pieces i and j > i on which two bodies may touch; with j < i too if `both_ways`."""
+    paths_a = [Path.of(piece, radius_a) for piece in trace.pieces]
+    paths_b = [Path.of(piece, radius_b) for piece in trace.pieces]
+    needed = radius_a + radius_b
+    for i, j in near(paths_a, paths_b, needed):
+        wanted = i < j or (both_ways and i != j)
+        if wanted and not is_clear(paths_a[i], paths_b[j], Window.of(trace, i, j), needed):
+            yield i, j
 
 
 def _adjacent(trace: Trace, i: int, j: int) -> bool:
@@ -385,15 +392,7 @@ def touch_across(trace: Trace, radius_a: float, radius_b: float) -> tuple[int, i
     Radii in m; a is left of b. Side by side are bodies with a stretch between them that turns by
     less than π: what happens there is for `fits_between`. None is certified.
     """
-    paths_a = [Path.of(piece, radius_a) for piece in trace.pieces]
-    paths_b = [Path.of(piece, radius_b) for piece in trace.pieces]
-    needed = radius_a + radius_b
-    for i, j in near(paths_a, paths_b, needed):
-        if i == j or (i > j and not trace.closed):
-            continue
-        if not is_clear(paths_a[i], paths_b[j], Window.of(trace, i, j), needed):
-            return i, j
-    return None
+    return next(_not_clear(trace, radius_a, radius_b, trace.closed), None)
 
 
 def pocket_radius(curvature: float, radius_a: float, radius_b: float) -> float:

@@ -114,16 +114,12 @@ def arrow_schema(table: Table, origin: Origin) -> pa.Schema:
         "vibro:units": json.dumps({column.name: column.unit for column in table.columns}),
         **origin.more,
     }
-    return pa.schema(_arrow_fields(table), metadata=metadata)
+    return _row_schema(table).with_metadata(metadata)
 
 
 @cache
 def _row_schema(table: Table) -> pa.Schema:
-    return pa.schema(_arrow_fields(table))
-
-
-def _arrow_fields(table: Table) -> list[pa.Field]:
-    return [
+    return pa.schema(
         pa.field(
             column.name,
             _ARROW_TYPES[column.type],
@@ -131,7 +127,7 @@ def _arrow_fields(table: Table) -> list[pa.Field]:
             metadata={"unit": column.unit, "description": column.description},
         )
         for column in table.columns
-    ]
+    )
 
 
 def _arrow_column(column: Column, values: Any) -> pa.Array:
@@ -234,29 +230,21 @@ def to_arrow(table: Table, columns: Mapping[str, Any], origin: Origin) -> pa.Tab
 def parquet_bytes(data: pa.Table) -> bytes:
     """An arrow table as a parquet file: zstd, floats split by bytes, integers by differences."""
     sink = pa.BufferOutputStream()
-    pq.write_table(data, sink, use_dictionary=words_in(data.schema), **parquet_options(data.schema))
+    pq.write_table(data, sink, **parquet_options(data.schema))
     content: bytes = sink.getvalue().to_pybytes()
     return content
 
 
-def words_in(schema: pa.Schema) -> list[str]:
-    """Return the names of the columns of words."""
-    return [field.name for field in schema if pa.types.is_string(field.type)]
-
-
-def numbers_in(schema: pa.Schema) -> list[str]:
-    """Return the names of the columns of floats."""
-    return [field.name for field in schema if pa.types.is_floating(field.type)]
-
-
-def parquet_options(schema: pa.Schema, without: Collection[str] = ()) -> dict[str, Any]:
-    """Return how columns are encoded, but for those `without` an encoding of their own."""
+def parquet_options(schema: pa.Schema, repeated: Collection[str] = ()) -> dict[str, Any]:
+    """Return how columns are encoded: by dictionaries those of words, and of `repeated` numbers."""
     encodings = {
         field.name: _ENCODINGS[field.type]
         for field in schema
-        if field.type in _ENCODINGS and field.name not in without
+        if field.type in _ENCODINGS and field.name not in repeated
     }
+    words = [field.name for field in schema if pa.types.is_string(field.type)]
     return {
+        "use_dictionary": [*words, *repeated],
         "compression": "zstd",
         "compression_level": _LEVEL,
         "column_encoding": encodings,
@@ -506,8 +494,7 @@ class _RowWriter:
         elif form == "arrow":
             self._writer = pa.ipc.new_stream(sink, schema)
         elif form == "parquet":
-            words, options = words_in(schema), parquet_options(schema)
-            self._writer = pq.ParquetWriter(Counted(sink), schema, use_dictionary=words, **options)
+            self._writer = pq.ParquetWriter(Counted(sink), schema, **parquet_options(schema))
         elif form != "jsonl":
             raise ValueError(f"there is no form {form!r} of a table")
 
@@ -548,11 +535,9 @@ class GrowingTable:
     def __init__(self, file: BinaryIO, table: Table, origin: Origin) -> None:
         self._table = table
         self._file = Counted(file)
-        schema = arrow_schema(table, origin)
-        self._schema = schema
-        self._writer = pq.ParquetWriter(
-            self._file, schema, use_dictionary=words_in(schema), **parquet_options(schema)
-        )
+        self._schema = arrow_schema(table, origin)
+        options = parquet_options(self._schema)
+        self._writer = pq.ParquetWriter(self._file, self._schema, **options)
         self._waiting: list[pa.RecordBatch] = []
         self._rows = 0
 
