@@ -476,7 +476,10 @@ def free_branches(
     """
     fraction = np.linspace(0.0, 1.0, count)
     if piece.is_line:
-        position, rate = _on_line(landscape, piece, start, duration, fraction)
+        acceleration = -landscape.gravity / landscape.body.kappa * math.sin(piece.start_slope)
+        time = duration[:, None] * fraction
+        rate = start[1][:, None] + acceleration * time
+        position = start[0][:, None] + 0.5 * (start[1][:, None] + rate) * time
     else:
         position, rate = _on_arc(landscape, piece, start, end, duration, fraction)
     position[:, 0], rate[:, 0] = start
@@ -493,10 +496,13 @@ def _on_arc(
     fraction: Array,
 ) -> tuple[Array, Array]:
     position = start[0][:, None] + (end[0] - start[0])[:, None] * fraction
-    rate = _without_turning(landscape, piece, start, position)
+    w = landscape.natural_rate(piece)
+    # Without a turning point the body goes on in the direction it started in.
+    fall, from_start = (2.0 * w * np.sin(0.5 * angle) for angle in (position, start[0]))
+    square = (start[1] ** 2 + piece.sign * from_start**2)[:, None] - piece.sign * fall**2
+    rate = np.copysign(np.sqrt(np.maximum(square, 0.0)), start[1][:, None])
     offset = centre_of(piece)
     centre = offset + 2.0 * math.pi * np.round((start[0] - offset) / (2.0 * math.pi))
-    w = landscape.natural_rate(piece)
     q = np.sin(0.5 * (start[0] - centre)) ** 2 + (0.5 / w * start[1]) ** 2
     # Which flights oscillate; on the separatrix their ends decide, not q.
     turned = start[1] * end[1] < 0.0
@@ -506,17 +512,6 @@ def _on_arc(
     angles, rate[swings] = _oscillation(w, one, other, duration[swings], fraction)
     position[swings] = centre[swings, None] + angles
     return position, rate
-
-
-def _without_turning(
-    landscape: Landscape, piece: Piece, start: tuple[Array, Array], position: Array
-) -> Array:
-    """Return the rates at positions that a body passes in the direction it started in."""
-    fall = 2.0 * landscape.natural_rate(piece) * np.sin(0.5 * position)
-    from_start = 2.0 * landscape.natural_rate(piece) * np.sin(0.5 * start[0])
-    square = (start[1] ** 2 + piece.sign * from_start**2)[:, None] - piece.sign * fall**2
-    rate: Array = np.copysign(np.sqrt(np.maximum(square, 0.0)), start[1][:, None])
-    return rate
 
 
 def _oscillation(
@@ -551,17 +546,3 @@ def _period(w: float, modulus: Array) -> Array:
     mean = np.maximum(0.5 * (upper + lower), np.finfo(np.float64).tiny)
     period: Array = 2.0 * math.pi / (w * mean)
     return period
-
-
-def _on_line(
-    landscape: Landscape,
-    piece: Piece,
-    start: tuple[Array, Array],
-    duration: Array,
-    fraction: Array,
-) -> tuple[Array, Array]:
-    acceleration = -landscape.gravity / landscape.body.kappa * math.sin(piece.start_slope)
-    time = duration[:, None] * fraction
-    speed = start[1][:, None] + acceleration * time
-    position = start[0][:, None] + 0.5 * (start[1][:, None] + speed) * time
-    return position, speed
