@@ -202,24 +202,12 @@ def triggers(landscape: Landscape) -> tuple[Trigger, ...]:
     two different centres are needed.
     """
     points = singular_points(landscape)
-    found = []
-    for place, saddle in enumerate(points):
-        left, right = _neighbours(landscape, points, place)
-        if saddle.kind != SADDLE or left is None or right is None or left is right:
-            continue
-        if left.kind == CENTRE and right.kind == CENTRE:
-            found.append(_trigger(landscape, points, left, saddle, right))
-    return tuple(found)
-
-
-def _neighbours(
-    landscape: Landscape, points: tuple[SingularPoint, ...], place: int
-) -> tuple[SingularPoint | None, SingularPoint | None]:
-    if landscape.trace.closed:
-        return points[place - 1], points[(place + 1) % len(points)]
-    left = points[place - 1] if place > 0 else None
-    right = points[place + 1] if place + 1 < len(points) else None
-    return left, right
+    around = (*points[-1:], *points, *points[:1]) if landscape.trace.closed else points
+    return tuple(
+        _trigger(landscape, points, left, saddle, right)
+        for left, saddle, right in zip(around, around[1:], around[2:], strict=False)
+        if (left.kind, saddle.kind, right.kind) == (CENTRE, SADDLE, CENTRE) and left is not right
+    )
 
 
 def _trigger(
@@ -230,7 +218,11 @@ def _trigger(
     right: SingularPoint,
 ) -> Trigger:
     margins = _margins(landscape, points, saddle)
-    closes = [_is_barrier(landscape, saddle, margin) for margin in margins]
+    # The margin decides whether the separatrix turns, one of rounding that it does, and not where:
+    # next to a bifurcation, where centres and saddle differ by less than rounding, that is lost
+    # while the barriers stand as high as before.
+    rounding = _OF_TRIGGERS * (abs(saddle.energy) + landscape.weight * landscape.trace.length)
+    closes = [margin >= -rounding for margin in margins]
     turning_left, turning_right = (
         (saddle.s if place is None else place) if closed else None
         for place, closed in zip(_turnings(landscape, saddle), closes, strict=True)
@@ -239,16 +231,6 @@ def _trigger(
     if _meets_another_saddle(landscape, points, saddle, turning_left, turning_right):
         orbit = HETEROCLINIC
     return Trigger(left, saddle, right, *margins, turning_left, turning_right, orbit)
-
-
-def _is_barrier(landscape: Landscape, saddle: SingularPoint, margin: float) -> bool:
-    """Return whether a margin (J) turns the separatrix: one of rounding just does.
-
-    The margin decides, and not where the separatrix turns: next to a bifurcation, where centres and
-    saddle differ by less than rounding, that is lost while the barriers stand as high as before.
-    """
-    tolerance = _OF_TRIGGERS * (abs(saddle.energy) + landscape.weight * landscape.trace.length)
-    return margin >= -tolerance
 
 
 def _meets_another_saddle(

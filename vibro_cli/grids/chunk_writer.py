@@ -308,16 +308,11 @@ def part_file(grid: Grid, table: Table, chunk: int, buffer: Callable[[str, int],
     ``table`` and ``chunk`` are what it is a part of; ``buffer(name, size)`` gives memory for it.
     """
     resolved = grid.resolved()
-    origin = Origin(resolved["scenario"], __version__, _metadata(resolved, chunk))
+    told = json.dumps(resolved, ensure_ascii=False, allow_nan=False)
+    more = {"vibro:grid": told, "vibro:part": str(chunk)}
+    origin = Origin(resolved["scenario"], __version__, more)
     names = [column.name for column in table.columns]
     skipped_by = [name for name in names if table.name == SUMMARY or name in _ORDERED]
     return PartFile(
         partial(buffer, f"file of {table.name}"), arrow_schema(table, origin), skipped_by
     )
-
-
-def _metadata(resolved: dict[str, Any], chunk: int) -> dict[str, str]:
-    return {
-        "vibro:grid": json.dumps(resolved, ensure_ascii=False, allow_nan=False),
-        "vibro:part": str(chunk),
-    }
