@@ -438,7 +438,7 @@ def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
     """Figures are made, but no picture of them: how those are written is tested elsewhere."""
     picture = b"\x89PNG"
     monkeypatch.setattr(style, "render", lambda *_, **__: picture)
-    monkeypatch.setattr(report_content, "figures_of_run", lambda *_: [])
+    monkeypatch.setattr(report_content, "pictured", lambda *_: [])
 
 
 def test_every_command_of_the_page_runs(

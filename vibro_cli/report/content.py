@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from vibro_cli.assemble import warnings_of
+from vibro_cli.figures.kinds import draw_all
 from vibro_cli.figures.source import first_of, made
 from vibro_cli.mechanics.system import LAWS, Body, TraceSystem, mechanics_warnings
-from vibro_cli.report.html import figures_of_run, rendered
+from vibro_cli.report.html import pictured, rendered
 from vibro_cli.report.papers import analogy, series_rows
 from vibro_cli.report.words import (
     cell,
@@ -137,7 +139,7 @@ def _section(run: StoredRun, name: str, notes: Sequence[str], gap: str) -> dict[
     refused = int(np.sum(~run.collisions["admissible"]))
     return {
         "key_figures": key_figures(run),
-        "figures": list(figures_of_run(run, name)),
+        "figures": pictured(partial(draw_all, run, None), f"run {name}"),
         # The forms side by side are those of paper B, with its speeds and one k for each pair.
         "analogy": analogy(run.system, run.collisions) if "B" in run.kind.papers else None,
         "energy": energy_balance(run),

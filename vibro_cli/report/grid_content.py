@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from vibro_cli.figures.kinds import draw_grid
 from vibro_cli.figures.maps import Endings
-from vibro_cli.report.html import figures_of_grid, rendered
+from vibro_cli.report.html import pictured, rendered
 from vibro_cli.report.words import (
     cell,
     ending,
@@ -50,7 +52,7 @@ def grid_html(grid: StoredGrid, beside: Path, columns: Sequence[str] = ()) -> by
         "setting": _setting(grid),
         "axes": [_axis(grid, path) for path in grid.axes],
         "common": _common(grid),
-        "figures": list(figures_of_grid(grid, columns)),
+        "figures": pictured(partial(draw_grid, grid, columns=columns), f"grid {grid.name}"),
         "quantities": [
             row for name in _QUANTITIES if name in grid.summary for row in _quantity(grid, name)
         ],

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import base64
 import hashlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from importlib.resources import files
 from typing import Any
 
@@ -19,11 +19,10 @@ from matplotlib.figure import Figure
 from vibro_cli import __version__
 from vibro_cli.figures.chart import body_look
 from vibro_cli.figures.film import SIZE, TRAIL, FilmFrame, Frames, clock_digits
-from vibro_cli.figures.kinds import Drawn, draw_all, draw_grid
+from vibro_cli.figures.kinds import Drawn
 from vibro_cli.figures.source import Array
 from vibro_cli.figures.style import has_rasters, render
 from vibro_cli.report.words import number
-from vibro_cli.storage.stored import StoredGrid
 
 GENERATORS = {
     "report": "vibro report", "grid": "vibro report", "benchmark": "vibro bench",
@@ -36,26 +35,15 @@ _FILM_DPI = 100.0
 _TYPES = {"png": "png", "svg": "svg+xml"}
 
 
-def figures_of_run(run: Any, name: str) -> Iterator[dict[str, Any]]:
-    """Return every figure of a run as the page has it, with its words."""
-    both = (draw_all(run, None, width) for width in ("double", "single"))
-    return _shown(zip(*both, strict=True), f"run {name}")
+def pictured(draw: Callable[[str], Iterator[Drawn]], of: str) -> list[dict[str, Any]]:
+    """Return figures as the page has them, with their words, wide and for narrow screens.
 
-
-def figures_of_grid(grid: StoredGrid, columns: Sequence[str]) -> Iterator[dict[str, Any]]:
-    """Return every figure of a grid as the page has it, with its words.
-
-    `columns` are those of the summary whose maps are drawn too.
+    `draw` draws them in a width, `of` says whose they are.
     """
-    both = (draw_grid(grid, width, columns) for width in ("double", "single"))
-    return _shown(zip(*both, strict=True), f"grid {grid.name}")
-
-
-def _shown(both: Iterator[tuple[Drawn, Drawn]], of: str) -> Iterator[dict[str, Any]]:
-    """Return figures of two columns' width and of one's for narrow screens, with words."""
-    for wide, narrow in both:
-        name = f"{wide.title}, {of}"
-        yield shown(wide.title, wide.caption, name, wide.figure, narrow.figure)
+    return [
+        shown(wide.title, wide.caption, f"{wide.title}, {of}", wide.figure, narrow.figure)
+        for wide, narrow in zip(draw("double"), draw("single"), strict=True)
+    ]
 
 
 def shown(title: str, caption: str, name: str, wide: Figure, narrow: Figure) -> dict[str, Any]:
