@@ -82,8 +82,11 @@ def _print_names(as_json: bool) -> int:
 
 
 def _write(name: str, output: str | None, force: bool, as_json: bool) -> int:
-    """Write a scenario or grid of the gallery to a file or to standard output."""
-    from vibro_cli.scenario.gallery import text
+    """Write a scenario or grid of the gallery to a file or to standard output.
+
+    Beside a grid its scenario is written too, unless it is there already.
+    """
+    from vibro_cli.scenario.gallery import base_of, grid_names, text
     from vibro_cli.scenario.problems import ScenarioError
     from vibro_cli.storage.files import make_folder
 
@@ -99,10 +102,19 @@ def _write(name: str, output: str | None, force: bool, as_json: bool) -> int:
     if path.exists() and not force:
         raise CommandError(f"vibro: {path} exists; --force replaces it")
     make_folder(path.parent)
-    command, files = _write_files(name, content, path)
+    files = [path]
+    is_grid = name in grid_names()
+    if is_grid:
+        base = base_of(name)
+        beside = path.with_name(f"{base}.toml")
+        if not beside.exists():
+            _write_with_schema(beside, base, text(base))
+            files.append(beside)
+    _write_with_schema(path, name, content)
     if as_json:
         print(json_text({"file": str(path), "files": [str(one) for one in files]}))
     told = " and ".join(printable(str(one)) for one in files)
+    command = "grid" if is_grid else "run"
     say(f"{told} written; solve it with: vibro {command} {shlex.quote(printable(str(path)))}")
     return DONE
 
@@ -123,25 +135,6 @@ def _write_all(folder: Path, force: bool, as_json: bool) -> int:
         print(json_text({"folder": str(folder), "files": [str(path) for path in files]}))
     say(f"{len(files)} scenarios and grids written to {printable(str(folder))}")
     return DONE
-
-
-def _write_files(name: str, content: str, path: Path) -> tuple[str, list[Path]]:
-    """Write a file of the gallery, and beside a grid its scenario unless it is there already.
-
-    Returns the command that solves it, and the files.
-    """
-    from vibro_cli.scenario.gallery import base_of, grid_names, text
-
-    if name not in grid_names():
-        _write_with_schema(path, name, content)
-        return "run", [path]
-    base = base_of(name)
-    beside, files = path.with_name(f"{base}.toml"), [path]
-    if not beside.exists():
-        _write_with_schema(beside, base, text(base))
-        files.append(beside)
-    _write_with_schema(path, name, content)
-    return "grid", files
 
 
 def _write_with_schema(path: Path, name: str, content: str) -> None:
