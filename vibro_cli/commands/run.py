@@ -201,8 +201,8 @@ def _run_all(options: RunCommand) -> int:
         _print_refused(options, refused)
         raise together(refused)
     _check_folders(options, [scenario for scenario, _ in loaded])
-    for one in refused:
-        say(str(one.error), "error", problems=one.error.problems)
+    for _, error in refused:
+        say(str(error), "error", problems=error.problems)
     _print_refused(options, refused)
     codes = [MISUSED] * len(refused)
     for scenario, system in loaded:
@@ -244,12 +244,12 @@ def _check_folders(options: RunCommand, scenarios: "Sequence[AnyScenario]") -> N
 def _print_refused(options: RunCommand, refused: "list[Refused]") -> None:
     """With --json, a line for each scenario that cannot be run, as there is for those that can."""
     if options.summary_as_json:
-        for one in refused:
+        for source, error in refused:
             line = {
-                **options.line_head(one.source, None),
+                **options.line_head(source, None),
                 "status": "invalid",
-                "reason": str(one.error),
-                "problems": one.error.problems,
+                "reason": str(error),
+                "problems": error.problems,
             }
             print(json_text(line), flush=True)
 

@@ -6,7 +6,7 @@ With `--continue` it is the scenario of a run of ours, with a later stop.
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,12 +21,8 @@ if TYPE_CHECKING:
     from vibro_cli.storage.folders import EarlierRun
 
 
-@dataclass(frozen=True)
-class Refused:
-    """A scenario that cannot be used, and why."""
-
-    source: str
-    error: CommandError
+Refused = tuple[str, CommandError]
+"""A scenario that cannot be used, and why."""
 
 
 def load_any(source: str, overrides: Sequence[str]) -> tuple["AnyScenario", "AnySystem"]:
@@ -103,7 +99,7 @@ def load_each(
         try:
             loaded.append(load_any(source, overrides))
         except CommandError as error:
-            refused.append(Refused(source, error))
+            refused.append((source, error))
     return loaded, refused
 
 
@@ -116,8 +112,8 @@ def check_standard_input(sources: Sequence[str]) -> None:
 def together(refused: Sequence[Refused]) -> CommandError:
     """One error with the problems of all scenarios that cannot be used."""
     return CommandError(
-        "\n".join(str(one.error) for one in refused),
-        problems=[problem for one in refused for problem in one.error.problems],
+        "\n".join(str(error) for _, error in refused),
+        problems=[problem for _, error in refused for problem in error.problems],
     )
 
 
