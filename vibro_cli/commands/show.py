@@ -236,11 +236,12 @@ def _text(value: Any) -> str:
 
 def _listed(data: "pyarrow.Table") -> Iterator[str]:
     """The one row of a table: a line for each column."""
-    names = _aligned([printable(name) for name in data.column_names])
-    values = _aligned([_text(data[name][0].as_py()) for name in data.column_names], str.rjust)
+    names = [printable(name) for name in data.column_names]
+    values = [_text(data[name][0].as_py()) for name in data.column_names]
+    left, right = max(map(len, names)), max(map(len, values))
     for name, value, column in zip(names, values, data.column_names, strict=True):
         unit, meaning = (printable(_meta(data, column, key)) for key in (b"unit", b"description"))
-        yield f"{name}  {value}  {unit:8}  {meaning}".rstrip()
+        yield f"{name:{left}}  {value:>{right}}  {unit:8}  {meaning}".rstrip()
 
 
 class _Column:
@@ -310,9 +311,3 @@ def _fitting(columns: dict[str, _Column], used: int, width: int | None) -> Itera
 def _lines(columns: Sequence[_Column], values: Sequence[Any]) -> Iterator[str]:
     cells = [column.cells(some) for column, some in zip(columns, values, strict=True)]
     return ("  ".join(line).rstrip() for line in zip(*cells, strict=True))
-
-
-def _aligned(cells: list[str], justify: Callable[[str, int], str] = str.ljust) -> list[str]:
-    """Cells, all as wide as the widest."""
-    width = max(map(len, cells))
-    return [justify(cell, width) for cell in cells]
