@@ -112,18 +112,16 @@ def _default(node: dict[str, Any]) -> str:
     return f"`{str(default).lower() if isinstance(default, bool) else default}`"
 
 
-def tables() -> str:
-    """Every table and its columns."""
+def tables(system: str = "trace") -> str:
+    """Every table of a system and its columns."""
     from vibro_cli.storage.tables import as_markdown
 
-    return as_markdown()
+    return as_markdown(system)
 
 
 def of_system(system: str) -> str:
     """Every key of a system's scenarios, and every column of its tables."""
-    from vibro_cli.storage.tables import as_markdown
-
-    return f"{scenario(system)}\n{as_markdown(system)}"
+    return f"{scenario(system)}\n{tables(system)}"
 
 
 _GRID = """A grid file (TOML, JSON or YAML) names a scenario, or has one inline, and the axes that
