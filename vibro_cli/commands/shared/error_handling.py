@@ -117,15 +117,12 @@ def perform(task: Task, log_format: str) -> int:
         return attempt(lambda: _flushed(task()))
     except BrokenPipeError:  # whoever read our results has enough of them
         return DONE
-    except KeyboardInterrupt as end:
+    except (KeyboardInterrupt, Terminated) as end:
         silence(sys.stdout)  # who does not read any more must not be waited for
-        say(f"vibro: interrupted; {_left(end)}", "error")
-        return INTERRUPTED
-    except Terminated as end:
-        silence(sys.stdout)
-        how = "hung up" if end.exit_code == HUNG_UP else "terminated"
+        code = end.exit_code if isinstance(end, Terminated) else INTERRUPTED
+        how = EXIT_CODES[code].partition(" (")[0]
         say(f"vibro: {how}; {_left(end)}", "error")
-        return end.exit_code
+        return code
     finally:
         drain_standard_output()
 
