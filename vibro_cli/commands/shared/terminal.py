@@ -203,6 +203,7 @@ def _ending(record: Mapping[str, Any]) -> str:
 
 
 _ALSO_COUNTED = {
+    "bounces": ("impact on the wall", "impacts on the wall"),
     "crossings": ("crossing", "crossings"),
     "contacts": ("lasting contact", "lasting contacts"),
 }
@@ -217,8 +218,6 @@ def _impacts(record: Mapping[str, Any]) -> str:
         impacts += f", {'from' if until else 'at'} t = {quantity(first, 's')}{until}"
     if record["end_cause"] == "inadmissible":
         impacts += ", the last one inadmissible and not made"
-    if "bounces" in record:
-        return f"{impacts}; {count(record['bounces'], 'impact', 'impacts')} on the wall"
     told = [count(record[name], *words) for name, words in _ALSO_COUNTED.items() if name in record]
     quiet = record.get("quiet_from")
     ending = "" if quiet is None else f"; none possible after t = {quantity(quiet, 's')}"
