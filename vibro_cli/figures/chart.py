@@ -431,16 +431,12 @@ def _pixels(axes: Axes, across: Array, along: Array, values: Array) -> Array:
 
 def _spread(pixels: Array, radius: float) -> Array:
     """Return pixels each spread over a disc, of a radius in pixels; the greatest value stays."""
-    reach = int(radius)
-    rows, columns = pixels.shape
-    room = np.full((rows + 2 * reach, columns + 2 * reach), -np.inf)
-    room[reach : reach + rows, reach : reach + columns] = np.nan_to_num(pixels, nan=-np.inf)
-    spread = np.full_like(pixels, -np.inf)
-    for up in range(-reach, reach + 1):
-        for right in range(-reach, reach + 1):
-            if up * up + right * right <= radius * radius:
-                moved = room[reach + up :, reach + right :][:rows, :columns]
-                np.maximum(spread, moved, out=spread)
+    from scipy.ndimage import grey_dilation
+
+    reach = np.arange(-int(radius), int(radius) + 1)
+    disc = reach**2 + reach[:, None] ** 2 <= radius * radius
+    empty = np.nan_to_num(pixels, nan=-np.inf)
+    spread: Array = grey_dilation(empty, footprint=disc, mode="constant", cval=-np.inf)
     spread[spread == -np.inf] = np.nan
     return spread
 
