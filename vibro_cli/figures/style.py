@@ -85,6 +85,8 @@ def mark(
 
 AXIS_DASHES = (6.0, 1.5, 1.0, 1.5)
 """Of axes and normals: long and short by turns."""
+AXIS = line(FRAME_GREY, 0.4, AXIS_DASHES)
+"""An axis, a normal or an upright of a drawing to scale."""
 POINT = mark("o", 1.6, BLACK)
 """A point of a drawing to scale: a centre, a contact."""
 

@@ -63,7 +63,6 @@ _LONGEST = 1.15
 _APART = 0.09
 """Distance in the same radii from which points one behind another have names of their own."""
 _THIN = line(style.FRAME_GREY, 0.4)
-_AXIS = line(style.FRAME_GREY, 0.4, style.AXIS_DASHES)
 _HIDDEN = line(style.FRAME_GREY, 0.4, (2, 1.5))
 _PLANE = line(style.BLACK, 0.8)
 _LEGEND = in_black(
@@ -191,12 +190,11 @@ def _draw_elevation(axes: Axes, one: Rolling, scale: float) -> None:
     axes.plot([-half, half], [one.above, one.above], zorder=2.0, **_HIDDEN)
     points = one.points()[:, [0, 2]]
     outward = points[0]
-    axes.plot(*np.transpose([[0.0, 0.0], points[0]]), zorder=2.0, **_AXIS)
+    axes.plot(*np.transpose([[0.0, 0.0], points[0]]), zorder=2.0, **style.AXIS)
     along = 0.75 * np.array([-outward[1], outward[0]])
     plane = np.linspace(points[0] - along, points[0] + along, 60)
     axes.plot(*plane.T, zorder=2.0, **_PLANE)
-    arrow(axes, np.zeros(2), scale * np.array([one.speed, 0.0]), colour, CENTRE)
-    drawn = [plane, np.linspace([0.0, 0.0], [scale * one.speed, 0.0], 20)]
+    drawn = [plane, arrow(axes, np.zeros(2), scale * np.array([one.speed, 0.0]), colour, CENTRE)]
     for number, point in enumerate(one.points()[:2]):
         drawn += _draw_parts(axes, points[number], one, point, [0, 2], scale)
     first, *beside = _names(one)
@@ -222,8 +220,8 @@ def _draw_plan(axes: Axes, one: Rolling, scale: float) -> None:
     radius = abs(one.ahead)
     axes.add_patch(Circle((0.0, 0.0), radius, facecolor="none", zorder=2.2, edgecolor=style.BLACK,
                           linewidth=0.5, linestyle=(0, (2, 1.5))))  # fmt: skip
-    axes.plot(axes.get_xlim(), [0.0, 0.0], zorder=1.9, **_AXIS)
-    axes.plot([0.0, 0.0], axes.get_ylim(), zorder=1.9, **_AXIS)
+    axes.plot(axes.get_xlim(), [0.0, 0.0], zorder=1.9, **style.AXIS)
+    axes.plot([0.0, 0.0], axes.get_ylim(), zorder=1.9, **style.AXIS)
     points = one.points()[:, :2]
     drawn = [_RING, radius * _RING]
     for number, point in enumerate(one.points()):
@@ -262,12 +260,9 @@ def _draw_parts(
     colour = body_look(one.number)["color"]
     centre = np.array([one.speed, 0.0, 0.0])
     rolling = one.rolling_part(point)
-    drawn = []
     parts = [(centre, CENTRE), (rolling, ROLLING), (centre + rolling, TOUCHING)]
     if not np.any(rolling[list(seen)]):
         parts = parts[:1]
-    for velocity, look in parts:
-        reach = scale * velocity[list(seen)]
-        arrow(axes, place, reach, colour, look)
-        drawn.append(np.linspace(place, place + reach, 20))
-    return drawn
+    return [
+        arrow(axes, place, scale * velocity[list(seen)], colour, look) for velocity, look in parts
+    ]

@@ -80,7 +80,6 @@ TURNING = line(None, 0.9)
 NORMAL = line(None, 1.8)
 TANGENT = line(None, 0.6)
 _SURFACE = line(style.BLACK, 0.7)
-_AXIS = line(style.FRAME_GREY, 0.4, style.AXIS_DASHES)
 _LEGEND = in_black(
     ("centre $C$", CENTRE),
     ("part of rolling at $T$", ROLLING),
@@ -236,7 +235,7 @@ def _draw(axes: Axes, surface: Array, pair: Sequence[Striking], when: int, scale
     _frame(axes, 0.5 * (pair[0].centre + pair[1].centre), largest)
     _draw_trace(axes, surface)
     along = np.array([touch - _AROUND * largest * normal, touch + _AROUND * largest * normal])
-    axes.plot(along[:, 0], along[:, 1], zorder=1.5, **_AXIS)
+    axes.plot(along[:, 0], along[:, 1], zorder=1.5, **style.AXIS)
     across = np.array([-normal[1], normal[0]]) * _APART * largest
     fastest = max(abs(omega) for one in pair for omega in one.omega)
     aside = np.array([-normal[1], normal[0]]) * 1.3 * largest
@@ -257,8 +256,7 @@ def _draw(axes: Axes, surface: Array, pair: Sequence[Striking], when: int, scale
             component = float(one.velocity(touch, when) @ normal) * normal
             arrows.append((touch + offset, component, NORMAL))
         for tail, velocity, look in arrows:
-            arrow(axes, tail, scale * velocity, colour, look)
-            drawn.append(np.linspace(tail, tail + scale * velocity, 20))
+            drawn.append(arrow(axes, tail, scale * velocity, colour, look))
         drawn.append(_draw_turning(axes, one, when, fastest, colour))
     axes.plot(*touch, marker="o", markersize=1.6, color=style.BLACK, zorder=4.0)
     _name_points(axes, pair, touch, np.concatenate(drawn))
@@ -351,17 +349,19 @@ def draw_circle(axes: Axes, centre: Array, radius: float, colour: str, opacity: 
     axes.add_patch(Circle(tuple(centre), radius, zorder=2.1, **edge))
 
 
-def arrow(axes: Axes, tail: Array, reach: Array, colour: str, look: Look) -> None:
-    """Draw an arrow, its head whole whatever the dashes of its shaft."""
+def arrow(axes: Axes, tail: Array, reach: Array, colour: str, look: Look) -> Array:
+    """Draw an arrow, its head whole whatever the dashes of its shaft; return points along it."""
     low, high = axes.get_xlim()
+    points = np.linspace(tail, tail + reach, 20)
     length = float(np.hypot(*reach))
     if length < _TINY * (high - low):
-        return
+        return points
     along = reach / length
     head = min(_HEAD * (high - low), 0.6 * length)
     tip, neck = tail + reach, tail + reach - head * along
     axes.plot(*np.transpose([tail, neck]), color=colour, zorder=3.0, **look, **_BUTT)
     draw_head(axes, tip, along, head, colour)
+    return points
 
 
 def draw_head(axes: Axes, tip: Array, along: Array, head: float, colour: str) -> None:

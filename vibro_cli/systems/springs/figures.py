@@ -246,7 +246,6 @@ _LEAST = 0.5
 """Least radius of a body that is drawn (mm)."""
 _LINE = line(style.BLACK, 0.8)
 _FOOT = line(style.BLACK, 1.2)
-_HEIGHT = line(style.FRAME_GREY, 0.4, style.AXIS_DASHES)
 _LONGEST = 4.0
 """How far the longest arrow reaches out of a body (mm)."""
 _HEAD, _HEADED = 7.0, 4.0
@@ -342,7 +341,7 @@ def _draw(axes: Axes, run: Run, one: Instant, scale: float, each: float) -> None
         reach = 2.2 / scale
         axes.plot([foot[0] - reach, foot[0] + reach], [foot[1]] * 2, zorder=2.4, **_FOOT)
         upright = np.array([[foot[0] + _aside(run, number - 1) / scale, y] for y in (0.0, foot[1])])
-        axes.plot(*upright.T, zorder=1.4, **_HEIGHT)
+        axes.plot(*upright.T, zorder=1.4, **style.AXIS)
         shown = max(body.radius, _LEAST / scale)
         draw_disc(axes, centre, shown, colour, 0.35)
         axes.plot([place - reach, place + reach], [-body.radius] * 2, zorder=2.0, **_LINE)

@@ -60,7 +60,6 @@ _APART = 0.1
 _LEAST = math.radians(1.0)
 _LEAST_ASIDE = math.radians(3.0)
 _PATH = line(None, 0.5, (1, 1.2))
-_AXIS = line(style.FRAME_GREY, 0.4, style.AXIS_DASHES)
 _TANGENT = line(style.BLACK, 0.5)
 _LEGEND = in_black(
     ("velocity", CENTRE),
@@ -68,7 +67,7 @@ _LEGEND = in_black(
     (r"$\omega$", ROLLING),
     ("path", _PATH),
     ("tangent", _TANGENT),
-    ("normal", _AXIS),
+    ("normal", style.AXIS),
 )
 _RING = ring(90)
 
@@ -204,7 +203,7 @@ def _draw(axes: Axes, run: Run, one: Met, when: int) -> None:
         draw_wall(axes, run.system.wall)
     across = np.array([-one.normal[1], one.normal[0]])
     far = 2.0 * reach
-    axes.plot(*_line(one.touch, one.normal, far), zorder=1.5, **_AXIS)
+    axes.plot(*_line(one.touch, one.normal, far), zorder=1.5, **style.AXIS)
     axes.plot(*_line(one.touch, across, 1.35 * largest), zorder=2.0, **_TANGENT)
     fastest = one.fastest
     drawn = [np.linspace(one.touch - far * one.normal, one.touch + far * one.normal, 80)]
@@ -243,13 +242,11 @@ def _draw_motion(
     path = np.array([ball.centre, ball.centre + (8.0 if when else -8.0) * largest * along])
     axes.plot(*path.T, color=colour, zorder=1.9, **_PATH)
     reach = _LONGEST * largest / fastest * velocity
-    arrow(axes, ball.centre, reach, colour, CENTRE)
-    drawn = [np.linspace(ball.centre, ball.centre + reach, 20), np.linspace(path[0], path[1], 40)]
+    drawn = [arrow(axes, ball.centre, reach, colour, CENTRE), np.linspace(path[0], path[1], 40)]
     if not math.isnan(ball.omega[when]):
         turned = np.array([-along[1], along[0]])
         turned = _TURNING * largest * ball.omega[when] / spinning * turned
-        arrow(axes, ball.centre, turned, colour, ROLLING)
-        drawn.append(np.linspace(ball.centre, ball.centre + turned, 20))
+        drawn.append(arrow(axes, ball.centre, turned, colour, ROLLING))
     return [*drawn, ball.centre + ball.radius * _RING]
 
 
