@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -42,16 +41,6 @@ _PER_PERIOD = 64
 """Points of energies in one of the periods of lasting contact."""
 
 
-@dataclass(frozen=True)
-class Timeline:
-    """States of one body in order of time; NaN where a line is to break."""
-
-    time: Array
-    """Times (s), shape (n,), not falling."""
-    s: Array
-    """Arc length of the contact point (m); NaN after the seam of a closed trace."""
-
-
 def shown_until(run: Recorded) -> float:
     """Return the time (s) up to which the motion is drawn: the end, unless it would be a stain."""
     flights = run.flights()
@@ -69,8 +58,11 @@ def _end(run: Recorded) -> float:
     return float(np.max(run.flights()["t_end"]))
 
 
-def timeline(run: Recorded, ball: int, until: float) -> Timeline:
-    """Return where a body (from 1) is, up to a time (s)."""
+def timeline(run: Recorded, ball: int, until: float) -> tuple[Array, Array]:
+    """Return times (s), not falling, up to one, and the arc length (m) of a body (from 1) then.
+
+    NaN after the seam of a closed trace, where a line is to break.
+    """
     flights = run.flights()
     mine = flights_of(flights, ball, until)
     lengths = flights["t_end"][mine] - flights["t_start"][mine]
@@ -90,7 +82,7 @@ def timeline(run: Recorded, ball: int, until: float) -> Timeline:
         times.append(time)
         places.append(s)
         last = float(s[-1])
-    return Timeline(np.maximum.accumulate(np.concatenate(times)), np.concatenate(places))
+    return np.maximum.accumulate(np.concatenate(times)), np.concatenate(places)
 
 
 def _least(flights: int) -> float:
@@ -464,10 +456,10 @@ def space_time(run: Recorded, width: str = "single") -> Figure | None:
             axes.axhline(piece.start_s, color=style.LEVEL_GREY, linewidth=0.4, zorder=0.8)
         places = []
         for ball in range(1, len(run.system.bodies) + 1):
-            line = timeline(run, ball, until)
-            (drawn,) = axes.plot(line.time, line.s, zorder=2.0, **body_look(ball))
-            drawn.set_rasterized(len(line.time) > MOST_VECTOR_POINTS)
-            places.append(line.s)
+            time, s = timeline(run, ball, until)
+            (drawn,) = axes.plot(time, s, zorder=2.0, **body_look(ball))
+            drawn.set_rasterized(len(time) > MOST_VECTOR_POINTS)
+            places.append(s)
         draw_impacts(axes, run, "s", until)
         time_axis(axes, until, whole=_end(run))
         value_axis(axes, np.concatenate(places), "$s$", "m")
