@@ -16,7 +16,7 @@ from vibro_cli.commands.shared.options import (
     Strict,
     json_option,
     output_option,
-    scenario_files,
+    scenario_argument,
 )
 from vibro_cli.commands.shared.terminal import (
     INADMISSIBLE_HINT,
@@ -43,11 +43,8 @@ class GridCommand:
 
     source: Annotated[
         str,
-        typer.Argument(
-            metavar="GRID",
-            help="Grid file (TOML, JSON or YAML), or - for standard input.",
-            show_default=False,
-            autocompletion=scenario_files,
+        scenario_argument(
+            metavar="GRID", help="Grid file (TOML, JSON or YAML), or - for standard input."
         ),
     ]
     output: Annotated[
