@@ -69,7 +69,6 @@ _LETTERED = 3
 _RING = ring(24)
 Extent = tuple[Array, Array]
 """Lower left and upper right corner (m)."""
-_SAY: dict[str, Any] = {"fontsize": style.SMALL, "ha": "center", "va": "center"}
 
 
 def scene(run: Recorded, width: str = "single") -> Figure:
@@ -184,7 +183,7 @@ def _draw_piece(
 
     The centre of an arc and its radius are left out where they are off the figure.
     """
-    look = _SAY | {"color": style.FRAME_GREY, "fontstyle": "italic"}
+    look = SAY | {"ha": "center", "va": "center", "fontstyle": "italic"}
     words = str(piece.index + 1)
     if np.all(place > within[0]) and np.all(place < within[1]):
         axes.text(place[0], place[1], words, path_effects=HALO, zorder=3.0, **look)
