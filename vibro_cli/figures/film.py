@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from vibro_cli.errors import VibroError
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import body_look, limits_around, number_plane
-from vibro_cli.figures.source import Array, made
+from vibro_cli.figures.source import Array, Flags, made
 from vibro_cli.progress import WORK
 
 
@@ -458,7 +458,7 @@ def _gif(film: Film, rate: int) -> bytes:
     return b"".join([*parts, b";"])
 
 
-def _box(changed: NDArray[np.bool_]) -> tuple[int, int, int, int]:
+def _box(changed: Flags) -> tuple[int, int, int, int]:
     """Return left, upper, right and lower edge of what changed; of one pixel if nothing did."""
     rows, columns = (np.flatnonzero(np.any(changed, axis=axis)) for axis in (1, 0))
     if not len(rows):

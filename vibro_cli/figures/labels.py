@@ -16,10 +16,10 @@ from matplotlib.cbook import is_math_text
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 from matplotlib.lines import Line2D
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from vibro_cli.figures import style
-from vibro_cli.figures.source import Array
+from vibro_cli.figures.source import Array, Flags
 from vibro_cli.figures.style import MM, Look, panel_size
 
 _MIDDLE = 2.2
@@ -43,8 +43,6 @@ _PIXELS: Any = cast("Any", RendererAgg)(1, 1, style.DPI)
 """What measures texts; its methods have no types."""
 _SHARES = (0.9, 0.8, 0.7, 0.6)
 """Of the width, that rows of a legend are tried in."""
-
-Flags = NDArray[np.bool_]
 
 Entry = tuple[str, Look]
 """What is written, and the looks of its line or mark."""

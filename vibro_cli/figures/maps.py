@@ -24,7 +24,7 @@ from vibro_cli.analysis.basins import Codes, codes_of, combined
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import WIDE_RANGE, Sheet, draw_dots
 from vibro_cli.figures.labels import LINE, Entry, draw_legend, rows_of, text_width
-from vibro_cli.figures.source import Array
+from vibro_cli.figures.source import Array, Integers
 from vibro_cli.figures.style import MM, mark, panel_size, width_of
 from vibro_cli.figures.ticks import (
     LEAST,
@@ -143,7 +143,7 @@ class Coordinate:
 class ParameterMap:
     """The points of a grid that a figure shows."""
 
-    rows: NDArray[np.int64]
+    rows: Integers
     """Rows of the summary."""
     coordinates: tuple[Coordinate, ...]
     """One or two."""
@@ -227,7 +227,7 @@ def _shown(value: Any) -> str:
     return f"{value:.6g}" if isinstance(value, float | np.floating) else str(value)
 
 
-def _coordinate(grid: StoredGrid, path: str, rows: NDArray[np.int64]) -> Coordinate:
+def _coordinate(grid: StoredGrid, path: str, rows: Integers) -> Coordinate:
     values, unit = grid.summary[path][rows], grid.units[path]
     if values.dtype != object:
         logarithmic = path in grid.logarithmic
@@ -284,7 +284,7 @@ WORDS = {
 class Categories:
     """The categories of some points, each with a colour and a name."""
 
-    code: NDArray[np.int64]
+    code: Integers
     """Index of the category of each point."""
     names: tuple[str, ...]
     """In the legend, with how many points there are."""
@@ -320,7 +320,7 @@ class Endings(Categories):
     """Those that occur, in the order of `COLOURS`."""
 
     @staticmethod
-    def of(grid: StoredGrid, rows: NDArray[np.int64]) -> Endings:
+    def of(grid: StoredGrid, rows: Integers) -> Endings:
         """Return the endings of the points in rows of the summary."""
         found = ended(grid)[rows]
         code = np.full(len(rows), -1)

@@ -34,7 +34,7 @@ from vibro_cli.figures.maps import (
     parameter_map,
     set_axis,
 )
-from vibro_cli.figures.source import Array
+from vibro_cli.figures.source import Array, Flags, Integers
 from vibro_cli.figures.style import mark
 from vibro_cli.figures.ticks import symbol_of
 from vibro_cli.mechanics.trace import HUMP, VALLEY
@@ -200,7 +200,7 @@ def _impacts_over(
 
 def _impacts_of(
     grid: StoredGrid, shown: ParameterMap, columns: Sequence[str]
-) -> tuple[dict[str, NDArray[Any]], NDArray[np.int64]]:
+) -> tuple[dict[str, NDArray[Any]], Integers]:
     """Return columns of the impacts of the points that are shown, and the point of each impact."""
     scenarios = grid.summary["scenario"][shown.rows]
     impacts = grid.impacts(list(dict.fromkeys(["scenario", *columns])), scenarios)
@@ -286,7 +286,7 @@ class Section:
         """Columns of the impacts that it asks for."""
         return () if self.pair is None else ("ball_a", "ball_b")
 
-    def why_none(self, counts: NDArray[np.int64], held: str = "") -> str:
+    def why_none(self, counts: Integers, held: str = "") -> str:
         """Return why no impact is shown.
 
         Parameters
@@ -306,17 +306,17 @@ class Section:
         known = f"; the most that a run has are {most}" if 0 < most <= self.transient else ""
         return f"there is no impact{whose}{after}{where}{known}"
 
-    def _of_pair(self, impacts: Impacts, run: NDArray[np.int64]) -> NDArray[np.bool_]:
+    def _of_pair(self, impacts: Impacts, run: Integers) -> Flags:
         if self.pair is None:
             return np.ones(len(run), dtype=np.bool_)
         shown = (impacts["ball_a"] == self.pair[0]) & (impacts["ball_b"] == self.pair[1])
         return np.asarray(shown)
 
-    def counts(self, impacts: Impacts, run: NDArray[np.int64], runs: int = 0) -> NDArray[np.int64]:
+    def counts(self, impacts: Impacts, run: Integers, runs: int = 0) -> Integers:
         """Return how many impacts each run has, the transient's too; `runs` at least."""
         return _numbers(self._of_pair(impacts, run), run, runs)
 
-    def chosen(self, impacts: Impacts, run: NDArray[np.int64]) -> NDArray[np.bool_]:
+    def chosen(self, impacts: Impacts, run: Integers) -> Flags:
         """Return which impacts are shown, given the number of the run that each belongs to."""
         shown = self._of_pair(impacts, run)
         count = _numbers(shown, run)
@@ -328,7 +328,7 @@ class Section:
         return shown
 
 
-def _numbers(shown: NDArray[np.bool_], run: NDArray[np.int64], runs: int = 0) -> NDArray[np.int64]:
+def _numbers(shown: Flags, run: Integers, runs: int = 0) -> Integers:
     """How many impacts of each run are shown."""
     return np.bincount(run[shown], minlength=max(runs, int(run.max(initial=-1)) + 1))
 
@@ -378,8 +378,7 @@ def bifurcation(
     impacts, row = {name: column[sorting] for name, column in impacts.items()}, row[sorting]
     chosen = section.chosen(impacts, row)
     if not np.any(chosen):
-        held = shown.held if shown.fixed else ""
-        raise NothingToShow(section.why_none(section.counts(impacts, row), held))
+        raise NothingToShow(section.why_none(section.counts(impacts, row), shown.held))
     across = shown.coordinates[0]
     with style.journal():
         figure, drawn = stacked(width, [_HIGH[width]] * len(panels), 2.0)

@@ -16,6 +16,7 @@ from vibro_cli.systems.contract import Flights
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
+Flags = NDArray[np.bool_]
 Table = Mapping[str, NDArray[Any]]
 Run = TypeVar("Run")
 Found = TypeVar("Found")
@@ -43,7 +44,7 @@ def flights_of(flights: Table, ball: int, until: float = math.inf) -> Integers:
     return np.flatnonzero((flights["ball"] == ball) & (flights["t_start"] <= until))
 
 
-def made(table: Table) -> NDArray[np.bool_]:
+def made(table: Table) -> Flags:
     """Return which impacts the bodies made: not an inadmissible one that ended the run."""
     flags = (np.asarray(table[name], dtype=np.bool_) for name in ("admissible", "substituted"))
     return np.logical_or(*flags)

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vibro_cli.analysis.levels import Landscape, free_branches
 from vibro_cli.figures.source import (
     Array,
+    Flags,
     Integers,
     Recorded,
     Table,
@@ -21,8 +21,6 @@ from vibro_cli.figures.source import (
     made,
 )
 from vibro_cli.mechanics.trace import Piece, Trace
-
-Flags = NDArray[np.bool_]
 
 MOST_NUMBERS = 12
 """Impacts that are numbered and marked one by one."""
@@ -189,8 +187,7 @@ def _free(run: Recorded, ball: int, flights: Table, rows: Integers) -> Flags:
         start = landscape.energy(piece, flights["angle_start"][mine], flights["rate_start"][mine])
         end = landscape.energy(piece, flights["angle_end"][mine], flights["rate_end"][mine])
         kept[here] = np.abs(end - start) <= _SAME_ENERGY * np.maximum(start, end) + least
-    states = {name: flights[name][rows] for name in ("rate_start", "rate_end")}
-    held = (states["rate_start"] == 0.0) & (states["rate_end"] == 0.0)
+    held = (flights["rate_start"][rows] == 0.0) & (flights["rate_end"][rows] == 0.0)
     held &= flights["angle_start"][rows] == flights["angle_end"][rows]  # at rest, as at a wall
     free: Flags = kept & ~held & ~flights["contact"][rows]
     return free

@@ -46,13 +46,12 @@ from vibro_cli.figures.portraits.portrait import (
 from vibro_cli.figures.portraits.trajectory import (
     MOST_BRANCHES,
     Branches,
-    Flags,
     Own,
     Trajectory,
     jumps_of,
     points_each,
 )
-from vibro_cli.figures.source import Array, Integers, kept, made
+from vibro_cli.figures.source import Array, Flags, Integers, kept, made
 from vibro_cli.figures.style import width_of
 from vibro_cli.progress import WORK
 from vibro_cli.systems.run import Run
