@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -231,9 +231,8 @@ IMPACT = mark("o", 2.4, "white", style.BLACK, 0.5)
 
 def energies(run: Recorded, width: str = "single") -> Figure:
     """Return the energy of each body and of all against time, and what impacts lose, if they do."""
-    until, lines = _courses(run)
-    times = until, _end(run)
-    return energy_chart(run, lines, losses_of(run.collisions), contact_times(run), times, width)
+    times, lost = (calm_until(run), _end(run)), losses_of(run.collisions)
+    return energy_chart(run, energy_course, lost, contact_times(run), times, width)
 
 
 def losses_of(*tables: Table) -> tuple[Array, Array]:
@@ -244,14 +243,6 @@ def losses_of(*tables: Table) -> tuple[Array, Array]:
         for name in ("t", "energy_loss")
     )
     return np.concatenate(times), np.concatenate(losses)
-
-
-@kept
-def _courses(run: Recorded) -> tuple[float, EnergyLines]:
-    """Return until when energies are drawn (s), and their lines."""
-    until = calm_until(run)
-    bodies = range(1, len(run.system.bodies) + 1)
-    return until, energy_lines([energy_course(run, ball, until) for ball in bodies])
 
 
 class EnergyLines(NamedTuple):
@@ -326,9 +317,20 @@ def means(course: tuple[Array, Array], window: float) -> tuple[Array, Array]:
     return np.repeat(edges, 2)[1:-1], np.repeat(steps, 2)
 
 
+Course = Callable[[Any, int, float], tuple[Array, Array]]
+"""Of a run, a body (from 1) and a time (s): times up to that one, and the energies (J) then."""
+
+
+@kept
+def _lines_of(run: Any, course: Course, until: float) -> EnergyLines:
+    """Return lines of the energies of all bodies up to a time (s)."""
+    bodies = range(1, len(run.system.bodies) + 1)
+    return energy_lines([course(run, ball, until) for ball in bodies])
+
+
 def energy_chart(
     run: Any,
-    lines: EnergyLines,
+    course: Course,
     losses: tuple[Array, Array],
     contacts: Sequence[tuple[float, float]],
     times: tuple[float, float],
@@ -336,11 +338,12 @@ def energy_chart(
 ) -> Figure:
     """Return energies of bodies and of all against time, and losses below if any.
 
-    `times` are until when energies are drawn and how long the run is (s), `losses` times and losses
-    of the impacts (J), negative where they gain, `contacts` when there is lasting contact. Raises
-    ValueError for an unknown width.
+    `course` gives the energies of a body, `losses` are times (s) and losses (J) of the impacts,
+    negative where they gain, `contacts` when there is lasting contact, `times` until when energies
+    are drawn and how long the run is (s). Raises ValueError for an unknown width.
     """
     until, whole = times
+    lines = _lines_of(run, course, until)
     contacts = [span for span in contacts if span[0] < until]
     within, rounding = losses[0] <= until, EPSILON * lines.start
     shown = within & (np.abs(losses[1]) >= rounding)

@@ -40,15 +40,13 @@ from vibro_cli.figures.runs.over_time import (
     IMPACT,
     MOST_FLIGHTS,
     MOST_PERIODS,
-    EnergyLines,
     draw_impacts,
     energy_chart,
-    energy_lines,
     losses_of,
 )
 from vibro_cli.figures.runs.scene import ARROW
 from vibro_cli.figures.runs.velocities import draw_disc, draw_scale
-from vibro_cli.figures.source import Array, kept
+from vibro_cli.figures.source import Array
 from vibro_cli.figures.style import Look, line, width_of
 from vibro_cli.mechanics.system import touching_distance
 from vibro_cli.systems.run import Run
@@ -103,16 +101,9 @@ FOOT = "foot of the spring"
 
 def springs_energies(run: Run, width: str = "single") -> Figure:
     """Return the energy of each body and of all against time, and what the impacts lose."""
-    until, lines = _courses(run)
-    lost = losses_of(run.collisions)
-    return energy_chart(run, lines, lost, _contacts(motions(run)), (until, run.end_time), width)
-
-
-@kept
-def _courses(run: Run) -> tuple[float, EnergyLines]:
-    """Return until when energies are drawn (s), and their lines."""
-    until, bodies = _calm(run, motions(run)), range(1, len(run.system.bodies) + 1)
-    return until, energy_lines([springs_energy(run, ball, until) for ball in bodies])
+    every, lost = motions(run), losses_of(run.collisions)
+    times = _calm(run, every), run.end_time
+    return energy_chart(run, springs_energy, lost, _contacts(every), times, width)
 
 
 def springs_impact_map(run: Run, width: str = "single") -> Figure | None:

@@ -31,7 +31,7 @@ from vibro_cli.figures.runs.contact_points import (
     Rolling,
     figure_of,
 )
-from vibro_cli.figures.runs.over_time import EnergyLines, energy_chart, energy_lines, losses_of
+from vibro_cli.figures.runs.over_time import energy_chart, losses_of
 from vibro_cli.figures.runs.velocities import (
     CENTRE,
     NORMAL,
@@ -44,7 +44,7 @@ from vibro_cli.figures.runs.velocities import (
     write_value,
     write_values,
 )
-from vibro_cli.figures.source import Array, first_of, kept, made
+from vibro_cli.figures.source import Array, first_of, made
 from vibro_cli.figures.style import line, panel_size, width_of
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.table.plan import draw_wall, table_plan, with_wall
@@ -361,21 +361,18 @@ def table_energies(run: Run, width: str = "single") -> Figure | None:
     if len(run.system.bodies) == 1 and not np.any(lost[1] > 0.0):
         return None
     times = run.end_time, run.end_time
-    return energy_chart(run, _lines(run), lost, [], times, width)
+    return energy_chart(run, _energy, lost, [], times, width)
 
 
-@kept
-def _lines(run: Run) -> EnergyLines:
-    """Return the lines of the energies."""
-    return energy_lines([_energy(run, ball) for ball in range(1, len(run.system.bodies) + 1)])
+def _energy(run: Run, ball: int, until: float) -> tuple[Array, Array]:
+    """Return times (s) up to one and the energy (J) of a ball (from 1) then.
 
-
-def _energy(run: Run, ball: int) -> tuple[Array, Array]:
-    """Return times (s) and the energy (J) of a ball (from 1); at a jump a time stands twice."""
+    At a jump a time stands twice.
+    """
     motion: Any = run.trajectory
     events, body = motion.balls[ball - 1], run.system.bodies[ball - 1]
     energy = 0.5 * body.rolling_mass * (events["vx"] ** 2 + events["vy"] ** 2)
-    ends = np.append(events["t"][1:], run.end_time)
+    ends = np.append(events["t"][1:], until)
     return np.column_stack([events["t"], ends]).ravel(), np.repeat(energy, 2)
 
 
