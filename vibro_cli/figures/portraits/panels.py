@@ -278,29 +278,17 @@ def _rate_symbol(row: Sequence[Panel], one: Panel, ball: int | str) -> str:
 
 def _titles(panels: Sequence[Panel]) -> None:
     """Write the titles, all in the longest form for which every panel has room."""
-    forms = [[form(one) for one in panels] for form in (_full_title, _short_title, _number)]
-    fitting = (
-        titles
-        for titles in forms
-        if all(_fits(text, one) for text, one in zip(titles, panels, strict=True))
-    )
-    for one, text in zip(panels, next(fitting, forms[-1]), strict=True):
+    numbers = [str(one.piece.index + 1) for one in panels]
+    short = [f"{number}, {one.piece.shape}" for number, one in zip(numbers, panels, strict=True)]
+    for titles in ([_full_title(one) for one in panels], short, numbers):
+        both = list(zip(panels, titles, strict=True))
+        if all(len(text) * _TITLE_CHARACTER <= one.width for one, text in both):
+            break
+    for one, text in both:
         one.axes.set_title(text, pad=2.0, color=style.FRAME_GREY)
-
-
-def _fits(text: str, one: Panel) -> bool:
-    return len(text) * _TITLE_CHARACTER <= one.width
 
 
 def _full_title(one: Panel) -> str:
     if one.window.overview:
         return "whole line" if one.piece.is_line else "whole arc"
     return f"arc {one.piece.index + 1}, {one.piece.shape}"
-
-
-def _short_title(one: Panel) -> str:
-    return f"{one.piece.index + 1}, {one.piece.shape}"
-
-
-def _number(one: Panel) -> str:
-    return str(one.piece.index + 1)
