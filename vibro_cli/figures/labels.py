@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, NamedTuple, cast
@@ -104,11 +104,6 @@ def in_black(*entries: Entry) -> list[Entry]:
     return [(words, look | {"color": style.BLACK}) for words, look in entries]
 
 
-def handles_of(entries: Iterable[Entry]) -> list[Line2D]:
-    """Return the marks of a legend with their names."""
-    return [Line2D([], [], label=text, **look) for text, look in entries]
-
-
 @cache
 def text_width(text: str) -> float:
     """Return the width of a text of a legend (mm) as a PNG has it, the widest for its hinting."""
@@ -124,7 +119,7 @@ def draw_legend(figure: Figure, rows: Rows, bar: Bar | None = None) -> None:
         beside = bar is not None and number == 0
         middle = _MIDDLE + number * LINE
         figure.legend(
-            handles=handles_of(row),
+            handles=[Line2D([], [], label=text, **look) for text, look in row],
             loc="center left" if beside else "center",
             bbox_to_anchor=(0.0 if beside else 0.5, 1.0 - middle / height),
             ncols=len(row),

@@ -6,7 +6,7 @@ Of a grid one or two columns of the impacts stand over an axis, of a run one ove
 
 from __future__ import annotations
 
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -333,13 +333,6 @@ def _numbers(shown: Flags, run: Integers, runs: int = 0) -> Integers:
     return np.bincount(run[shown], minlength=max(runs, int(run.max(initial=-1)) + 1))
 
 
-def _check_kept(kept: Container[str], needed: Sequence[str]) -> None:
-    missing = [name for name in needed if name not in kept]
-    if missing:
-        names = " and ".join(missing)
-        raise NothingToShow(f"the grid did not keep {names}: name such columns in [keep] columns")
-
-
 def bifurcation(
     grid: StoredGrid,
     width: str = "single",
@@ -364,7 +357,10 @@ def bifurcation(
     """
     section = section or Section()
     kept = grid.impact_columns()
-    _check_kept(kept, ("n", *section.columns))
+    missing = [name for name in ("n", *section.columns) if name not in kept]
+    if missing:
+        names = " and ".join(missing)
+        raise NothingToShow(f"the grid did not keep {names}: name such columns in [keep] columns")
     own = [one for one in (place_column(grid), _SPEED) if one is not None and one[0] in kept]
     panels = list(quantities) or own
     shown = parameter_map(grid, 1, numbers_first=True)

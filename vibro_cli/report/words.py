@@ -17,6 +17,7 @@ from vibro_cli.scenario.problems import parsed_path
 from vibro_cli.systems.columns import END_CAUSES, Column
 from vibro_cli.systems.contract import System
 
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _STATES = {"invalid": "the scenario is not possible", "failed": "the run failed"}
 REFERENCES = {
     "A": "K. R. (Stevanović) Hedrih: Vibro-impact dynamics of two rolling balls along curvilinear "
@@ -67,14 +68,9 @@ def number(value: float | None, unit: str = "", digits: int = 6) -> str:
     text = f"{value:.{digits}g}" if isinstance(value, float) else str(value)
     mantissa, mark, power = text.partition("e")
     if mark:
-        text = (
-            f"{mantissa}·10{_raised(int(power))}" if mantissa != "1" else f"10{_raised(int(power))}"
-        )
+        raised = str(int(power)).translate(_RAISED)
+        text = f"10{raised}" if mantissa == "1" else f"{mantissa}·10{raised}"
     return f"{text.replace('-', '−')}{'' if unit == '°' else ' '}{unit}".rstrip()
-
-
-def _raised(power: int) -> str:
-    return str(power).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
 
 
 def validity(

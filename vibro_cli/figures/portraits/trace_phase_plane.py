@@ -151,7 +151,9 @@ def _words(portrait: Portrait, width: float) -> list[str]:
     said = []
     for trigger in portrait.triggers:
         names = "–".join(portrait.name(p) for p in (trigger.left, trigger.saddle, trigger.right))
-        said.append(f"{names}: trigger of coupled singular points, {_named(trigger.orbit)}")
+        is_eight = trigger.orbit == FIGURE_EIGHT
+        orbit = "homoclinic figure eight" if is_eight else f"{trigger.orbit} separatrix"
+        said.append(f"{names}: trigger of coupled singular points, {orbit}")
         said.append(condition(portrait, trigger))
     said = said or ["no trigger of coupled singular points"]
     named = zip(portrait.names, portrait.points, strict=True)
@@ -168,10 +170,6 @@ def _wrapped(said: Sequence[str], width: float) -> list[str]:
     characters = max(20, int(width / _CHARACTER))
     lines = [line for one in said for line in textwrap.wrap(one, characters)]
     return lines if len(lines) <= _MOST_LINES else [*lines[: _MOST_LINES - 1], "…"]
-
-
-def _named(orbit: str) -> str:
-    return {FIGURE_EIGHT: "homoclinic figure eight"}.get(orbit, f"{orbit} separatrix")
 
 
 def highest_energy(portrait: Portrait) -> float:
@@ -339,14 +337,11 @@ def family(members: Sequence[tuple[str, Portrait]], width: str = "single") -> Fi
     for title, portrait in shown:
         along = behind_along(portrait, 65)
         window = _whole(portrait, along)
-        drawn.append(Member(title, _named_points(portrait), along, portrait.names, window))
+        # The names stand for the kinds of points, which are written beside them.
+        words = "; ".join([", ".join(portrait.names), *portrait.type.split("; ")[1:]])
+        drawn.append(Member(title, words, along, portrait.names, window))
     portraits = [portrait for _, portrait in shown]
     figure, panels = draw_family(drawn, width, _SYMBOLS, _rest_entry(portraits))
     for panel, portrait in zip(panels, portraits, strict=True):
         _draw_trace(panel, portrait)
     return figure
-
-
-def _named_points(portrait: Portrait) -> str:
-    """Return the type with names for kinds of points, which are written beside them."""
-    return "; ".join([", ".join(portrait.names), *portrait.type.split("; ")[1:]])
