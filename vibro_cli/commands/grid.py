@@ -190,12 +190,9 @@ def _tell_estimate(told: dict[str, Any], sizes: list[int]) -> None:
         "time": f"about {duration(told['seconds'])} with {workers} "
         f"(from {told['sampled']:,} points)",
     }
-    say(lines_of(f"{told['name']}: {told['points']:,} points in {chunks} of {_span(sizes)}", items))
-
-
-def _span(sizes: list[int]) -> str:
     least, most = min(sizes), max(sizes)
-    return f"{least:,}" if least == most else f"{least:,} to {most:,}"
+    each = f"{least:,}" if least == most else f"{least:,} to {most:,}"
+    say(lines_of(f"{told['name']}: {told['points']:,} points in {chunks} of {each}", items))
 
 
 def _sweep(options: GridCommand) -> int:

@@ -397,7 +397,8 @@ def as_terminal_text(markdown: str, width: int) -> str:
         elif kind == "table" and not within_code:
             lines += _table([_cells(row) for row in block], width)
         elif kind == "text" and not within_code:
-            lines += [line for part in _paragraphs(block) for line in _filled(part, width)]
+            for part in map(_plain, _paragraphs(block)):
+                lines += wrapped(part, "", "  " if part.startswith("- ") else "", width)
         else:
             lines += block
     return "\n".join(lines) + "\n"
@@ -421,11 +422,6 @@ def _paragraphs(block: Sequence[str]) -> Iterator[str]:
             text = ""
         text = f"{text} {line.strip()}".strip()
     yield text
-
-
-def _filled(text: str, width: int) -> list[str]:
-    """A paragraph, or an entry of a list, in lines."""
-    return wrapped(_plain(text), "", "  " if text.startswith("- ") else "", width)
 
 
 def _plain(text: str) -> str:

@@ -61,14 +61,9 @@ def scenario_keys(incomplete: str) -> list[str]:
     path, equals, word = incomplete.partition("=")
     keys = dict(scenario_paths(json_schema()))
     if equals:
-        words = keys.get(_first_entry(path), [])
+        words = keys.get(re.sub(r"\[\d+\]", "[1]", path), [])  # one entry of a list stands for all
         return [f"{path}={choice}" for choice in words if choice.startswith(word)]
     return [f"{_same_entry(key, path)}=" for key in keys if _same_entry(key, path).startswith(path)]
-
-
-def _first_entry(path: str) -> str:
-    """A key path with every number in brackets made 1: one entry of a list stands for all."""
-    return re.sub(r"\[\d+\]", "[1]", path)
 
 
 def _same_entry(key: str, typed: str) -> str:
