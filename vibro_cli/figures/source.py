@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from functools import wraps
-from typing import Any, Concatenate, ParamSpec, Protocol, TypeVar, runtime_checkable
+from typing import Any, Concatenate, ParamSpec, Protocol, TypeVar
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -24,17 +24,11 @@ More = ParamSpec("More")
 _MOST_KEPT = 8
 
 
-@runtime_checkable
-class LongTable(Protocol):
-    """A table of which the first rows can be had without the others."""
-
-    def first(self, rows: int) -> Table:
-        """Return the first rows."""
-
-
 def first_of(table: Table, rows: int) -> Table:
-    """Return the first rows of a table."""
-    if isinstance(table, LongTable):
+    """Return the first rows of a table, of one in a file without the others."""
+    from vibro_cli.storage.stored import StoredColumns
+
+    if isinstance(table, StoredColumns):
         return table.first(rows)
     return {name: column[:rows] for name, column in table.items()}
 
