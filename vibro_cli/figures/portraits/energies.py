@@ -78,11 +78,8 @@ def draw_energies(lower: Panel, path: Trajectory, energies: Array, until: float 
         if contact:
             lines = [np.column_stack([branches.position[n], energies[n]]) for n in rows]
         else:
-            spans = [(np.min(branches.position[n]), np.max(branches.position[n])) for n in rows]
-            lines = [
-                np.column_stack([span, [energies[n, 0]] * 2])
-                for n, span in zip(rows, spans, strict=True)
-            ]
+            levels = zip(branches.position[rows], energies[rows, 0], strict=True)
+            lines = [np.array([[np.min(s), level], [np.max(s), level]]) for s, level in levels]
         look = own | {"linewidth": layers.thinner(0.7, len(order))}
         if until is not None and not contact:
             look = layers.by_time(look, branches.time[rows], until)

@@ -335,21 +335,15 @@ def draw_jumps(one: Panel, jumps: Jumps, marked: bool) -> None:
     here = jumps.piece == one.piece.index
     made = here & jumps.made
     position = jumps.position + one.shift
-    ends = np.stack(
-        [
-            np.column_stack([position[made], jumps.before[made]]),
-            np.column_stack([position[made], jumps.after[made]]),
-        ],
-        axis=1,
-    )
-    collection = LineCollection(list(ends), zorder=2.2, **JUMP)
+    ends = [np.column_stack([position[made], rate[made]]) for rate in (jumps.before, jumps.after)]
+    collection = LineCollection(list(np.stack(ends, axis=1)), zorder=2.2, **JUMP)
     if not marked:
         collection.set(zorder=1.9, **many_jumps(len(jumps.made)))
         collection.set_rasterized(True)
     one.axes.add_collection(collection, autolim=False)
     if marked:
-        for ends, look in ((jumps.before, BEFORE), (jumps.after, AFTER)):
-            one.axes.plot(position[made], ends[made], zorder=2.4, clip_on=False, **look)
+        for rate, look in ((jumps.before, BEFORE), (jumps.after, AFTER)):
+            one.axes.plot(position[made], rate[made], zorder=2.4, clip_on=False, **look)
     refused = here & ~jumps.made
     one.axes.plot(position[refused], jumps.before[refused], zorder=2.5, **NOT_MADE)
 
