@@ -46,7 +46,7 @@ from vibro_cli.figures.runs.over_time import (
 )
 from vibro_cli.figures.runs.scene import ARROW
 from vibro_cli.figures.runs.velocities import draw_disc, draw_scale
-from vibro_cli.figures.source import Array
+from vibro_cli.figures.source import Array, kept
 from vibro_cli.figures.style import Look, line, width_of
 from vibro_cli.mechanics.system import touching_distance
 from vibro_cli.systems.run import Run
