@@ -72,7 +72,7 @@ def test_the_trace_carries_what_statics_says(shape: str, side: str) -> None:
     run = leaning(shape, side)
     assert run.end_cause == "time"
     assert not {"lift_off", "slip"} & set(run.events["event"].tolist())
-    world: World = run.trajectory._world  # type: ignore[attr-defined]
+    world: World = run.trajectory.world  # type: ignore[attr-defined]
     row = max(number for number, row in enumerate(world.log) if row.group_first == row.body)
     assert (world.log[row].at_rest, world.log[row].group_count) == (1, 3)
     set_forces(world, row, AT_TIME, 0.0, Flight())
