@@ -11,7 +11,13 @@ from typing import TYPE_CHECKING, Annotated, Any, cast
 import typer
 
 from vibro_cli.commands.shared.error_handling import DONE, CommandError, leaving
-from vibro_cli.commands.shared.options import json_option, output_option, scenario_keys, set_option
+from vibro_cli.commands.shared.options import (
+    json_option,
+    output_option,
+    scenario_argument,
+    scenario_keys,
+    set_option,
+)
 from vibro_cli.commands.shared.terminal import print_found, say
 
 if TYPE_CHECKING:
@@ -25,9 +31,7 @@ if TYPE_CHECKING:
 class OrbitCommand:
     """Find the periodic orbit of impacts near the start. Period, events, multipliers."""
 
-    scenario: Annotated[
-        str, typer.Argument(metavar="SCENARIO", help="Scenario file, or - for standard input.")
-    ]
+    scenario: Annotated[str, scenario_argument(help="Scenario file, or - for standard input.")]
     overrides: Annotated[
         list[str],
         set_option(
@@ -200,9 +204,8 @@ class FitCommand:
 
     scenario: Annotated[
         str,
-        typer.Argument(
-            metavar="SCENARIO",
-            help="Scenario file, or - for standard input; its numbers are those to begin with.",
+        scenario_argument(
+            help="Scenario file, or - for standard input; its numbers are those to begin with."
         ),
     ]
     measured: Annotated[

@@ -12,7 +12,12 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from vibro_cli.commands.shared.error_handling import DONE, CommandError, leaving
-from vibro_cli.commands.shared.options import Overrides, json_option, output_option
+from vibro_cli.commands.shared.options import (
+    Overrides,
+    json_option,
+    output_option,
+    scenario_argument,
+)
 from vibro_cli.commands.shared.terminal import print_found, say, work_told
 
 if TYPE_CHECKING:
@@ -201,9 +206,7 @@ def comparison_lines(comparison: dict[str, Any]) -> Iterator[str]:
 class PortraitCommand:
     """Draw phase portraits without a run. Singular points, separatrices and type of each body."""
 
-    scenario: Annotated[
-        str, typer.Argument(metavar="SCENARIO", help="Scenario file, or - for standard input.")
-    ]
+    scenario: Annotated[str, scenario_argument(help="Scenario file, or - for standard input.")]
     overrides: Overrides
     vary: Annotated[
         str | None,
