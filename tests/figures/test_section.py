@@ -135,6 +135,19 @@ def test_an_edge_that_a_wall_does_not_have_is_not_shown(tmp_path: Path) -> None:
             one.section(["edge", "t"])
 
 
+def test_impacts_without_a_value_along_are_left_out(tmp_path: Path) -> None:
+    """There is no interval before the first impact; the axis was then to end at NaN."""
+    run = simulate(example("one_circle"))
+    run.save(tmp_path / "run", figures=False)
+    times = np.asarray(run.collisions["t"])
+    for one in (run, open_run(tmp_path / "run")):
+        (axes,) = one.section(["dt", "t"]).figure.axes
+        points = np.vstack([np.asarray(c.get_offsets()) for c in axes.collections])
+        np.testing.assert_array_equal(points[:, 1], times[1:])
+        rounding = 2.0 * np.spacing(times[-1])  # of two times and of their difference
+        np.testing.assert_allclose(points[:, 0], np.diff(times), rtol=0.0, atol=rounding)
+
+
 def test_runs_and_grids_have_the_same_words_for_the_angle_on_one_arc() -> None:
     run = simulate(example("one_circle"))
     axes = {"collision.k": np.linspace(0.8, 0.9, 3)}

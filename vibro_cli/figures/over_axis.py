@@ -410,8 +410,10 @@ def poincare(
     # Of whole numbers, those that are not there are masked.
     values = (np.ma.asarray(impacts[name], dtype=np.float64) for name in names)
     x, y = (np.ma.filled(column, np.nan)[chosen] for column in values)
-    if not np.any(np.isfinite(x) & np.isfinite(y)):
+    both = np.isfinite(x) & np.isfinite(y)
+    if not np.any(both):
         raise NothingToShow(section.why_none(section.counts(impacts, run)))
+    x, y = x[both], y[both]
     name, symbol, unit = quantities[0]
     along = Coordinate(name, unit, x, (), symbol)
     with style.journal():
