@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 import tracemalloc
+import weakref
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -21,7 +22,8 @@ from vibro_cli.scenario import ScenarioError
 from vibro_cli.scenario.loading import scenario_of
 from vibro_cli.scenario.models import Scenario
 from vibro_cli.scenario.problems import KeyPath
-from vibro_cli.systems.trace.grid_solver import TraceSolver
+from vibro_cli.systems.trace import grid_solver
+from vibro_cli.systems.trace.grid_solver import TraceSolver, impact_columns
 from vibro_cli.systems.trace.system_template import Reader
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
@@ -282,6 +284,24 @@ def test_words_of_bodies_may_be_an_axis(tmp_path: Path) -> None:
     )
     for name, column in alone.items():
         np.testing.assert_array_equal(together[name], column, err_msg=name)
+
+
+@pytest.mark.parametrize("engine", ["compiled", "python"])
+def test_no_log_is_held_once_a_stretch_is_solved(
+    engine: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Those of long runs fill the memory, and the next stretch may come late or not at all."""
+    logs: list[weakref.ref[Any]] = []
+
+    def noted(table: Any, logged: Any, points: Any) -> Any:
+        logs.extend(weakref.ref(one.log) for one in logged)
+        return impact_columns(table, logged, points)
+
+    monkeypatch.setattr(grid_solver, "impact_columns", noted)
+    solver = TraceSolver(grid_of(tmp_path, *GRIDS["two balls, starts and k"]), engine)
+    solver.solve(np.arange(4))
+    assert logs
+    assert all(one() is None for one in logs)
 
 
 LONG_POINTS = {

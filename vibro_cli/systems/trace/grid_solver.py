@@ -207,7 +207,8 @@ class TraceSolver:
         impacts = int(np.ma.filled(summary["collisions"], 0).sum())
         if self._table is None:
             return Solved(summary, impacts, {})
-        columns = impact_columns(self._table, self._logged, indices)
+        logged, self._logged = self._logged, []  # those of long runs are not held any longer
+        columns = impact_columns(self._table, logged, indices)
         kept = {"collisions": record_batch(self._table, columns)}
         return Solved(summary, impacts, kept)
 
