@@ -100,7 +100,7 @@ class EventLoop:
 
 
 def records_of(world: type) -> dict[str, type]:
-    """Return the struct of each array of records in a world."""
+    """Return the struct of each array of records in a world, those of numbers being lists."""
     hints = get_type_hints(world).items()
     return {name: get_args(hint)[0] for name, hint in hints if get_origin(hint) is Sequence}
 
