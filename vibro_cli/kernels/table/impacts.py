@@ -201,9 +201,11 @@ def bounce(world: World, ball: int) -> int:
     row.vx_pre, row.vy_pre = state.vx, state.vy
     closing = max(state.vx * to.normal_x + state.vy * to.normal_y, 0.0)
     speed = math.sqrt(state.square)
-    # From a side, and from within a curve, a ball that touches does not come away again.
-    along = row.vx_pre * row.normal_y - row.vy_pre * row.normal_x
-    pull = max(-bend_at(world, row), 0.0) * along * along
+    concave = wall.kind != POLYGON and wall.side > 0.0
+    pull = 0.0  # from a side, and from within a curve, a ball that touches does not come away again
+    if not concave:
+        along = row.vx_pre * row.normal_y - row.vy_pre * row.normal_x
+        pull = max(-bend_at(world, row), 0.0) * along * along
     size = abs(row.x) + abs(row.y) + world.bodies[ball].radius
     row.grazing = 1 if is_graze(closing, pull, TOUCHING * size) else 0
     k = wall.restitution
@@ -219,7 +221,6 @@ def bounce(world: World, ball: int) -> int:
     row.vx_post, row.vy_post = _kept(world, ball, vx, vy, taken)
     _set_velocity(world, ball, row.vx_post, row.vy_post)
     # Where k < 1 bounces along a concave wall come ever faster, until the ball stays there.
-    concave = wall.kind != POLYGON and wall.side > 0.0
     if concave and k * closing <= ALONG_THE_WALL * speed:
         return END_WALL_CONTACT
     return RUNNING
