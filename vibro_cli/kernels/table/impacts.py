@@ -35,7 +35,7 @@ from vibro_cli.kernels.impact.laws import (
 from vibro_cli.kernels.numerics.constants import EPSILON, NEVER
 from vibro_cli.kernels.numerics.double_double import dd_add, dd_multiply
 from vibro_cli.kernels.table.walls import RESOLVED, bend_at, present_place, touching_distance
-from vibro_cli.kernels.table.world import POLYGON, PairRow, World
+from vibro_cli.kernels.table.world import POLYGON, BounceRow, PairRow, World
 from vibro_cli.kernels.world import END_INADMISSIBLE, END_WALL_CONTACT, RUNNING
 
 # Below this share of the speed a bounce cannot be told from rolling along: the rounding of the
@@ -202,12 +202,7 @@ def bounce(world: World, ball: int) -> int:
     closing = max(state.vx * to.normal_x + state.vy * to.normal_y, 0.0)
     speed = math.sqrt(state.square)
     concave = wall.kind != POLYGON and wall.side > 0.0
-    pull = 0.0  # from a side, and from within a curve, a ball that touches does not come away again
-    if not concave:
-        along = row.vx_pre * row.normal_y - row.vy_pre * row.normal_x
-        pull = max(-bend_at(world, row), 0.0) * along * along
-    size = abs(row.x) + abs(row.y) + world.bodies[ball].radius
-    row.grazing = 1 if is_graze(closing, pull, TOUCHING * size) else 0
+    row.grazing = 1 if _grazes(world, row, closing, concave) else 0
     k = wall.restitution
     # The normal is of length 1 but for rounding, which would add up bounce after bounce; so would
     # that of its square, since doubles are twice as dense below 1 as above.
@@ -224,6 +219,20 @@ def bounce(world: World, ball: int) -> int:
     if concave and k * closing <= ALONG_THE_WALL * speed:
         return END_WALL_CONTACT
     return RUNNING
+
+
+@kernel
+def _grazes(world: World, row: BounceRow, closing: float, concave: bool) -> bool:
+    """Tell whether a bounce cannot be told from a passing touch.
+
+    From a side, and from within a curve, a ball that touches does not come away again.
+    """
+    pull = 0.0
+    if not concave:
+        along = row.vx_pre * row.normal_y - row.vy_pre * row.normal_x
+        pull = max(-bend_at(world, row), 0.0) * along * along
+    size = abs(row.x) + abs(row.y) + world.bodies[row.ball].radius
+    return is_graze(closing, pull, TOUCHING * size)
 
 
 @kernel
