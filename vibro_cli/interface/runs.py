@@ -91,13 +91,17 @@ class Run:
         return {name: table for name, table in found.items() if table is not None}
 
     def _table(self, name: str) -> Table | None:
-        """A table, read or made when it is first asked for; None where the run has none."""
-        if name not in self._made:
-            self._made[name] = self._data(name)
-        data = self._made[name]
+        """A table with its columns; None where the run has none."""
+        data = self._data(name)
         return None if data is None else Table(name, data)
 
     def _data(self, name: str) -> AnyTable | None:
+        """The arrow table of a name, read or made when it is first asked for."""
+        if name not in self._made:
+            self._made[name] = self._found(name)
+        return self._made[name]
+
+    def _found(self, name: str) -> AnyTable | None:
         if name not in {table.file for table in self._kind.tables()}:
             return None
         if self.stored is None or self.stored.place is None:
@@ -286,8 +290,8 @@ class Run:
 
     def _columns(self, name: str) -> tuple[Any, dict[str, str]]:
         """A table with its columns, none where the run has none, and the units of numbers."""
-        table, data = self._table(name), self._made[name]
-        return ({}, {}) if data is None else (table, units_of_numbers(data.schema))
+        data = self._data(name)
+        return ({}, {}) if data is None else (Table(name, data), units_of_numbers(data.schema))
 
     def figure(self, kind: str = "portrait", body: int = 1, width: str = "double") -> Drawing:
         """Draw one figure of the run.
