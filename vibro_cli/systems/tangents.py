@@ -36,7 +36,7 @@ def room_for(
     Without ``from_start`` the growth of the frame is followed only.
     """
     # Pairs that collide at once: of bodies in a row, two numbers each, no more than there are; on a
-    # plane fewer than eight for each ball, of four numbers.
+    # plane at most eight for each ball, of four numbers (`most_touches` of the table).
     pairs = 2 * size
     floats = {
         "frame": (size, size), "product": (size if from_start else 0, size),
