@@ -56,6 +56,16 @@ def test_an_axis_of_a_grid_has_three_labels(length: float, unit: str, vertical: 
             assert len(axis.ticks(low, high, length, vertical).labels) >= 3
 
 
+@pytest.mark.parametrize("high", [1e6, 1e12, 1e300])
+@pytest.mark.parametrize("vertical", [False, True])
+def test_an_axis_of_many_turns_has_few_labels(high: float, vertical: bool) -> None:
+    """An angle of an invalid point of a grid may be of any size; its axis takes no longer."""
+    axis = Coordinate("angle", "rad", np.array([0.0, high]), ())
+    ticks = axis.ticks(0.0, high, 72.0, vertical)
+    assert 3 <= len(ticks.labels) <= 12
+    assert all(0.0 <= place <= high for place in ticks.places)
+
+
 def test_small_angles_are_decimal() -> None:
     ticks = angle_ticks(0.1, 0.11, 60.0)
     assert ticks.labels == ("0.100", "0.102", "0.104", "0.106", "0.108", "0.110")

@@ -69,6 +69,8 @@ _PLAIN = (0.01, 1e5)
 
 _PARTS_OF_PI = tuple(Fraction(1, divisor) for divisor in (1, 2, 4, 8))
 _ENOUGH = 4
+_MOST = 1000
+"""Multiples of π within an axis; no figure has room for the labels of more."""
 _NEAREST = 1e-9
 """Least range of an axis, as a share of its greatest number."""
 _FROM_WITHIN = 2e-4
@@ -123,6 +125,8 @@ def _parts_of_pi(low: float, high: float, fit: Callable[[float, Ticks], bool]) -
     chosen = None
     for part in _PARTS_OF_PI:
         step = float(part) * math.pi
+        if high - low > _MOST * step:
+            break
         numbers = range(math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9) + 1)
         labels = tuple(part_of_pi(part * number) for number in numbers)
         ticks = Ticks(tuple(number * step for number in numbers), labels)
