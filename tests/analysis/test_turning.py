@@ -270,3 +270,21 @@ def test_what_is_beside_a_junction_is_found_once(
     sides = [side for point in points for side in pulled.get(point.kind, ())]
     expected = [signs[0] > 0.0, *sides, signs[1] > 0.0]
     assert expected[::2] == expected[1::2]
+
+
+def test_an_arc_of_almost_no_length_has_the_points_of_a_small_one() -> None:
+    """It is all end: the places found are no more than those of a turn."""
+
+    def points(radius: float) -> list[tuple[str, float]]:
+        shapes = valley(1.0, 50), hump(radius, -50), valley(1.0, 120)
+        middle = 2.0 * math.sin(120.0 * DEGREE) + 0.2 * math.sin(50.0 * DEGREE)
+        one = Landscape.of(system(-120.0, *shapes, turning=Turning(middle, 1.0)), 1)
+        return [(point.kind, point.slope) for point in singular_points(one)]
+
+    small = points(1e-9)
+    assert [kind for kind, _ in small] == [CENTRE, SADDLE, CENTRE]
+    for radius in (1e-15, 1e-20, 1e-30):
+        found = points(radius)
+        assert [kind for kind, _ in found] == [CENTRE, SADDLE, CENTRE]
+        expected = [slope for _, slope in small]
+        assert [slope for _, slope in found] == pytest.approx(expected, abs=1e-7)

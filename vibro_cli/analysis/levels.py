@@ -188,8 +188,12 @@ def equilibria(landscape: Landscape, piece: Piece) -> list[float]:
 
 
 def end_width(landscape: Landscape, piece: Piece) -> float:
-    """Return how far from an end of a piece (rad, m on a line) a place may be said to be at it."""
-    return _AT_END * landscape.trace.length / (1.0 if piece.is_line else piece.radius)
+    """Return how far from an end of a piece (rad, m on a line) a place may be said to be at it.
+
+    On an arc no further than a turn, where places come again.
+    """
+    width = _AT_END * landscape.trace.length
+    return width if piece.is_line else min(width / piece.radius, math.tau)
 
 
 def _lowest_height(landscape: Landscape) -> float:
