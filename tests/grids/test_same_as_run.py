@@ -50,6 +50,10 @@ GRIDS: dict[str, tuple[str, dict[str, list[float]]]] = {
         "three_arcs.toml",
         {"balls[1].radius": [0.02, 0.6], "gravity": [1.0, 20.0], "stop.time": [-0.5, 9.0]},
     ),
+    "radius of a body whose rolling is given": (
+        "horizontal_line_1_2.toml",
+        {"balls[1].radius": [-0.05, 0.4], "balls[2].position": [1.2, 4.0]},
+    ),
     "several balls": (
         "five_balls.toml",
         {
@@ -142,6 +146,7 @@ SEEN = {
     "accumulation": {"contact"},
     "masses and speeds": {"invalid", "inadmissible"},
     "radii and gravity": {"invalid", "time"},
+    "radius of a body whose rolling is given": {"invalid", "end_of_trace"},
     "several balls": {"invalid", "collisions"},
     "closed": {"collisions"},
     "turning": {"contact", "free"},

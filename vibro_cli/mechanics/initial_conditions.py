@@ -49,7 +49,7 @@ def speed_of_omega(body: Body, omega: float) -> float:
 
     Raises ValueError for a body of radius 0, which does not roll.
     """
-    if body.radius == 0.0:
+    if elementwise.occurs(body.radius == 0.0):
         raise ValueError("a body of radius 0 does not roll")
     return omega * body.radius
 
