@@ -168,3 +168,13 @@ def test_a_run_on_a_line_is_shown_by_its_places(tmp_path: Path) -> None:
         np.testing.assert_array_equal(np.sort(points[:, 0]), np.sort(run.collisions["s_a"]))
     with pytest.raises(ValueError, match="found t, expected two columns of impacts"):
         run.section(["t"])
+
+
+def test_a_section_has_as_much_room_on_the_left_as_on_the_right() -> None:
+    """A lonely impact at one end had the axis go on by half the gap beside it."""
+    run = simulate(example("three_arcs"))
+    (axes,) = run.section(["s_a", "speed_a_pre"], transient=0).figure.axes
+    along, up = np.vstack([np.asarray(c.get_offsets()) for c in axes.collections]).T
+    for places, limits in ((along, axes.get_xlim()), (up, axes.get_ylim())):
+        room = np.abs(np.array([np.min(places), np.max(places)]) - limits)
+        assert room == pytest.approx([0.06 * np.ptp(places)] * 2)

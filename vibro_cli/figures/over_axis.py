@@ -21,6 +21,7 @@ from vibro_cli.figures.chart import (
     MOST_VECTOR_POINTS,
     draw_dots,
     is_wide,
+    limits_around,
     log_axis,
     stacked,
     value_axis,
@@ -35,8 +36,8 @@ from vibro_cli.figures.maps import (
     set_axis,
 )
 from vibro_cli.figures.source import Array, Flags, Integers
-from vibro_cli.figures.style import mark
-from vibro_cli.figures.ticks import symbol_of
+from vibro_cli.figures.style import mark, panel_size
+from vibro_cli.figures.ticks import label_axis, symbol_of
 from vibro_cli.mechanics.trace import HUMP, VALLEY
 from vibro_cli.scenario.base import Listed, Texts, checked
 from vibro_cli.scenario.problems import suggestion
@@ -221,7 +222,6 @@ LAST = 20
 """Impacts of each run that are shown where no transient is named."""
 _SPEED = ("speed_a_pre", r"$v_a$ before", "m/s")
 _HIGH = {"single": 40.0, "double": 52.0}
-_MARGIN = 0.02
 _SQUARE = {"single": 62.0, "double": 90.0}
 
 Impacts = Mapping[str, NDArray[Any]]
@@ -418,10 +418,10 @@ def poincare(
     along = Coordinate(name, unit, x, (), symbol)
     with style.journal():
         figure, (axes,) = stacked(width, [_SQUARE[width]], 2.0)
-        set_axis(axes.xaxis, along)
+        low, high = limits_around(x)
+        axes.set_xlim(low, high)
+        label_axis(axes.xaxis, along.ticks(low, high, panel_size(axes)[0], False), symbol, unit)
         _draw_over(axes, x, y, quantities[1])
-        low, high = axes.get_xlim()
-        axes.set_xlim(low - _MARGIN * (high - low), high + _MARGIN * (high - low))
     return figure
 
 
