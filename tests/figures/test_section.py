@@ -178,3 +178,15 @@ def test_a_section_has_as_much_room_on_the_left_as_on_the_right() -> None:
     for places, limits in ((along, axes.get_xlim()), (up, axes.get_ylim())):
         room = np.abs(np.array([np.min(places), np.max(places)]) - limits)
         assert room == pytest.approx([0.06 * np.ptp(places)] * 2)
+
+
+def test_it_is_said_at_which_values_other_axes_are_held(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The picture was of one slice of the grid, and nothing said which."""
+    axes = {"collision.k": [0.8, 0.85, 0.9], "balls[1].angle": [-1.0, -0.9]}
+    sweep(example("one_circle"), axes, tmp_path / "grid", collisions=True)
+    assert run_command_line(["section", str(tmp_path / "grid"), "--transient", "0"]) == 0
+    told = capsys.readouterr().err.splitlines()
+    assert told[0] == "held: balls[1].angle = -1"
+    assert told[-1].startswith("section in ")

@@ -227,13 +227,13 @@ class SectionCommand:
 
         check_no_folder(self.target)
         columns = [name for some in self.columns for name in some.split(",")]
-        shown = ""
+        shown: list[str] = []
         with leaving():
             try:
                 if is_grid(self.folder):
                     grid = open_grid(self.folder)
                     drawn = grid.section(columns, self.bodies, self.transient, self.width)
-                    shown = _runs_shown(grid, self.bodies, self.transient)
+                    shown = list(_runs_shown(grid, self.bodies, self.transient))
                     _warn_of_unsolved(grid.stored)
                 else:
                     run = open_run(self.folder)
@@ -243,21 +243,25 @@ class SectionCommand:
         drawn.save(self.target)
         if self.as_json:
             print(json_text({"file": str(self.target)}))
-        if shown:
-            say(shown)
+        for words in shown:
+            say(words)
         say(f"section in {self.target}")
         return DONE
 
 
-def _runs_shown(grid: Grid, pair: tuple[int, int] | None, transient: int | None) -> str:
-    """How many runs of a grid are shown, empty where all of them are."""
+def _runs_shown(grid: Grid, pair: tuple[int, int] | None, transient: int | None) -> Iterator[str]:
+    """Say at which values other axes are held, and how many runs are shown unless all of them."""
+    from vibro_cli.figures.maps import parameter_map
     from vibro_cli.figures.over_axis import LAST
 
+    over = parameter_map(grid.stored, 1, numbers_first=True)
+    if over is not None and over.held:
+        yield f"held: {over.held}"
     impacts, least = grid.impacts_of_runs(pair), LAST if transient is None else transient
     shown = int((impacts > least).sum())
     if least == 0 or shown == len(impacts):
-        return ""
+        return
     have = "has" if shown == 1 else "have"
     most = count(least, "impact", "impacts")
     more = f"{shown:,} of {len(impacts):,} runs {have} more than {most}"
-    return f"{more}; --transient 0 shows every impact"
+    yield f"{more}; --transient 0 shows every impact"
