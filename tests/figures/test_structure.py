@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +12,7 @@ import pytest
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
-from tests.analysis.traces import circle, hump, landscape, line, system, three_arcs, valley
+from tests.analysis.traces import BALL, circle, hump, landscape, line, system, three_arcs, valley
 from tests.figures.layout import assert_texts_are_apart, texts
 from vibro_cli.analysis.levels import Landscape
 from vibro_cli.analysis.singular import portrait_of
@@ -180,6 +182,21 @@ def test_points_have_names_beside_them_and_values_above() -> None:
     assert "C1 0 m, S1 0.5358 m, C2 0 m" in " ".join(reversed(shown))
     below = figure.axes[3]
     assert (below.get_xlabel(), below.get_ylabel()) == ("$s$ [m]", "$v$ [m/s]")
+
+
+@pytest.mark.parametrize("width", ["single", "double"])
+@pytest.mark.parametrize(("unit", "power"), [(1e-6, -7), (1e6, 5)])
+def test_heights_are_in_powers_of_ten_on_very_small_and_large_traces(
+    unit: float, power: int, width: str
+) -> None:
+    """They were written as 7.019e-07, one with a minus and one with a hyphen."""
+    arcs = [valley(unit, 50.0), hump(0.5 * unit, -50.0), valley(unit, 80.0)]
+    body = replace(BALL, radius=0.1 * unit)
+    figure = structure(portrait_of(landscape(-80.0, *arcs, body=body)), width)
+    shown = " ".join(text.get_text() for text in texts(figure))
+    assert rf"\times10^{{{power}}}$ m".replace("-", "−") in shown.replace("-", "−")
+    assert re.search(r"\de[+−-]", shown) is None
+    assert_texts_are_apart(figure)
 
 
 @pytest.mark.parametrize("width", ["single", "double"])

@@ -158,6 +158,15 @@ def short_number(value: float, digits: int = 4) -> str:
     return rf"${factor}\times 10^{{{int(power)}}}$"
 
 
+def in_powers(text: str) -> str:
+    """Return words whose numbers such as 1.2e-07 have powers of ten, as figures write them."""
+    return re.sub(
+        r"([\d.]+)e([+−-])0*(\d+)",
+        lambda number: rf"${number[1]}\times10^{{{number[2].strip('+')}{number[3]}}}$",
+        text,
+    )
+
+
 def ring(points: int) -> Array:
     """Return points of the circle of radius 1 around the origin, shape (points, 2)."""
     angles = np.linspace(0.0, 2.0 * np.pi, points)

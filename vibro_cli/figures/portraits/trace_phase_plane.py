@@ -7,7 +7,6 @@ side by side, for values of a parameter.
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import chain
@@ -32,7 +31,7 @@ from vibro_cli.analysis.singular import (
 )
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import Sheet, body_look
-from vibro_cli.figures.labels import SAY, Entry, draw_legend, rows_of
+from vibro_cli.figures.labels import SAY, Entry, draw_legend, in_powers, rows_of, text_width
 from vibro_cli.figures.portraits.family import Member, draw_family, name_points, shown_of
 from vibro_cli.figures.portraits.layers import (
     Background,
@@ -73,8 +72,6 @@ _HIGH = {"single": 44.0, "double": 50.0}
 """Height of the panel along the trace (mm)."""
 _LINE = 3.1
 """Height of a line of words (mm)."""
-_CHARACTER = 1.03
-"""Mean width of a character of the words (mm)."""
 _MOST_LINES = 6
 
 
@@ -167,8 +164,13 @@ def _words(portrait: Portrait, width: float) -> list[str]:
 
 def _wrapped(said: Sequence[str], width: float) -> list[str]:
     """Return sentences in lines of a width (mm), not too many."""
-    characters = max(20, int(width / _CHARACTER))
-    lines = [line for one in said for line in textwrap.wrap(one, characters)]
+    lines = []
+    for one in said:
+        first, *words = in_powers(one).split(" ")
+        lines.append(first)
+        for word in words:
+            longer = f"{lines[-1]} {word}"
+            lines[-1:] = [longer] if text_width(longer) <= width else [lines[-1], word]
     return lines if len(lines) <= _MOST_LINES else [*lines[: _MOST_LINES - 1], "…"]
 
 
