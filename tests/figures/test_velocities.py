@@ -11,6 +11,7 @@ from tests.figures.layout import assert_texts_are_apart, texts
 from tests.gallery import GALLERY, run_of
 from vibro_cli.api import simulate
 from vibro_cli.figures.kinds import draw_one
+from vibro_cli.figures.runs.contact_points import contact_points
 from vibro_cli.figures.runs.velocities import striking, touching_point, velocities
 from vibro_cli.figures.style import render
 from vibro_cli.scenario import any_scenario_of, load_scenario
@@ -150,3 +151,24 @@ def test_no_impact_has_no_plan() -> None:
     assert velocities(run) is None
     with pytest.raises(ValueError, match="triple"):
         velocities(run, "triple")
+
+
+@pytest.mark.parametrize("width", ["single", "double"])
+@pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
+def test_values_over_contact_points_stay_over_their_own_panel(unit: float, width: str) -> None:
+    """Those of bodies of 0.1 µm ran into the words of the panel beside them."""
+    lengths = {f"trace.arcs[{n}].radius": radius for n, radius in enumerate((1.0, 0.5, 1.0), 1)}
+    lengths |= {"balls[1].radius": 0.1, "balls[2].radius": 0.08}
+    scaled = [f"{path}={length * unit!r}" for path, length in lengths.items()]
+    run = run_of("three_arcs", "stop.collisions=1", "stop.time=1e6", *scaled)
+    figure = contact_points(run, width)
+    assert figure is not None
+    assert_texts_are_apart(figure)
+    prefixes = {"µ": 1e-6, "n": 1e-9, "m": 1e-3, "k": 1e3, "M": 1e6, "": 1.0}
+    shown = " ".join(text.get_text().replace("−", "-") for text in texts(figure))
+    told = re.findall(r"= (-?[\d.]+) ([µnmkM]?)(m/s|rad/s)", shown)
+    values = [float(number) * prefixes[prefix] for number, prefix, _ in told]
+    wanted = [
+        run.collisions[f"{what}_{side}_pre"][0] for side in "ab" for what in ("speed", "omega")
+    ]
+    assert values == pytest.approx(wanted, rel=5e-3)

@@ -37,6 +37,7 @@ from vibro_cli.figures.runs.velocities import (
     draw_circle,
     striking,
     touching_point,
+    with_unit,
     write_over,
 )
 from vibro_cli.figures.source import Array, Recorded
@@ -207,10 +208,10 @@ def _draw_elevation(axes: Axes, one: Rolling, scale: float) -> None:
         named.append(Named(", ".join(beside), points[1]))
     axes.plot(*np.transpose([name.point for name in named]), zorder=4.0, **style.POINT)
     write_names(axes, named, np.concatenate([*drawn, _RING]))
-    radius, speed, omega = (short_number(x, 3) for x in (one.body.radius, one.speed, one.omega))
-    number, turning = one.number, "" if one.body.slides else rf", $\omega$ = {omega} rad/s"
-    write_over(axes, 0.0, 1, rf"body {number} from the side, $r_{{{number}}}$ = {radius} m")
-    write_over(axes, 0.0, 0, rf"$v$ = {speed} m/s{turning}")
+    number, radius = one.number, with_unit(one.body.radius, "m")
+    turning = "" if one.body.slides else rf", $\omega$ = {with_unit(one.omega, 'rad/s')}"
+    write_over(axes, 0.0, 1, rf"body {number} from the side, $r_{{{number}}}$ = {radius}")
+    write_over(axes, 0.0, 0, rf"$v$ = {with_unit(one.speed, 'm/s')}{turning}")
 
 
 def _draw_plan(axes: Axes, one: Rolling, scale: float) -> None:
@@ -248,9 +249,9 @@ def _draw_plan(axes: Axes, one: Rolling, scale: float) -> None:
     write_names(axes, named, np.concatenate(drawn))
     share = math.cos(one.aside)
     share = share if share > _ROUNDING else 0.0  # at 90 degrees
-    reach = short_number(radius * share * one.body.radius, 3)
+    reach = with_unit(radius * share * one.body.radius, "m")
     write_over(axes, 0.0, 1, "from above")
-    write_over(axes, 0.0, 0, rf"$\alpha$ = {short_number(aside, 3)}°, to the axis {reach} m")
+    write_over(axes, 0.0, 0, rf"$\alpha$ = {short_number(aside, 3)}°, to the axis {reach}")
 
 
 def _draw_parts(

@@ -405,15 +405,26 @@ def write_values(
     """
     there = [number for number, value in enumerate(values) if not math.isnan(value[when])]
     sizes = [abs(size) for value in values for size in value if not math.isnan(size)]
-    greatest = float(f"{max(sizes, default=0.0):.3g}")
-    power = 0
-    if greatest and not _PLAIN[0] <= greatest < _PLAIN[1]:
-        power = min(max(3 * math.floor(math.log10(greatest) / 3.0), min(_PREFIX)), max(_PREFIX))
+    power = _prefixed(max(sizes, default=0.0))
     for number in there:
         value = values[number][when] / 10.0**power
         text = short_number(value, 3 if abs(value) >= _SMALL else 1)
         after = f" {_PREFIX[power]}{unit}" if number == there[-1] else ""
         write_value(axes, columns[number], line, symbols[number], text + after)
+
+
+def _prefixed(greatest: float) -> int:
+    """Return the power of ten of the prefix that a unit has beside a value."""
+    greatest = float(f"{greatest:.3g}")
+    if not greatest or _PLAIN[0] <= greatest < _PLAIN[1]:
+        return 0
+    return min(max(3 * math.floor(math.log10(greatest) / 3.0), min(_PREFIX)), max(_PREFIX))
+
+
+def with_unit(value: float, unit: str) -> str:
+    """Return a value in three digits with its unit, that has a prefix where the number is long."""
+    power = _prefixed(abs(value))
+    return f"{short_number(value / 10.0**power, 3)} {_PREFIX[power]}{unit}"
 
 
 def write_value(axes: Axes, left: float, line: int, symbol: str, value: str) -> None:
