@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.figures.layout import assert_texts_are_apart
+from tests.figures.layout import assert_texts_are_apart, texts
 from vibro_cli import NoBasins, example, sweep
 from vibro_cli.analysis.basins import BOX, Basins, Outcomes, basins_of, outcomes_of
 from vibro_cli.commands.app import run_command_line
-from vibro_cli.figures.analyses import coloured
+from vibro_cli.figures.analyses import Mapped, coloured
 from vibro_cli.figures.maps import Coordinate, ParameterMap, category_map
 
 
@@ -185,3 +185,20 @@ def test_what_is_found_is_worded_as_an_indication(
     command = ["basins", str(tmp_path / "grid"), "--outcome", "collisions", "--no-figures"]
     assert run_command_line(command) == 0
     assert "; above ln 2 = 0.6931, a sign of a fractal boundary\n" in capsys.readouterr().out
+
+
+def test_the_axis_of_a_share_ends_at_one() -> None:
+    """It went on to 10 where nearly all starts are uncertain, and an error of 0.0003 was 0.000."""
+    cells = np.random.default_rng(3).integers(0, 5, 400)
+    found = _measured(cells, 5)
+    place = Coordinate("collision.k", "", np.linspace(0.0, 1.0, 400), ())
+    shown = ParameterMap(np.arange(400), (place,), ())
+    figure = Mapped(shown, Outcomes(tuple("01234"), cells), found).scaling("single")
+    assert figure is not None
+    (axes,) = figure.axes
+    assert 1.0 < axes.get_ylim()[1] < 2.0
+    assert np.max(found.uncertain) > 0.8
+    assert found.exponent is not None
+    assert found.exponent.error is not None
+    told = {text.get_text().replace("−", "-") for text in texts(figure)}
+    assert f"slope {found.exponent.value:.4f} ± {found.exponent.error:.4f}" in told

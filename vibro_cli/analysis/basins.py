@@ -48,6 +48,11 @@ class Estimate:
     error: float | None
     """None of one box alone"""
 
+    def __str__(self) -> str:
+        """Return it with four decimals, and its error if there is one."""
+        error = "" if self.error is None else f" ± {self.error:.4f}"
+        return f"{self.value:.4f}{error}"
+
 
 @dataclass(frozen=True)
 class Basins:

@@ -129,18 +129,14 @@ def _lines(name: str, mapped: Mapped) -> Iterator[str]:
         yield f"  held      {mapped.shown.held}"
     for outcome, share in zip(found.outcomes, found.shares, strict=True):
         yield f"  {100.0 * share:6.2f} %  {outcome}"
-    yield f"  basin entropy           {_shown(found.entropy)}"
+    yield f"  basin entropy           {found.entropy}"
     if found.boundary_entropy is not None:
         fractal = "; above ln 2 = 0.6931, a sign of a fractal boundary" if found.fractal else ""
-        yield f"  boundary basin entropy  {_shown(found.boundary_entropy)}{fractal}"
+        yield f"  boundary basin entropy  {found.boundary_entropy}{fractal}"
     if found.exponent is not None:
         number = f"; from {len(found.distances)} distances"
-        yield f"  uncertainty exponent    {_shown(found.exponent)}{number}"
+        yield f"  uncertainty exponent    {found.exponent}{number}"
         yield f"  boundary dimension      {found.boundary_dimension:.4f}"
-
-
-def _shown(one: Estimate) -> str:
-    return f"{one.value:.4f}" if one.error is None else f"{one.value:.4f} ± {one.error:.4f}"
 
 
 def _drawn(found: Mapped) -> dict[str, bytes]:

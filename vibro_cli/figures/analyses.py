@@ -169,6 +169,8 @@ _COLOURS = (
 _OTHERS = "#8a8a8a"
 _SHARE_POINT = mark("o", 3.2, style.BLUE)
 _LINE = line(style.BLACK, 0.8)
+_MOST = 1.25
+"""Where the axis of the share ends: the line may pass 1 a little."""
 _SCALING_HEIGHTS = {"single": 42.0, "double": 56.0}
 
 
@@ -209,13 +211,14 @@ class Mapped:
         fitted = np.exp(np.log(found.uncertain).mean() + slope * away)
         entries: list[Entry] = [
             ("starts with another outcome within the distance", _SHARE_POINT),
-            (rf"slope ${slope:.3f}\pm{found.exponent.error:.3f}$", _LINE),
+            (f"slope {found.exponent}".replace("-", "−"), _LINE),
         ]
         with style.journal():
             figure, (axes,) = stacked(width, [_SCALING_HEIGHTS[width]], entries=entries)
             axes.plot(found.distances, fitted, **_LINE)
             axes.plot(found.distances, found.uncertain, **_SHARE_POINT)
             log_axis(axes, np.concatenate([found.uncertain, fitted]), "share of the starts", "")
+            axes.set_ylim(top=min(axes.get_ylim()[1], _MOST))  # no share is greater than 1
             axes.set_xscale("log", base=2)
             axes.set_xlim(found.distances[0] / 1.3, found.distances[-1] * 1.3)
             axes.set_xticks(found.distances, [f"{step:.0f}" for step in found.distances])
