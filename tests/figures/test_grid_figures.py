@@ -446,3 +446,15 @@ def test_values_that_are_one_but_for_rounding_have_an_axis_around_them() -> None
     value_axis(axes, [0.4244596862733530, 0.4244596862733532], "first impact", "s")
     assert axes.get_ylabel() == "first impact [s]"
     assert axes.get_ylim()[0] == pytest.approx(0.4244596862733531 * 0.5, rel=0.2)
+
+
+def test_an_energy_that_is_kept_but_for_rounding_has_no_panel() -> None:
+    """A row of dots at 1 filled a third of the page."""
+    rates = {"balls[1].angle": np.linspace(-1.4, -1.0, 9)}
+    elastic = example("one_circle").replace({"collision.k": 1.0, "stop.collisions": 40})
+    grid = sweep(elastic, rates).stored
+    left = np.asarray(grid.summary["energy_end"]) / np.asarray(grid.summary["energy_start"])
+    assert 0.0 < np.ptp(left) < 1e-12
+    figure = curves(grid)
+    assert figure is not None
+    assert [axes.get_ylabel() for axes in figure.axes] == ["impacts", "first impact [s]"]

@@ -48,6 +48,8 @@ if TYPE_CHECKING:
     from vibro_cli.storage.stored import StoredGrid
 
 _ROW = {"single": 26.0, "double": 34.0}
+_ROUNDING = 1e-12
+"""Values that differ by less than this share of them are one; those of an energy that is kept."""
 _DIAGRAM = {"single": 58.0, "double": 80.0}
 COUNTED = {"collisions": "impacts", "bounces": "impacts on the wall"}
 """What is counted in columns of the summary."""
@@ -89,7 +91,7 @@ def curves(grid: StoredGrid, width: str = "single") -> Figure | None:
     panels = [one for one in panels if np.any(np.isfinite(one[0]))]
     if not panels:
         return None
-    panels = [one for one in panels if np.nanmin(one[0]) < np.nanmax(one[0])] or panels[:1]
+    panels = [one for one in panels if _varies(one[0])] or panels[:1]
     with style.journal():
         figure, drawn = stacked(width, [_ROW[width]] * len(panels), entries=endings.entries())
         for axes, (values, symbol, unit) in zip(drawn, panels, strict=True):
@@ -97,6 +99,12 @@ def curves(grid: StoredGrid, width: str = "single") -> Figure | None:
             _value(axes, values, symbol, unit)
             set_axis(axes.xaxis, shown.coordinates[0], labelled=axes is drawn[-1])
     return figure
+
+
+def _varies(values: Array) -> bool:
+    """Return whether values differ by more than rounding."""
+    low, high = float(np.nanmin(values)), float(np.nanmax(values))
+    return high - low > _ROUNDING * max(abs(low), abs(high))
 
 
 ENERGY_LEFT = r"$E_\mathrm{end}/E_0$"
