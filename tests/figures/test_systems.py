@@ -141,6 +141,29 @@ def test_arrows_on_a_table_are_told_from_paths_and_have_a_scale(name: str) -> No
     assert sorted(lengths) == pytest.approx(np.multiply(_scale(axes), moving), abs=1e-9)
 
 
+def test_numbers_of_balls_on_one_line_stand_beside_their_arrows() -> None:
+    """Each is struck by the one before it, and the arrows went through the numbers."""
+    balls = [{"radius": 0.05, "mass": 1.0, "x": 0.1001 * n, "y": 0.0} for n in range(4)]
+    balls[0] |= {"x": -0.05, "velocity_x": 1.0}
+    data = {"system": "table", "balls": balls, "collision": {"k": 1.0}, "stop": {"time": 0.5}}
+    axes = table_plan(simulate(any_scenario_of(data)), "double").axes[0]
+    numbers = [text for text in axes.texts if text.get_text().isdigit()]
+    assert sorted(text.get_text() for text in numbers) == ["1", "2", "3", "4"]
+    along = axes.transData.transform((0.0, 0.0))[1]
+    for text in numbers:
+        low, high = text.get_window_extent().intervaly
+        assert not low < along < high
+
+
+def test_a_plan_of_a_tall_table_fits_a_page() -> None:
+    """Journals of Springer take 234 mm at most."""
+    wall = {"shape": "rectangle", "width": 0.5, "depth": 3.0, "k": 1.0}
+    ball = {"radius": 0.05, "mass": 1.0, "x": 0.0, "y": 0.0, "velocity_y": 1.0}
+    data = {"system": "table", "wall": wall, "balls": [ball], "stop": {"bounces": 3}}
+    figure = table_plan(simulate(any_scenario_of(data)), "double")
+    assert figure.get_size_inches()[1] * 25.4 <= 234.0
+
+
 def test_an_arrow_whose_head_is_beyond_the_panel_is_drawn() -> None:
     """The fastest of two balls starts beside the wall and moves towards it: black on its way."""
     fast, slow = (0.47, 0.0), (-0.3, 0.2)

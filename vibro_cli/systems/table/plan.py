@@ -44,8 +44,8 @@ _HEAD = {"before": "white", "after": style.BLACK, "at the start": style.BLACK}
 _SIDE = {"before": "pre", "after": "post"}
 _RIGHT, _TOP, _BOTTOM = 2.5, 5.0, 8.5
 """Room beside, over and under the panel (mm)."""
-_SHAPES = (0.25, 1.5)
-"""Height over width of the flattest panel and of the tallest."""
+_SHAPES = (0.25, 1.35)
+"""Height over width of the flattest panel and of the tallest: a journal takes 234 mm at most."""
 
 
 def table_plan(run: Run, width: str = "single") -> Figure:
@@ -73,9 +73,9 @@ def table_plan(run: Run, width: str = "single") -> Figure:
             _draw_path(axes, ball, path)
         _draw_starts(axes, run, [path[0] for path in paths])
         _draw_impacts(axes, run, until)
-        _draw_velocities(axes, arrows, float(high[0] - low[0]))
+        covered = _draw_velocities(axes, arrows, float(high[0] - low[0]))
         if len(paths) <= MOST_NUMBERS:
-            _draw_numbers(axes, run, paths)
+            _draw_numbers(axes, run, paths, covered)
         axes.set_title(_title(run, until), pad=2.0, color=style.FRAME_GREY)
         if entries:
             draw_legend(sheet.figure, [entries])
@@ -164,15 +164,15 @@ def _colour(ball: int) -> str:
     return str(body_look(ball + 1)["color"])
 
 
-def _draw_numbers(axes: Axes, run: Run, paths: list[Floats]) -> None:
-    """Write each ball's number beside its start, where it covers least."""
+def _draw_numbers(axes: Axes, run: Run, paths: list[Floats], covered: Floats) -> None:
+    """Write each ball's number beside its start, where it covers least, also of other points."""
     passed = [_points_along(path) for path in paths]
     discs = np.concatenate([share * ring(24) for share in (0.25, 0.5, 0.75, 1.0)])
     circles = [
         path[0] + body.radius * discs for path, body in zip(paths, run.system.bodies, strict=True)
     ]
     names = [Named(str(ball + 1), path[0], _colour(ball)) for ball, path in enumerate(paths)]
-    write_names(axes, names, np.concatenate([*passed, *circles]))
+    write_names(axes, names, np.concatenate([*passed, *circles, covered]))
 
 
 def _points_along(path: Floats) -> Floats:
@@ -194,18 +194,21 @@ def _draw_impacts(axes: Axes, run: Run, until: float) -> None:
             axes.add_patch(Circle(place, radius, fill=False, edgecolor=color, linewidth=0.6))
 
 
-def _draw_velocities(axes: Axes, arrows: list[Arrow], extent: float) -> None:
-    """Arrows of the velocity at the start and before (open) and after (full) each impact.
+def _draw_velocities(axes: Axes, arrows: list[Arrow], extent: float) -> Floats:
+    """Draw the velocity at the start and before (open) and after (full) each impact as arrows.
 
     They are black, for paths have the colours of the balls; `extent` (m) is the panel's width.
+    Returns points along them, shape (n, 2).
     """
+    covered = [np.zeros((0, 2))]
     if not arrows:
-        return
+        return covered[0]
     share = min(_ARROW, _BETWEEN / math.sqrt(len(arrows)))
     scale = share * extent / max(float(np.hypot(*velocity)) for _, velocity, _ in arrows)
     for place, velocity, when in arrows:
         step = scale * np.array(velocity)
         end = np.array(place) if when == "before" else np.array(place) + step
+        covered.append(np.linspace(end - step, end, 20))
         axes.annotate(
             "", xy=tuple(end), xytext=tuple(end - step), zorder=6.0, annotation_clip=False,
             arrowprops={
@@ -215,6 +218,7 @@ def _draw_velocities(axes: Axes, arrows: list[Arrow], extent: float) -> None:
             },
         )  # fmt: skip
     draw_scale(axes, scale, 1)
+    return np.concatenate(covered)
 
 
 def _legend(arrows: list[Arrow]) -> list[Entry]:
