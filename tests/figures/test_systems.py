@@ -141,6 +141,23 @@ def test_arrows_on_a_table_are_told_from_paths_and_have_a_scale(name: str) -> No
     assert sorted(lengths) == pytest.approx(np.multiply(_scale(axes), moving), abs=1e-9)
 
 
+def test_the_outline_of_a_small_body_on_a_spring_does_not_cross_its_name() -> None:
+    """C was written over the edge of the body, which then looked like a part of the letter."""
+    balls: list[dict[str, Any]] = [
+        {"radius": 0.1, "mass": 1.0, "position": place, "speed": 1.0,
+         "spring": {"stiffness": 20.0, "length": 1.2, "height": 0.5, "foot": foot}}
+        for place, foot in ((-1.5, -0.6), (1.9, 1.0))
+    ]  # fmt: skip
+    data = {"system": "springs", "balls": balls, "collision": {"k": 1.0}, "stop": {"time": 0.1}}
+    axes = springs_scene(simulate(any_scenario_of(data)), "double").axes[0]
+    turn = np.linspace(0.0, 2.0 * np.pi, 720)
+    for number, ball in enumerate(balls, 1):
+        (name,) = (text for text in axes.texts if text.get_text() == f"$C_{{{number}}}$")
+        edge = np.column_stack([ball["position"] + 0.1 * np.cos(turn), 0.1 * np.sin(turn)])
+        box = name.get_window_extent()
+        assert not any(box.contains(x, y) for x, y in axes.transData.transform(edge))
+
+
 def test_numbers_of_balls_on_one_line_stand_beside_their_arrows() -> None:
     """Each is struck by the one before it, and the arrows went through the numbers."""
     balls = [{"radius": 0.05, "mass": 1.0, "x": 0.1001 * n, "y": 0.0} for n in range(4)]

@@ -241,7 +241,7 @@ _LONGEST = 4.0
 """How far the longest arrow reaches out of a body (mm)."""
 _HEAD, _HEADED = 7.0, 4.0
 """Size of the head of an arrow, at most and for each mm of its length."""
-_RING = ring(24)
+_RING = ring(90)
 
 
 @dataclass(frozen=True)
