@@ -1,5 +1,6 @@
 """Entry of the `vibro` program; what needs no library is answered before any is imported."""
 
+import contextlib
 import gc
 import os
 import sys
@@ -10,8 +11,9 @@ from vibro_cli import __version__, unsupported
 def main() -> None:
     """Run the command line of this process and end it with the command's exit code."""
     if sys.argv[1:] in (["--version"], ["-V"]):
-        print(f"vibro {__version__}")
-        return
+        with contextlib.suppress(OSError):  # which comes again below, where it is told
+            os.write(1, f"vibro {__version__}\n".encode())
+            return
     reason = unsupported()
     if reason is not None:
         sys.exit(reason)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.commands import processes
 from tests.commands.conftest import Vibro
 from tests.commands.processes import VIBRO
 from tests.effort import ratio
@@ -34,6 +35,16 @@ def test_version(flag: str) -> None:
     outcome = start(flag)
     assert (outcome.returncode, outcome.stdout) == (0, f"vibro {__version__}\n")
     assert outcome.stderr == ""
+
+
+@pytest.mark.parametrize("flag", ["--version", "-V", "--help", "-h"])
+def test_what_needs_no_library_ends_as_commands_do_where_nobody_reads(
+    flag: str, tmp_path: Path
+) -> None:
+    closed = processes.into_closed_pipe(tmp_path, [flag])
+    assert (closed.returncode, closed.stderr) == (0, b"")
+    full = processes.onto_full_device(tmp_path, [flag])
+    assert (full.returncode, full.stderr) == (1, b"vibro: No space left on device\n")
 
 
 def test_version_takes_little_more_than_python_itself_and_no_library() -> None:

@@ -143,6 +143,8 @@ def _parse_and_run(arguments: list[str]) -> int:
         raise usage_error(error, command) from error
     except typer.Abort as error:
         raise KeyboardInterrupt from error
+    except SystemExit as end:  # of typer, when nobody reads its help
+        raise BrokenPipeError from end
     return int(task()) if callable(task) else int(task or 0)
 
 
