@@ -34,6 +34,25 @@ def test_a_page_of_a_link_stands_beside_the_link(vibro: Vibro) -> None:
     assert [path.name for path in Path("elsewhere").iterdir()] == ["run"]
 
 
+def test_results_of_the_folder_in_which_one_stands_go_beside_it(
+    vibro: Vibro, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    here = Path.cwd()
+    vibro(*RUN, "-o", "one")
+    values = [i / 40 for i in range(40)]
+    write_grid(Path("grid"), product({"collision.k": values}))
+    for folder, command, written in (
+        ("one", "report", "one-report.html"),
+        ("one", "section", "one-section.png"),
+        ("grid", "basins", "grid-basins"),
+    ):
+        monkeypatch.chdir(here / folder)
+        outcome = vibro(command, ".")
+        assert (outcome.code, (here / written).exists()) == (0, True), outcome.err
+        refused = vibro(command, "/")
+        assert (refused.code, refused.err.startswith("vibro: / ")) == (2, True), refused.err
+
+
 def test_several_runs_have_one_page_and_a_pdf(vibro: Vibro) -> None:
     vibro(*RUN, "-o", "one")
     vibro(*RUN, "-o", "two", "--set", "collision.k=0.5")

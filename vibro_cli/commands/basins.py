@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from vibro_cli.commands.shared.error_handling import DONE, CommandError, check_no_folder, leaving
-from vibro_cli.commands.shared.options import json_option, output_option, repeatable
+from vibro_cli.commands.shared.options import beside, json_option, output_option, repeatable
 from vibro_cli.commands.shared.terminal import count, json_text, print_found, say
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ class BasinsCommand:
         from vibro_cli.storage.stored import open_grid
 
         source = self.grid
-        target = Path(self.output or source.with_name(f"{source.name}-basins"))
+        target = Path(self.output or beside(source, "-basins"))
         check_replaceable(target, "basins")
         stored = open_grid(source)
         with leaving():
@@ -213,7 +213,7 @@ class SectionCommand:
     @property
     def target(self) -> Path:
         """The picture."""
-        return self.output or self.folder.with_name(f"{self.folder.name}-section.png")
+        return self.output or beside(self.folder, "-section.png")
 
     def __call__(self) -> int:
         """Open, draw and write."""

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from vibro_cli.commands.shared.error_handling import DONE, CommandError, check_no_folder, leaving
-from vibro_cli.commands.shared.options import json_option, output_option, repeatable
+from vibro_cli.commands.shared.options import beside, json_option, output_option, repeatable
 from vibro_cli.commands.shared.terminal import json_text, say, work_told
 
 if TYPE_CHECKING:
@@ -147,8 +147,8 @@ class ReportCommand:
         if self.output is not None:
             return Path(self.output)
         first = Path(os.path.abspath(self.folders[0]))
-        several = len(self.folders) > 1
-        return first.with_name("report.html" if several else f"{first.name}-report.html")
+        page = beside(first, "-report.html")
+        return page.with_name("report.html") if len(self.folders) > 1 else page
 
     def __call__(self) -> int:
         """Check, draw and write; what is printed is the page, or what was written."""

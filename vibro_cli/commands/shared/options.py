@@ -6,6 +6,7 @@ be found out is not offered.
 
 import functools
 import inspect
+import os
 import re
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -85,6 +86,13 @@ def scenario_paths(schema: dict[str, Any]) -> Iterator[tuple[str, list[str]]]:
 
 def _words(node: dict[str, Any]) -> list[Any]:
     return [*node.get("enum", ()), *([node["const"]] if "const" in node else [])]
+
+
+def beside(folder: Path, ending: str) -> Path:
+    """A path beside a folder: its name with an ending, also where it is given as `.` or `..`."""
+    if folder.name in ("", ".."):
+        folder = Path(os.path.abspath(folder))
+    return folder.parent / f"{folder.name}{ending}"
 
 
 Task = Callable[[], int]
