@@ -162,6 +162,15 @@ def test_every_command_has_help(vibro: Vibro, command: str) -> None:
         (["section", "a", "--transient=-1"], "found '-1', expected a number of at least 0 (see"),
         (["report", "a", "--fps", "200"], "found '200', expected a number of at most 100 (see"),
         (["report", "a", "--pace", "nan"], "found 'nan', expected a number of at least 1e-06 (see"),
+        (["report", "a", "--width", "single"], "--width goes with --pdf FILE and --figures FOLDER"),
+        (
+            ["report", "a", "-o", "a.html", "--animate", "./a.html"],
+            "found a.html for two results, expected a file for each",
+        ),
+        (
+            ["report", "a", "-o", "-", "--pdf", "b", "--figures", "b"],
+            "found b for two results, expected a file for each",
+        ),
         (["report", "a", "--width", "{a}"], "found '{a}', expected one of single, double (see"),
         (["run", "a.toml", "-o", ""], "--output: found an empty text, expected a name"),
         (["new", "three_arcs", "-o", ""], "--output: found an empty text, expected a name"),

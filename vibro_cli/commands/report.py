@@ -105,6 +105,13 @@ class ReportCommand:
             raise typer.BadParameter("--span, --pace and --fps go with --animate FILE")
         if self.as_json and self.output == "-":
             raise typer.BadParameter("--json and a printed page both need standard output")
+        if self.width != type(self).width and self.pdf is None and self.figures is None:
+            raise typer.BadParameter("--width goes with --pdf FILE and --figures FOLDER")
+        written = [path for path in (self.page, self.pdf, self.figures, self.animate) if path]
+        places = [os.path.realpath(path) for path in written]
+        for path, place in zip(written, places, strict=True):
+            if places.count(place) > 1:
+                raise typer.BadParameter(f"found {path} for two results, expected a file for each")
 
     def _check_film(self, target: Path) -> None:
         form = target.suffix.lower()
@@ -142,6 +149,11 @@ class ReportCommand:
         return start, stop
 
     @property
+    def page(self) -> Path | None:
+        """The file of the page, None if it is printed."""
+        return None if self.output == "-" else self.target
+
+    @property
     def target(self) -> Path:
         """Where the page goes."""
         if self.output is not None:
@@ -156,15 +168,14 @@ class ReportCommand:
 
         _check(self)
         target = self.target
-        printed = self.output == "-"
         subject = _subject(self)
         _check_maps(subject, self.maps)
         # Figures are collected again and again, and what is there by now stays.
         gc.freeze()
         gc.set_threshold(50_000, 4, 2)
         with leaving(), work_told():
-            content = _page(subject, Path.cwd() if printed else target.parent, self.maps)
-        if printed:
+            content = _page(subject, target.parent if self.page else Path.cwd(), self.maps)
+        if self.page is None:
             sys.stdout.buffer.write(content)
             sys.stdout.buffer.flush()
         else:
@@ -254,11 +265,10 @@ def _check(options: ReportCommand) -> None:
         checked_page("--output", target)
     except ValueError as error:
         raise CommandError(f"vibro: {error}") from error
-    printed = options.output == "-"
-    for path in (None if printed else target, pdf, options.animate):
+    for path in (options.page, pdf, options.animate):
         if path is not None:
             check_no_folder(path)
-    if not printed and target.exists() and not is_report(first_bytes(target, _HEAD)):
+    if options.page and target.exists() and not is_report(first_bytes(target, _HEAD)):
         raise CommandError(f"vibro: {target} exists and is no vibro report; it is left as it is")
     if pdf is not None and pdf.exists() and first_bytes(pdf, 5) != b"%PDF-":
         raise CommandError(f"vibro: {pdf} exists and is no PDF; it is left as it is")
