@@ -152,14 +152,20 @@ def test_what_is_no_regular_file_is_never_replaced(vibro: Vibro) -> None:
         (["three_arcs", "--list"], "expected the NAME of a scenario, or --list"),
         (["--all", "--list"], "expected the NAME of a scenario, or --list"),
         (["../pyproject"], 'found "../pyproject"'),
+        (["--list", "-o", "names.txt"], "--list writes no file"),
+        (["--list", "--force"], "--list writes no file"),
+        (["three_arcs", "-o", "-", "--json"], "--json and a printed scenario both need standard"),
+        (["three_arcs", "-o", "mine.yaml"], "--output: found 'mine.yaml', expected a file .toml"),
+        (["three_arcs_grid", "-o", "mine"], "--output: found 'mine', expected a file .toml"),
     ],
 )
-def test_what_is_not_in_the_gallery_is_wrong_usage(
+def test_what_is_not_in_the_gallery_or_cannot_be_written_is_wrong_usage(
     vibro: Vibro, arguments: list[str], message: str
 ) -> None:
     outcome = vibro("new", *arguments)
     assert outcome.code == 2
     assert message in outcome.err
+    assert list(Path.cwd().iterdir()) == []
 
 
 def test_schema_is_a_json_schema_of_scenarios(vibro: Vibro) -> None:

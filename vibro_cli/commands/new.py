@@ -57,6 +57,10 @@ class NewCommand:
         asked = (self.name is not None) + self.listing + self.whole
         if asked != 1 or (self.whole and self.output == "-"):
             raise typer.BadParameter("expected the NAME of a scenario, or --list, or --all")
+        if self.listing and (self.output is not None or self.force):
+            raise typer.BadParameter("--list writes no file; it goes with neither -o nor --force")
+        if self.as_json and self.output == "-":
+            raise typer.BadParameter("--json and a printed scenario both need standard output")
 
     def __call__(self) -> int:
         """Print the names of the gallery, or write one or all of it."""
@@ -99,6 +103,8 @@ def _write(name: str, output: str | None, force: bool, as_json: bool) -> int:
         return DONE
     path = Path(f"{name}.toml" if output is None else output)
     check_no_folder(path)
+    if path.suffix.lower() != ".toml":
+        raise CommandError(f"vibro: --output: found {output!r}, expected a file .toml")
     if path.exists() and not force:
         raise CommandError(f"vibro: {path} exists; --force replaces it")
     make_folder(path.parent)
