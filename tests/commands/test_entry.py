@@ -175,6 +175,10 @@ def test_every_command_has_help(vibro: Vibro, command: str) -> None:
         (["run", "a.toml", "-o", ""], "--output: found an empty text, expected a name"),
         (["new", "three_arcs", "-o", ""], "--output: found an empty text, expected a name"),
         (["help", "rnu"], "no help on 'rnu' (did you mean 'run'?), expected one of commands"),
+        *(
+            (["grid", "a.toml", "--dry-run", *more], "it goes with none of --shard, --merge and")
+            for more in (["--shard", "1/2"], ["--merge"], ["--repair"])
+        ),
         (["show", "a.parquet", "--rows", "few"], "vibro: --rows: found 'few', expected N, -N"),
     ],
 )

@@ -110,6 +110,9 @@ class GridCommand:
         ):
             expected = "--merge goes with none of --shard, --dask, --repair and --force"
             raise typer.BadParameter(expected)
+        if self.dry_run and (self.shard is not None or self.merge or self.repair):
+            expected = "--dry-run is of a whole grid; it goes with none of --shard, --merge"
+            raise typer.BadParameter(f"{expected} and --repair")
         if self.shard is not None:
             _read_shard(self.shard)
 
