@@ -213,6 +213,8 @@ def test_json_tells_what_was_changed_and_where_it_is(
         (["--json", "--format", "csv"], "both need standard output"),
         (["b.toml", "-o", "-"], "one table is streamed at a time"),
         (["--figures", "portrait", "--no-figures"], "found --figures and --no-figures"),
+        (["--format", "csv", "--figures", "all"], "a streamed table alone has no folder; "),
+        (["-o", "-", "--force"], "--figures and --force go with --format and -o DIR"),
         (["--set"], "requires an argument. (see vibro run --help)"),
     ],
 )

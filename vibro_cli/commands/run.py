@@ -113,7 +113,8 @@ class RunCommand:
     ] = False
 
     def __post_init__(self) -> None:
-        if self.no_figures and self.figures is not None and "VIBRO_FIGURES" not in os.environ:
+        drawn = self.figures is not None and "VIBRO_FIGURES" not in os.environ
+        if self.no_figures and drawn:
             raise typer.BadParameter("found --figures and --no-figures, expected one of them")
         if (self.earlier is None) == (not self.scenarios):
             raise CommandError(
@@ -125,6 +126,11 @@ class RunCommand:
             raise typer.BadParameter("one table is streamed at a time; expected one SCENARIO")
         if self.stream is not None and self.summary_as_json:
             raise typer.BadParameter("--json and a streamed table both need standard output")
+        if self.stream is not None and self.output in (None, "-") and (drawn or self.force):
+            raise typer.BadParameter(
+                "a streamed table alone has no folder; --figures and --force go with --format and "
+                "-o DIR"
+            )
 
     def __call__(self) -> int:
         """Run every scenario, or go on with an earlier run."""
