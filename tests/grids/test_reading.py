@@ -113,6 +113,10 @@ def test_a_column_of_a_table_may_have_numbers_with_and_without_units(write: Path
 
 
 WRONG = {
+    "more points than Sobol's sequence has": (
+        f'mode = "sobol"\nn = {2**30 + 1}\n{AXIS}path = "gravity"\nuniform = [9.0, 10.0]\n',
+        ["n: found 1073741825, expected a whole number from 1 to 1073741824"],
+    ),
     "no base": ("mode = 'zip'\n", ["found none of them, expected one of base or scenario"]),
     "unknown path": (
         AXIS + 'path = "balls[1].angel"\nvalues = [1]\n',

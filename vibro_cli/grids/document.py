@@ -45,6 +45,8 @@ from vibro_cli.systems.columns import GROWTH, Column
 SAMPLED = ("latin-hypercube", "sobol")
 """Modes that draw a number of points from the axes."""
 MODES = ("product", "zip", *SAMPLED)
+MOST_DRAWN = 2**30
+"""Points that Sobol's sequence has."""
 _SOURCES = ("base", "scenario")
 
 
@@ -69,7 +71,7 @@ class GridFile(Table):
     mode: Annotated[str, kinds.Word(MODES)] = MODES[0]
     """How the axes make points: product (each value with each, the last axis changing fastest),
     zip (one after the other), or a design of n points."""
-    n: Annotated[int | None, kinds.COUNT] = None
+    n: Annotated[int | None, kinds.Count(most=MOST_DRAWN)] = None
     """Number of points of a latin-hypercube or sobol design."""
     seed: Annotated[int, kinds.Count(least=0)] = 0
     """Seed of whatever is random."""
