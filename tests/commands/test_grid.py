@@ -282,6 +282,13 @@ def test_runs_are_verified_too(vibro: Vibro, scenario: Path) -> None:
     assert vibro("verify", "one").code == 0
     Path("one/summary.json").write_text("{}")
     assert vibro("verify", "one").code == 1
+    Path("other").mkdir()
+    told = vibro("verify", "one", "other", "none", "--json")
+    assert told.code == 2
+    assert [(line["folder"], line["sound"]) for line in told.lines] == [
+        ("one", False), ("other", False), ("none", False)
+    ]  # fmt: skip
+    assert told.lines[2]["reason"] == "none: no such folder"
 
 
 def test_what_was_asked_wrong_and_what_failed_have_exit_codes_of_their_own(

@@ -164,7 +164,10 @@ class VerifyCommand:
                 verdict = verify(folder)
             except NoManifest as error:
                 ours = False
-                say(f"vibro: {error}" if folder.exists() else f"{folder}: no such folder", "error")
+                why = str(error) if folder.exists() else f"{folder}: no such folder"
+                if self.as_json:
+                    print(json_text({"folder": str(folder), "sound": False, "reason": why}))
+                say(f"vibro: {why}" if folder.exists() else why, "error")
                 continue
             sound = sound and verdict.sound
             if self.as_json:
