@@ -125,7 +125,8 @@ def _numbers(path: str, texts: Sequence[str], model: Any) -> tuple[list[float], 
     try:
         kind = kind_of(path_of(path), model)
         if not isinstance(kind, Quantity):
-            raise CommandError(f"vibro: --vary: found {path}, expected a number of the scenario")
+            expected = "a number of the scenario that may be a fraction"
+            raise CommandError(f"vibro: --vary: found {path}, expected {expected}")
         return [read_number(kind, parse_value(text)) for text in texts], kind.unit
     except Fault as error:
         raise CommandError(f"vibro: --vary: {error}") from error
