@@ -575,6 +575,8 @@ def test_python_finds_what_the_command_finds(
     assert repr(family).startswith(f"<OrbitFamily of falling_balls: {len(family.points)} orbits o")
     with pytest.raises(ValueError, match="expected one of a trace"):
         orbit(example("two_disks"))
+    with pytest.raises(ValueError, match="found impacts and period, expected one of them"):
+        orbit(example("falling_balls"), impacts=1, period=1.0)
 
 
 @pytest.mark.parametrize(
@@ -590,6 +592,7 @@ def test_python_finds_what_the_command_finds(
         (["--vary", "ends.left.wall=0.5:1"], "ends.left.wall: found a coefficient of restitution"),
         (["--period", "nan"], "--period: found nan, expected a finite number greater than 0"),
         (["--period", "-1"], "--period: found -1.0, expected a number greater than 0"),
+        (["--period", "1"], "found --impacts and --period, expected one of them"),
         (
             ["--impacts", f"{2**63}"],
             f"--impacts: found {2**63}, expected a whole number below 2^63",

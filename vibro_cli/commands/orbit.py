@@ -78,6 +78,8 @@ class OrbitCommand:
                 checked("--impacts", self.impacts, Count())
         except ValueError as error:
             raise typer.BadParameter(str(error)) from error
+        if self.impacts is not None and self.period is not None:
+            raise typer.BadParameter("found --impacts and --period, expected one of them")
 
     def __call__(self) -> int:
         """Find, follow, draw, write and print."""

@@ -124,7 +124,8 @@ def orbit(scenario: AnyScenario, impacts: int | None = None, period: float | Non
     scenario
         Of a trace, with k = 1.
     impacts, period
-        Impacts of one period, or a guess of the period (s); by default those of the nearest return.
+        Impacts of one period, or a guess of the period (s), not both; by default those of the
+        nearest return.
 
     Raises
     ------
@@ -137,6 +138,8 @@ def orbit(scenario: AnyScenario, impacts: int | None = None, period: float | Non
         impacts = checked("impacts", impacts, Count())
     if period is not None:
         period = checked("period", period, Quantity(above=0.0))
+    if impacts is not None and period is not None:
+        raise ValueError("found impacts and period, expected one of them")
     system = _system_of_trace(scenario)
     return find_orbit(system, impacts, period, scenario.stop.time or 1000.0)
 
