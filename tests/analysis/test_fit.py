@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+import struct
 from pathlib import Path
 from typing import Any
 
@@ -367,13 +368,25 @@ def test_the_command_tells_what_is_wrong(
     (tmp_path / "good.csv").write_text("t\n1.0\n2.0\n3.0\n")
     (tmp_path / "twice.csv").write_text("t,t\n1.0,2.0\n")
     (tmp_path / "latin.CSV").write_bytes("t,Höhe\n1.0,2.0\n".encode("latin-1"))
+    pq.write_table(
+        pa.table({"t": [1.0, 2.0, 3.0]}),
+        tmp_path / "damaged.parquet",
+        write_page_checksum=True,
+        use_dictionary=False,
+        compression="none",
+    )
+    damaged = bytearray((tmp_path / "damaged.parquet").read_bytes())
+    damaged[damaged.index(struct.pack("<d", 2.0))] ^= 1
+    (tmp_path / "damaged.parquet").write_bytes(damaged)
     free = ["--free", "collision.k"]
     for arguments, words in (
+        (["damaged.parquet", *free], "damaged.parquet: cannot be read: could not verify page"),
         (["bad.csv", *free], "bad.csv: row 1: t: found 'soon'"),
         (["later.csv", *free], "later.csv: row 3: t: found 'soon'"),
         (["twice.csv", *free], "twice.csv: cannot be read as a table: 2 columns are named 't'"),
         (["latin.CSV", *free], "latin.CSV: cannot be read as a table: the name of a column is not"),
         (["none.csv", *free], "none.csv: cannot be read: No such file"),
+        (["none.parquet", *free], "none.parquet: cannot be read: No such file"),
         (["good.csv", "--free", "colision.k"], 'colision.k: found the unknown key "colision"'),
         (["good.csv", "--free", "balls[2].mas"], 'did you mean "mass"?'),
         (["good.csv", "--free", "balls[3].mass"], "found balls[3] of 2"),

@@ -21,7 +21,7 @@ from vibro_cli.commands.shared.options import (
 from vibro_cli.commands.shared.terminal import print_found, say
 
 if TYPE_CHECKING:
-    from vibro_cli.analysis.fit import Fit, Free
+    from vibro_cli.analysis.fit import Fit, Free, Measured
     from vibro_cli.analysis.orbit_branch import Branch
     from vibro_cli.analysis.orbits import Orbit
     from vibro_cli.scenario.models import Scenario
@@ -258,7 +258,7 @@ class FitCommand:
 
     def __call__(self) -> int:
         """Read, fit, draw, write and print."""
-        from vibro_cli.analysis.fit import NoFit, fit_impacts, read_measured
+        from vibro_cli.analysis.fit import NoFit, fit_impacts
         from vibro_cli.interface import pictures
         from vibro_cli.interface.analyses import Fit
         from vibro_cli.storage.files import check_replaceable
@@ -269,17 +269,12 @@ class FitCommand:
         free = parsed_free(self.free)
         if folder is not None:
             check_replaceable(folder, "fit")
+        measured = _measured(self.measured)
         try:
-            measured = read_measured(self.measured)
             with leaving():
                 found = Fit.of(fit_impacts(scenario, measured, free, self.noise))
         except NoFit as error:
             raise CommandError(f"vibro: {scenario.name}: no fit: {error}") from error
-        except OSError as error:
-            if error.filename != str(self.measured):
-                raise
-            text = f"vibro: {self.measured}: cannot be read: {error.strerror}"
-            raise CommandError(text) from error
         if folder is not None:
             drawn = pictures({"residuals": found.figure().figure}) if self.figures else {}
             write_results("fit", folder, drawn, found.scenario, record_of_fit(found), found.table)
@@ -287,6 +282,17 @@ class FitCommand:
         if folder is not None:
             say(f"{scenario.name}: files in {folder}")
         return DONE
+
+
+def _measured(file: Path) -> Measured:
+    """The measured instants in a file; raises `CommandError` where it cannot be read."""
+    from vibro_cli.analysis.fit import read_measured
+
+    try:
+        return read_measured(file)
+    except OSError as error:
+        text = f"vibro: {file}: cannot be read: {error.strerror or error}"
+        raise CommandError(text) from error
 
 
 def parsed_free(texts: Sequence[str]) -> list[Free]:

@@ -35,13 +35,13 @@ def read_table(path: Path) -> pa.Table:
     from vibro_cli.storage.tables import once_each, read_parquet
 
     suffix = path.suffix.lower()
-    if suffix == ".parquet":
-        return read_parquet(path)
-    if suffix != ".csv":
+    if suffix not in (".parquet", ".csv"):
         raise pa.ArrowInvalid(f"found the suffix {path.suffix!r}, expected .csv or .parquet")
-    from pyarrow import csv
+    with path.open("rb") as stream:  # arrow's own errors of opening do not name the file
+        if suffix == ".parquet":
+            return read_parquet(stream)
+        from pyarrow import csv
 
-    with path.open("rb") as stream:
         return once_each(csv.read_csv(stream))
 
 
