@@ -174,6 +174,12 @@ def test_completion_in_the_shell(words: str, offered: list[str]) -> None:
     assert completions(words) == offered
 
 
+def test_what_a_shell_asks_wrongly_fails(folder: Path) -> None:
+    outcome = call(folder, **environment(_VIBRO_COMPLETE="nonsense_bash"))
+    assert outcome.returncode == 1
+    assert b"nonsense" in outcome.stderr
+
+
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
 def test_the_script_of_each_shell(folder: Path, shell: str) -> None:
     outcome = call(folder, **environment(_VIBRO_COMPLETE=f"source_{shell}"))

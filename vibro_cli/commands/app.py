@@ -143,8 +143,10 @@ def _parse_and_run(arguments: list[str]) -> int:
         raise usage_error(error, command) from error
     except typer.Abort as error:
         raise KeyboardInterrupt from error
-    except SystemExit as end:  # of typer, when nobody reads its help
-        raise BrokenPipeError from end
+    except SystemExit as end:
+        if isinstance(end.__context__, BrokenPipeError):  # of typer, when nobody reads its help
+            raise end.__context__ from None
+        raise
     return int(task()) if callable(task) else int(task or 0)
 
 
