@@ -97,6 +97,7 @@ def test_a_wrong_family_is_refused(vibro: Vibro, vary: str) -> None:
     [
         ("ball[1].radius=0.1:0.2:3", "found ball[1].radius, expected a value of a scenario"),
         ("balls[1].body=1:2:3", "found balls[1].body, expected a number"),
+        ("stop.collisions=1:3:3", "expected a number of the scenario that may be a fraction"),
         ("balls[1].radius=1 kg:2 kg:3", 'found "1 kg", expected a length'),
         ("balls[1].radius=2:3:3", "no member is possible: balls[1].radius: found 2.0"),
     ],
