@@ -109,10 +109,15 @@ def test_outcomes_are_words_and_whole_numbers_together() -> None:
         "status": np.array(["ok", "ok", "invalid", "ok"], dtype=object),
         "arc_2": np.array([1.0, 3.0, np.nan, 1.0]),
         "energy_end": np.array([0.1, 0.2, np.nan, 0.3]),
+        "reason": np.array([None] * 4, dtype=object),
+        "arc_3": np.full(4, np.nan),
     }
     found = outcomes_of(summary, ["status", "arc_2"], np.arange(4))
     assert found.names == ("ok, 2 on arc 1", "invalid", "ok, 2 on arc 3")
     assert found.code.tolist() == [0, 2, 1, 0]
+    for name in ("reason", "arc_3"):
+        with pytest.raises(NoBasins, match=f"outcome '{name}', expected one of status, arc_2$"):
+            outcomes_of(summary, [name], np.arange(4))
     with pytest.raises(NoBasins, match="found the outcome 'energy_end', expected one of status"):
         outcomes_of(summary, ["energy_end"], np.arange(4))
 

@@ -92,7 +92,8 @@ class Basins:
 def outcomes_of(summary: Mapping[str, Any], names: Sequence[str], rows: Codes) -> Outcomes:
     """Return what some rows of a summary say in some of its columns, as one outcome each.
 
-    Raises `NoBasins` for a name that is no column, and a column of numbers that are not whole.
+    Raises `NoBasins` for a name that is no column, a column of numbers that are not whole, and one
+    without a value.
     """
     if not names:
         raise NoBasins("expected at least one column that tells an outcome")
@@ -133,9 +134,9 @@ def combined(columns: Sequence[Codes]) -> Codes:
 def _is_outcome(column: Any) -> bool:
     values = np.asarray(column)
     if values.dtype == object:
-        return True
+        return any(one is not None for one in values)
     finite = values[np.isfinite(values)]
-    return bool(np.all(finite == np.rint(finite)))
+    return bool(finite.size and np.all(finite == np.rint(finite)))
 
 
 def _texts(name: str, values: NDArray[Any]) -> list[str]:
