@@ -179,6 +179,7 @@ def test_every_command_has_help(vibro: Vibro, command: str) -> None:
             (["grid", "a.toml", "--dry-run", *more], "it goes with none of --shard, --merge and")
             for more in (["--shard", "1/2"], ["--merge"], ["--repair"])
         ),
+        (["bench", "--references", "a", "--json"], "--references measures nothing; it goes with"),
         (["show", "a.parquet", "--rows", "few"], "vibro: --rows: found 'few', expected N, -N"),
     ],
 )

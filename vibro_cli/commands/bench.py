@@ -45,6 +45,9 @@ class BenchCommand:
     def __post_init__(self) -> None:
         if self.quick and self.full:
             raise typer.BadParameter("--quick does not go with --full")
+        measured = self.quick or self.full or self.as_json or self.output != type(self).output
+        if self.references is not None and measured:
+            raise typer.BadParameter("--references measures nothing; it goes with --scene only")
 
     def __call__(self) -> int:
         """Measure, or compute the references anew."""
