@@ -22,7 +22,6 @@ from vibro_cli.grids.chunks import Chunks, Receipt, file_names, receipt_of
 from vibro_cli.grids.document import Grid
 from vibro_cli.grids.solving import (
     SUMMARY,
-    Columns,
     Solved,
     end_to_end,
     impact_table_of,
@@ -37,6 +36,7 @@ from vibro_cli.storage.tables import (
     record_batch,
 )
 from vibro_cli.systems.columns import Table
+from vibro_cli.systems.contract import Columns
 
 
 class Buffers:

@@ -23,6 +23,7 @@ from vibro_cli.scenario.problems import KeyPath, ScenarioError, path_text
 from vibro_cli.storage.tables import record_batch, table_named
 from vibro_cli.systems import system_named
 from vibro_cli.systems.columns import Column, Table
+from vibro_cli.systems.contract import Columns
 from vibro_cli.systems.run import record_of, summed_up
 from vibro_cli.systems.tables import impacts_of_runs
 
@@ -68,9 +69,6 @@ def _may_be_sided(grid: Grid) -> bool:
     """Whether some scenarios have two bodies on a closed trace, which may meet two ways."""
     closed = section(grid.base.data, "trace").get("closed") is True
     return ball_count(grid) == 2 and (closed or ("trace", "closed") in grid.design.paths)
-
-
-Columns = dict[str, Any]
 
 
 @dataclass

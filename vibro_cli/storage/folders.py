@@ -33,6 +33,7 @@ from vibro_cli.storage.files import (
 )
 from vibro_cli.storage.tables import GrowingTable, Origin, parquet_bytes, table_named, to_arrow
 from vibro_cli.systems.columns import Table, count, flag, number, word
+from vibro_cli.systems.contract import Columns
 
 if TYPE_CHECKING:
     import pyarrow
@@ -99,9 +100,6 @@ def write_run(
         folder.finish(run, figures)
 
 
-Rows = Mapping[str, Any]
-
-
 class StreamedFolder:
     """The folder of a run in the making, into which the rows of its tables are put as they come."""
 
@@ -113,7 +111,7 @@ class StreamedFolder:
         self._tables: dict[str, GrowingTable] = {}
         self._entries: dict[str, Any] = {}
 
-    def add(self, name: str, rows: Rows) -> None:
+    def add(self, name: str, rows: Columns) -> None:
         """Add rows to a table; raises `OSError` when they cannot be written."""
         file = f"{name}.parquet"
         with self._folder.naming(file):

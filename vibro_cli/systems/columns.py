@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 from vibro_cli.kernels.impact.laws import LAW_NAMES
+from vibro_cli.systems.contract import Columns
 
 SCHEMA_VERSION = "1"
 
@@ -29,8 +30,6 @@ END_CAUSES = {
 """What the causes that end a run mean, in words."""
 
 ColumnType = Literal["float64", "int64", "bool", "string"]
-Columns = dict[str, Any]
-"""Columns by their names; arrays of equal length."""
 Value = Callable[[Any], Any]
 
 

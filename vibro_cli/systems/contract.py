@@ -38,11 +38,11 @@ if TYPE_CHECKING:
     from vibro_cli.systems.tables import Bodies, ImpactRows
     from vibro_cli.systems.tangents import LoggedMap
 
-Rows = dict[str, Any]
+Columns = dict[str, Any]
 """Columns of equal length by their names."""
 Document = dict[str, Any]
 """A scenario as a user writes it, as plain data."""
-Sink = Callable[[str, Rows], None]
+Sink = Callable[[str, Columns], None]
 """Takes the name of a table and more columns of it; words are given by their numbers."""
 
 
@@ -82,7 +82,7 @@ class Tables(Protocol):
     def take(self, stretch: Stretch) -> None:
         """Hand the rows of a stretch to the sink; the last one has a cause of the end."""
 
-    def summary(self) -> Rows:
+    def summary(self) -> Columns:
         """Return the columns of the summary, of one row, once the run has ended."""
 
 
@@ -92,7 +92,7 @@ class Trajectory(Protocol):
     last: Any
     """What the motion in the next stretch goes on from."""
 
-    def sample(self, instants: Any, side: str = "after") -> Rows:
+    def sample(self, instants: Any, side: str = "after") -> Columns:
         """Return the columns of the motion table: for each instant (s) a row for each body.
 
         `instants` is an array of shape (n,); before and after the stretch what it begins and ends
@@ -108,7 +108,7 @@ class Flights(Protocol):
     def system(self) -> Any:
         """What was solved."""
 
-    def flights(self) -> Rows:
+    def flights(self) -> Columns:
         """Return every flight of every body on a trace: where and when it starts and ends, why."""
 
     def look_at(self, rows: Any) -> None:
@@ -121,7 +121,7 @@ class Flights(Protocol):
 class Motion(Flights, Protocol):
     """The motion in a run that is over."""
 
-    def sample(self, times: Any, side: str = "after", extrapolate: bool = False) -> Rows:
+    def sample(self, times: Any, side: str = "after", extrapolate: bool = False) -> Columns:
         """Return the columns of the motion table: for each time (s) a row for each body."""
 
 
@@ -341,7 +341,7 @@ class System(ABC):
         logs: Mapping[str, ImpactLog] = self.part("tables").IMPACT_LOGS
         return logs
 
-    def events(self, system: Any, logs: Any) -> Rows | None:
+    def events(self, system: Any, logs: Any) -> Columns | None:
         """Return the columns of events of a stretch from its logs, None without such a table."""
         return None
 

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from vibro_cli.kernels.world import END_INTERRUPTED, END_NAMES, END_TIME, LOG_FULL, RUNNING
-from vibro_cli.systems.contract import Rows, Sink, System, Trajectory
+from vibro_cli.systems.contract import Columns, Sink, System, Trajectory
 from vibro_cli.systems.driver import (
     Driver,
     EventLoop,
@@ -240,7 +240,7 @@ def summed_up(
     wanted: OutputRequest,
     logs: Collection[str],
     interrupted: Callable[[], bool],
-) -> tuple[Rows, dict[str, Any]]:
+) -> tuple[Columns, dict[str, Any]]:
     """Run a system for its summary and these of its logs; nothing else of it is kept.
 
     `interrupted` as of :func:`stream`. Raises as :func:`simulate`.
@@ -308,7 +308,7 @@ class Run:
     whole: Stretch = field(repr=False)
     """All of it, as one stretch."""
     _state: dict[str, Any] = field(repr=False)
-    _tables: dict[str, Rows | None] = field(default_factory=dict, repr=False)
+    _tables: dict[str, Columns | None] = field(default_factory=dict, repr=False)
 
     @property
     def end_cause(self) -> str:
@@ -325,14 +325,14 @@ class Run:
         """What was not computed, and why."""
         return self.kind.skipped(self.clock, self.wanted, self.end_time)
 
-    def table(self, name: str) -> Rows | None:
+    def table(self, name: str) -> Columns | None:
         """Return the columns of a table, None for one that was not asked for (motion)."""
         if name not in self._tables:
             self._tables[name] = self._made(name)
         return self._tables[name]
 
-    def _made(self, name: str) -> Rows | None:
-        parts: list[Rows] = []
+    def _made(self, name: str) -> Columns | None:
+        parts: list[Columns] = []
         tables = self.kind.table_maker(
             self.system, self.wanted, () if name == "summary" else (name,),
             lambda _, rows: parts.append(rows),
@@ -347,38 +347,38 @@ class Run:
         declared = {table.file: table for table in self.kind.tables()}
         return declared[name].in_words(rows)
 
-    def _present(self, name: str) -> Rows:
+    def _present(self, name: str) -> Columns:
         found = self.table(name)
         assert found is not None
         return found
 
     @property
-    def collisions(self) -> Rows:
+    def collisions(self) -> Columns:
         """Columns of ``collisions.parquet``, a row for each impact of two bodies."""
         return self._present("collisions")
 
     @property
-    def bounces(self) -> Rows:
+    def bounces(self) -> Columns:
         """Columns of ``bounces.parquet`` of a table, a row for each impact on the wall."""
         return self._present("bounces")
 
     @property
-    def events(self) -> Rows:
+    def events(self) -> Columns:
         """Columns of ``events.parquet``, in order of time."""
         return self._present("events")
 
     @property
-    def motion(self) -> Rows | None:
+    def motion(self) -> Columns | None:
         """Columns of ``motion.parquet``, or None if no sampled motion is asked for."""
         return self.table("motion")
 
     @property
-    def exponents(self) -> Rows | None:
+    def exponents(self) -> Columns | None:
         """Columns of ``exponents.parquet``, or None if they are not asked for."""
         return self.table("exponents")
 
     @property
-    def summary(self) -> Rows:
+    def summary(self) -> Columns:
         """Columns of ``summary.parquet``, one row."""
         return self._present("summary")
 
@@ -396,7 +396,7 @@ class Run:
         """The motion of all bodies, in closed form."""
         return self.kind.trajectory(self.system, self.whole)
 
-    def sample(self, times: Any, side: str = "after", extrapolate: bool = False) -> Rows:
+    def sample(self, times: Any, side: str = "after", extrapolate: bool = False) -> Columns:
         """Return the motion at given times, exactly.
 
         Parameters
@@ -421,7 +421,7 @@ class Run:
         instants = within_run(times, self.end_time, extrapolate)
         return self.trajectory.sample(instants, side)
 
-    def flights(self) -> Rows:
+    def flights(self) -> Columns:
         """Return every flight of every body on a trace: where and when it starts and ends, why."""
         return self.trajectory.table()  # type: ignore[attr-defined, no-any-return]
 
@@ -528,7 +528,7 @@ class Gathered:
         whole[0].go_on(whole[1:])
         return whole[0]
 
-    def sample(self, times: Any, side: str = "after", extrapolate: bool = False) -> Rows:
+    def sample(self, times: Any, side: str = "after", extrapolate: bool = False) -> Columns:
         """Return the motion of every body at given times, see ``systems.run.Run``."""
         return self.trajectory.sample(within_run(times, self._end, extrapolate), side)  # type: ignore[no-any-return]
 

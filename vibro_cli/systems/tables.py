@@ -12,7 +12,7 @@ import numpy as np
 from vibro_cli.kernels.impact.laws import TRANSLATIONAL
 from vibro_cli.kernels.world import END_NAMES, RUNNING
 from vibro_cli.mechanics.system import Body, ImpactSystem
-from vibro_cli.systems.contract import ImpactLog, Rows, Sink, System
+from vibro_cli.systems.contract import Columns, ImpactLog, Sink, System
 from vibro_cli.systems.driver import record_array
 from vibro_cli.systems.request import NO_LIMITS, OutputRequest, Sampling
 from vibro_cli.systems.run import Gathered, Stretch
@@ -82,7 +82,7 @@ class SystemTables:
             self.motion.take(trajectory, stretch.end[0])
         self._before = trajectory.last
 
-    def summary(self) -> Rows:
+    def summary(self) -> Columns:
         """Return the columns of ``summary.parquet``, once the run has ended."""
         values = self._kind.summary(len(self._system.bodies)).filled(self._totals)
         found = {name: _one(value) for name, value in values.items()}
@@ -104,7 +104,7 @@ class _Impacts:
         self._told = 0
         self._before: Any = None
 
-    def take(self, logs: Any) -> Rows:
+    def take(self, logs: Any) -> Columns:
         log, kept = logs[self._kept.log], self._kept
         run = np.zeros(len(log), dtype=np.int64)
         columns = kept.table.filled(kept.rows(self._bodies, log, run, self._told, self._before))
@@ -115,7 +115,7 @@ class _Impacts:
 
 def impacts_of_runs(
     kept: ImpactLog, systems: Sequence[Any], logs: Sequence[Any]
-) -> tuple[Rows, Any]:
+) -> tuple[Columns, Any]:
     """Return the columns of a table of impacts of some runs, and the number of each row's run.
 
     Words are given by their numbers.

@@ -16,7 +16,7 @@ from vibro_cli.kernels.tangent.frame import SCALE, SERIES_ROWS, TERMS, WIDTH, Ta
 from vibro_cli.kernels.world import RUNNING
 from vibro_cli.numerics import elementwise
 from vibro_cli.numerics.elementwise import Floats
-from vibro_cli.systems.contract import Rows, System
+from vibro_cli.systems.contract import Columns, System
 from vibro_cli.systems.driver import called, with_logs, zeros
 from vibro_cli.systems.request import NO_LIMITS, Limits
 from vibro_cli.systems.run import Stretch, begun
@@ -137,7 +137,9 @@ class TangentMap:
         self._state["time_scale"] = time_scale
         self._kept = room_for(self.size, 0, False, self._state)
 
-    def go_on(self, world: Any, known: int, stretch: Stretch, instants: Any, *scratch: Any) -> Rows:
+    def go_on(
+        self, world: Any, known: int, stretch: Stretch, instants: Any, *scratch: Any
+    ) -> Columns:
         """Go on through a stretch whose logs a world has, and whose impacts are at instants (s).
 
         Returns the columns ``amplification`` and ``smooth`` of these impacts and, if wanted,
@@ -200,7 +202,7 @@ class LoggedMap(TangentMap):
         self._world = kind.world(system, NO_LIMITS)
         self._known = 0
 
-    def take(self, stretch: Stretch) -> dict[str, Rows]:
+    def take(self, stretch: Stretch) -> dict[str, Columns]:
         """Go on through a stretch; the columns ``amplification, smooth`` of its impacts by tables.
 
         Impacts of several logs are told of in order of their events.
@@ -228,7 +230,7 @@ class LoggedMap(TangentMap):
 
 def followed(
     kind: System, system: Any, limits: Limits, engine_name: str = "compiled"
-) -> tuple[LoggedMap, dict[str, Rows], Stretch]:
+) -> tuple[LoggedMap, dict[str, Columns], Stretch]:
     """Return the tangent map of a whole run, the columns of its impacts by tables, and the run.
 
     Raises as ``systems.run.begun``.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
-from vibro_cli.systems.contract import Rows, System
+from vibro_cli.systems.contract import Columns, System
 
 if TYPE_CHECKING:
     from vibro_cli.compile.kernel import Kernel
@@ -28,7 +28,7 @@ class BodiesOnSprings(System):
 
         return advance, sample_states, follow_bodies
 
-    def events(self, system: Any, logs: Any) -> Rows:
+    def events(self, system: Any, logs: Any) -> Columns:
         from vibro_cli.systems.springs.tables import EVENTS, Contacts
 
         return EVENTS.filled(Contacts(logs["states"], len(system.bodies)))

@@ -12,7 +12,6 @@ import numpy as np
 from vibro_cli.grids.axes import Array
 from vibro_cli.grids.document import Grid
 from vibro_cli.grids.solving import (
-    Columns,
     Solved,
     ball_count,
     columns_of_records,
@@ -27,6 +26,7 @@ from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.scenario.problems import KeyPath
 from vibro_cli.storage.tables import record_batch
 from vibro_cli.systems.columns import Table
+from vibro_cli.systems.contract import Columns
 from vibro_cli.systems.driver import compiled_world, zeros
 from vibro_cli.systems.request import Limits, OutputRequest
 from vibro_cli.systems.run import summed_up

@@ -16,7 +16,7 @@ from vibro_cli.kernels.world import Flight, World
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.numerics.elementwise import Floats, greatest_of
 from vibro_cli.systems import tangents
-from vibro_cli.systems.contract import Rows
+from vibro_cli.systems.contract import Columns
 from vibro_cli.systems.driver import with_logs, zeros
 from vibro_cli.systems.request import Limits
 from vibro_cli.systems.run import Run, Stretch, begun
@@ -47,7 +47,7 @@ class TangentMap(tangents.TangentMap):
     def __init__(self, system: TraceSystem, times: bool = False) -> None:
         super().__init__(SYSTEM, system, float(time_scale(system)), times)
 
-    def take(self, world: World, stretch: Stretch) -> Rows:
+    def take(self, world: World, stretch: Stretch) -> Columns:
         """Go on through a stretch whose logs a world has, see `systems.tangents.TangentMap`."""
         instants = stretch.logs["impacts"]["t"]
         return self.go_on(world, stretch.known, stretch, instants, zeros(1, Flight))
@@ -77,7 +77,7 @@ def matrix_of(run: Run) -> Floats:
     return followed.matrix()
 
 
-def _take_whole(followed: TangentMap, system: TraceSystem, whole: Stretch) -> Rows:
+def _take_whole(followed: TangentMap, system: TraceSystem, whole: Stretch) -> Columns:
     """Follow a run that is one stretch; the columns of its impacts."""
     world = make_world(system)
     return followed.take(
