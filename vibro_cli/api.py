@@ -31,9 +31,9 @@ def simulate(
 
     It goes on from ``checkpoint()`` and ``history()`` of an earlier run of the scenario with a
     nearer stop, as one run without a break. Raises ``ScenarioError`` if the scenario is
-    mechanically impossible, with every problem and its place, ``TooQuiet`` if millions of
-    crossings follow one another without an impact, ``CannotContinue`` if the earlier run had
-    ended for good, or is past the stop.
+    mechanically impossible, with every problem and its place, ``TooQuiet`` as
+    ``systems.run.simulate``, ``CannotContinue`` if the earlier run had ended for good, or is past
+    the stop.
     """
     system = build_any(scenario)
     kind = system_named(scenario.system)

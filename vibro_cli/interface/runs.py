@@ -206,8 +206,8 @@ class Run:
         folder
             By default ``outputs/<name>``.
         figures
-            Whether figures are drawn too: for a trace the phase portraits, else of every kind; or
-            the names of the kinds that are; of one that shows nothing the logger warns.
+            Whether figures are drawn too: for a trace the phase portraits, else what shows the
+            motion; or the names of the kinds that are; of one that shows nothing the logger warns.
         force
             Whether a run with other parameters is replaced.
 
@@ -436,7 +436,7 @@ def simulate(scenario: AnyScenario, engine: str = "compiled") -> Run:
     ScenarioError
         If the scenario is mechanically impossible; every problem with its place.
     TooQuiet
-        If millions of crossings follow one another without an impact.
+        If two bodies meet no more for millions of crossings, impacts on the wall or steps.
     """
     return _solved(scenario, engine)
 

@@ -143,7 +143,8 @@ def read_earlier(folder: Path, overrides: Sequence[str]) -> "tuple[Path, Earlier
         section = text.partition("=")[0].strip().partition(".")[0]
         if section not in CHANGEABLE:
             raise CommandError(
-                f"--set {text}: found a value of {section!r}, expected one of stop or output "
+                f"--set {text}: found a value of {section!r}, expected one of "
+                f"{' or '.join(CHANGEABLE)} "
                 "(with --continue the rest of the scenario stays as it was)"
             )
     killed = scenario_of_killed_run(folder)
