@@ -44,7 +44,8 @@ _MOST_COLUMNS = 8
 _FIRST = 1000
 
 Array = NDArray[np.float64]
-Columns = Mapping[str, NDArray[Any]]
+Column = NDArray[Any]
+Columns = Mapping[str, Column]
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,12 +182,12 @@ def open_run(folder: Path) -> StoredRun:
     return StoredRun(folder, scenario, earlier.manifest, summary, earlier.checkpoint)
 
 
-class _Columns(Mapping[str, NDArray[Any]]):
+class _Columns(Mapping[str, Column]):
     """The columns of a parquet file, or of several of the same schema, each read when asked for."""
 
     def __init__(self, path: Path) -> None:
         self.schema = schema_of(path)
-        self._columns: dict[str, NDArray[Any]] = {}
+        self._columns: dict[str, Column] = {}
 
     def __contains__(self, name: object) -> bool:
         return name in self.schema.names
@@ -204,7 +205,7 @@ class StoredColumns(_Columns):
     def __init__(self, path: Path) -> None:
         super().__init__(path)
         self._path = path
-        self._first: dict[str, NDArray[Any]] = {}
+        self._first: dict[str, Column] = {}
 
     def first(self, rows: int) -> Columns:
         """Return the first rows."""
@@ -216,7 +217,7 @@ class StoredColumns(_Columns):
         complete = rows <= len(found["n"]) or len(found["n"]) == len(self["n"])
         return found if complete else {name: values[:rows] for name, values in self.items()}
 
-    def __getitem__(self, name: str) -> NDArray[Any]:
+    def __getitem__(self, name: str) -> Column:
         if name not in self:
             raise KeyError(name)
         values = self._columns.pop(name, None)
@@ -232,9 +233,6 @@ def _check_tables(folder: Path, manifest: Mapping[str, Any]) -> None:
     tables = {n: wanted for n, wanted in described if n.endswith((".parquet", ".json"))}
     for damage in check_files(folder, tables):
         raise NotContinuable(f"{folder}/{damage}")
-
-
-Column = NDArray[Any]
 
 
 class NotAGrid(VibroError):

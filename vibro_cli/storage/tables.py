@@ -1,11 +1,8 @@
 """Tables as their systems declare them: to arrow, to bytes, and back from parquet files.
 
-The parquet schemas, the checks before writing, `vibro schema tables` and the tables' reference in
-docs/ all come from these declarations (see `systems.columns`).
-
-What a column must be is said there; here it is held to it. Equal columns give equal bytes: nothing
-of the machine or of the time goes into a table. Tables of a run grow while it goes on, and leave
-memory with each group of rows.
+What a column must be is said in `systems.columns`; here it is held to it. Equal columns give equal
+bytes: nothing of the machine or of the time goes into a table. Tables of a run grow while it goes
+on, and leave memory with each group of rows.
 """
 
 from __future__ import annotations

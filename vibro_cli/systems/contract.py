@@ -142,8 +142,11 @@ class ImpactLog(NamedTuple):
     bodies: type[Bodies]
     """Of systems, with what the rows need of them."""
     title: str = "Impacts"
+    """Above the rows in a report."""
     words: str = "impacts"
+    """What the rows are, after their number."""
     none: str = "was no impact of two bodies"
+    """What is said after "There", where there is no row."""
 
 
 class System(ABC):
@@ -160,7 +163,7 @@ class System(ABC):
         """Whether there is a module in the system's folder."""
         return find_spec(f"vibro_cli.systems.{self.name}.{module}") is not None
 
-    # From what a user wrote to what is solved: scenario/, build/.
+    # From what a user wrote to what is solved: scenario/, assemble.py.
 
     @property
     def model(self) -> type[AnyScenario]:
