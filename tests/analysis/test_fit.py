@@ -114,6 +114,24 @@ def test_the_error_of_one_impact_alone_is_its_sensitivity(path: str) -> None:
     assert found.errors[0] == pytest.approx(2.0 * change / abs(ahead - behind), rel=1e-6)
 
 
+@pytest.mark.parametrize("radius", [1e-6, 1e-7, 3e-8])
+def test_the_errors_of_numbers_that_instants_hardly_tell_apart_keep_their_digits(
+    radius: float,
+) -> None:
+    """Gravity and the radius of a valley are told apart by the angle of contact alone, as 2r/R."""
+
+    def errors(radius: float) -> Any:
+        bodies = [
+            {"radius": radius, "mass": mass, "arc": 1, "angle": angle}
+            for mass, angle in ((1.0, -1.0), (0.4, 0.3))
+        ]
+        scenario = scenario_of(scene(valley(170), bodies, 1.0, "hedrih", collisions=8))
+        paths = ["gravity", "trace.arcs[1].radius"]
+        return fit(scenario, _instants(scenario), paths, noise=1e-13).errors
+
+    np.testing.assert_allclose(errors(radius) * radius, errors(1e-5) * 1e-5, rtol=3e-4)
+
+
 def test_instants_that_are_missing_and_errors_of_each_count() -> None:
     exact = _instants(_circle())
     rows = np.array([0, 1, 4, 5, 7, 11])

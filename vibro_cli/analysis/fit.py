@@ -342,6 +342,15 @@ def _independent(jacobian: Floats) -> NDArray[np.int64]:
     return np.sort(shown[order[: len(shares)][told]])
 
 
+def _covariance(jacobian: Floats) -> Floats:
+    """``(J^T J)^-1``, from ``J`` itself: the product would lose twice the digits."""
+    sizes = np.linalg.norm(jacobian, axis=0)
+    _, shares, directions = np.linalg.svd(jacobian / sizes, full_matrices=False)
+    axes = directions.T / shares / sizes[:, None]
+    covariance: Floats = axes @ axes.T
+    return covariance
+
+
 class _Problem:
     def __init__(
         self, scenario: Scenario, measured: Measured, free: tuple[Free, ...], noise: float | None
@@ -560,7 +569,7 @@ class _Problem:
         self._check_told(jacobian)
         self._check_resolved(values, jacobian)
         found = self.motion(values, rows)
-        covariance: Any = np.linalg.inv(jacobian.T @ jacobian)
+        covariance: Any = _covariance(jacobian)
         noise = self._noise
         if not self._known:
             rounding = EPSILON * float(self._measured.t[-1])
