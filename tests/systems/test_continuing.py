@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -78,6 +79,38 @@ def test_a_run_in_parts_has_the_bits_of_one(name: str, engine: str) -> None:
     final = whole.sample([whole.end_time])
     for body in range(1, len(document["balls"]) + 1):
         assert whole.summary_record()[f"x_{body}"] == final["x"][body - 1]
+
+
+@pytest.mark.parametrize("engine", ["compiled", "python"])
+@pytest.mark.parametrize("system", ["trace", "table"])
+def test_what_happens_at_the_stop_itself_still_happens(system: str, engine: str) -> None:
+    """A disk at 0.5 m/s meets one at rest after 0.5 m, and that one a wall after as much again."""
+    disks = [{"body": "disk", "radius": 0.25, "mass": 1.0} for _ in range(2)]
+    document: Document = {"collision": {"k": 1.0}}
+    if system == "table":
+        document |= {"system": "table", "wall": {"shape": "rectangle", "k": 1.0}}
+        document["wall"] |= {"width": 5.5, "depth": 8.0}
+        places = {"x": 1.0, "y": 0.0, "velocity_x": 0.5}, {"x": 2.0, "y": 0.0}
+    else:
+        arcs = [{"shape": "line", "length": 2.75}]
+        document |= {"gravity": 8.0, "trace": {"start_slope": 0.0, "arcs": arcs}}
+        document["ends"] = {"right": {"wall": 1.0}}
+        places = {"arc": 1, "position": 1.0, "speed": 0.5}, {"arc": 1, "position": 2.0}
+    document["balls"] = [one | place for one, place in zip(disks, places, strict=True)]
+    before = solved(document, {"time": math.nextafter(1.0, 0.0)}, engine=engine)
+    assert before.summary_record()["collisions"] == 0
+    part = solved(document, {"time": 1.0}, engine=engine)
+    assert part.end_cause == "time"
+    assert part.collisions["t"].tolist() == [1.0]
+    assert part.sample([1.0])["speed"].tolist() == [0.0, 0.5]
+    name = "bounces" if system == "table" else "events"
+    for end, impacts, others in ((2.0, [1.0], [2.0]), (3.0, [1.0, 3.0], [2.0])):
+        earlier = json.loads(json.dumps(part.checkpoint())), part.history()
+        part = solved(document, {"time": end}, *earlier, engine=engine)
+        assert part.collisions["t"].tolist() == impacts
+        assert getattr(part, name)["t"].tolist() == others
+        whole = solved(document, {"time": end}, engine=engine)
+        assert part.summary_record() == whole.summary_record()
 
 
 def test_what_cannot_go_on_is_refused() -> None:

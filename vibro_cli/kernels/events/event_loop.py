@@ -472,16 +472,21 @@ def advance(world: World) -> int:
             return cause
 
 
+# After no time (s), but not at the same instant.
+LEAST_TIME = 1.0e-300
+
+
 @kernel
 def _horizon(world: World) -> tuple[float, float, int, int]:
     """When an event comes at the latest (two doubles, s): the stop, an end of a flight, a release.
 
+    What happens at the stop itself still happens: the run ends ``LEAST_TIME`` after it.
     Then the body whose flight ends first by the stop, and the pair that parts first before that;
     else -1.
     """
     settings = world.settings[0]
     t = settings.stop_t
-    low = 0.0
+    low = LEAST_TIME if t < NEVER else 0.0
     ball = -1
     for number in range(settings.bodies):
         flight = world.flights[number]
