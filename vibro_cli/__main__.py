@@ -29,8 +29,8 @@ def main() -> None:
         from vibro_cli.commands.app import run_command_line
 
         code = run_command_line(sys.argv[1:])
-    except KeyboardInterrupt:  # before there was anything to interrupt, or while cleaning up
-        code = 130
+    except KeyboardInterrupt as end:  # before there was anything to end, or while cleaning up
+        code = getattr(end, "exit_code", 130)
     gc.freeze()  # nor is there garbage at the end, where looking for it takes a quarter
     sys.exit(code)
 

@@ -47,6 +47,24 @@ def test_what_needs_no_library_ends_as_commands_do_where_nobody_reads(
     assert (full.returncode, full.stderr) == (1, b"vibro: No space left on device\n")
 
 
+def test_a_signal_that_comes_while_a_command_is_ending_has_its_exit_code() -> None:
+    """As a second one does that follows the first at once, of a terminal or a service that ends."""
+    code = """if True:
+        from vibro_cli.__main__ import main
+        from vibro_cli.commands import app
+        from vibro_cli.commands.shared import error_handling
+
+        def struck(*texts: str, **more: str) -> None:
+            raise error_handling.Terminated(15)
+
+        error_handling.say = struck
+        main()"""
+    outcome = subprocess.run(
+        [sys.executable, "-c", code, "check", "none.toml"], capture_output=True, check=False
+    )
+    assert (outcome.returncode, outcome.stderr) == (143, b"")
+
+
 def test_version_takes_little_more_than_python_itself_and_no_library() -> None:
     assert ratio([*VIBRO, "--version"], [sys.executable, "-c", "pass"]) < 6
     assert "typer" not in imported("--version")

@@ -486,7 +486,7 @@ def _figures(
     try:
         with work_told():
             files = figures_of(run, names)
-    except (KeyboardInterrupt, Terminated) as end:
+    except KeyboardInterrupt as end:
         interruption.number = getattr(end, "exit_code", INTERRUPTED) - 128
         return {}
     if (options.figures or "all").strip().lower() not in ("all", *_DEFAULT):

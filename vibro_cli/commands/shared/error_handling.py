@@ -62,7 +62,7 @@ class CommandError(Exception):
         self.problems = tuple(problems)
 
 
-class Terminated(BaseException):
+class Terminated(KeyboardInterrupt):
     """The process was asked to end (SIGTERM, SIGHUP); unwinds so that partial files are removed."""
 
     def __init__(self, number: int) -> None:
@@ -100,7 +100,7 @@ def attempt(task: Task) -> int:
 def _signalled(fault: BaseException) -> BaseException | None:
     """The signal that a fault comes from, if it does: Python 3.11 wraps one in `__set_name__`."""
     cause = fault.__cause__
-    if cause is None or isinstance(cause, (KeyboardInterrupt, Terminated)):
+    if cause is None or isinstance(cause, KeyboardInterrupt):
         return cause
     return _signalled(cause)
 
@@ -109,22 +109,28 @@ def perform(task: Task, log_format: str) -> int:
     """Run the task of a whole command line and return its exit code, whatever happens in it."""
     choose_words(as_json=log_format == "json", least="info")
     prepare_streams()
-    for number in (signal.SIGTERM, signal.SIGHUP):
-        if signal.getsignal(number) != signal.SIG_IGN:  # whoever started us may want that (nohup)
-            signal.signal(number, _terminate)
+    _upon_signals(_terminate)
     warnings.showwarning = _say_warning
     try:
         return attempt(lambda: _flushed(task()))
     except BrokenPipeError:  # whoever read our results has enough of them
         return DONE
-    except (KeyboardInterrupt, Terminated) as end:
+    except KeyboardInterrupt as end:
         silence(sys.stdout)  # who does not read any more must not be waited for
         code = end.exit_code if isinstance(end, Terminated) else INTERRUPTED
         how = EXIT_CODES[code].partition(" (")[0]
         say(f"vibro: {how}; {_left(end)}", "error")
         return code
     finally:
+        _upon_signals(signal.SIG_DFL)  # nothing is left to unwind
         drain_standard_output()
+
+
+def _upon_signals(handler: Any) -> None:
+    """Have a handler for signals that end us, but for those that are to be ignored (nohup)."""
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(number) != signal.SIG_IGN:
+            signal.signal(number, handler)
 
 
 @contextlib.contextmanager
@@ -132,7 +138,7 @@ def leaving(text: str = NOTHING_WRITTEN) -> Iterator[None]:
     """Have it said what is left on the disk when a signal ends the block."""
     try:
         yield
-    except (KeyboardInterrupt, Terminated) as end:
+    except KeyboardInterrupt as end:
         end.add_note(text)
         raise
 
