@@ -342,15 +342,6 @@ def _independent(jacobian: Floats) -> NDArray[np.int64]:
     return np.sort(shown[order[: len(shares)][told]])
 
 
-def _covariance(jacobian: Floats) -> Floats:
-    """``(J^T J)^-1``, from ``J`` itself: the product would lose twice the digits."""
-    sizes = np.linalg.norm(jacobian, axis=0)
-    _, shares, directions = np.linalg.svd(jacobian / sizes, full_matrices=False)
-    axes = directions.T / shares / sizes[:, None]
-    covariance: Floats = axes @ axes.T
-    return covariance
-
-
 class _Problem:
     def __init__(
         self, scenario: Scenario, measured: Measured, free: tuple[Free, ...], noise: float | None
@@ -495,7 +486,7 @@ class _Problem:
             raise NoFit(f"{error}; the impacts before led to {self._in_words(values)}") from error
         last = rows == len(self._measured.t)
         if last:
-            self._check_told(jacobian)
+            self._covariance(jacobian)  # there is none where a number does not show
         shown = np.arange(len(values)) if last else _independent(jacobian)
         if not len(shown):
             return values
@@ -544,17 +535,25 @@ class _Problem:
                 break
         return found
 
-    def _check_told(self, jacobian: Floats) -> None:
-        """Raise ``NoFit`` if a number, or a combination of them, does not show in the instants."""
+    def _covariance(self, jacobian: Floats) -> Floats:
+        """``(J^T J)^-1``, from ``J`` itself: the product would lose twice the digits.
+
+        Raises ``NoFit`` if a number, or a combination of them, does not show in the instants.
+        """
         sizes = np.linalg.norm(jacobian, axis=0)
         for one, size in zip(self._free, sizes, strict=True):
             if size == 0.0:
                 raise NoFit(f"{one.name}: the measured instants do not depend on it")
-        _, shares, directions = np.linalg.svd(jacobian / sizes)
+        # Only of fewer instants than numbers are there directions without a share.
+        few = len(jacobian) < len(sizes)
+        _, shares, directions = np.linalg.svd(jacobian / sizes, full_matrices=few)
         if len(shares) < len(sizes) or shares[-1] < LEAST_INDEPENDENT * shares[0]:
             weights = np.abs(directions[-1])
             names = [one.name for one, w in zip(self._free, weights, strict=True) if w > 1e-3]
             raise NoFit(f"{', '.join(names)}: the instants tell only of a combination of them")
+        axes = directions.T / shares / sizes[:, None]
+        covariance: Floats = axes @ axes.T
+        return covariance
 
     def _check_resolved(self, values: Floats, jacobian: Floats) -> None:
         """Raise ``NoFit`` where rounding a number moves an impact by more than its noise."""
@@ -566,10 +565,9 @@ class _Problem:
     def told(self, start: Floats, first: Floats, values: Floats) -> Fit:
         rows = len(self._measured.t)
         late, jacobian = self._late(values, rows)
-        self._check_told(jacobian)
+        covariance: Any = self._covariance(jacobian)
         self._check_resolved(values, jacobian)
         found = self.motion(values, rows)
-        covariance: Any = _covariance(jacobian)
         noise = self._noise
         if not self._known:
             rounding = EPSILON * float(self._measured.t[-1])
