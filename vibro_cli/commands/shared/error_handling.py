@@ -117,7 +117,7 @@ def perform(task: Task, log_format: str) -> int:
         return DONE
     except KeyboardInterrupt as end:
         silence(sys.stdout)  # who does not read any more must not be waited for
-        code = end.exit_code if isinstance(end, Terminated) else INTERRUPTED
+        code: int = getattr(end, "exit_code", INTERRUPTED)
         how = EXIT_CODES[code].partition(" (")[0]
         say(f"vibro: {how}; {_left(end)}", "error")
         return code
