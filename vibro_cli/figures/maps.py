@@ -24,7 +24,7 @@ from vibro_cli.analysis.basins import Codes, codes_of, combined
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import WIDE_RANGE, Sheet, draw_dots
 from vibro_cli.figures.labels import LINE, Entry, draw_legend, rows_of, text_width
-from vibro_cli.figures.source import Array, Integers, kept
+from vibro_cli.figures.source import Array, Integers
 from vibro_cli.figures.style import MM, mark, panel_size, width_of
 from vibro_cli.figures.ticks import (
     LEAST,
@@ -172,7 +172,6 @@ class ParameterMap:
         return ", ".join(f"{path} = {value}" for path, value in self.fixed)
 
 
-@kept
 def parameter_map(
     grid: StoredGrid, dimensions: int, numbers_first: bool = False
 ) -> ParameterMap | None:

@@ -239,7 +239,7 @@ class NotAGrid(VibroError):
     """A folder holds no grid of ours that can be read; the message says why."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class StoredGrid:
     """A grid of scenarios, or what there is of it so far."""
 
