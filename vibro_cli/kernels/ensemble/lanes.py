@@ -50,19 +50,13 @@ from vibro_cli.kernels.impact.chattering import speeds_after
 from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.numerics.double_double import add_to_time, time_between
 from vibro_cli.kernels.numerics.elliptic import PARAMETER_SPLIT, set_libration, set_theta_constants
-from vibro_cli.kernels.statistics.run_statistics import (
-    BELOW,
-    Results,
-    arc_force,
-    gap_on_arc,
-)
+from vibro_cli.kernels.statistics.run_statistics import Results, arc_extremes, gap_on_arc
 from vibro_cli.kernels.world import (
     COLLISION,
     END_COLLISIONS,
     LOG_FULL,
     PARTING,
     RUNNING,
-    PieceData,
     TrackData,
     World,
     track_on,
@@ -96,48 +90,6 @@ def range_in_lanes(
     inward = mask_and(libration.flow_s * libration.flow_c * libration.flow_p < 0.0, half)
     low = select(mask_or(mask_or(whole, libration.flow_s * s < 0.0), inward), 0.0, low)
     return low, high, mask_not(mask_or(mask_or(none, half), whole))
-
-
-@kernel
-def force_in_lanes(body: BodyLanes, piece: PieceData, m: Lanes, low: Lanes, high: Lanes) -> Lanes:
-    """Least normal force (N) of a flight of parameter ``m`` over a range of ``S^2``."""
-    return min(arc_force(body, piece, m, low), arc_force(body, piece, m, high))
-
-
-@kernel
-def demand_in_lanes(
-    body: BodyLanes, piece: PieceData, m: Lanes, low: Lanes, high: Lanes, most: Lanes
-) -> Lanes:
-    """Greatest demand of friction so far and of a flight over a range of ``S^2``."""
-    most = max(most, _demand(body, piece, m, low, most))
-    most = max(most, _demand(body, piece, m, high, most))
-    # Where the demand is stationary (see kernels.statistics.run_statistics).
-    b = 1.0 + 2.0 / body.kappa
-    a = 4.0 * m / body.kappa - 2.0 / body.kappa
-    if any_lane(abs(a) > b):
-        stationary = 0.5 * (1.0 + b / a)
-        within = mask_and(mask_and(abs(a) > b, low <= stationary), stationary <= high)
-        there = _demand(body, piece, m, select(within, stationary, low), most)
-        most = max(most, select(within, there, 0.0))
-    return most
-
-
-@kernel
-def _demand(body: BodyLanes, piece: PieceData, m: Lanes, s2: Lanes, most: Lanes) -> Lanes:
-    """Demand of friction where a flight passes ``S^2``, or 0 if that is below ``most``."""
-    normal = arc_force(body, piece, m, s2)
-    square = max(s2 * (1.0 - s2), 0.0)
-    share = 1.0 - 1.0 / body.kappa
-    pull = 2.0 * body.weight * share
-    held = most * normal
-    less = mask_and(normal > 0.0, pull * pull * square <= BELOW * (held * held))
-    less = mask_or(share == 0.0, less)
-    if not any_lane(mask_not(less)):
-        return 0.0 * normal
-    force = body.weight * (2.0 * math.sqrt(square)) * share
-    demand = select(normal > 0.0, force / normal, math.inf)
-    demand = select(force == 0.0, select(normal >= 0.0, 0.0, math.inf), demand)
-    return select(less, 0.0, demand)
 
 
 @struct
@@ -304,13 +256,10 @@ def _count(world: World, group: LaneGroup, duration: Lanes, failed: bool) -> boo
     low_a, high_a, open_a = range_in_lanes(a, duration, a.contact_s, a.contact_p)
     low_b, high_b, open_b = range_in_lanes(b, duration, b.contact_s, b.contact_p)
     failed = mask_or(failed, mask_or(open_a, open_b))
-    force = min(
-        force_in_lanes(body_a, piece, a.parameter, low_a, high_a),
-        force_in_lanes(body_b, piece, b.parameter, low_b, high_b),
-    )
-    run.least_force = select(failed, run.least_force, min(run.least_force, force))
-    most = demand_in_lanes(body_a, piece, a.parameter, low_a, high_a, run.most_demand)
-    most = demand_in_lanes(body_b, piece, b.parameter, low_b, high_b, most)
+    least, most = run.least_force, run.most_demand
+    least, most = arc_extremes(body_a, piece, a.parameter, low_a, high_a, least, most)
+    least, most = arc_extremes(body_b, piece, b.parameter, low_b, high_b, least, most)
+    run.least_force = select(failed, run.least_force, least)
     run.most_demand = select(failed, run.most_demand, most)
     rho_a = track_on(world, 0, run.piece).path_radius
     rho_b = track_on(world, 1, run.piece).path_radius

@@ -17,7 +17,15 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from vibro_cli.compile.kernel import kernel, struct
+from vibro_cli.compile.kernel import (
+    any_lane,
+    kernel,
+    mask_and,
+    mask_not,
+    mask_or,
+    select,
+    struct,
+)
 from vibro_cli.kernels.cluster.trace_forces import (
     AT_TIME,
     bodies_of,
@@ -305,20 +313,31 @@ def update_statistics_alone(
             outcome.most_demand = max(outcome.most_demand, demand)
         return
     low, high = _range(row, track.frequency, duration, end)
-    m = row.parameter
-    least = min(arc_force(body, piece, m, low), arc_force(body, piece, m, high))
-    outcome.least_force = min(outcome.least_force, least)
-    most = outcome.most_demand
+    outcome.least_force, outcome.most_demand = arc_extremes(
+        body, piece, row.parameter, low, high, outcome.least_force, outcome.most_demand
+    )
+
+
+@kernel
+def arc_extremes(
+    body: BodyData, piece: PieceData, m: float, low: float, high: float, least: float, most: float
+) -> tuple[float, float]:
+    """Least normal force (N) and greatest demand of friction: known, and of a flight on an arc.
+
+    The flight has the parameter ``m``, and ``S^2`` from ``low`` to ``high``; or flights in lanes.
+    """
+    least = min(least, min(arc_force(body, piece, m, low), arc_force(body, piece, m, high)))
     most = max(most, _arc_demand(body, piece, m, low, most))
     most = max(most, _arc_demand(body, piece, m, high, most))
     # N/(m g) = sign (A + B cos f) with S^2 = (1 - cos f)/2.
     b = 1.0 + 2.0 / body.kappa
     a = 4.0 * m / body.kappa - 2.0 / body.kappa
-    if abs(a) > b:
+    if any_lane(abs(a) > b):
         stationary = 0.5 * (1.0 + b / a)
-        if low <= stationary <= high:
-            most = max(most, _arc_demand(body, piece, m, stationary, most))
-    outcome.most_demand = most
+        within = mask_and(mask_and(abs(a) > b, low <= stationary), stationary <= high)
+        there = _arc_demand(body, piece, m, select(within, stationary, low), most)
+        most = max(most, select(within, there, 0.0))
+    return least, most
 
 
 @kernel
@@ -361,18 +380,20 @@ def _arc_demand(body: BodyData, piece: PieceData, m: float, s2: float, most: flo
 
     Squares tell that without a root and a quotient.
     """
-    share = 1.0 - 1.0 / body.kappa
-    if share == 0.0:
-        return 0.0
     normal = arc_force(body, piece, m, s2)
     square = max(s2 * (1.0 - s2), 0.0)
-    if normal > 0.0:
-        pull = 2.0 * body.weight * share
-        held = most * normal
-        if pull * pull * square <= BELOW * (held * held):
-            return 0.0
-    sine = 2.0 * math.sqrt(square)
-    return friction_demand(body.weight * sine * share, normal)
+    share = 1.0 - 1.0 / body.kappa
+    pull = 2.0 * body.weight * share
+    held = most * normal
+    less = mask_and(normal > 0.0, pull * pull * square <= BELOW * (held * held))
+    less = mask_or(share == 0.0, less)
+    if not any_lane(mask_not(less)):
+        return 0.0 * normal
+    force = body.weight * (2.0 * math.sqrt(square)) * share
+    none_suffices = math.inf
+    demand = select(normal > 0.0, force / select(normal > 0.0, normal, 1.0), none_suffices)
+    demand = select(force == 0.0, select(normal >= 0.0, 0.0, none_suffices), demand)
+    return select(less, 0.0, demand)
 
 
 TURN = 2.0 * math.pi
