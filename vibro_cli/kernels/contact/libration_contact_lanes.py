@@ -43,7 +43,6 @@ from vibro_cli.kernels.flow.flow import (
 )
 from vibro_cli.kernels.numerics.conservative_advancement import (
     is_clear_before,
-    is_clear_with,
     safe_time,
     time_of_rise,
 )
@@ -131,23 +130,41 @@ def contact_in_lanes(
     and in which lanes it is not certain.
     """
     rate = 2.0 * (b.frequency * b.flow_p - a.frequency * a.flow_p)
+    mean_s = 0.5 * (b.flow_s + a.flow_s)
+    mean_p = 0.5 * (b.flow_p + a.flow_p)
+    clear, guess, level = _expected(a, b, contact, rate, mean_s, mean_p)
+    h, lost = _refined(a, b, guess, contact)
+    approach = 2.0 * (a.frequency * a.contact_p - b.frequency * b.contact_p)
+    certain = _is_certain(h, clear, approach, level, max(a.frequency, b.frequency))
+    return h, mask_or(mask_or(clear <= 0.0, lost), mask_not(certain))
+
+
+@kernel
+def _expected(
+    a: Flight, b: Flight, contact: PairTrack, rate: float, mean_s: float, mean_p: float
+) -> tuple[float, float, float]:
+    """Time (s) before which two swings that part at a rate do not meet, and a guess when they do.
+
+    And the angle of contact (rad), with what unequal frequencies pull at the difference.
+    """
     fastest = max(a.frequency, b.frequency)
     level = math.pi - contact.far_gap
     if a.frequency != b.frequency:
         level += uneven_torque(a, b) / (fastest * fastest)
     over = select(rate > 0.0, 2.0 * rate, 0.0)
     clear = safe_time(over, fastest * (2.0 * level), fastest)
-    failed = clear <= 0.0
-    mean_s = 0.5 * (b.flow_s + a.flow_s)
-    mean_p = 0.5 * (b.flow_p + a.flow_p)
     slowed = frequency_of_difference(a, b, level, rate, mean_s, mean_p, 1.0)
-    h, lost = _refined(a, b, time_of_rise(over, slowed * (2.0 * level), slowed), contact)
-    failed = mask_or(failed, lost)
-    approach = 2.0 * (a.frequency * a.contact_p - b.frequency * b.contact_p)
-    certain = mask_and(approach > 0.0, is_clear_with(h - clear, approach, level, fastest))
-    # Short flights from contact to contact are timed otherwise (kernels.contact.first_contact).
+    return clear, time_of_rise(over, slowed * (2.0 * level), slowed), level
+
+
+@kernel
+def _is_certain(h: float, clear: float, approach: float, level: float, fastest: float) -> bool:
+    """Tell whether a contact is the first one, and of a flight that is not a short one.
+
+    Those from contact to contact are timed otherwise (kernels.contact.first_contact).
+    """
     long = mask_or(fastest * h > LONG, approach * h > FAR)
-    return h, mask_or(failed, mask_not(mask_and(certain, long)))
+    return mask_and(is_clear_before(h - clear, approach, level, fastest), long)
 
 
 @kernel
@@ -284,26 +301,16 @@ def contact_of_two(
     a_p = extract(two.flow_p, 0)
     b_p = extract(two.flow_p, 1)
     rate = 2.0 * (wb * b_p - wa * a_p)
-    fastest = max(wa, wb)
-    level = math.pi - contact.far_gap
-    if wa != wb:
-        level += uneven_torque(a, b) / (fastest * fastest)
-    over = 2.0 * rate if rate > 0.0 else 0.0
-    clear = safe_time(over, fastest * (2.0 * level), fastest)
+    mean_s = 0.5 * (extract(two.flow_s, 1) + extract(two.flow_s, 0))
+    clear, guess, level = _expected(a, b, contact, rate, mean_s, 0.5 * (b_p + a_p))
     if clear <= 0.0:
         return NONE_BEFORE_LIMIT
-    mean_s = 0.5 * (extract(two.flow_s, 1) + extract(two.flow_s, 0))
-    mean_p = 0.5 * (b_p + a_p)
-    slowed = frequency_of_difference(a, b, level, rate, mean_s, mean_p, 1.0)
-    guess = time_of_rise(over, slowed * (2.0 * level), slowed)
     h = _refined_of_two(two, guess, contact, clock)
     if h <= 0.0:
         return NONE_BEFORE_LIMIT
     approach = 2.0 * (wa * extract(two.contact_p, 0) - wb * extract(two.contact_p, 1))
-    if not is_clear_before(h - clear, approach, level, fastest):
-        return NONE_BEFORE_LIMIT
-    # Short flights from contact to contact are timed otherwise (kernels.contact.first_contact).
-    return h if fastest * h > LONG or approach * h > FAR else NONE_BEFORE_LIMIT
+    certain = _is_certain(h, clear, approach, level, max(wa, wb))
+    return h if certain else NONE_BEFORE_LIMIT
 
 
 @kernel

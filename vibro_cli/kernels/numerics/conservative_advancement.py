@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from vibro_cli.compile.kernel import kernel
+from vibro_cli.compile.kernel import kernel, mask_and
 from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.kernels.numerics.elliptic import sine_cosine, twice_angle
 
@@ -98,17 +98,12 @@ def is_clear_before(time: float, slope: float, level: float, frequency: float) -
     Seen backwards from the zero, where it rises, the bound of :func:`safe_return` holds; here it is
     compared without its root and quotient, and with 1 % in hand for the rounding of the zero.
     """
-    return slope > 0.0 and is_clear_with(time, slope, level, frequency)
-
-
-@kernel
-def is_clear_with(time: float, slope: float, level: float, frequency: float) -> bool:
-    """Do what :func:`is_clear_before` does for a slope that is positive."""
     over = 2.0 * slope
     under = frequency * (2.0 * level)
     # sqrt(u^2 + v^2) <= u + (sqrt 2 - 1) v for v <= u
     hypotenuse = max(over, under) + 0.4142135623730951 * min(over, under)
-    return 0.99 * (6.0 * over) > time * (frequency * (under + 2.0 * hypotenuse))
+    bound = time * (frequency * (under + 2.0 * hypotenuse))
+    return mask_and(slope > 0.0, 0.99 * (6.0 * over) > bound)
 
 
 @kernel
