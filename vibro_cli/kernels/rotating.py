@@ -15,14 +15,14 @@ from vibro_cli.kernels.contact.contact_kinematics import centre_position, suppor
 from vibro_cli.kernels.events import event_detection, event_loop, liftoff_slip
 from vibro_cli.kernels.events.event_detection import CAUTION
 from vibro_cli.kernels.flow import flight, flow, rotating_flight, rotating_flow
-from vibro_cli.kernels.flow.flight import launch_and_log, start_from_state, take_energy
+from vibro_cli.kernels.flow.flight import SLOW, launch_and_log, start_from_state, take_energy
 from vibro_cli.kernels.flow.flow import POLYNOMIAL, angle_from_start
-from vibro_cli.kernels.flow.rotating_flight import set_track, speed_of_specific_energy
+from vibro_cli.kernels.flow.rotating_flight import set_track, specific_potential
 from vibro_cli.kernels.flow.rotating_flow import half_way, torque
 from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.numerics.weierstrass_motion import squared_rate
 from vibro_cli.kernels.statistics import rotating_forces, run_statistics
-from vibro_cli.kernels.tangent import flight_jacobian, follow, rotating_jacobian
+from vibro_cli.kernels.tangent import flight_jacobian, rotating_jacobian
 from vibro_cli.kernels.world import (
     COLLISION,
     Flight,
@@ -86,8 +86,14 @@ def _take_start(world: World, ball: int, from_state: int) -> None:
 
 @kernel
 def rate_by_energy(world: World, ball: int, flight: Flight, track: TrackData) -> float:
-    """``P`` at the end of a piece from the carried energy, with the sign of the present ``P``."""
-    return speed_of_specific_energy(flight, world.bodies[ball], track, world.settings[0].gravity)
+    """``P`` of the energy that is carried, with the sign of the present one; that if it is slow."""
+    gravity = world.settings[0].gravity
+    kappa = world.bodies[ball].kappa
+    rise = flight.specific_energy - specific_potential(track, gravity, kappa, flight.s, flight.c)
+    if rise <= SLOW * flight.specific_energy:
+        return flight.p
+    p = math.sqrt(2.0 * gravity * rise / kappa) / track.speed_factor
+    return p if flight.p > 0.0 else -p
 
 
 @kernel
@@ -194,6 +200,5 @@ TURNING = Overrides(
         run_statistics.pendulum_range: rotating_forces.pendulum_range,
         run_statistics.extremes_on_arc: rotating_forces.extremes_on_arc,
         flight_jacobian.flight_jacobian: rotating_jacobian.flight_jacobian,
-        follow.leans: rotating_jacobian.leans,
     },
 )

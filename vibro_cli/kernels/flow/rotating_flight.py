@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 
 from vibro_cli.compile.kernel import kernel
-from vibro_cli.kernels.flow.flight import LIFT_OFF, SLOW, leaves_at_once
+from vibro_cli.kernels.flow.flight import LIFT_OFF, leaves_at_once
 from vibro_cli.kernels.flow.flow import angle_from_start, place_from_start
 from vibro_cli.kernels.flow.rotating_flow import (
     TURNING_LINE,
@@ -199,20 +199,6 @@ def specific_energy_of_state(
     speed = track.speed_factor * flight.p
     height = specific_potential(track, gravity, body.kappa, flight.s, flight.c)
     return height + 0.5 * body.kappa * speed * speed / gravity
-
-
-@kernel
-def speed_of_specific_energy(
-    flight: Flight, body: BodyData, track: TrackData, gravity: float
-) -> float:
-    """``P`` of the energy that is carried, with the sign of the present one; that if it is slow."""
-    rise = flight.specific_energy - specific_potential(
-        track, gravity, body.kappa, flight.s, flight.c
-    )
-    if rise <= SLOW * flight.specific_energy:
-        return flight.p
-    p = math.sqrt(2.0 * gravity * rise / body.kappa) / track.speed_factor
-    return p if flight.p > 0.0 else -p
 
 
 @kernel

@@ -26,6 +26,7 @@ from collections.abc import Sequence
 from vibro_cli.compile.kernel import kernel
 from vibro_cli.kernels.contact.contact_kinematics import centre_position, centre_tangent
 from vibro_cli.kernels.flow.flow import acceleration_at, replay_flight
+from vibro_cli.kernels.flow.rotating_flow import torque
 from vibro_cli.kernels.impact.laws import (
     NORMAL_IMPULSE,
     balances_mass,
@@ -117,8 +118,6 @@ def _set_matrix(world: World, begin: int, step: int, count: int) -> None:
     qb, hb = weight_and_response(row.law, world.bodies[row.b], row.normal_b)
     pair.part_a = qa * ha
     pair.part_b = qb * hb
-    pair.lower = 0.0
-    pair.upper = 0.0
     if step > 0:
         before = world.impacts[begin + step - 1]
         _, h = weight_and_response(row.law, world.bodies[row.a], before.normal_b)
@@ -352,7 +351,7 @@ def _happen(
     if ended >= 0 or impact > begin:
         for step in range(count):
             _change_force(world, tangents, first + step, scratch[0])
-    _constrain(world, tangents, first, count, scratch)
+    _constrain(world, tangents, first, count)
     if impact > begin:
         _tell(world, tangents, begin, impact)
     return impact
@@ -395,25 +394,21 @@ def _carry(
     flight = scratch[0]
     age = time_between(t, t_low, row.t, row.t_low)
     replay_flight(world, row, number, flight)
-    if age > 0.0 and not leans(world, number, flight):
+    if age > 0.0 and not _leans(world, row):
         one, two, three, four = flight_jacobian(flight, age, tangents.series)
         carry_far(tangents, ball, one, two, three, four)
     return age
 
 
 @kernel
-def leans(world: World, number: int, flight: Flight) -> bool:
-    """Tell whether a body rests because a wall holds it, and not in equilibrium.
-
-    ``number`` is that of the row of its flight, ``flight`` scratch: its flight, or nothing of use.
-    """
-    row = world.log[number]
-    if row.at_rest == 0:
-        return False
+def _leans(world: World, row: FlightRow) -> bool:
+    """Tell whether a body rests because a wall holds it, and not in equilibrium."""
+    if row.at_rest == 0 or row.grouped == 1:
+        return row.at_rest == 1
     track = track_on(world, row.body, row.piece)
     if track.path_radius == 0.0:
-        return row.grouped == 1 or track.line_acceleration != 0.0
-    return row.grouped == 1 or row.s * row.c != 0.0
+        return track.line_acceleration + track.line_growth * track.line_growth * row.s != 0.0
+    return torque(track.tilt, track.spread, row.s, row.c) != 0.0
 
 
 @kernel
@@ -508,9 +503,7 @@ def _is_simultaneous(world: World, impact: int) -> bool:
 
 
 @kernel
-def _constrain(
-    world: World, tangents: Tangents, first: int, count: int, scratch: Sequence[Flight]
-) -> None:
+def _constrain(world: World, tangents: Tangents, first: int, count: int) -> None:
     """Take from tangent vectors what lasting contact takes: gaps, and how fast they change."""
     step = 0
     while step < count:
@@ -518,7 +511,7 @@ def _constrain(
         members = 1
         if row.grouped == 1:
             members = row.group_count
-        if leans(world, first + step, scratch[0]):
+        if _leans(world, row):
             tangents.state[0].lost = 1
             for column in range(len(tangents.frame)):
                 tangents.frame[2 * row.body, column] = 0.0

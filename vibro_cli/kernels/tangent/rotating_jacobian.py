@@ -15,7 +15,7 @@ is ``delta = u'``, with dE = 0; so a single other one is left to solve for. Both
 time. A flight is cut into equal parts. The series of each begin in its middle, where the closed
 form tells the state, so that they need to hold for half its length. On a line the motion is linear
 in its start: ``s'' = a + b^2 s``. The kernels stand in for those of
-``kernels.tangent.flight_jacobian`` and ``kernels.tangent.follow``.
+``kernels.tangent.flight_jacobian``.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from __future__ import annotations
 import math
 
 from vibro_cli.compile.kernel import FloatMatrix, kernel
-from vibro_cli.kernels.flow.flow import POLYNOMIAL, place_from_start, replay_flight
-from vibro_cli.kernels.flow.rotating_flow import TURNING_LINE, torque_of
+from vibro_cli.kernels.flow.flow import POLYNOMIAL, place_from_start
+from vibro_cli.kernels.flow.rotating_flow import TURNING_LINE
 from vibro_cli.kernels.numerics.elliptic import twice_angle
 from vibro_cli.kernels.numerics.weierstrass_motion import quartic_motion
 from vibro_cli.kernels.tangent.frame import TERMS
-from vibro_cli.kernels.world import Flight, World
+from vibro_cli.kernels.world import Flight
 
 # Rows of the series, in powers of the time from the middle over half the length of a part: u, its
 # square, the stiffness 6 a0 u^2 + 12 a1 u + 6 a2, and the change.
@@ -243,15 +243,3 @@ def _as_angle(u: float, rate: float, change: float, change_rate: float) -> tuple
     """Half the changes of angle and rate, from those of u and u'."""
     share = 1.0 / (1.0 + u * u)
     return share * change, share * (change_rate - 2.0 * u * rate * share * change)
-
-
-@kernel
-def leans(world: World, number: int, flight: Flight) -> bool:
-    """Do what :func:`kernels.tangent.follow.leans` does on a rotating trace."""
-    row = world.log[number]
-    if row.at_rest == 0:
-        return False
-    replay_flight(world, row, number, flight)
-    if flight.form == TURNING_LINE:
-        return row.grouped == 1 or flight.line_acceleration != 0.0
-    return row.grouped == 1 or torque_of(flight, flight.flow_s, flight.flow_c) != 0.0
