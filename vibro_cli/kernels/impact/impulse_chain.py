@@ -261,8 +261,6 @@ def simultaneous_impulses(world: World, first: int, count: int, law: int, plasti
         pair.part_a = qa * ha
         pair.part_b = qb * hb
         pair.right = (1.0 + k) * approach
-        pair.lower = 0.0
-        pair.upper = 0.0
         if step > 0:
             before = pair_along(world, first, step - 1)
             _, h = _weight_and_response(world, law, pair.a, before.normal_b)
@@ -328,8 +326,6 @@ def contact_forces(world: World, first: int, count: int) -> None:
             # Both rest at walls: nothing moves, nothing presses.
             pair.part_a = 0.5
             pair.part_b = 0.5
-        pair.lower = 0.0
-        pair.upper = 0.0
         if step > 0:
             before = pair_along(world, first, step - 1)
             pair.lower = -pair.normal_a * before.normal_b * ease_a

@@ -33,7 +33,8 @@ def solve_from_both_ends(rows: Sequence[ChainRow], pairs: int, first: int, count
     """Solve the system held in ``count`` rows from ``first`` on, of ``pairs`` in a circle.
 
     A diagonal is the sum of what both bodies of a pair yield, ``part_a + part_b``, and the product
-    of ``lower`` and the ``upper`` before it that of two parts of one body. Eliminating a pair from
+    of ``lower`` and the ``upper`` before it that of two parts of one body; those of the ends of the
+    chain, beside which nothing stands, are not asked for. Eliminating a pair from
     the left leaves of the next one's ``part_a`` the share ``part_a/(part_a + part_b)`` of the pair
     before: nothing is subtracted, and where all pairs close every impulse is right to a few units
     in its last place, however much one pair makes another one's.

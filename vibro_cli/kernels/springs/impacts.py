@@ -327,8 +327,6 @@ def set_chain_row(world: World, pair: int, law: int, first: int, count: int) -> 
     qb, hb = weight_and_response(law, other, c)
     row.part_a = qa * ha
     row.part_b = qb * hb
-    row.lower = 0.0
-    row.upper = 0.0
     if pair > first:
         _, h = weight_and_response(law, one, inclination(world.bodies[pair - 1], one))
         row.lower = -qa * h
