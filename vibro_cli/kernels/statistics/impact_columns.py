@@ -68,8 +68,7 @@ def _find_hills(world: World, body: int, hills: FloatMatrix) -> int:
             count = _note(
                 hills, top, count, _kind_of_end(world, body, -1), piece.start_s, specific_energy
             )
-        turns = settings.turning_square > 0.0
-        crests, first, other = _crests(piece) if not turns else _turned(piece, track)
+        crests, first, other = _crests(world, piece, track)
         for crest in range(crests):
             place = first if crest == 0 else other
             if _is_of_end(world, body, number, place):
@@ -184,35 +183,20 @@ def _half_angle(piece: PieceData, place: float) -> tuple[float, float]:
 
 
 @kernel
-def _crests(piece: PieceData) -> tuple[int, float, float]:
-    """Crests strictly within a piece at rest: tops of loops, or of humps; number and angles."""
-    if piece.sign == 0.0:
-        return 0, 0.0, 0.0
-    top = 0.0 if piece.sign < 0.0 else _PI
-    near = 4.0 * EPSILON
-    count = 0
-    first = other = 0.0
-    angle = top + _TAU * math.floor((piece.angle_start - top) / _TAU)
-    while angle < piece.angle_end:
-        size = max(1.0, abs(angle))
-        if angle > piece.angle_start + near * size and angle < piece.angle_end - near * size:
-            if count == 0:
-                first = angle
-            other = angle
-            count += 1
-        angle += _TAU
-    return min(count, 2), first, other
-
-
-@kernel
-def _turned(piece: PieceData, track: TrackData) -> tuple[int, float, float]:
-    """Crests strictly within a piece that turns about a vertical; number and places."""
+def _crests(world: World, piece: PieceData, track: TrackData) -> tuple[int, float, float]:
+    """Crests strictly within a piece: their number, and the places of the first and the last."""
     if piece.sign == 0.0:
         square = track.line_growth * track.line_growth
         if square == 0.0:
             return 0, 0.0, 0.0
         place = -track.line_acceleration / square
         return (1 if place > 0.0 and place < piece.length else 0), place, place
+    if world.settings[0].turning_square == 0.0:
+        # The top of a loop, or of a hump.
+        top = _whole_angle(piece, 1.0, 0.0)
+        near = 4.0 * EPSILON * max(1.0, abs(top))
+        within = top > piece.angle_start + near and top < piece.angle_end - near
+        return (1 if within else 0), top, top
     first = _whole_angle(piece, track.crest_s, track.crest_c)
     if track.crests < 2:
         return track.crests, first, first
