@@ -26,6 +26,14 @@ States = tuple[float, float, float, float, float, float]  # those of both bodies
 
 
 @struct
+class Instant:
+    """A time in two doubles, s."""
+
+    t: float
+    t_low: float
+
+
+@struct
 class PieceData:
     """One piece of the trace."""
 
@@ -257,11 +265,9 @@ class Settings:
 
 
 @struct
-class Clock:
+class Clock(Instant):
     """The state of the run as a whole."""
 
-    t: float
-    t_low: float
     collisions: int
     crossings: int
     contacts: int
@@ -332,14 +338,6 @@ END_NAMES = {
 
 
 @struct
-class Instant:
-    """A time in two doubles, s."""
-
-    t: float
-    t_low: float
-
-
-@struct
 class ImpactRow(Instant):
     """One impact, as the kernels see it."""
 
@@ -371,13 +369,11 @@ class ImpactRow(Instant):
 
 
 @struct
-class FlightRow:
+class FlightRow(Instant):
     """The start of one flight."""
 
     body: int
     piece: int
-    t: float
-    t_low: float
     s: float
     c: float
     p: float
@@ -412,11 +408,9 @@ class SegmentRow:
 
 
 @struct
-class ContactRow:
+class ContactRow(Instant):
     """A lasting contact that closes or opens."""
 
-    t: float
-    t_low: float
     delay: float  # time from the last impact to the end of the accumulation, s
     a: int
     b: int

@@ -70,11 +70,9 @@ class SpringPair(ChainRow):
 
 
 @struct
-class Clock:
+class Clock(Instant):
     """The state of the run as a whole."""
 
-    t: float
-    t_low: float
     collisions: int
     contacts: int
     impact_rows: int
@@ -125,11 +123,9 @@ class ImpactRow(Instant):
 
 
 @struct
-class StateRow:
+class StateRow(Instant):
     """One body after an event of any body."""
 
-    t: float
-    t_low: float
     event: int  # number of the event
     cause: int
     pair: int  # that it happened to

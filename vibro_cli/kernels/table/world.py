@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from vibro_cli.compile.kernel import struct
-from vibro_cli.kernels.world import BodyData
+from vibro_cli.kernels.world import BodyData, Instant
 
 # What a ball meets next.
 NOTHING = 0
@@ -33,13 +33,11 @@ class Ball:
 
 
 @struct
-class Meeting:
+class Meeting(Instant):
     """What a ball meets next: the wall, or a ball after it in the list."""
 
     kind: int
     other: int  # the ball, or the edge of a polygon
-    t: float  # in two doubles, s
-    t_low: float
     x: float  # centre of the ball at the wall, m
     y: float
     normal_x: float  # from the ball to the wall
@@ -111,11 +109,9 @@ class Share:
 
 
 @struct
-class Clock:
+class Clock(Instant):
     """The state of the run as a whole."""
 
-    t: float
-    t_low: float
     collisions: int
     bounces: int
     pair_rows: int
@@ -140,12 +136,10 @@ class Settings:
 
 
 @struct
-class PairRow:
+class PairRow(Instant):
     """One impact of two balls."""
 
     event: int  # number of the event, of either kind
-    t: float
-    t_low: float
     a: int
     b: int
     x_a: float
@@ -177,12 +171,10 @@ class PairRow:
 
 
 @struct
-class BounceRow:
+class BounceRow(Instant):
     """One impact of a ball on the wall."""
 
     event: int
-    t: float
-    t_low: float
     ball: int
     edge: int  # side of the wall, from 0; negative where it is a curve
     x: float
