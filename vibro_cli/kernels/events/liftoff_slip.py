@@ -15,7 +15,7 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from vibro_cli.compile.kernel import kernel, struct
+from vibro_cli.compile.kernel import Series, kernel, struct
 from vibro_cli.kernels.cluster.trace_forces import (
     AT_TIME,
     extreme_on_segment,
@@ -50,9 +50,7 @@ class Span:
     row: int  # of the log
     duration: float  # s
     ended: int  # 0: it goes on beyond
-    turnings: int  # passages of each kind found when it was asked before
-    lifts: int
-    slips: int
+    told: Series  # passages of each kind found when it was asked before
     begun: int  # 1: its start was looked at then
     lift_start: int  # 1: the normal force is below zero at the start, and at the end
     lift_end: int
@@ -220,7 +218,7 @@ def _add(search: Search, count: int, kind: int) -> bool:
     """
     now = search.progress[0]
     span = search.spans[now.span]
-    before = span.turnings if kind == TURNING else (span.lifts if kind == LIFT_OFF else span.slips)
+    before = span.told[kind]
     found = 0
     while count > 0:
         least = 0
@@ -245,12 +243,7 @@ def _add(search: Search, count: int, kind: int) -> bool:
         row.after = after
         row.s, row.c, row.p = flow(search.flights[0], after)
         now.filled += 1
-        if kind == TURNING:
-            span.turnings += 1
-        elif kind == LIFT_OFF:
-            span.lifts += 1
-        else:
-            span.slips += 1
+        span.told[kind] += 1.0
     return True
 
 

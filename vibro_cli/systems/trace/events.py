@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from vibro_cli.compile.kernel import dtype
 from vibro_cli.kernels.events.liftoff_slip import (
     LIFT_OFF,
     MOST_PLACES,
@@ -40,7 +41,10 @@ ROW = np.dtype(
 )  # fmt: skip
 """A row of the table; a ball or arc of 0 and a value of nan are null."""
 OPEN = np.dtype(
-    [(name, np.int64) for name in ("turnings", "lifts", "slips", "begun", "lift_end", "slip_end")]
+    [
+        ("told", dtype(Span)["told"]),
+        *((name, np.int64) for name in ("begun", "lift_end", "slip_end")),
+    ]
 )
 """Of each body: the passages found so far on the flight under way, whether its start is told of,
 and on which side of its limits the flight before it ended."""
@@ -129,9 +133,8 @@ class Events:
         spans["row"], spans["duration"] = paths.number, paths.duration
         spans["ended"] = np.where(paths.last, ended, 1)
         before = np.flatnonzero(paths.number < paths.stretch.known)
-        for name in ("turnings", "lifts", "slips"):
+        for name in ("told", "begun"):
             spans[name][before] = self._open[name][paths.body[before]]
-        spans["begun"][before] = self._open["begun"][paths.body[before]]
         return spans
 
     def _begun_beyond(self, paths: Paths, spans: Any, counted: Any, kind: int) -> Any:
@@ -161,8 +164,7 @@ class Events:
         for name in ("lift_end", "slip_end"):
             self._open[name][paths.body[over]] = spans[name][over]
         last = np.flatnonzero(paths.last)
-        for name in ("turnings", "lifts", "slips"):
-            self._open[name][paths.body[last]] = spans[name][last]
+        self._open["told"][paths.body[last]] = spans["told"][last]
         self._open["begun"][paths.body[last]] = counted[last]
 
 
