@@ -59,7 +59,7 @@ def check(trace: Trace, radius: float) -> None:
         else:
             rho = piece.size - piece.sign * r
             exact = piece.origin[1] - rho, piece.origin[1] + rho
-        for value, true in zip((found.bottom, found.top), exact, strict=True):
+        for value, true in zip(found, exact, strict=True):
             assert abs(value - (true - zero)) <= 0.5000001 * math.ulp(value) + 1e-45
 
 

@@ -26,18 +26,12 @@ _CERTAIN_DIGITS = 40
 _PI = Decimal("3.14159265358979323846264338327950288419716939937510582097494459230781640628620900")
 
 
-@dataclass(frozen=True)
-class Heights:
-    """Heights (m) of the centre of one body on one piece above its lowest place on the trace."""
+def heights(trace: Trace, radius: float) -> list[tuple[float, float]]:
+    """Return heights (m) of a body's centre on each piece above its lowest place on the trace.
 
-    bottom: float
-    """At the lowest point of the full circle of its path; on a line at the left end."""
-    top: float
-    """At the highest point of the full circle; on a line at the right end."""
-
-
-def heights(trace: Trace, radius: float) -> tuple[Heights, ...]:
-    """Return the heights of each piece for a body of the given radius (m)."""
+    At the lowest and the highest point of the full circle of its path; on a line at the left end
+    and the right one. `radius` of the body in m.
+    """
     with localcontext() as context:
         context.prec = _DIGITS
         extremes = _extremes(trace, _decimal(radius))
@@ -45,7 +39,7 @@ def heights(trace: Trace, radius: float) -> tuple[Heights, ...]:
         rises = [(bottom - lowest, top - lowest) for bottom, top, _ in extremes]
         # Between two doubles the last digits, which depend on the trace's left end, do not decide.
         context.prec = _CERTAIN_DIGITS
-        return tuple(Heights(_double(bottom), _double(top)) for bottom, top in rises)
+        return [(_double(bottom), _double(top)) for bottom, top in rises]
 
 
 def _decimal(value: elementwise.Some) -> Any:

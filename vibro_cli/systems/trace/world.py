@@ -28,7 +28,6 @@ from vibro_cli.kernels.world import (
 )
 from vibro_cli.mechanics.initial_conditions import wall_position
 from vibro_cli.mechanics.potential import (
-    Heights,
     Pull,
     Turning,
     contains_turn,
@@ -284,12 +283,13 @@ def _piece_data(piece: Piece) -> PieceData:
     return data
 
 
-def _track_data(system: TraceSystem, piece: Piece, number: int, levels: Heights) -> TrackData:
+def _track_data(
+    system: TraceSystem, piece: Piece, number: int, levels: tuple[float, float]
+) -> TrackData:
     body = system.bodies[number]
     track = TrackData()
     track.gravity_rate = system.gravity / body.kappa
-    track.bottom = levels.bottom
-    track.top = levels.top
+    track.bottom, track.top = levels
     left, right = _ends(system, piece, number)
     track.left_s, track.left_c = half_angle(piece, left)
     track.right_s, track.right_c = half_angle(piece, right)
