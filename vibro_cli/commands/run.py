@@ -447,16 +447,16 @@ def _streamed(
 def _standard_output(form: str, scenario: "AnyScenario") -> "Iterator[Sink]":
     """Standard output as a sink of the collision table."""
     from vibro_cli.storage.folders import origin_of
-    from vibro_cli.storage.tables import StreamedTable, table_named
+    from vibro_cli.storage.tables import GrowingTable, table_named
 
-    streams: list[StreamedTable] = []
+    streams: list[GrowingTable] = []
 
     def add(name: str, rows: Any) -> None:
         if name != "collisions":
             return
         if not streams:
             table = table_named(name, list(rows), scenario.system)
-            streams.append(StreamedTable(sys.stdout.buffer, form, table, origin_of(scenario)))
+            streams.append(GrowingTable(sys.stdout.buffer, table, origin_of(scenario), form))
         streams[0].add(rows)
 
     yield add

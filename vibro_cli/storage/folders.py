@@ -31,7 +31,14 @@ from vibro_cli.storage.files import (
     refusal,
     write_folder,
 )
-from vibro_cli.storage.tables import GrowingTable, Origin, parquet_bytes, table_named, to_arrow
+from vibro_cli.storage.tables import (
+    Counted,
+    GrowingTable,
+    Origin,
+    parquet_bytes,
+    table_named,
+    to_arrow,
+)
 from vibro_cli.systems.columns import Table, count, flag, number, word
 from vibro_cli.systems.contract import Columns
 
@@ -108,7 +115,7 @@ class StreamedFolder:
         self._origin = origin_of(scenario)
         self._system = scenario.system
         self._files = ExitStack()
-        self._tables: dict[str, GrowingTable] = {}
+        self._tables: dict[str, tuple[GrowingTable, Counted]] = {}
         self._entries: dict[str, Any] = {}
 
     def add(self, name: str, rows: Columns) -> None:
@@ -117,15 +124,16 @@ class StreamedFolder:
         with self._folder.naming(file):
             if name not in self._tables:
                 table = table_named(name, list(rows), self._system)
-                opened = self._files.enter_context(self._folder.growing(file))
-                self._tables[name] = GrowingTable(opened, table, self._origin)
-            self._tables[name].add(rows)
+                counted = Counted(self._files.enter_context(self._folder.growing(file)))
+                self._tables[name] = GrowingTable(counted, table, self._origin), counted
+            self._tables[name][0].add(rows)
 
     def end_tables(self) -> Path:
         """Write the ends of the tables; return the folder in the making; else as :meth:`add`."""
-        for name, table in self._tables.items():
+        for name, (table, file) in self._tables.items():
             with self._folder.naming(f"{name}.parquet"):
-                self._entries[f"{name}.parquet"] = table.finish()
+                table.finish()
+                self._entries[f"{name}.parquet"] = file.entry()
         self._tables = {}
         self._files.close()
         return self._folder.path
@@ -155,7 +163,7 @@ class StreamedFolder:
 
     def close(self) -> None:
         """Close what is open."""
-        for table in self._tables.values():
+        for table, _ in self._tables.values():
             table.abandon()
         self._files.close()
 

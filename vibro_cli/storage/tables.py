@@ -477,12 +477,21 @@ def _flags(bits: Any, chunk: pa.Array) -> np.ndarray[Any, np.dtype[np.bool_]]:
     return flags[chunk.offset : chunk.offset + len(chunk)].view(np.bool_)
 
 
-class _RowWriter:
-    """Writes rows to an open binary stream as csv, jsonl, arrow (IPC stream) or parquet."""
+# Rows of a group of a parquet file: where it ends depends on nothing but the table.
+GROUP_ROWS = 1 << 16
 
-    def __init__(self, sink: BinaryIO, form: str, schema: pa.Schema) -> None:
-        self._sink = sink
+
+class _RowWriter:
+    """Writes rows to an open binary stream as csv, jsonl, arrow (IPC stream) or parquet.
+
+    The bytes do not depend on how rows are added.
+    """
+
+    def __init__(self, sink: BinaryIO | Counted, form: str, schema: pa.Schema) -> None:
+        self._sink, self._schema = sink, schema
         self._writer: Any = None
+        self._grouped = form == "parquet"
+        self._waiting: list[pa.RecordBatch] = []
         if form == "csv":
             from pyarrow import csv
 
@@ -491,23 +500,43 @@ class _RowWriter:
         elif form == "arrow":
             self._writer = pa.ipc.new_stream(sink, schema)
         elif form == "parquet":
-            self._writer = pq.ParquetWriter(Counted(sink), schema, **parquet_options(schema))
+            counted = sink if isinstance(sink, Counted) else Counted(sink)
+            self._writer = pq.ParquetWriter(counted, schema, **parquet_options(schema))
         elif form != "jsonl":
             raise ValueError(f"there is no form {form!r} of a table")
 
     def write(self, rows: pa.Table) -> None:
-        """Write rows; of jsonl some thousands of lines at a time."""
-        if self._writer is not None:
+        """Write rows; of jsonl some thousands of lines at a time, of parquet whole groups."""
+        if self._grouped:
+            self._waiting += rows.to_batches()
+            self._write_groups(GROUP_ROWS)
+        elif self._writer is not None:
             self._writer.write_table(rows)
-            return
+        else:
+            self._write_lines(rows)
+
+    def _write_lines(self, rows: pa.Table) -> None:
         for batch in rows.to_batches(max_chunksize=_JSON_LINES_AT_ONCE):
             lines = (json.dumps(r, ensure_ascii=False, allow_nan=False) for r in batch.to_pylist())
             self._sink.write("".join(f"{line}\n" for line in lines).encode())
 
+    def _write_groups(self, least: int) -> None:
+        """Write groups of rows that wait, while there are so many."""
+        while sum(batch.num_rows for batch in self._waiting) >= least:
+            waiting = pa.Table.from_batches(self._waiting, self._schema)
+            group = waiting.slice(0, GROUP_ROWS).combine_chunks()
+            self._writer.write_table(group, row_group_size=GROUP_ROWS)
+            self._waiting = waiting.slice(GROUP_ROWS).to_batches()
+
     def close(self) -> None:
-        """Write what belongs to the end."""
+        """Write what is left and belongs to the end."""
+        self._write_groups(1)
         if self._writer is not None:
             self._writer.close()
+
+    def abandon(self) -> None:
+        """Write no more, not even the end of a parquet file."""
+        self._writer.is_open = False  # else it would write its end when it is collected
 
 
 def stream(parts: Iterator[pa.Table], form: str, sink: BinaryIO) -> None:
@@ -522,75 +551,30 @@ def stream(parts: Iterator[pa.Table], form: str, sink: BinaryIO) -> None:
     writer.close()
 
 
-# Rows of a group: where it ends depends on nothing but the table.
-GROUP_ROWS = 1 << 16
-
-
 class GrowingTable:
-    """A table on its way to an open file; its bytes do not depend on how rows are added."""
-
-    def __init__(self, file: BinaryIO, table: Table, origin: Origin) -> None:
-        self._table = table
-        self._file = Counted(file)
-        self._schema = arrow_schema(table, origin)
-        options = parquet_options(self._schema)
-        self._writer = pq.ParquetWriter(self._file, self._schema, **options)
-        self._waiting: list[pa.RecordBatch] = []
-        self._rows = 0
-
-    def add(self, columns: Mapping[str, Any]) -> None:
-        """Add rows; raises `ValueError` for columns that are not those of the table."""
-        batch = record_batch(self._table, columns)
-        self._waiting.append(batch)
-        self._rows += batch.num_rows
-        while self._rows >= GROUP_ROWS:
-            self._write(GROUP_ROWS)
-
-    def finish(self) -> dict[str, Any]:
-        """Write the rest and the end of the file; return what a manifest says of it."""
-        if self._rows or not self._writer.writer:
-            self._write(self._rows)
-        self._writer.close()
-        return self._file.entry()
-
-    def abandon(self) -> None:
-        """Write no more, not even an end: a file that was not finished is removed by its owner."""
-        self._writer.is_open = False  # else it would write its end when it is collected
-
-    def _write(self, count: int) -> None:
-        waiting = pa.Table.from_batches(self._waiting, self._schema)
-        group = waiting.slice(0, count).combine_chunks()
-        self._writer.write_table(group, row_group_size=max(count, 1))
-        self._waiting = waiting.slice(count).to_batches()
-        self._rows -= count
-
-
-class StreamedTable:
     """A table on its way to an open binary stream, row by row as they come (see :func:`stream`)."""
 
-    def __init__(self, sink: BinaryIO, form: str, table: Table, origin: Origin) -> None:
+    def __init__(
+        self, sink: BinaryIO | Counted, table: Table, origin: Origin, form: str = "parquet"
+    ) -> None:
         self._sink = sink
         self._table = table
         self._schema = arrow_schema(table, origin)
-        self._rows = None if form == "parquet" else _RowWriter(sink, form, self._schema)
-        if self._rows is None:
-            self._growing = GrowingTable(sink, table, origin)
+        self._rows = _RowWriter(sink, form, self._schema)
 
     def add(self, columns: Mapping[str, Any]) -> None:
         """Write rows; raises `ValueError` for columns that are not those of the table."""
-        if self._rows is None:
-            self._growing.add(columns)
-            return
         self._rows.write(pa.Table.from_batches([record_batch(self._table, columns)], self._schema))
         self._sink.flush()
 
     def finish(self) -> None:
         """Write what belongs to the end."""
-        if self._rows is None:
-            self._growing.finish()
-        else:
-            self._rows.close()
+        self._rows.close()
         self._sink.flush()
+
+    def abandon(self) -> None:
+        """Write no more, not even an end: a file that was not finished is removed by its owner."""
+        self._rows.abandon()
 
 
 class Counted:
