@@ -49,7 +49,7 @@ from vibro_cli import (
     verify,
 )
 from vibro_cli.interface.grids import Design
-from vibro_cli.storage import stored
+from vibro_cli.storage import stored, tables
 
 pytestmark = pytest.mark.long
 
@@ -860,13 +860,13 @@ def test_a_figure_of_a_grid_reads_the_columns_that_it_shows(
     sweep(scenario, axes, tmp_path / "grid")
     grid = open_grid(tmp_path / "grid")
     seen: list[str] = []
-    original = stored._read
+    original = tables.read_column
 
-    def noted(parts: Any, columns: Any) -> Any:
-        seen.extend(columns)
-        return original(parts, columns)
+    def noted(parts: Any, name: str) -> Any:
+        seen.append(name)
+        return original(parts, name)
 
-    monkeypatch.setattr(stored, "_read", noted)
+    monkeypatch.setattr(stored, "read_column", noted)
     grid.figure("impacts")
     assert "collisions" in seen
     assert not {"energy_end", "max_gap", "end_time"} & set(seen)

@@ -237,7 +237,7 @@ def film_of(name: str, pace: float) -> tuple[Solved, Frames]:
     """A run of any system, and a film of its first seconds."""
     run = solved(example(name))
     end = min(6.0, run.summary["end_time"])
-    shown = run._shown
+    shown = run.stored
     return run, shown.kind.film(shown, frame_times(0.0, end, pace, RATE))
 
 

@@ -120,7 +120,7 @@ def test_columns_are_read_as_arrow_does(tmp_path: Path) -> None:
         pq.write_table(data, tmp_path / "table.parquet", row_group_size=30)
         for name in names:
             expected = data[name].to_numpy()
-            for found in (as_array(data[name]), read_column(tmp_path / "table.parquet", name)):
+            for found in (as_array(data[name]), read_column([tmp_path / "table.parquet"], name)):
                 assert found.dtype.kind == expected.dtype.kind
                 np.testing.assert_array_equal(found, expected, err_msg=name)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from html import escape
 from pathlib import Path
@@ -17,9 +17,9 @@ from vibro_cli.interface import Drawing, figures_of, nothing_shown
 from vibro_cli.scenario.base import Texts, check_scenarios, checked, checked_page, checked_path
 from vibro_cli.scenario.quantities import Count, Dictionary, Quantity
 from vibro_cli.storage import folders
-from vibro_cli.storage.files import available_cores, write_file
+from vibro_cli.storage.files import available_cores, manifest_of, write_file
 from vibro_cli.storage.frame import Table
-from vibro_cli.storage.stored import as_if_stored
+from vibro_cli.storage.stored import in_memory
 from vibro_cli.storage.stored import open_run as open_stored_run
 from vibro_cli.storage.tables import AnyTable, FileTable, table_named, to_arrow, units_of_numbers
 from vibro_cli.systems import system_named
@@ -47,31 +47,24 @@ class Run:
     From :func:`simulate` or :func:`open_run`.
     """
 
-    scenario: AnyScenario
-    """What was solved."""
-    _solved: api.Run | None = field(repr=False)
-    """The run as the solver made it, with all its logs; None for one from a folder."""
-    stored: StoredRun | None = field(default=None, repr=False)
-    """As it was read from its folder, if it was."""
+    stored: StoredRun = field(repr=False)
+    """As figures and reports take it: one from a folder is solved again for its motion alone."""
     _made: dict[str, AnyTable | None] = field(default_factory=dict, repr=False, compare=False)
+
+    @property
+    def scenario(self) -> AnyScenario:
+        """What was solved."""
+        return self.stored.scenario
 
     @property
     def solved(self) -> api.Run:
         """The run with all its logs; one from a folder is solved again for that."""
-        if self._solved is not None:
-            return self._solved
-        assert self.stored is not None
         return self.stored.run
-
-    @property
-    def _shown(self) -> Any:
-        """The run as figures take it: one from a folder is solved again for its motion alone."""
-        return self._solved or self.stored
 
     @property
     def folder(self) -> Path | None:
         """The folder the run was opened from, None if it was not."""
-        return None if self.stored is None else self.stored.folder
+        return self.stored.folder
 
     @property
     def name(self) -> str:
@@ -81,8 +74,7 @@ class Run:
     @cached_property
     def summary(self) -> dict[str, Any]:
         """The columns of the table ``summary`` as plain values, None where there is none."""
-        stored = self.stored
-        return self.solved.summary_record() if stored is None else dict(stored.summary)
+        return dict(self.stored.summary)
 
     @cached_property
     def tables(self) -> dict[str, Table]:
@@ -104,7 +96,7 @@ class Run:
     def _found(self, name: str) -> AnyTable | None:
         if name not in {table.file for table in self._kind.tables()}:
             return None
-        if self.stored is None or self.stored.place is None:
+        if self.stored.place is None:
             return folders.run_table(self.solved, name, self.scenario)
         self.stored.place.stat()  # raises where it is gone
         if f"{name}.parquet" not in self.stored.manifest["files"]:
@@ -164,7 +156,7 @@ class Run:
         """
         import numpy as np
 
-        columns = self._shown.sample(np.atleast_1d(times), side, extrapolate)
+        columns = self.stored.sample(np.atleast_1d(times), side, extrapolate)
         described = table_named("motion", list(columns), self.scenario.system)
         return Table("motion", to_arrow(described, columns, folders.origin_of(self.scenario)))
 
@@ -225,7 +217,7 @@ class Run:
         if isinstance(figures, bool):
             figures = self._kind.default_figures if figures else ()
         kinds = checked("figures", figures, Texts("kinds of figures"))
-        files = figures_of(self._shown, kinds)
+        files = figures_of(self.stored, kinds)
         for text in nothing_shown(kinds, files) if are_named else ():
             _LOG.warning("%s: %s", self.name, text)
         folders.write_run(self.solved, self.scenario, target, files, force)
@@ -279,7 +271,7 @@ class Run:
         names = columns or own_columns(impacts)
         quantities = quantities_of(names, units)
         if not columns and names[:1] == ["angle_a"]:  # all on one arc
-            piece = self._shown.system.trace.pieces[int(impacts["arc_a"][0]) - 1]
+            piece = self.stored.system.trace.pieces[int(impacts["arc_a"][0]) - 1]
             quantities[0] = "angle_a", ANGLES[piece.shape], "rad"
         if len(quantities) != 2:
             found = " and ".join(names) or "none"
@@ -312,7 +304,7 @@ class Run:
         """
         from vibro_cli.figures.kinds import draw_one
 
-        drawn = draw_one(self._shown, kind, body, width)
+        drawn = draw_one(self.stored, kind, body, width)
         if drawn is None:
             raise ValueError(f"{self.name} has nothing to show as {kind}")
         return Drawing(drawn.name, drawn.figure)
@@ -362,7 +354,7 @@ class Run:
             raise ValueError(
                 f"found {start:g} s to {stop:g} s, expected times from 0 to {last:g} s"
             )
-        write_film(self._shown, self.name, target, (start, stop), pace, fps)
+        write_film(self.stored, self.name, target, (start, stop), pace, fps)
         return target
 
     def report(self, file: str | Path) -> Path:
@@ -371,9 +363,8 @@ class Run:
 
         target = checked_page("file", file)
         stored = self.stored
-        if stored is None:
-            tables = {name: dict(table) for name, table in self.tables.items()}
-            stored = as_if_stored(self.solved, self.scenario, tables)
+        if self.folder is None:
+            stored = replace(stored, manifest=manifest_of("run", {}, {"engine": stored.run.engine}))
         write_file(target, report_html([stored], target.parent))
         return target
 
@@ -442,7 +433,7 @@ def simulate(scenario: AnyScenario, engine: str = "compiled") -> Run:
 
 
 def _solved(scenario: AnyScenario, engine: str, *before: Any) -> Run:
-    run = Run(scenario, api.simulate(scenario, engine, *before))
+    run = Run(in_memory(api.simulate(scenario, engine, *before), scenario))
     for warning in warnings_of(scenario, run.solved.system):
         _LOG.warning("%s: %s", scenario.name, warning)
     for omission in run.solved.skipped:
@@ -483,8 +474,7 @@ def open_run(folder: str | Path) -> Run:
     OSError
         If a file is missing or cannot be read.
     """
-    stored = open_stored_run(checked_path("folder", folder, "folder"))
-    return Run(stored.scenario, None, stored)
+    return Run(open_stored_run(checked_path("folder", folder, "folder")))
 
 
 def verify(folder: str | Path) -> Verdict:

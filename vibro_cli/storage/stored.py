@@ -19,7 +19,7 @@ from vibro_cli.assemble import build_any
 from vibro_cli.errors import VibroError
 from vibro_cli.scenario.base import AnyScenario
 from vibro_cli.scenario.loading import load_stored
-from vibro_cli.storage.files import GRID_NAME, check_files, manifest_of, read_manifest
+from vibro_cli.storage.files import GRID_NAME, check_files, read_manifest
 from vibro_cli.storage.folders import NotContinuable, read_earlier_run
 from vibro_cli.storage.tables import (
     PartsTable,
@@ -50,7 +50,7 @@ Columns = Mapping[str, Column]
 
 @dataclass(frozen=True, eq=False)
 class StoredRun:
-    """A finished run, read from its folder; it has what the figures and the report need."""
+    """A finished run, from its folder or in memory: what figures, reports and Python need of it."""
 
     folder: Path | None
     """Where it is stored, None where it is not."""
@@ -62,7 +62,7 @@ class StoredRun:
     """From which it could go on, by which it is known again when it is solved again."""
     _solved: Any = field(default=None, repr=False)
     """The run itself, of one that is not stored, or its motion where that is at hand."""
-    _tables: dict[str, Columns] = field(default_factory=dict, repr=False)
+    _tables: dict[str, Columns] = field(default_factory=dict, init=False, repr=False)
     place: Path | None = field(init=False, repr=False)
     """The folder, found also after the working directory has changed"""
 
@@ -97,13 +97,16 @@ class StoredRun:
     @cached_property
     def system(self) -> Any:
         """What was solved."""
-        return build_any(self.scenario)
+        return self.run.system if self.place is None else build_any(self.scenario)
 
     def table(self, name: str) -> Columns:
         """Return the columns of a table; null is NaN in numbers and None in words."""
+        if self.place is None:
+            found = self.run.table(name)
+            assert found is not None
+            return found
         if name not in self._tables:
-            assert self.place is not None
-            self._tables[name] = StoredColumns(self.place / f"{name}.parquet")
+            self._tables[name] = StoredColumns([self.place / f"{name}.parquet"])
         return self._tables[name]
 
     @property
@@ -162,11 +165,9 @@ class StoredRun:
         return self.motion.sample(times, side, extrapolate)
 
 
-def as_if_stored(run: Run, scenario: AnyScenario, tables: Mapping[str, Columns]) -> StoredRun:
-    """Return a run that has no folder as the report takes it, with its tables."""
-    made = manifest_of("run", {}, {"engine": run.engine})
-    summary = run.summary_record()
-    return StoredRun(None, scenario, made, summary, run.checkpoint(), run, dict(tables))
+def in_memory(run: Run, scenario: AnyScenario) -> StoredRun:
+    """Return a run that has no folder; nor has it a manifest."""
+    return StoredRun(None, scenario, {}, run.summary_record(), run.checkpoint(), run)
 
 
 def open_run(folder: Path) -> StoredRun:
@@ -182,35 +183,22 @@ def open_run(folder: Path) -> StoredRun:
     return StoredRun(folder, scenario, earlier.manifest, summary, earlier.checkpoint)
 
 
-class _Columns(Mapping[str, Column]):
-    """The columns of a parquet file, or of several of the same schema, each read when asked for."""
+class StoredColumns(Mapping[str, Column]):
+    """The columns of parquet files of one schema, each read when asked for.
 
-    def __init__(self, path: Path) -> None:
-        self.schema = schema_of(path)
+    The last `most` that were asked for are kept.
+    """
+
+    def __init__(self, parts: Sequence[Path], most: float = _MOST_COLUMNS) -> None:
+        self.schema = schema_of(parts[0])
+        self._parts, self._most = parts, most
         self._columns: dict[str, Column] = {}
-
-    def __contains__(self, name: object) -> bool:
-        return name in self.schema.names
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self.schema.names)
-
-    def __len__(self) -> int:
-        return len(self.schema.names)
-
-
-class StoredColumns(_Columns):
-    """The columns of a parquet file; the last ones that were asked for are kept."""
-
-    def __init__(self, path: Path) -> None:
-        super().__init__(path)
-        self._path = path
         self._first: dict[str, Column] = {}
 
     def first(self, rows: int) -> Columns:
-        """Return the first rows."""
+        """Return the first rows, of one file."""
         if not self._first:
-            found = _columns(next(rows_by_group(self._path, slice(_FIRST))))
+            found = _columns(next(rows_by_group(self._parts[0], slice(_FIRST))))
             # Copies, so that the whole group of rows does not stay in memory.
             self._first = {name: values.copy() for name, values in found.items()}
         found = {name: values[:rows] for name, values in self._first.items()}
@@ -221,10 +209,19 @@ class StoredColumns(_Columns):
         if name not in self:
             raise KeyError(name)
         values = self._columns.pop(name, None)
-        self._columns[name] = read_column(self._path, name) if values is None else values
-        if len(self._columns) > _MOST_COLUMNS:
+        self._columns[name] = read_column(self._parts, name) if values is None else values
+        if len(self._columns) > self._most:
             self._columns.pop(next(iter(self._columns)))
         return self._columns[name]
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.schema.names
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.schema.names)
+
+    def __len__(self) -> int:
+        return len(self.schema.names)
 
 
 def _check_tables(folder: Path, manifest: Mapping[str, Any]) -> None:
@@ -319,7 +316,8 @@ class StoredGrid:
         import pyarrow.compute as compute
 
         wanted = compute.field("scenario").isin(scenarios.tolist())
-        return _columns(_read(self._parts("collisions"), list(columns), filter=wanted))
+        data = dataset_of(self._parts("collisions"))
+        return _columns(data.to_table(list(columns), filter=wanted))
 
     def _parts(self, name: str) -> list[Path]:
         """The files of a table, none where the grid did not keep it."""
@@ -356,7 +354,7 @@ def open_grid(folder: Path, owner: object = None) -> StoredGrid:
         raise NotAGrid(f"{folder} holds no finished point of its grid")
     for damage in check_files(folder, manifest["files"]):
         raise NotAGrid(f"{folder}/{damage}; vibro grid GRID --repair solves it again")
-    summary = GridColumns(parts)
+    summary = StoredColumns(parts, math.inf)
     names = summary.schema.names
     return StoredGrid(
         folder=folder,
@@ -369,29 +367,9 @@ def open_grid(folder: Path, owner: object = None) -> StoredGrid:
     )
 
 
-class GridColumns(_Columns):
-    """The columns of the summaries of a grid, each read from its parts and kept."""
-
-    def __init__(self, parts: Sequence[Path]) -> None:
-        super().__init__(parts[0])
-        self._parts = parts
-
-    def __getitem__(self, name: str) -> Column:
-        if name not in self._columns:
-            if name not in self:
-                raise KeyError(name)
-            self._columns[name] = _columns(_read(self._parts, [name]))[name]
-        return self._columns[name]
-
-
 def _parts(folder: Path, manifest: Mapping[str, Any], name: str) -> list[Path]:
     """The files of a table, of finished chunks: what else is there is not of the grid."""
     return [folder / file for file in manifest["files"] if file.startswith(f"{name}/")]
-
-
-def _read(parts: Sequence[Path], *columns: Any, **wanted: Any) -> pyarrow.Table:
-    """Return the rows of the files of a table, one after another; else as pyarrow's `to_table`."""
-    return dataset_of(parts).to_table(*columns, **wanted)
 
 
 def _columns(data: pyarrow.Table) -> dict[str, Column]:

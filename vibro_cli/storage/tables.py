@@ -420,15 +420,18 @@ def schema_of(path: Path) -> pa.Schema:
         return file.schema_arrow
 
 
-def read_column(path: Path, name: str) -> np.ndarray[Any, np.dtype[Any]]:
-    """One column of a parquet file; null is NaN in numbers and None in words.
+def read_column(parts: Sequence[Path], name: str) -> np.ndarray[Any, np.dtype[Any]]:
+    """One column of parquet files, one after another; null is NaN in numbers and None in words.
 
     Raises as `read_parquet`.
     """
-    with _opened(path, read_dictionary=[name]) as file:
-        # Group by group, so that no more than the column is ever there.
-        groups = [file.read_row_group(n, [name]) for n in range(file.num_row_groups)]
-        return np.concatenate([as_array(rows[name]) for rows in groups or [file.read([name])]])
+    found = []
+    for part in parts:
+        with _opened(part, read_dictionary=[name]) as file:
+            # Group by group, so that no more than the column is ever there.
+            groups = [file.read_row_group(n, [name]) for n in range(file.num_row_groups)]
+            found += [as_array(rows[name]) for rows in groups or [file.read([name])]]
+    return np.concatenate(found)
 
 
 def as_array(column: pa.ChunkedArray) -> np.ndarray[Any, np.dtype[Any]]:
