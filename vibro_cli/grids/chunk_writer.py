@@ -75,10 +75,7 @@ class Encoded:
     def write(self, folder: Path) -> Receipt:
         """Write the parts, each whole or not at all; return what is on the disk.
 
-        Raises
-        ------
-        OSError
-            If a part cannot be written.
+        Raises `OSError` if a part cannot be written.
         """
         for name, content in self.files.items():
             write_file(folder / name, content)
@@ -166,7 +163,11 @@ class ChunkWriter:
         """The parts, once all stretches are taken in."""
         names = file_names(self._grid, self._chunk)
         contents = {names[name]: part.finish() for name, part in self._parts.items()}
-        whole = {name: _joined(name, self._summaries) for name in list(self._summaries[0])}
+        # Each column is freed where it came from as soon as it is whole.
+        whole = {
+            name: end_to_end([one.pop(name) for one in self._summaries])
+            for name in list(self._summaries[0])
+        }
         table = summary_table(self._grid)
         given = [self._indices + 1, *self._grid.design.columns(self._indices).values()]
         columns = dict(zip([column.name for column in table.columns], given, strict=False))
@@ -183,18 +184,6 @@ def part_bytes(grid: Grid, solved: Solved, indices: Array) -> float:
     made = ChunkWriter(grid, 0, indices, 1, BufferPool()).add(0, solved)
     assert made is not None
     return sum(map(len, made.files.values())) / len(indices)
-
-
-def _joined(name: str, tables: list[Columns]) -> Any:
-    """One column of several tables, freed there; null where a table does not have it."""
-    parts = []
-    for table in tables:
-        if name in table:
-            parts.append(table.pop(name))
-        else:
-            rows = len(next(iter(table.values())))
-            parts.append(np.ma.MaskedArray(np.zeros(rows, dtype=np.int64), mask=True))
-    return end_to_end(parts)
 
 
 # Columns of impacts that readers of a few scenarios or moments look at first.
