@@ -117,10 +117,7 @@ _IN_COMMON: dict[KeyPath, str] = {
 def kind_of(path: KeyPath, root: Model = Scenario) -> kinds.Kind:
     """Return the kind of the scalar at a path of scenarios with the model `root`.
 
-    Raises
-    ------
-    Fault
-        If a scenario has nothing there, or nothing that is one value.
+    Raises `Fault` if a scenario has nothing there, or nothing that is one value.
     """
     if path[0] in _WITHOUT_EFFECT:
         expected = "a value that the tables of a grid depend on"
@@ -158,10 +155,7 @@ def read_number(kind: kinds.Kind, value: Any) -> Any:
 
     Bounds are left to the scenario: a value beyond them makes an invalid point, not a wrong axis.
 
-    Raises
-    ------
-    PydanticCustomError
-        If the value is not of this kind at all.
+    Raises `PydanticCustomError` if the value is not of this kind at all.
     """
     if isinstance(kind, kinds.Quantity):
         return kinds.Quantity(kind.dimension).read(value)

@@ -307,12 +307,7 @@ def verify(folder: Path) -> Verdict:
 
     The folders of shards that wait to be put together have manifests of their own.
 
-    Raises
-    ------
-    NoManifest
-        If the folder has no manifest of ours.
-    OSError
-        If a file cannot be read.
+    Raises `NoManifest` if the folder has no manifest of ours, `OSError` if a file cannot be read.
     """
     found = read_manifest(folder)
     if found is None:
@@ -345,10 +340,7 @@ class Shard:
     def read(text: str) -> Shard:
         """Return the shard of a text such as ``3/16``.
 
-        Raises
-        ------
-        ValueError
-            For another text.
+        Raises `ValueError` for another text.
         """
         match = re.fullmatch(r"\s*(\d{1,6})\s*/\s*(\d{1,6})\s*", text, re.ASCII)
         if match is None or not 1 <= int(match[1]) <= int(match[2]):
@@ -366,10 +358,8 @@ class Shard:
     def wanted_of(self, folder: Path, grid: Grid, chunks: Chunks) -> list[int]:
         """Return the chunks of this shard that the folder of the grid does not have already.
 
-        Raises
-        ------
-        GridChanged
-            If that folder holds another grid, to which no shard of this one could be added.
+        Raises `GridChanged` if that folder holds another grid, to which no shard of this one could
+        be added.
         """
         check_same(folder, grid, chunks, "-o names another folder")
         done = found_receipts(folder, grid, chunks)
@@ -394,16 +384,8 @@ def merge(dataset: Dataset) -> Iterator[Receipt]:
 
     Every part is held to its checksum first, and nothing is moved unless all chunks are there.
 
-    Raises
-    ------
-    MergeRefused
-        If chunks are missing or damaged.
-    FolderInUse
-        If a shard is being worked on.
-    GridChanged
-        If a shard is of another grid.
-    OSError
-        If a file cannot be moved.
+    Raises `MergeRefused` if chunks are missing or damaged, `FolderInUse` if a shard is being worked
+    on, `GridChanged` if a shard is of another grid, `OSError` if a file cannot be moved.
     """
     with ExitStack() as stack:
         places: dict[int, tuple[Path, Receipt]] = {}

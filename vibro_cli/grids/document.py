@@ -167,12 +167,8 @@ def load_grid(source: str | Path, overrides: Sequence[str] = ()) -> Grid:
 
     ``overrides`` change values of its scenario, such as "collision.k=0.9".
 
-    Raises
-    ------
-    ScenarioError
-        With everything that is wrong with the grid, each with its place.
-    OSError
-        If a file cannot be read.
+    Raises `ScenarioError` with everything that is wrong with the grid, each with its place;
+    `OSError` if a file cannot be read.
     """
     folder = Path() if str(source) == "-" else Path(source).parent
     return grid_of(load_document(source), folder, overrides)
@@ -181,10 +177,7 @@ def load_grid(source: str | Path, overrides: Sequence[str] = ()) -> Grid:
 def grid_of(document: Document, folder: Path, overrides: Sequence[str] = ()) -> Grid:
     """Return the grid of a document; paths in it start from a folder.
 
-    Raises
-    ------
-    ScenarioError
-        With everything that is wrong with the grid, each with its place.
+    Raises `ScenarioError` with everything that is wrong with the grid, each with its place.
     """
     if _is_scenario(document.data):
         place = document.source.place((next(iter(document.data)),), on_key=True)

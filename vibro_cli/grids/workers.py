@@ -266,12 +266,8 @@ def solve_on_cluster(
 
     A chunk that kills its workers again and again is left out; the others are solved first.
 
-    Raises
-    ------
-    UnsafeAddress
-        Unless the address is encrypted, or of this machine.
-    ClusterError
-        If the scheduler cannot be reached or is lost, or chunks were left out.
+    Raises `UnsafeAddress` unless the address is encrypted, or of this machine; `ClusterError` if
+    the scheduler cannot be reached or is lost, or chunks were left out.
     """
     check_address(address)
     from distributed import Client

@@ -294,15 +294,9 @@ def write_results(
 ) -> None:
     """Write the folder of a fit, orbits, a portrait, basins or figures, whole or not at all.
 
-    Parameters
-    ----------
-    kind
-        ``fit``, ``orbit``, ``portrait``, ``basins`` or ``figures``.
-    target, figures
-        The folder; names and contents of its pictures.
-    scenario, record, table
-        What is written of it: the scenario, plain values under the name of the kind, and the table
-        of residuals or orbits.
+    The `kind` is ``fit``, ``orbit``, ``portrait``, ``basins`` or ``figures``; `figures` are names
+    and contents of its pictures. Beside them there may be the scenario, a record of plain values
+    under the name of the kind, and a table of residuals or orbits.
 
     Raises `FolderRefused` when `target` is there and is none of ours, `OSError` when it cannot be
     written.

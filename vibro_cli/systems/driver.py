@@ -152,11 +152,8 @@ class Driver:
     def rounds(self) -> Iterator[int]:
         """Run on, each time until the logs are full; yield that cause, at last the end's.
 
-        Raises
-        ------
-        TooQuiet
-            After ``QUIET_ROWS`` rows of the loop's log in a row without an impact, after
-            ``QUIET_STEPS`` of a search, or when the loop itself gives up.
+        Raises `TooQuiet` after ``QUIET_ROWS`` rows of the loop's log in a row without an impact,
+        after ``QUIET_STEPS`` of a search, or when the loop itself gives up.
         """
         loop = self._loop
         quiet_log = loop.quiet_log if self._needs_impacts() else None
@@ -374,14 +371,8 @@ def with_logs(
 ) -> Any:
     """Return the records of a run with some of its logs, for the kernels that tell of them.
 
-    Parameters
-    ----------
-    loop, world
-        The records, interpreted, or of the engine that is wanted; those of arrays change.
-    engine_name
-        ``"python"`` or ``"compiled"``: which records are returned.
-    logs, clock
-        The rows, and the fields of the clock when they were written; without, it stays as it is.
+    They are of the engine ``"python"`` or ``"compiled"``; of `world` those of arrays change. `logs`
+    are the rows, `clock` its fields when they were written, None for those it has.
     """
     compiles = engine_name == "compiled"
     if compiles and not isinstance(world.clock, np.ndarray):
@@ -558,10 +549,7 @@ def rows_of(cls: type, values: Sequence[Sequence[Any]]) -> list[Any]:
 def set_rows(rows: Sequence[Any], cls: type, values: Sequence[Sequence[Any]]) -> None:
     """Give interpreted records the values that `plain_rows` has returned.
 
-    Raises
-    ------
-    ValueError
-        If there are others than these records have.
+    Raises `ValueError` if there are others than these records have.
     """
     names = tuple(cls.fields)  # type: ignore[attr-defined]
     if len(rows) != len(values) or any(len(value) != len(names) for value in values):

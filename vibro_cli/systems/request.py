@@ -37,11 +37,8 @@ ROUNDING = 1.0e-12
 def within_run(times: Any, end: float, extrapolate: bool) -> Instants:
     """Return times (s) as an array, if a run that ended at a time (s) has come to all of them.
 
-    Raises
-    ------
-    ValueError
-        If one is before the start or after the end, or not finite if they are to be extrapolated;
-        for an array of several dimensions, or of what are no real numbers.
+    Raises `ValueError` if one is before the start or after the end, or not finite if they are to be
+    extrapolated; for an array of several dimensions, or of what are no real numbers.
     """
     given = np.asarray(times)
     if given.dtype.kind in "bcSUmM":

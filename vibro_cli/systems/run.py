@@ -177,10 +177,7 @@ def begun(
 ) -> Stretches:
     """Return a run of a system that nothing has happened in, to be gone through once.
 
-    Raises
-    ------
-    ValueError
-        For an unknown engine, and without a limit.
+    Raises `ValueError` for an unknown engine, and without a limit.
     """
     if (limits.time, limits.collisions, limits.bounces) == (None, None, None):
         raise ValueError("a run needs a stop: a time or a number of impacts")
@@ -397,26 +394,11 @@ class Run:
         return self.kind.trajectory(self.system, self.whole)
 
     def sample(self, times: Any, side: str = "after", extrapolate: bool = False) -> Columns:
-        """Return the motion at given times, exactly.
+        """Return the columns of the motion table at times (s), exact: a row for each body at each.
 
-        Parameters
-        ----------
-        times
-            Instants, s, any number, in any order, from the start of the run to its end.
-        side
-            ``"after"`` or ``"before"`` an event that happens at just such an instant.
-        extrapolate
-            Whether times outside the run are answered too: with the first and the last motion, as
-            if nothing met it.
-
-        Returns
-        -------
-        The columns of the motion table: for each time a row for each body.
-
-        Raises
-        ------
-        ValueError
-            For another ``side``, and for a time outside the run that is not to be extrapolated.
+        `side` is ``"after"`` or ``"before"`` an event that happens at just such an instant. Times
+        outside the run are answered too where they are to be extrapolated: with the first and the
+        last motion, as if nothing met it. Raises `ValueError` for others, and for another ``side``.
         """
         instants = within_run(times, self.end_time, extrapolate)
         return self.trajectory.sample(instants, side)
@@ -485,14 +467,9 @@ def simulate(
     From a checkpoint and the history of an earlier run of the same system it goes on as if it had
     never stopped. One that is `cut` ends where there is no impact for very long.
 
-    Raises
-    ------
-    ValueError
-        For an unknown engine, without a limit, and for a checkpoint of another system.
-    CannotContinue
-        If the earlier run had ended for good (see ``systems.request.FINAL``), or is past the stop.
-    TooQuiet
-        If there is no impact for very long, unless it is `cut`.
+    Raises `ValueError` for an unknown engine, without a limit, and for a checkpoint of another
+    system; `CannotContinue` if the earlier run had ended for good (see ``systems.request.FINAL``),
+    or is past the stop; `TooQuiet` if there is no impact for very long, unless it is `cut`.
     """
     earlier = None
     if checkpoint is not None:

@@ -112,16 +112,10 @@ class Growth:
 
 
 class TangentMap:
-    """The tangent map of a run in progress.
+    """The tangent map of a run in progress, by the kernel ``follow`` of the system's loop.
 
-    Parameters
-    ----------
-    kind, system
-        What is solved; the kernel is ``follow`` of its loop.
-    time_scale
-        Time (s) by which speeds are compared with ways.
-    times
-        Whether derivatives of the impacts' times are wanted.
+    Speeds are compared with ways by ``time_scale`` (s). Derivatives of the impacts' `times` are
+    told where they are wanted.
     """
 
     def __init__(self, kind: System, system: Any, time_scale: float, times: bool = False) -> None:

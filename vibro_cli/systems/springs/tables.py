@@ -236,12 +236,7 @@ def final_state(body: int | str) -> Iterator[Column]:
 class Motion:
     """States after the start and after every event, an event a row, a body a column.
 
-    Parameters
-    ----------
-    system, stretch
-        What is solved, and a stretch of the run.
-    before
-        The last states before it, from :attr:`last`; without them the stretch is the first.
+    `before` are the last states before the stretch, from :attr:`last`; None before the first one.
     """
 
     def __init__(self, system: SpringsSystem, stretch: Stretch, before: Any = None) -> None:

@@ -263,13 +263,8 @@ _NAMES = ("t", "t_low", "x", "y", "vx", "vy")
 class Motion:
     """Every ball's places and velocities at its events, in order of time.
 
-    Parameters
-    ----------
-    system, stretch
-        What is solved, and a stretch of the run.
-    before
-        The last event of each ball before it, from :attr:`last`; without it the stretch is the
-        first.
+    `before` has the last event of each ball before the stretch, from :attr:`last`; None before the
+    first one.
     """
 
     def __init__(self, system: TableSystem, stretch: Stretch, before: Floats | None = None) -> None:
