@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from itertools import combinations
-from typing import Any, TypeAlias
+from typing import Any
 
 from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.mechanics import initial_conditions, reachability
@@ -411,19 +411,10 @@ def check_walls(
             problems.add(_path_of_place(scenario, index), found, expected)
 
 
-AnySystem: TypeAlias = Any
-"""What is solved, of whatever kind."""
-
-
-def build_any(scenario: AnyScenario) -> AnySystem:
+def build_any(scenario: AnyScenario) -> Any:
     """Return the system of a scenario of whatever kind, checked against its mechanics.
 
     Raises ScenarioError with everything that is wrong, and TypeError for what is no scenario.
     """
     check_scenario(scenario)
     return system_named(scenario.system).build(scenario)
-
-
-def warnings_of(scenario: AnyScenario, system: AnySystem) -> tuple[str, ...]:
-    """Return what a user should know about a sound system before running it, a sentence each."""
-    return system_named(scenario.system).warnings(scenario, system)

@@ -13,9 +13,9 @@ from tests.commands.conftest import Vibro
 from tests.commands.processes import VIBRO
 from tests.effort import ratio
 from vibro_cli import __version__
-from vibro_cli.storage import tables
 from vibro_cli.storage.files import read_manifest
 from vibro_cli.storage.tables import read_parquet
+from vibro_cli.systems.trace import SYSTEM
 
 GALLERY = Path(__file__).parents[2] / "scenarios"
 THREE_ARCS = GALLERY / "three_arcs.toml"
@@ -45,7 +45,7 @@ def test_tables_are_as_described_and_agree_with_the_summary(vibro: Vibro) -> Non
     folder = Path("outputs/three_arcs")
     for name in ("collisions", "events", "motion", "summary"):
         data = read_parquet(folder / f"{name}.parquet")
-        expected = tables.table_named(name, data.column_names)
+        expected = SYSTEM.table(name, data.column_names)
         assert data.column_names == [column.name for column in expected.columns]
     summary = json.loads((folder / "summary.json").read_bytes())
     (row,) = read_parquet(folder / "summary.parquet").to_pylist()

@@ -73,12 +73,12 @@ def test_every_column_has_a_meaning_and_a_unit_of_the_system(table: Table) -> No
     ],
 )
 def test_a_table_is_found_from_the_names_of_its_columns(table: Table) -> None:
-    assert tables.table_named(table.name, [column.name for column in table.columns]) == table
+    assert SYSTEM.table(table.name, [column.name for column in table.columns]) == table
 
 
 def test_an_unknown_table_is_refused() -> None:
     with pytest.raises(ValueError, match="no table 'impacts'"):
-        tables.table_named("impacts", [])
+        SYSTEM.table("impacts", [])
 
 
 def test_the_reference_prints_the_same_description() -> None:

@@ -17,7 +17,6 @@ from vibro_cli.commands.shared.options import (
 from vibro_cli.commands.shared.terminal import count, json_text, print_found, say, size
 
 if TYPE_CHECKING:
-    from vibro_cli.assemble import AnySystem
     from vibro_cli.grids.document import Grid
     from vibro_cli.scenario.base import AnyScenario
 
@@ -54,7 +53,7 @@ class CheckCommand:
 
 
 def _understood(
-    read: "tuple[AnyScenario, AnySystem] | Grid",
+    read: "tuple[AnyScenario, Any] | Grid",
 ) -> tuple[dict[str, Any], Iterable[str]]:
     """What a scenario or a grid means, as plain values and as lines of text."""
     if not isinstance(read, tuple):

@@ -42,7 +42,6 @@ from vibro_cli.commands.shared.terminal import RunProgress, json_text, say, work
 from vibro_cli.systems import PLURALS
 
 if TYPE_CHECKING:
-    from vibro_cli.assemble import AnySystem
     from vibro_cli.commands.shared.loading import Refused
     from vibro_cli.scenario.base import AnyScenario
     from vibro_cli.storage.folders import EarlierRun, StreamedFolder
@@ -260,11 +259,11 @@ def _print_refused(options: RunCommand, refused: "list[Refused]") -> None:
             print(json_text(line), flush=True)
 
 
-def _warn(scenario: "AnyScenario", system: "AnySystem") -> None:
+def _warn(scenario: "AnyScenario", system: Any) -> None:
     """Say what is doubtful about a scenario."""
-    from vibro_cli.assemble import warnings_of
+    from vibro_cli.systems import system_named
 
-    for warning in warnings_of(scenario, system):
+    for warning in system_named(scenario.system).warnings(scenario, system):
         say(f"{scenario.name}: warning: {warning}", "warning", scenario=scenario.name)
 
 
@@ -447,7 +446,8 @@ def _streamed(
 def _standard_output(form: str, scenario: "AnyScenario") -> "Iterator[Sink]":
     """Standard output as a sink of the collision table."""
     from vibro_cli.storage.folders import origin_of
-    from vibro_cli.storage.tables import GrowingTable, table_named
+    from vibro_cli.storage.tables import GrowingTable
+    from vibro_cli.systems import system_named
 
     streams: list[GrowingTable] = []
 
@@ -455,7 +455,7 @@ def _standard_output(form: str, scenario: "AnyScenario") -> "Iterator[Sink]":
         if name != "collisions":
             return
         if not streams:
-            table = table_named(name, list(rows), scenario.system)
+            table = system_named(scenario.system).table(name, rows)
             streams.append(GrowingTable(sys.stdout.buffer, table, origin_of(scenario), form))
         streams[0].add(rows)
 

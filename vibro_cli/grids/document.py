@@ -38,7 +38,6 @@ from vibro_cli.scenario.problems import (
     shown,
     suggestion,
 )
-from vibro_cli.storage.tables import table_named
 from vibro_cli.systems import system_named
 from vibro_cli.systems.columns import GROWTH, Column
 
@@ -240,7 +239,8 @@ def _referred(document: Document, folder: Path) -> Document:
 
 def impact_columns_of(system: str) -> tuple[Column, ...]:
     """Return all columns of the tables of a system's impacts, each once."""
-    tables = [table_named(name, ("side",), system) for name in system_named(system).impact_tables]
+    kind = system_named(system)
+    tables = [kind.table(name, ("side",)) for name in kind.impact_tables]
     return tuple({column.name: column for table in tables for column in table.columns}.values())
 
 

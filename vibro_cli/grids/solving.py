@@ -20,7 +20,7 @@ from vibro_cli.scenario import fields
 from vibro_cli.scenario.loading import any_scenario_of
 from vibro_cli.scenario.models import section
 from vibro_cli.scenario.problems import KeyPath, ScenarioError, path_text
-from vibro_cli.storage.tables import record_batch, table_named
+from vibro_cli.storage.tables import record_batch
 from vibro_cli.systems import system_named
 from vibro_cli.systems.columns import Column, Table
 from vibro_cli.systems.contract import Columns
@@ -47,7 +47,7 @@ def summary_table(grid: Grid) -> Table:
 
 def impact_table_of(grid: Grid, name: str = "collisions") -> Table:
     """Return a table of the impacts that a grid keeps."""
-    table = table_named(name, ["side"] if _may_be_sided(grid) else [], grid.system)
+    table = system_named(grid.system).table(name, ["side"] if _may_be_sided(grid) else [])
     kept = grid.keep.columns
     columns = [column for column in table.columns if kept is None or column.name in kept]
     columns = [replace(c, nullable=True) if c.name == "side" else c for c in columns]

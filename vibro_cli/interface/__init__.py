@@ -9,11 +9,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from vibro_cli.assemble import build_any, warnings_of
+from vibro_cli.assemble import build_any
 from vibro_cli.scenario import gallery
 from vibro_cli.scenario.base import Texts, checked, checked_path
 from vibro_cli.scenario.loading import any_scenario_of, load_any, parse_document
 from vibro_cli.scenario.quantities import Count, Text
+from vibro_cli.systems import system_named
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -88,7 +89,8 @@ def check(scenario: AnyScenario) -> tuple[str, ...]:
 
     Raises ``ScenarioError`` with everything that makes it impossible.
     """
-    return warnings_of(scenario, build_any(scenario))
+    system = build_any(scenario)
+    return system_named(scenario.system).warnings(scenario, system)
 
 
 def portrait(scenario: AnyScenario, body: int = 1, width: str = "double") -> Drawing:
@@ -112,8 +114,6 @@ def portrait(scenario: AnyScenario, body: int = 1, width: str = "double") -> Dra
     ValueError
         For another body or width, and for a table without a portrait.
     """
-    from vibro_cli.systems import system_named
-
     system = build_any(scenario)
     body = checked("body", body, Count(1, len(system.bodies)))
     _, figures = system_named(scenario.system).portrait(system, width, [body])

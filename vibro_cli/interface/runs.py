@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from vibro_cli import api
-from vibro_cli.assemble import warnings_of
 from vibro_cli.grids.dataset import verify as verify_folder
 from vibro_cli.interface import Drawing, figures_of, nothing_shown
 from vibro_cli.scenario.base import Texts, check_scenarios, checked, checked_page, checked_path
@@ -21,7 +20,7 @@ from vibro_cli.storage.files import available_cores, manifest_of, write_file
 from vibro_cli.storage.frame import Table
 from vibro_cli.storage.stored import in_memory
 from vibro_cli.storage.stored import open_run as open_stored_run
-from vibro_cli.storage.tables import AnyTable, FileTable, table_named, to_arrow, units_of_numbers
+from vibro_cli.storage.tables import AnyTable, FileTable, units_of_numbers
 from vibro_cli.systems import system_named
 from vibro_cli.systems.driver import CannotContinue
 from vibro_cli.systems.request import CHANGEABLE
@@ -97,7 +96,8 @@ class Run:
         if name not in {table.file for table in self._kind.tables()}:
             return None
         if self.stored.place is None:
-            return folders.run_table(self.solved, name, self.scenario)
+            columns = self.solved.table(name)
+            return None if columns is None else folders.arrow_table(name, columns, self.scenario)
         self.stored.place.stat()  # raises where it is gone
         if f"{name}.parquet" not in self.stored.manifest["files"]:
             return None
@@ -157,8 +157,7 @@ class Run:
         import numpy as np
 
         columns = self.stored.sample(np.atleast_1d(times), side, extrapolate)
-        described = table_named("motion", list(columns), self.scenario.system)
-        return Table("motion", to_arrow(described, columns, folders.origin_of(self.scenario)))
+        return Table("motion", folders.arrow_table("motion", columns, self.scenario))
 
     def continued(self, changes: Mapping[str, Any], engine: str = "compiled") -> Run:
         """Return the run with a later stop, to the bit as if it had never stopped.
@@ -434,7 +433,7 @@ def simulate(scenario: AnyScenario, engine: str = "compiled") -> Run:
 
 def _solved(scenario: AnyScenario, engine: str, *before: Any) -> Run:
     run = Run(in_memory(api.simulate(scenario, engine, *before), scenario))
-    for warning in warnings_of(scenario, run.solved.system):
+    for warning in run._kind.warnings(scenario, run.solved.system):
         _LOG.warning("%s: %s", scenario.name, warning)
     for omission in run.solved.skipped:
         _LOG.debug("%s: skipped: %s", scenario.name, omission)

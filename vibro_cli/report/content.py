@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from vibro_cli.assemble import warnings_of
 from vibro_cli.figures.kinds import draw_all
 from vibro_cli.figures.source import first_of, made
 from vibro_cli.mechanics.system import LAWS, Body, TraceSystem, mechanics_warnings
@@ -30,7 +29,6 @@ from vibro_cli.report.words import (
 from vibro_cli.scenario.base import BodyTable
 from vibro_cli.scenario.fields import written
 from vibro_cli.storage.stored import StoredRun
-from vibro_cli.storage.tables import table_named
 from vibro_cli.systems.columns import Column
 from vibro_cli.systems.describe import own_settings
 
@@ -121,7 +119,7 @@ def section_of_trace(run: StoredRun, name: str, beside: Path) -> dict[str, Any]:
 
 def section(run: StoredRun, name: str, beside: Path) -> dict[str, Any]:
     """Return what a report says of a run of a system besides the trace."""
-    notes = warnings_of(run.scenario, run.system)
+    notes = run.kind.warnings(run.scenario, run.system)
     return {
         **_section(run, name, notes, "Largest distance left at an impact"),
         "setting": setting(run),
@@ -328,7 +326,7 @@ def _jumps(run: StoredRun, column: str) -> list[list[str]]:
 
 
 def _impacts(run: StoredRun, name: str, beside: Path) -> dict[str, Any]:
-    known = {column.name: column for column in table_named("collisions", ()).columns}
+    known = {column.name: column for column in run.kind.table("collisions", ()).columns}
     # Folders that an older version wrote may have fewer columns.
     columns = [known[name] for name in _COLUMNS if name in run.collisions]
     words = {

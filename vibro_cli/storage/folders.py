@@ -36,9 +36,9 @@ from vibro_cli.storage.tables import (
     GrowingTable,
     Origin,
     parquet_bytes,
-    table_named,
     to_arrow,
 )
+from vibro_cli.systems import system_named
 from vibro_cli.systems.columns import Table, count, flag, number, word
 from vibro_cli.systems.contract import Columns
 
@@ -79,12 +79,10 @@ def origin_of(scenario: AnyScenario) -> Origin:
     return Origin(scenario.resolved(), __version__)
 
 
-def run_table(run: Run, name: str, scenario: AnyScenario) -> pyarrow.Table | None:
-    """A table of a run ("collisions", "summary", …) in arrow form; None for one not asked for."""
-    columns = run.table(name)
-    if columns is None:
-        return None
-    return to_arrow(table_named(name, list(columns), scenario.system), columns, origin_of(scenario))
+def arrow_table(name: str, columns: Columns, scenario: AnyScenario) -> pyarrow.Table:
+    """A table of a run ("collisions", "summary", …) in arrow form."""
+    table = system_named(scenario.system).table(name, columns)
+    return to_arrow(table, columns, origin_of(scenario))
 
 
 def write_run(
@@ -112,8 +110,7 @@ class StreamedFolder:
 
     def __init__(self, folder: NewFolder, scenario: AnyScenario) -> None:
         self._folder = folder
-        self._origin = origin_of(scenario)
-        self._system = scenario.system
+        self._scenario = scenario
         self._files = ExitStack()
         self._tables: dict[str, tuple[GrowingTable, Counted]] = {}
         self._entries: dict[str, Any] = {}
@@ -123,9 +120,10 @@ class StreamedFolder:
         file = f"{name}.parquet"
         with self._folder.naming(file):
             if name not in self._tables:
-                table = table_named(name, list(rows), self._system)
+                table = system_named(self._scenario.system).table(name, rows)
                 counted = Counted(self._files.enter_context(self._folder.growing(file)))
-                self._tables[name] = GrowingTable(counted, table, self._origin), counted
+                growing = GrowingTable(counted, table, origin_of(self._scenario))
+                self._tables[name] = growing, counted
             self._tables[name][0].add(rows)
 
     def end_tables(self) -> Path:
@@ -146,11 +144,11 @@ class StreamedFolder:
         `undrawn` are kinds of figures that a signal did not wait for: a continuation draws them.
         """
         self.end_tables()
-        summary = table_named("summary", list(run.summary), self._system)
+        summary = arrow_table("summary", run.summary, self._scenario)
         files = {
-            "summary.parquet": parquet_bytes(to_arrow(summary, run.summary, self._origin)),
+            "summary.parquet": parquet_bytes(summary),
             "summary.json": json_bytes(run.summary_record()),
-            SCENARIO_NAME: json_bytes(self._origin.scenario),
+            SCENARIO_NAME: json_bytes(self._scenario.resolved()),
             CHECKPOINT_NAME: json_bytes(run.checkpoint()),
             **figures,
         }

@@ -29,17 +29,6 @@ from vibro_cli.systems import system_named
 from vibro_cli.systems.columns import Column, Table
 
 
-def table_named(name: str, column_names: Sequence[str], system: str = "trace") -> Table:
-    """The table `name` of a system, as it must be for data with these columns.
-
-    Raises `ValueError` for a name that is no table.
-    """
-    found = system_named(system).table(name, column_names)
-    if found is None:
-        raise ValueError(f"there is no table {name!r}")
-    return found
-
-
 def as_json() -> dict[str, object]:
     """The description of all tables as plain values (`vibro schema tables`)."""
     return {

@@ -304,8 +304,8 @@ class System(ABC):
         states = [column for body in bodies for column in part.final_state(body)]
         return with_columns(part.SUMMARY, *states, *exponents(grown))
 
-    def table(self, name: str, column_names: Sequence[str]) -> Table | None:
-        """Return the table with a name for data with these columns, None where there is none."""
+    def table(self, name: str, column_names: Collection[str]) -> Table:
+        """Return the table with a name for data with these columns; `ValueError` for another."""
         from vibro_cli.systems.columns import GROWTH, converging, with_growth
 
         if name == "summary":
@@ -318,9 +318,12 @@ class System(ABC):
         if name in self.impact_tables:
             table = self.impact_table(name, column_names)
             return with_growth(table) if GROWTH[0].name in column_names else table
-        return {table.file: table for table in self.tables()}.get(name)
+        for table in self.tables():
+            if table.file == name:
+                return table
+        raise ValueError(f"there is no table {name!r}")
 
-    def impact_table(self, name: str, column_names: Sequence[str] | None = None) -> Table:
+    def impact_table(self, name: str, column_names: Collection[str] | None = None) -> Table:
         """Return a table of impacts for data with these columns, or with all it may have.
 
         It is without what the growth of small changes adds.

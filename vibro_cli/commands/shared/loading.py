@@ -8,14 +8,13 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from vibro_cli.commands.shared.error_handling import CommandError, reason
 from vibro_cli.commands.shared.options import scenario_files
 from vibro_cli.errors import similar
 
 if TYPE_CHECKING:
-    from vibro_cli.assemble import AnySystem
     from vibro_cli.grids.document import Grid
     from vibro_cli.scenario.base import AnyScenario
     from vibro_cli.storage.folders import EarlierRun
@@ -25,7 +24,7 @@ Refused = tuple[str, CommandError]
 """A scenario that cannot be used, and why."""
 
 
-def load_any(source: str, overrides: Sequence[str]) -> tuple["AnyScenario", "AnySystem"]:
+def load_any(source: str, overrides: Sequence[str]) -> tuple["AnyScenario", Any]:
     """A scenario of whatever system with what it describes.
 
     Raises `CommandError` with every problem of it.
@@ -71,7 +70,7 @@ def _file_meant(source: str) -> str:
 
 def load_scenario_or_grid(
     source: str, overrides: Sequence[str]
-) -> "tuple[AnyScenario, AnySystem] | Grid":
+) -> "tuple[AnyScenario, Any] | Grid":
     """A scenario with what it describes, or a grid, whichever the file holds.
 
     Raises `CommandError` with every problem of it.
@@ -91,7 +90,7 @@ def load_scenario_or_grid(
 
 def load_each(
     sources: Sequence[str], overrides: Sequence[str]
-) -> tuple[list[tuple["AnyScenario", "AnySystem"]], list[Refused]]:
+) -> tuple[list[tuple["AnyScenario", Any]], list[Refused]]:
     """Every scenario that can be used, and every one that cannot."""
     check_standard_input(sources)
     loaded, refused = [], []

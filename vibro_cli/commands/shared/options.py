@@ -169,19 +169,11 @@ Verbose = Annotated[
 ]
 
 
-def choose_log_format(form: str) -> str:
-    """Take up the form of words on standard error."""
-    choose_words(as_json=form == "json")
-    return form
-
-
 LogFormat = Annotated[
     Literal["text", "json"],
     typer.Option(
         envvar="VIBRO_LOG_FORMAT",
         help="Words and errors on standard error as text, or as a JSON object on each line.",
-        callback=choose_log_format,
-        is_eager=True,
     ),
 ]
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 from vibro_cli.systems.contract import ImpactLog, Sink, System
@@ -90,7 +90,7 @@ class Trace(System):
 
         return TraceSolver(grid, engine)
 
-    def impact_table(self, name: str, column_names: Sequence[str] | None = None) -> Table:
+    def impact_table(self, name: str, column_names: Collection[str] | None = None) -> Table:
         from vibro_cli.systems.trace.tables import SIDE, collisions
 
         return collisions(sided=column_names is None or SIDE.name in column_names)
