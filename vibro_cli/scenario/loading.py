@@ -385,14 +385,12 @@ def form_of(text: str) -> str:
     return "toml"
 
 
-def parse_document(text: str, form: str, file: str = "<text>", name: str = "scenario") -> Document:
+def parse_document(text: str, form: str, file: str, name: str = "scenario") -> Document:
     """Return the data of a text in "toml", "json" or "yaml"; errors call it `file`.
 
     `name` is that of a scenario that gives none. Raises `ScenarioError` if the text is not of its
-    form or beyond the limits, `ValueError` if there is no such form.
+    form or beyond the limits.
     """
-    if form not in FORMS.values():
-        raise ValueError(f'form: found "{form}", expected toml, json or yaml')
     _check_size(len(text), "characters", file)
     return _parsed(text, form, file, name)
 

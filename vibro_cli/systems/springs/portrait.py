@@ -204,10 +204,7 @@ def springs_portrait(run: Run, ball: int, width: str = "single") -> Figure:
     """Return speed and energies over the displacement of a body (from 1) of a run.
 
     `width` is `single` (85 mm) or `double` (170 mm).
-    Raises IndexError for a body that is not there.
     """
-    if not 1 <= ball <= len(run.system.bodies):
-        raise IndexError(f"no body {ball}: the run has {len(run.system.bodies)}")
     path = springs_trajectory(run, ball)
     (branches,) = path.branches
     hills = SpringsLandscape.of(run.system, ball - 1, ball - 1)

@@ -324,23 +324,20 @@ def _ends(system: TraceSystem, piece: Piece, number: int) -> tuple[float, float]
         return left, right
     radius = system.bodies[number].radius
     if system.left_end and piece.index == 0:
-        left = _at_wall(piece, radius, False, number == 0)
+        left = _at_wall(piece, radius, False)
     if system.right_end and piece.index == len(system.trace.pieces) - 1:
-        right = _at_wall(piece, radius, True, number == len(system.bodies) - 1)
+        right = _at_wall(piece, radius, True)
     return left, right
 
 
-def _at_wall(piece: Piece, radius: float, right: bool, outermost: bool) -> float:
-    """Where a body touches a wall; the end of the piece for an inner one that does not fit there.
+def _at_wall(piece: Piece, radius: float, right: bool) -> float:
+    """Where a body touches a wall; the end of the piece for one that does not fit there.
 
-    An inner body never comes to a wall: another one is in between.
+    That is an inner one (see ``assemble.check_walls``), which never comes to a wall.
     """
     end = piece.angle_end if right else piece.angle_start
     place = wall_position(piece, radius, right)
-    nowhere = elementwise.is_nan(place)
-    if outermost and elementwise.occurs(nowhere):
-        raise ValueError(f"piece {piece.index + 1} is too short for a body to touch its wall")
-    touch: float = elementwise.choose(nowhere, end, place)
+    touch: float = elementwise.choose(elementwise.is_nan(place), end, place)
     return touch
 
 
