@@ -387,7 +387,7 @@ def terminal_width() -> int:
 
 
 def as_terminal_text(markdown: str, width: int) -> str:
-    """Markdown of the kind the reference has, tables, paragraphs, lists and code, as plain text."""
+    """Markdown of the kind the reference has, tables, paragraphs and code, as plain text."""
     lines: list[str] = []
     within_code = False
     for kind, group in groupby(markdown.splitlines(), key=_kind):
@@ -397,8 +397,7 @@ def as_terminal_text(markdown: str, width: int) -> str:
         elif kind == "table" and not within_code:
             lines += _table([_cells(row) for row in block], width)
         elif kind == "text" and not within_code:
-            for part in map(_plain, _paragraphs(block)):
-                lines += wrapped(part, "", "  " if part.startswith("- ") else "", width)
+            lines += wrapped(_plain(" ".join(block)), width=width)
         else:
             lines += block
     return "\n".join(lines) + "\n"
@@ -410,23 +409,12 @@ def _kind(line: str) -> str:
         return "fence"
     if line.startswith("|"):
         return "table"
-    return "text" if line.strip() and not line.startswith("    ") else ""
-
-
-def _paragraphs(block: Sequence[str]) -> Iterator[str]:
-    """The paragraphs and entries of lists of some lines."""
-    text = ""
-    for line in block:
-        if line.startswith("- ") and text:
-            yield text
-            text = ""
-        text = f"{text} {line.strip()}".strip()
-    yield text
+    return "text" if line.strip() else ""
 
 
 def _plain(text: str) -> str:
     """A text without the marks of Markdown."""
-    return re.sub(r"\[([^]]*)\]\([^)]*\)", r"\1", text).replace("`", "").replace("\\|", "|")
+    return text.replace("`", "").replace("\\|", "|")
 
 
 def _cells(row: str) -> list[str]:
