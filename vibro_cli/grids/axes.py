@@ -329,11 +329,11 @@ def _spaced(low: float, high: float, count: int, loc: KeyPath) -> Array:
 
 def _from_table(given: AxisTable, name: str, where: KeyPath, folder: Path, root: Model) -> Axis:
     """The columns of a parquet or CSV file, named by paths: a row is one value of the axis."""
-    from vibro_cli.storage.frame import UnreadableTable, read_columns
+    from vibro_cli.storage.frame import read_columns
 
     try:
         table = read_columns(folder / name)
-    except UnreadableTable as error:
+    except ValueError as error:
         raise Fault(where, f"{shown(name)}, {error}", "a .parquet or .csv file") from None
     if wanted := [path_text(parsed_path(text)) for text in _texts(given)]:
         missing = [name for name in wanted if name not in table]

@@ -404,8 +404,12 @@ def merge(dataset: Dataset) -> Iterator[Receipt]:
                 f"{dataset.folder}, the first is {missing[0]}; expected all shards to be finished"
             )
         wanted = dataset.missing
-        for chunk in wanted:
-            _check(*places[chunk])
+        for folder, receipt in map(places.__getitem__, wanted):
+            for damage in check_files(folder, receipt.files):
+                raise MergeRefused(
+                    f"{folder / damage.file} is not as it was written (SHA-256); "
+                    "vibro grid --shard … --repair solves it again"
+                )
         for chunk in wanted:
             folder, receipt = places[chunk]
             for name in receipt.files:
@@ -417,12 +421,3 @@ def merge(dataset: Dataset) -> Iterator[Receipt]:
         dataset.write_manifest()
         for folder in folders:
             shutil.rmtree(folder)
-
-
-def _check(folder: Path, receipt: Receipt) -> None:
-    for name, described in receipt.files.items():
-        if entry((folder / name).read_bytes())["sha256"] != described["sha256"]:
-            raise MergeRefused(
-                f"{folder / name} is not as it was written (SHA-256); "
-                "vibro grid --shard … --repair solves it again"
-            )

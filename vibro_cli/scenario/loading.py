@@ -389,8 +389,10 @@ def parse_document(text: str, form: str, file: str, name: str = "scenario") -> D
     """Return the data of a text in "toml", "json" or "yaml"; errors call it `file`.
 
     `name` is that of a scenario that gives none. Raises `ScenarioError` if the text is not of its
-    form or beyond the limits.
+    form or beyond the limits, `ValueError` if there is no such form.
     """
+    if form not in FORMS.values():
+        raise ValueError(f'form: found "{form}", expected toml, json or yaml')
     _check_size(len(text), "characters", file)
     return _parsed(text, form, file, name)
 
@@ -401,8 +403,8 @@ def _parsed(text: str, form: str, file: str, name: str = "scenario") -> Document
         data, tree = forms.read(text, form)
     except FormError as error:
         place = Place(file, *line_and_column(text, error.offset))
-        fault = Fault(error.loc, error.found, error.expected)
-        raise ScenarioError([_problem(fault, place)]) from None
+        problem = Problem.at(place, path_text(error.loc), error.found, error.expected)
+        raise ScenarioError([problem]) from None
     except Exception as error:  # what a parser leaks (RecursionError, KeyError, ...)
         found = f"a text that cannot be read ({type(error).__name__})"
         raise _error(file, found, f"valid {form.upper()}") from error

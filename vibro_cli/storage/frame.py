@@ -13,17 +13,11 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from vibro_cli.errors import VibroError
-
 if TYPE_CHECKING:
     import pandas
     import polars
 
     from vibro_cli.storage.tables import AnyTable
-
-
-class UnreadableTable(VibroError):
-    """A file that is no table, or cannot be read; the message says why."""
 
 
 def read_table(path: Path) -> pa.Table:
@@ -48,17 +42,17 @@ def read_table(path: Path) -> pa.Table:
 def read_columns(path: Path) -> dict[str, np.ndarray[Any, np.dtype[Any]]]:
     """The columns of a parquet or CSV file as arrays; words are objects.
 
-    Raises `UnreadableTable`, also for missing values.
+    Raises `ValueError` that says why where it cannot be read, also for missing values.
     """
     try:
         table = read_table(path)
     except (OSError, pa.ArrowException) as error:
         text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-        raise UnreadableTable(f"which cannot be read ({' '.join(text.split())[:100]})") from error
+        raise ValueError(f"which cannot be read ({' '.join(text.split())[:100]})") from error
     for name in table.column_names:
         if table[name].null_count:
             row = table[name].is_null().index(True).as_py() + 1
-            raise UnreadableTable(f"which lacks a value in row {row} of column {name}")
+            raise ValueError(f"which lacks a value in row {row} of column {name}")
     from_csv = path.suffix.lower() == ".csv"
     return {name: _array(table[name], from_csv) for name in table.column_names}
 
