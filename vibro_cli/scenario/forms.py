@@ -286,31 +286,24 @@ class Scanner:
         self._take(end)
 
 
-class _GivenTwice(Exception):
-    """A key was given twice; the tree of places tells which."""
-
-
 def read_json(text: str) -> Any:
     """Return the data of a JSON text; NaN and infinities are left to the fields to refuse.
 
     Raises `FormError` if the text is not JSON, gives a key twice, or is beyond the limits.
     """
     check_json(text)
+
+    def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        table = dict(pairs)
+        if len(table) < len(pairs):
+            _JsonScanner(text).scan()  # which tells where
+        return table
+
     try:
-        return json.loads(text, object_pairs_hook=_unique)
+        return json.loads(text, object_pairs_hook=unique)
     except json.JSONDecodeError as error:
         reason = error.msg[:1].lower() + error.msg[1:]
         raise FormError(error.pos, f"broken JSON ({reason})", "valid JSON") from None
-    except _GivenTwice:
-        _JsonScanner(text).scan()
-        raise
-
-
-def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    table = dict(pairs)
-    if len(table) < len(pairs):
-        raise _GivenTwice
-    return table
 
 
 class _JsonScanner(Scanner):
