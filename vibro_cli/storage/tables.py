@@ -494,6 +494,8 @@ class _RowWriter:
         elif form == "parquet":
             counted = sink if isinstance(sink, Counted) else Counted(sink)
             self._writer = pq.ParquetWriter(counted, schema, **parquet_options(schema))
+        elif form != "jsonl":
+            raise ValueError(f"there is no form {form!r} of a table")
 
     def write(self, rows: pa.Table) -> None:
         """Write rows; of jsonl some thousands of lines at a time, of parquet whole groups."""
