@@ -12,6 +12,8 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any, NamedTuple
 
+from vibro_cli.analysis.levels import Landscape
+from vibro_cli.mechanics.reachability import contact_angle
 from vibro_cli.mechanics.system import TraceSystem
 
 INSIDE = 4e-16
@@ -34,30 +36,20 @@ EventFunction = Callable[[float, Any], Any]
 """Of time and state; positive before its event."""
 
 
-@dataclass(frozen=True)
-class Arc:
-    """One arc: φ'' = −sign w² sin φ (ψ on a hump), its centre and its ends as angles."""
-
-    sign: float
-    x: float
-    y: float
-    low: float
-    high: float
-
-
 def _room(place: int, side: float, end: float) -> EventFunction:
     """The angle left before a junction."""
     return lambda t, y: side * (end - y[place])
 
 
 class Motion:
-    """Bodies on a chain of arcs in angles and rates; laws `hedrih` and `normal-impulse` only."""
+    """Bodies on a chain of arcs in angles and rates; laws `hedrih` and `normal-impulse` only.
+
+    On an arc φ'' = −sign w² sin φ (ψ on a hump).
+    """
 
     def __init__(self, system: TraceSystem) -> None:
-        self.gravity = system.gravity
-        self.arcs = [
-            Arc(p.sign, *p.centre, p.angle_start, p.angle_end) for p in system.trace.pieces
-        ]
+        self.system = system
+        self.arcs = system.trace.pieces
         self.bodies = system.bodies
         self.law = system.law
         self.radius = [
@@ -69,7 +61,6 @@ class Motion:
                 self.arcs, radii, strict=True)]
             for body, radii in zip(system.bodies, self.radius, strict=True)
         ]  # fmt: skip
-        self.restitution = system.restitution
         self.pieces = tuple(start.piece for start in system.initial)
         self.start = [
             value
@@ -82,15 +73,11 @@ class Motion:
         if self.ring:
             self.pairs.append((count - 1, 0))  # across the top: angles go on beyond half a turn
 
-    def contact_angle(self, a: int, b: int, piece: int) -> float:
-        """β (rad): sin(β/2) = √(r_a r_b/(ρ_a ρ_b)), B (48)."""
-        product = self.bodies[a].radius * self.bodies[b].radius
-        return 2.0 * math.asin(math.sqrt(product / (self.radius[a][piece] * self.radius[b][piece])))
-
     def least_angle(self, pair: int, piece: int) -> float:
         """Angle (rad) from the left to the right body in contact, less a turn over the top."""
         a, b = self.pairs[pair]
-        return self.contact_angle(a, b, piece) - (math.tau if b < a else 0.0)
+        radii = self.bodies[a].radius, self.bodies[b].radius
+        return contact_angle(self.arcs[piece], *radii) - (math.tau if b < a else 0.0)
 
     def events(
         self, pieces: Sequence[int], sin: Any = math.sin, cos: Any = math.cos
@@ -104,7 +91,7 @@ class Motion:
         ]
         for ball, side in self.junctions(pieces):
             arc = self.arcs[pieces[ball]]
-            end = arc.high if side > 0 else arc.low
+            end = arc.angle_end if side > 0 else arc.angle_start
             found.append((Event(-1, ball, side), _room(2 * ball, float(side), end)))
         return found
 
@@ -117,8 +104,8 @@ class Motion:
             return lambda t, y: y[j] - y[i] - least
         one, two = self.arcs[pieces[a]], self.arcs[pieces[b]]
         rho_a, rho_b = self.radius[a][pieces[a]], self.radius[b][pieces[b]]
-        x, up_a, up_b = two.x - one.x, one.sign * rho_a, two.sign * rho_b
-        height = two.y - one.y
+        x, height = two.centre[0] - one.centre[0], two.centre[1] - one.centre[1]
+        up_a, up_b = one.sign * rho_a, two.sign * rho_b
         touch = (self.bodies[a].radius + self.bodies[b].radius) ** 2
         return lambda t, y: (
             (x + rho_b * sin(y[j]) - rho_a * sin(y[i])) ** 2
@@ -130,8 +117,8 @@ class Motion:
         """Centre of a body (m)."""
         arc, rho = self.arcs[piece], self.radius[ball][piece]
         return (
-            arc.x + rho * math.sin(y[2 * ball]),
-            arc.y - arc.sign * rho * math.cos(y[2 * ball]),
+            arc.centre[0] + rho * math.sin(y[2 * ball]),
+            arc.centre[1] - arc.sign * rho * math.cos(y[2 * ball]),
         )
 
     def junctions(self, pieces: Sequence[int]) -> list[tuple[int, int]]:
@@ -148,7 +135,7 @@ class Motion:
         """Carry a body over a junction; return the pieces all bodies are on now."""
         old, new = pieces[ball], pieces[ball] + side
         arc = self.arcs[new]
-        y[2 * ball] = arc.low + INSIDE if side > 0 else arc.high - INSIDE
+        y[2 * ball] = arc.angle_start + INSIDE if side > 0 else arc.angle_end - INSIDE
         y[2 * ball + 1] *= self.radius[ball][old] / self.radius[ball][new]
         return tuple(new if other == ball else piece for other, piece in enumerate(pieces))
 
@@ -160,7 +147,7 @@ class Motion:
         ω are the rates of the angles, c the speed of closing; the four are constant on one arc.
         """
         a, b = self.pairs[pair]
-        k = self.restitution[min(pair, len(self.restitution) - 1)]
+        k = self.system.restitution_of(pair)
         rho_a, rho_b = self.radius[a][pieces[a]], self.radius[b][pieces[b]]
         one, two = self.bodies[a], self.bodies[b]
         if self.law == "hedrih":
@@ -175,9 +162,8 @@ class Motion:
 
     def jump_on_one_arc(self, pair: int, piece: int) -> tuple[float, float, float, float]:
         """Return the same of a pair on one arc, where it is constant."""
-        a, b = self.pairs[pair]
         touching = [0.0] * (2 * len(self.bodies))
-        touching[2 * b] = self.contact_angle(a, b, piece)
+        touching[2 * self.pairs[pair][1]] = self.least_angle(pair, piece) % math.tau
         return self.jump(pair, [piece] * len(self.bodies), touching)
 
     def hit(self, pair: int, pieces: Sequence[int], y: State) -> bool:
@@ -206,18 +192,10 @@ class Motion:
 
     def energy(self, pieces: Sequence[int], y: Sequence[float]) -> float:
         """Kinetic and potential energy of all bodies (J), from the lowest centre on the trace."""
-        total = 0.0
-        for ball, body in enumerate(self.bodies):
-            rho = self.radius[ball][pieces[ball]]
-            lowest = min(
-                arc.y - radius
-                for arc, radius in zip(self.arcs, self.radius[ball], strict=True)
-                if arc.sign > 0.0
-            )
-            height = self.centre(ball, pieces[ball], y)[1] - lowest
-            speed = rho * y[2 * ball + 1]
-            total += body.mass * (0.5 * body.kappa * speed**2 + self.gravity * height)
-        return total
+        return sum(
+            float(Landscape.of(self.system, ball + 1).energy(self.arcs[piece], *y[2 * ball :][:2]))
+            for ball, piece in enumerate(pieces)
+        )
 
 
 _STUCK = 4
@@ -333,7 +311,7 @@ def course_of(
 ) -> Course:
     """Return what a run left that ended in a state."""
     drift = None
-    if all(k == 1.0 for k in motion.restitution):
+    if all(k == 1.0 for k in motion.system.restitution):
         first = motion.energy(motion.pieces, motion.start)
         drift = (motion.energy(pieces, y) - first) / first
     return Course(list(times), len(times), crossings, drift)

@@ -100,7 +100,7 @@ class _SeriesRunner(Runner):
 
     def __init__(self, motion: Motion, order: int) -> None:
         self._motion, self._order = motion, order
-        self._beta = motion.contact_angle(0, 1, 0)
+        self._beta = motion.least_angle(0, 0)
         self._a = [motion.w2[ball][0] for ball in (0, 1)]
         self.ready(0)
 
