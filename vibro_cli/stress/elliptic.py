@@ -25,22 +25,14 @@ PLAINLY = "relative error of cn, dn / (eps max(1, u))"
 
 
 def _exact(u: float, root: float) -> tuple[Any, Any, Any]:
-    """sn, cn, dn of parameter ``1 - root^2``, by Landen's ladder (DLMF 22.7) in many digits.
+    """sn, cn, dn of parameter ``1 - root^2``, by Jacobi's imaginary transformation (DLMF 22.6.21).
 
     ``root`` is exact; its square may be as small as 1e-300, so the digits must reach beyond it.
     """
-    complement = mp.mpf(root) ** 2
-    with mp.workdps(50 + 2 * max(0, -int(mp.log10(complement)))):
+    with mp.workdps(50 + 2 * max(0, -int(2 * mp.log10(root)))):
         complement = mp.mpf(root) ** 2
-        a, b, c = [mp.one], [mp.sqrt(complement)], [mp.sqrt(1 - complement)]
-        while abs(c[-1]) > mp.eps:
-            c.append((a[-1] - b[-1]) / 2)
-            a.append((a[-1] + b[-1]) / 2)
-            b.append(mp.sqrt(a[-2] * b[-1]))
-        phase = mp.mpf(2) ** (len(a) - 1) * a[-1] * mp.mpf(u)
-        for k in range(len(a) - 1, 0, -1):
-            phase = (phase + mp.asin(c[k] / a[k] * mp.sin(phase))) / 2
-        sn, cn = mp.sin(phase), mp.cos(phase)
+        sc, nc = (mp.ellipfun(kind, mp.mpc(0, u), m=complement) for kind in ("sc", "nc"))
+        sn, cn = sc.imag, nc.real
         return sn, cn, mp.sqrt(cn * cn + complement * sn * sn)
 
 
