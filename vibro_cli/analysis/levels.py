@@ -373,10 +373,14 @@ def arc_separatrix(landscape: Landscape, piece: Piece) -> LevelCurve | None:
     return LevelCurve(piece.index, position, 2.0 * landscape.natural_rate(piece) * np.abs(shape))
 
 
-def connected_reaches(landscape: Landscape, energy: float) -> tuple[tuple[Reach, ...], ...]:
+def connected_reaches(
+    landscape: Landscape, energy: float, saddles: Sequence[float] | None = None
+) -> list[list[Reach]]:
     """Return the parts of the trace that an energy (J) reaches, those joined at junctions together.
 
     On a closed trace a part that runs over the seam is found at both ends of the list, unjoined.
+    With the arc lengths (m) of `saddles` only those parts that hold one: elsewhere the energy of a
+    saddle is that of a common level curve.
     """
     parts = [part for piece in landscape.trace.pieces for part in reaches(landscape, piece, energy)]
     tolerance = _JOINED * landscape.trace.length
@@ -387,52 +391,41 @@ def connected_reaches(landscape: Landscape, energy: float) -> tuple[tuple[Reach,
             runs[-1].append(part)
         else:
             runs.append([part])
-    return tuple(tuple(run) for run in runs)
-
-
-def through_saddles(
-    landscape: Landscape, spans: Sequence[tuple[float, float]], saddles: Sequence[float]
-) -> list[bool]:
-    """Return which connected parts of the trace hold one of some saddles; all arc lengths in m.
-
-    Of a saddle's energy only these are separatrices: elsewhere it is that of a common level curve.
-    On a closed trace what runs over the seam is one.
-    """
-    length = landscape.trace.length
-    near = _JOINED * length
-    found = [any(low - near <= s <= high + near for s in saddles) for low, high in spans]
-    seam = [
-        landscape.trace.closed and (low <= near or high >= length - near) for low, high in spans
-    ]
+    if saddles is None:
+        return runs
+    spans = [(run[0].left_s - tolerance, run[-1].right_s + tolerance) for run in runs]
+    found = [any(low <= s <= high for s in saddles) for low, high in spans]
+    ends = [low <= 0.0 or high >= landscape.trace.length for low, high in spans]
+    seam = [landscape.trace.closed and at_end for at_end in ends]  # what runs over it is one part
     over = any(one and other for one, other in zip(found, seam, strict=True))
-    return [one or (over and other) for one, other in zip(found, seam, strict=True)]
+    kept = [one or (over and other) for one, other in zip(found, seam, strict=True)]
+    return [run for run, is_one in zip(runs, kept, strict=True) if is_one]
 
 
 def separatrix_curves(
     landscape: Landscape, energy: float, saddles: Sequence[float]
 ) -> tuple[LevelCurve, ...]:
     """Return the level curves of an energy (J) through saddles at arc lengths (m), by pieces."""
-    runs = connected_reaches(landscape, energy)
-    spans = [(run[0].left_s, run[-1].right_s) for run in runs]
-    kept = through_saddles(landscape, spans, saddles)
     return tuple(
         LevelCurve(part.piece.index, *_sampled(landscape, part, energy))
-        for run, is_one in zip(runs, kept, strict=True)
-        if is_one
+        for run in connected_reaches(landscape, energy, saddles)
         for part in run
     )
 
 
 def speed_curves(
-    landscape: Landscape, energy: float, count: int = _POINTS
+    landscape: Landscape,
+    energy: float,
+    count: int = _POINTS,
+    saddles: Sequence[float] | None = None,
 ) -> tuple[LevelCurve, ...]:
     """Return the level curves of an energy (J) along the whole trace, `count` points on each piece.
 
     The centre's speed against the arc length of the contact point; continuous at the junctions.
+    `saddles` as of `connected_reaches`.
     """
-    return tuple(
-        _along(landscape, run, energy, count) for run in connected_reaches(landscape, energy)
-    )
+    runs = connected_reaches(landscape, energy, saddles)
+    return tuple(_along(landscape, run, energy, count) for run in runs)
 
 
 def _along(landscape: Landscape, run: Sequence[Reach], energy: float, count: int) -> LevelCurve:

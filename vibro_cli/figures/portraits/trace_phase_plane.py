@@ -19,7 +19,6 @@ from vibro_cli.analysis.levels import (
     LevelCurve,
     separatrix_curves,
     speed_curves,
-    through_saddles,
 )
 from vibro_cli.analysis.singular import (
     FIGURE_EIGHT,
@@ -199,12 +198,12 @@ def behind_along(portrait: Portrait, count: int = 97) -> Background:
     on_eight = tuple(
         curve
         for trigger in _eight_triggers(portrait)
-        for curve in _separatrices(landscape, trigger.saddle.energy, [trigger.saddle.s], count)
+        for curve in speed_curves(landscape, trigger.saddle.energy, count, [trigger.saddle.s])
     )
     singular = tuple(
         curve
         for energy in saddle_energies(portrait.points)
-        for curve in _separatrices(landscape, energy, saddles_of(portrait.points, energy), count)
+        for curve in speed_curves(landscape, energy, count, saddles_of(portrait.points, energy))
     )
     others = tuple(
         curve for curve in singular if not any(_same(curve, eight) for eight in on_eight)
@@ -228,16 +227,6 @@ def _curves_along(
 def _points_along(portrait: Portrait) -> tuple[SingularPoint, ...]:
     """Return singular points with their places along the trace (m)."""
     return tuple(replace(point, piece=0, position=point.s) for point in portrait.points)
-
-
-def _separatrices(
-    landscape: Landscape, energy: float, saddles: Sequence[float], count: int
-) -> list[LevelCurve]:
-    """Return the curves of an energy (J) that go through saddles at arc lengths (m)."""
-    curves = speed_curves(landscape, energy, count)
-    spans = [(float(curve.position[0]), float(curve.position[-1])) for curve in curves]
-    kept = through_saddles(landscape, spans, saddles)
-    return [curve for curve, is_one in zip(curves, kept, strict=True) if is_one]
 
 
 def _same(one: LevelCurve, other: LevelCurve) -> bool:
