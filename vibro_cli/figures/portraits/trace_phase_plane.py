@@ -25,7 +25,6 @@ from vibro_cli.analysis.singular import (
     SADDLE,
     Portrait,
     SingularPoint,
-    Trigger,
     condition,
 )
 from vibro_cli.figures import style
@@ -107,9 +106,8 @@ def structure(portrait: Portrait, width: str = "single", bodies: str = "") -> Fi
 
 def _behind(portrait: Portrait) -> Background:
     """Return curves and points of a portrait piece by piece, figure eights apart."""
-    landscape, eights = portrait.landscape, _eight_triggers(portrait)
+    landscape, on_eight = portrait.landscape, _eight_saddles(portrait)
     behind = background(landscape, highest_energy(portrait), highest_place(portrait))
-    on_eight = [one.saddle for one in eights]
     others = [point for point in portrait.points if point.kind == SADDLE and point not in on_eight]
     found = [
         curve
@@ -120,8 +118,8 @@ def _behind(portrait: Portrait) -> Background:
     return replace(behind, eights=tuple(found), separatrices=separatrices)
 
 
-def _eight_triggers(portrait: Portrait) -> list[Trigger]:
-    return [trigger for trigger in portrait.triggers if trigger.orbit == FIGURE_EIGHT]
+def _eight_saddles(portrait: Portrait) -> list[SingularPoint]:
+    return [trigger.saddle for trigger in portrait.triggers if trigger.orbit == FIGURE_EIGHT]
 
 
 def _windows(trace: Trace, curves: Sequence[LevelCurve]) -> list[Window]:
@@ -194,26 +192,24 @@ def highest_place(portrait: Portrait) -> float:
 
 def behind_along(portrait: Portrait, count: int = 97) -> Background:
     """Return curves and points of a portrait along the trace, `count` points of a curve a piece."""
-    landscape = portrait.landscape
+    landscape, eights = portrait.landscape, _eight_saddles(portrait)
     on_eight = tuple(
         curve
-        for trigger in _eight_triggers(portrait)
-        for curve in speed_curves(landscape, trigger.saddle.energy, count, [trigger.saddle.s])
+        for saddle in eights
+        for curve in speed_curves(landscape, saddle.energy, count, [saddle.s])
     )
-    singular = tuple(
+    others = [point for point in portrait.points if point not in eights]
+    separatrices = tuple(
         curve
-        for energy in saddle_energies(portrait.points)
-        for curve in speed_curves(landscape, energy, count, saddles_of(portrait.points, energy))
-    )
-    others = tuple(
-        curve for curve in singular if not any(_same(curve, eight) for eight in on_eight)
+        for energy in saddle_energies(others)
+        for curve in speed_curves(landscape, energy, count, saddles_of(others, energy))
     )
     highest, passed = highest_energy(portrait), highest_place(portrait)
     levels = level_energies(portrait.points, highest, passed)
     return Background(
         levels=_curves_along(landscape, levels, count),
         points=_points_along(portrait),
-        separatrices=others,
+        separatrices=separatrices,
         eights=on_eight,
     )
 
@@ -227,11 +223,6 @@ def _curves_along(
 def _points_along(portrait: Portrait) -> tuple[SingularPoint, ...]:
     """Return singular points with their places along the trace (m)."""
     return tuple(replace(point, piece=0, position=point.s) for point in portrait.points)
-
-
-def _same(one: LevelCurve, other: LevelCurve) -> bool:
-    alike = np.array_equal(one.position, other.position)
-    return alike and np.allclose(one.rate, other.rate, rtol=1e-6)
 
 
 def _whole(portrait: Portrait, along: Background) -> Window:
