@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -95,23 +95,19 @@ def _mirror_on_one_arc(rng: np.random.Generator, count: int) -> Finding:
 CHANGE = 2.0**-30
 
 
-def _changed(document: Document, change: Callable[[float], float]) -> Iterator[Document]:
-    """The document with each of the numbers of its start changed in turn."""
+def _growth(
+    document: Document, values: Any, values_of: Callable[[Run], Any], changed: Callable[..., float]
+) -> Any:
+    """Greatest change of values of a run for changes of 1 of the numbers of its start in turn."""
+    greatest = np.zeros(len(values))
     for number, old in enumerate(document["balls"]):
         for key in ("angle", "speed"):
             balls = list(document["balls"])
-            balls[number] = {**old, key: change(old.get(key, 0.0))}
-            yield {**document, "balls": balls}
-
-
-def _sensitivity(document: Document, run: Run) -> Any:
-    """Change of the impacts' times (s) for a relative change of 1 of a start, row by row."""
-    greatest: Any = np.abs(run.collisions["t"]).copy()
-    for changed in _changed(document, lambda value: value * (1.0 + CHANGE)):
-        other = solve(changed).collisions["t"]
-        rows = min(len(other), len(greatest))
-        moved = np.abs(other[:rows] - run.collisions["t"][:rows]) / CHANGE
-        greatest[:rows] = np.maximum(greatest[:rows], moved)
+            balls[number] = {**old, key: changed(old.get(key, 0.0))}
+            others = values_of(solve({**document, "balls": balls}))
+            rows = min(len(others), len(values))
+            moved = np.abs(others[:rows] - values[:rows]) / CHANGE
+            greatest[:rows] = np.maximum(greatest[:rows], moved)
     return greatest
 
 
@@ -124,12 +120,15 @@ def _mirror_on_three(rng: np.random.Generator, count: int) -> Finding:
         document = scene(THREE_ARCS, balls, 1.0, collisions=10, time=60.0)
         run = solve(document)
         image = run_of_image(run, document)
-        rows = min(len(run.collisions["t"]), len(image.collisions["t"]))
+        times, others = run.collisions["t"], image.collisions["t"]
+        rows = min(len(times), len(others))
         if rows == 0:
             continue
-        allowed = EPSILON * _sensitivity(document, run)[:rows]
-        off = np.abs(run.collisions["t"][:rows] - image.collisions["t"][:rows])
-        difference.take(float(np.max(off / allowed)), document)
+        grown = _growth(
+            document, times, lambda run: run.collisions["t"], lambda value: value * (1.0 + CHANGE)
+        )
+        off = np.abs(times[:rows] - others[:rows]) / np.maximum(times, grown)[:rows]
+        difference.take(float(np.max(off)) / EPSILON, document)
     return difference
 
 
@@ -149,18 +148,13 @@ def _reversal(rng: np.random.Generator, count: int) -> Finding:
         ]
         back = solve({**document, "balls": balls}).sample([4.0])["angle"]
         start = np.array([old["angle"] for old in document["balls"]])
-        allowed = EPSILON * _growth(document, end["angle"])
+        grown = _growth(
+            document, end["angle"], lambda run: run.sample([4.0])["angle"],
+            lambda value: value + CHANGE,
+        )  # fmt: skip
+        allowed = EPSILON * max(1.0, float(np.max(grown)))
         distance.take(float(np.max(np.abs(back - start))) / allowed, document)
     return distance
-
-
-def _growth(document: Document, end: Any) -> float:
-    """Greatest change of the final angles for a change of 1 of a start (at least 1)."""
-    greatest = 1.0
-    for changed in _changed(document, lambda value: value + CHANGE):
-        moved = solve(changed).sample([4.0])["angle"]
-        greatest = max(greatest, float(np.max(np.abs(moved - end))) / CHANGE)
-    return greatest
 
 
 def _continued(rng: np.random.Generator, count: int) -> Finding:
