@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -12,15 +13,53 @@ from vibro_cli.api import simulate
 from vibro_cli.assemble import build_system
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.scenario import Scenario, scenario_of
-from vibro_cli.stress.impacts import PLACES, SPEEDS, columns
+from vibro_cli.stress import impacts
 from vibro_cli.stress.oracles.reference_solver import Impact, ReferenceSolver, events_of
-from vibro_cli.stress.oracles.scene import Scene, scene_of_system
+from vibro_cli.stress.oracles.scene import Scene, mp, scene_of_system
 from vibro_cli.stress.oracles.sensitivity import amplification
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.trace import simulate_system
 
 FOLDER = Path(__file__).parent / "reference"
 NAMES = tuple(sorted(path.stem for path in FOLDER.glob("*.json")))
+
+
+def separation(impact: Impact) -> Any:
+    """Speed of parting along the line of centres, from the twin's places."""
+    a, b = impact.a, impact.b
+    line = [there - here for here, there in zip(a.centre, b.centre, strict=True)]
+    along_a, along_b = (
+        mp.fdot(zip(line, one.tangent, strict=True)) / mp.hypot(*line) for one in (a, b)
+    )
+    return along_b * impact.after_b - along_a * impact.after_a
+
+
+# Name in the collision table: name in the reference files, and how the twin has it.
+SPEEDS: dict[str, tuple[str, Callable[[Impact], Any]]] = {
+    "speed_a_pre": ("v_a_pre", lambda impact: impact.a.speed),
+    "speed_b_pre": ("v_b_pre", lambda impact: impact.b.speed),
+    "speed_a_post": ("v_a_post", lambda impact: impact.after_a),
+    "speed_b_post": ("v_b_post", lambda impact: impact.after_b),
+    "separation_speed": ("rel", separation),
+}
+PLACES = {"place_a": "angle_a", "place_b": "angle_b"}
+QUANTITIES = {
+    **{name: (PLACES.get(name, name), value) for name, value in impacts.QUANTITIES.items()},
+    **SPEEDS,
+}
+
+
+def solved(run: Run, quantity: str, row: int) -> Any:
+    """A quantity of the collision table, without rounding."""
+    if quantity in SPEEDS:
+        return mp.mpf(float(run.collisions[quantity][row]))
+    return impacts.solved(run, quantity, row)
+
+
+def columns(run: Run) -> dict[str, list[float]]:
+    """All quantities of all rows, in doubles."""
+    count = len(run.collisions["n"])
+    return {name: [float(solved(run, name, row)) for row in range(count)] for name in QUANTITIES}
 
 
 @cache

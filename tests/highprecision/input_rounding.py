@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from tests import references
-from vibro_cli.stress.impacts import QUANTITIES
+from tests.references import QUANTITIES
 
 TABLE = Path(__file__).with_suffix(".json")
 

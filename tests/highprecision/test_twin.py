@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from tests import references
-from vibro_cli.stress.impacts import QUANTITIES
+from tests.references import QUANTITIES
 from vibro_cli.stress.oracles.reference_solver import ArcMotion
 from vibro_cli.stress.oracles.scene import mp, slope_of
 

@@ -47,29 +47,19 @@ from vibro_cli.stress.scenes import (
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.trace import simulate_system
 
-# Name in the collision table: name in the reference files, and how the twin has it.
-SPEEDS: dict[str, tuple[str, Callable[[Impact], Any]]] = {
-    "speed_a_pre": ("v_a_pre", lambda impact: impact.a.speed),
-    "speed_b_pre": ("v_b_pre", lambda impact: impact.b.speed),
-    "speed_a_post": ("v_a_post", lambda impact: impact.after_a),
-    "speed_b_post": ("v_b_post", lambda impact: impact.after_b),
-    "separation_speed": ("rel", lambda impact: impact.separation),
+# What is compared of an impact, as the twin has it.
+QUANTITIES: dict[str, Callable[[Impact], Any]] = {
+    "t": lambda impact: impact.t,
+    "place_a": lambda impact: impact.a.place,
+    "place_b": lambda impact: impact.b.place,
 }
-PLACES: dict[str, tuple[str, Callable[[Impact], Any]]] = {
-    "place_a": ("angle_a", lambda impact: impact.a.place),
-    "place_b": ("angle_b", lambda impact: impact.b.place),
-}
-TIME: dict[str, tuple[str, Callable[[Impact], Any]]] = {"t": ("t", lambda impact: impact.t)}
-QUANTITIES = {**TIME, **PLACES, **SPEEDS}
 
 
 def solved(run: Run, quantity: str, row: int) -> Any:
-    """A quantity of the collision table, without rounding: the time as the sum of both doubles."""
+    """One of `QUANTITIES` of a row, without rounding: the time as the sum of both doubles."""
     table = run.collisions
     if quantity == "t":
         return mp.mpf(float(table["t"][row])) + mp.mpf(float(table["t_low"][row]))
-    if quantity in SPEEDS:
-        return mp.mpf(float(table[quantity][row]))
     end = quantity[-1]
     angle = float(table[f"angle_{end}"][row])
     if math.isnan(angle):
@@ -195,7 +185,7 @@ def _amplified(run: Run) -> dict[str, list[float]]:
 def _error(run: Run, grown: dict[str, list[float]], exact: list[Impact]) -> float:
     """Greatest error of an instant or a place, in eps x the amplification of a change."""
     worst = 0.0
-    for quantity, (_, value) in {**TIME, **PLACES}.items():
+    for quantity, value in QUANTITIES.items():
         for row, impact in enumerate(exact):
             off = float(abs(solved(run, quantity, row) - value(impact)))
             worst = max(worst, off / (EPSILON * grown[quantity][row]))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from tests import references
-from vibro_cli.stress.impacts import QUANTITIES, solved
+from tests.references import QUANTITIES, solved
 
 pytestmark = pytest.mark.long
 

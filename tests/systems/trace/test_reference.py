@@ -6,7 +6,7 @@ import pytest
 
 from tests import references
 from tests.highprecision import input_rounding
-from vibro_cli.stress.impacts import QUANTITIES, solved
+from tests.references import QUANTITIES, solved
 from vibro_cli.stress.oracles.scene import mp
 
 # Rows in which the rounding of the decimal inputs to doubles already moves a quantity by more than

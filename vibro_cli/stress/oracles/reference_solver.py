@@ -133,8 +133,6 @@ class Impact:
     after_a: Real
     after_b: Real
     approach: Real  # along the line of centres, m/s
-    separation: Real
-    loss: Real  # of rolling energy, J
     crossings: int
 
 
@@ -263,17 +261,11 @@ class ReferenceSolver:
         ca = nx * pa.tangent[0] + ny * pa.tangent[1]
         cb = nx * pb.tangent[0] + ny * pb.tangent[1]
         wa, wb = self._law(happening.law, a, b, (ca, cb), (pa.speed, pb.speed))
-        loss = mp.zero
-        for ball, before, after in ((a, pa.speed, wa), (b, pb.speed, wb)):
-            body = self.scene.bodies[ball]
-            loss += body.kappa * body.mass * (before - after) * (before + after) / 2
         if happening.carried_out:
             self._begin(a, pa.piece, pa.place, wa)
             self._begin(b, pb.piece, pb.place, wb)
-        return Impact(
-            self.t, pa, pb, wa, wb,
-            ca * pa.speed - cb * pb.speed, cb * wb - ca * wa, loss, self.crossings,
-        )  # fmt: skip
+        approach = ca * pa.speed - cb * pb.speed
+        return Impact(self.t, pa, pb, wa, wb, approach, self.crossings)
 
     def _law(
         self, law: str, a: int, b: int, along: tuple[Real, Real], speeds: tuple[Real, Real]
