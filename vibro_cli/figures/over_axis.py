@@ -423,7 +423,7 @@ def poincare(
         raise NothingToShow(section.why_none(section.counts(impacts, run)))
     x, y = x[both], y[both]
     name, symbol, unit = quantities[0]
-    along = Coordinate(name, unit, x, (), symbol)
+    along = Coordinate(name, unit, x, ())
     with style.journal():
         figure, (axes,) = stacked(width, [_SQUARE[width]], 2.0)
         low, high = limits_around(x)

@@ -28,6 +28,7 @@ from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.mechanics.trace import Piece
 from vibro_cli.scenario.loading import scenario_of
 from vibro_cli.scenario.problems import ScenarioError
+from vibro_cli.stress.drawing import slopes_of
 from vibro_cli.stress.kernels import Answer, find_first_contacts
 from vibro_cli.stress.oracles.interval_oracle import (
     CONTACT,
@@ -130,10 +131,9 @@ def _middle(arcs: list[Document], start: float, index: int, share: float) -> Doc
     arc = arcs[index]
     if arc["shape"] == "line":
         return {"position": share * arc["length"]}
-    before = [other["end_slope"] for other in arcs[:index] if "end_slope" in other]
-    first = before[-1] if before else start
+    first, last = slopes_of(start, arcs)[index:][:2]
     sign = 1.0 if arc["shape"] == "valley" else -1.0
-    return {"angle": sign * (first + share * (arc["end_slope"] - first))}
+    return {"angle": sign * (first + share * (last - first))}
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,15 @@ from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.stress.drawing import draw
 from vibro_cli.stress.oracles.scene import weight_and_response
 from vibro_cli.stress.oracles.sensitivity import neighbouring
-from vibro_cli.stress.scenes import Document, Finding, GivenUp, Plan, Watched, system_of
+from vibro_cli.stress.scenes import (
+    Document,
+    Finding,
+    GivenUp,
+    Plan,
+    Watched,
+    energies,
+    system_of,
+)
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.trace import simulate_system
 
@@ -221,15 +229,9 @@ def _leans(run: Run, motion: Motion, row: int, body: int, side: int) -> bool:
     return bool(math.hypot(dx, dy) < radius + system.bodies[other].radius + NEARBY)
 
 
-def energies(run: Run, motion: Motion) -> tuple[Floats, float]:
+def _energy_of(run: Run, motion: Motion) -> tuple[Floats, float]:
     """Energy (J) at every instant, and how much of it moves."""
-    system = run.system
-    mass = np.array([body.mass for body in system.bodies])
-    kappa = np.array([body.kappa for body in system.bodies])
-    kinetic = 0.5 * kappa * mass * motion.speed**2
-    height = mass * system.gravity * motion.y
-    if system.turning is not None:
-        height = height - 0.5 * mass * system.turning.square * (motion.x - system.turning.x) ** 2
+    kinetic, height = energies(run, motion.speed, motion.x, motion.y)
     total = (kinetic + height).sum(axis=1)
     scale = float(kinetic.sum(axis=1).max() + np.ptp(height, axis=0).sum() + np.abs(height).max())
     return total, scale
@@ -243,7 +245,7 @@ def grows_by_its_law(run: Run) -> bool:
 
 def energy(run: Run, motion: Motion) -> list[Fault]:
     """Energy that grows, or is lost where nothing happens."""
-    total, scale = energies(run, motion)
+    total, scale = _energy_of(run, motion)
     steps = np.diff(total) / scale
     flights = run.flights()
     hits = np.concatenate([run.collisions["t"], flights["t_end"][flights["cause_end"] == "wall"]])

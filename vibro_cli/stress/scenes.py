@@ -15,6 +15,8 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
+import numpy as np
+
 from vibro_cli.api import simulate
 from vibro_cli.assemble import build_system
 from vibro_cli.mechanics.system import TraceSystem
@@ -138,14 +140,21 @@ def solve_any(document: Document, engine: str = "compiled") -> Run:
     return simulate(any_scenario_of(document), engine)
 
 
+def energies(run: Run, speed: Any, x: Any, y: Any) -> tuple[Any, Any]:
+    """Kinetic and potential energies (J) of the bodies, along the last axis of their states."""
+    system = run.system
+    mass = np.array([body.mass for body in system.bodies])
+    kappa = np.array([body.kappa for body in system.bodies])
+    potential = mass * system.gravity * y
+    if system.turning is not None:
+        potential = potential - 0.5 * mass * system.turning.square * (x - system.turning.x) ** 2
+    return 0.5 * kappa * mass * speed**2, potential
+
+
 def energy_at(run: Run, t: float, side: str) -> float:
     """Energy (J) from places and speeds alone, on either side of an instant."""
-    sample, system = run.sample([t], side), run.system
-    parts = []
-    for body, speed, y in zip(system.bodies, sample["speed"], sample["y"], strict=True):
-        parts += [0.5 * body.kappa * body.mass * float(speed) ** 2]
-        parts += [body.mass * system.gravity * float(y)]
-    return math.fsum(parts)
+    sample = run.sample([t], side)
+    return math.fsum(np.concatenate(energies(run, *(sample[name] for name in ("speed", "x", "y")))))
 
 
 def energy_gained(run: Run) -> float:

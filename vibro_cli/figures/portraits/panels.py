@@ -56,11 +56,6 @@ class Window:
     overview: bool = False
     """Whether this is the small panel beside a closer view of the same piece."""
 
-    @property
-    def scale(self) -> tuple[bool, float]:
-        """What panels have in common that share a vertical axis."""
-        return self.piece.is_line, self.top
-
 
 @dataclass(frozen=True)
 class Panel:
@@ -192,10 +187,11 @@ def _rows(windows: Sequence[Window], width: float) -> list[Sequence[Window]]:
 
 
 def _margin(before: Window | None, window: Window) -> float:
-    """Return the room left of a panel (mm)."""
-    if before is None or before.scale != window.scale:
+    """Return the room left of a panel (mm): for numbers where it has another vertical axis."""
+    if before is None:
         return LEFT
-    return GAP
+    alike = before.piece.is_line == window.piece.is_line and before.top == window.top
+    return GAP if alike else LEFT
 
 
 def _across(
