@@ -109,6 +109,11 @@ class Swing:
         return math.sqrt(2.0 * self.square) / scale if scale > 0.0 else math.inf
 
     @property
+    def way(self) -> float:
+        """Whether it begins to the right (1) or to the left (−1); from rest towards the bottom."""
+        return math.copysign(1.0, self.rate) if self.rate else -math.copysign(1.0, self.angle)
+
+    @property
     def small_period(self) -> float:
         """Period (s) of small oscillations, 2π √(κρ/g)."""
         return 2.0 * math.pi / math.sqrt(0.5 * self.square)

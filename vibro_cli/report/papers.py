@@ -251,7 +251,7 @@ def time_between(
     A body that starts at rest begins at a turning point, which is not counted.
     """
     start, end = math.sin(0.5 * swing.angle), math.sin(0.5 * angle)
-    way = math.copysign(1.0, swing.rate) if swing.rate else -math.copysign(1.0, swing.angle)
+    way = swing.way
     if not turns:
         return way * (from_bottom(end) - from_bottom(start))
     reach = from_bottom(1.0 / swing.modulus)

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
+from vibro_cli.analysis.paper_formulas import Swing
 from vibro_cli.benchmark.measurement import SERIES
 from vibro_cli.benchmark.methods.runner import (
     Course,
@@ -54,13 +55,10 @@ class Leg:
     """
 
     def __init__(self, a: float, order: int, t: float, angle: float, rate: float) -> None:
-        self._a = a
-        c2 = rate * rate + 4.0 * a * math.sin(0.5 * angle) ** 2
-        self.amplitude = 2.0 * math.asin(min(1.0, math.sqrt(c2 / (4.0 * a))))
-        self.way = math.copysign(1.0, rate) if rate else -math.copysign(1.0, angle)
-        self._q2 = 4.0 * a / c2
-        self._scale = 2.0 / math.sqrt(c2)
-        self._terms = terms(self._q2, order)
+        swing = Swing(2.0 * a, angle, rate)
+        self.amplitude, self.way = swing.amplitude, swing.way
+        self._a, self._modulus, self._scale = a, swing.modulus, 2.0 / swing.scale
+        self._terms = terms(swing.modulus**2, order)
         self._t = t - self.way * self._from_bottom(angle)
         self.start = angle
         self.t_end = self.time(self.way * self.amplitude)
@@ -68,7 +66,7 @@ class Leg:
     def _from_bottom(self, angle: float) -> float:
         """Time from the bottom to an angle by the series (s); odd."""
         u = math.sin(0.5 * angle)
-        x = min(1.0, self._q2 * u * u)
+        x = min(1.0, (self._modulus * u) ** 2)
         total = 0.0
         for term in reversed(self._terms):
             total = total * x + term

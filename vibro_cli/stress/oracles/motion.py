@@ -369,19 +369,18 @@ def first_zero(series: Series, end: Whole) -> Whole | None:
     negative = None  # a place where it is negative
     while stack:
         low, high = stack.pop()
-        if negative is not None and low >= negative:
-            continue
         middle, half = (low + high) >> 1, float(high - low) / 2.0 ** (BITS + 1)
         value, rate = value_of(series, middle), value_of(slope, middle)
         if float(value) > SLOPPY * (abs(float(rate)) * half + 0.5 * second * half * half):
             continue
-        if value <= 0:
-            negative = middle
         if high - low < 1 << (BITS - FINEST):
             return middle
-        if negative == middle and abs(float(rate)) > second * half and value_of(series, low) > 0:
+        if value > 0:
+            stack += [(middle, high), (low, middle)]
+            continue
+        if abs(float(rate)) > second * half and value_of(series, low) > 0:
             return _polished(series, slope, low, middle)
-        stack += [(middle, high), (low, middle)]
+        negative, stack = middle, [(low, middle)]  # what lies to the right no longer matters
     if negative is not None:
         return negative
     return None if value_of(series, end) > 0 else end
