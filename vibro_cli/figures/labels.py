@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, NamedTuple, cast
@@ -225,17 +225,16 @@ def place_numbers(
     return places
 
 
-def leaders(
+def tied(
     places: Sequence[tuple[float, float] | None], anchors: Sequence[Array]
-) -> list[Array | None]:
-    """Return the line from each number to its nearest point, shape (2, 2); None if it wants none.
+) -> Iterator[tuple[int, tuple[float, float], Array | None]]:
+    """Yield the index and the place of each number that has one, and the line to its nearest point.
 
-    A number wants one that is far, or stands nearer to a point of another number.
+    The line, shape (2, 2), is there for a number that is far, or stands nearer to a point of
+    another number.
     """
-    lines: list[Array | None] = []
     for number, (place, points) in enumerate(zip(places, anchors, strict=True)):
         if place is None:
-            lines.append(None)
             continue
         at = np.array([place])
         nearest = points[np.argmin(np.hypot(*(points - at).T))]
@@ -245,8 +244,7 @@ def leaders(
         others = others[np.hypot(*(others - nearest).T) > _ONE]
         wanted = length > LEADER or _nearest(at, others)[0] < length
         tie = np.stack([place + reach * (0.6 * _HIGH / length), nearest])
-        lines.append(tie if wanted else None)
-    return lines
+        yield number, place, tie if wanted else None
 
 
 def _others(anchors: Sequence[Array], number: int) -> Array:
@@ -337,9 +335,8 @@ def write_names(
     written = (np.reshape(figures, (-1, 2)) - corner) * scale
     reserved = [(float(x), float(y), _CHARACTER) for x, y in written]
     places = place_numbers(plain, anchors, covered, size, reserved)
-    for name, place, line in zip(names, places, leaders(places, anchors), strict=True):
-        if place is None:
-            continue
+    for number, place, line in tied(places, anchors):
+        name = names[number]
         if line is not None:
             ends = line / scale + corner
             axes.plot(ends[:, 0], ends[:, 1], color=name.colour, linewidth=0.35, zorder=4.5)

@@ -22,7 +22,7 @@ from vibro_cli.analysis.levels import (
 from vibro_cli.analysis.singular import CENTRE, SADDLE, SingularPoint, singular_points
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import MOST_VECTOR_POINTS
-from vibro_cli.figures.labels import HALO, Entry, leaders, place_numbers, ring
+from vibro_cli.figures.labels import HALO, Entry, place_numbers, ring, tied
 from vibro_cli.figures.portraits.panels import Panel, Window
 from vibro_cli.figures.portraits.trajectory import MOST_NUMBERS, Branches, Jumps, Trajectory
 from vibro_cli.figures.source import Array
@@ -387,10 +387,9 @@ def draw_numbers(one: Panel, branches: Branches, jumps: Jumps, marks: Array) -> 
     texts = [str(number) for number in jumps.number[here]]
     anchors = [np.stack(pair) for pair in zip(after, before, strict=True)]
     places = place_numbers(texts, anchors, obstacles, one.size)
-    for text, place, tie in zip(texts, places, leaders(places, anchors), strict=True):
-        if place is None:
-            continue
-        one.axes.text(*one.from_millimetres(place), text, path_effects=HALO, zorder=3.0, **NUMBER)
+    for number, place, tie in tied(places, anchors):
+        at = one.from_millimetres(place)
+        one.axes.text(*at, texts[number], path_effects=HALO, zorder=3.0, **NUMBER)
         if tie is not None:
             ends = np.array([one.from_millimetres((x, y)) for x, y in tie])
             one.axes.plot(ends[:, 0], ends[:, 1], zorder=2.3, **LEADER)
