@@ -145,7 +145,7 @@ def test_speed_is_continuous_at_the_junctions() -> None:
     hills = three_arcs()
     saddle = singular_points(hills)[1]
     for energy in (0.5 * saddle.energy, saddle.energy, 1.5 * saddle.energy):
-        for curve in speed_curves(hills, energy):
+        for curve in speed_curves(hills, 121, energy):
             assert np.all(np.diff(curve.position) > -1e-15 * hills.trace.length)
             joints = np.flatnonzero(np.diff(curve.position) <= 1e-14 * hills.trace.length)
             np.testing.assert_allclose(curve.rate[joints], curve.rate[joints + 1], rtol=1e-12)

@@ -90,9 +90,7 @@ class Landscape:
         return piece.path_scale(self.body.radius)
 
     def natural_rate(self, piece: Piece) -> float:
-        """Return w = √(g/κρ) (rad/s): of small oscillations in a valley; 0 on a line."""
-        if piece.is_line:
-            return 0.0
+        """Return w = √(g/κρ) (rad/s) on an arc: of small oscillations in a valley."""
         return self.body.natural_rate(self.gravity, self.path_scale(piece))
 
     def potential(self, piece: Piece, position: ArrayLike) -> Array:
@@ -414,10 +412,7 @@ def separatrix_curves(
 
 
 def speed_curves(
-    landscape: Landscape,
-    energy: float,
-    count: int = _POINTS,
-    saddles: Sequence[float] | None = None,
+    landscape: Landscape, count: int, energy: float, saddles: Sequence[float] | None = None
 ) -> tuple[LevelCurve, ...]:
     """Return the level curves of an energy (J) along the whole trace, `count` points on each piece.
 

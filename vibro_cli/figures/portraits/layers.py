@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -107,11 +108,7 @@ def background(landscape: Landscape, highest: float, passed: float = 0.0) -> Bac
         levels += _beyond(landscape, piece, reached)
     own = [] if saddles else [arc_separatrix(landscape, piece) for piece in pieces]
     return Background(
-        separatrices=tuple(
-            curve
-            for energy in saddles
-            for curve in separatrix_curves(landscape, energy, saddles_of(points, energy))
-        ),
+        separatrices=through_saddles(points, partial(separatrix_curves, landscape)),
         arc_separatrices=tuple(curve for curve in own if curve is not None),
         levels=curves_at(landscape, levels),
         points=points,
@@ -156,11 +153,19 @@ def saddle_energies(points: Sequence[SingularPoint]) -> list[float]:
     return _distinct([point.energy for point in points if point.kind == SADDLE], _SAME)
 
 
-def saddles_of(points: Sequence[SingularPoint], energy: float) -> list[float]:
-    """Return the arc lengths (m) of the saddles of an energy (J) of `saddle_energies`."""
+def through_saddles(
+    points: Sequence[SingularPoint], curves: Callable[[float, list[float]], Sequence[LevelCurve]]
+) -> tuple[LevelCurve, ...]:
+    """Return the separatrices of those of some points that are saddles.
+
+    `curves` gives those of an energy (J) through saddles at arc lengths (m).
+    """
     saddles = [point for point in points if point.kind == SADDLE]
-    highest = max(abs(point.energy) for point in saddles)
-    return [point.s for point in saddles if abs(point.energy - energy) <= _SAME * highest]
+    near = _SAME * max((abs(point.energy) for point in saddles), default=0.0)
+    found: list[LevelCurve] = []
+    for energy in saddle_energies(saddles):
+        found += curves(energy, [one.s for one in saddles if abs(one.energy - energy) <= near])
+    return tuple(found)
 
 
 def level_energies(

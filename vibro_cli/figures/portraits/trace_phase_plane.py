@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import chain
 
 import numpy as np
@@ -41,7 +42,7 @@ from vibro_cli.figures.portraits.layers import (
     draw_points,
     level_energies,
     saddle_energies,
-    saddles_of,
+    through_saddles,
 )
 from vibro_cli.figures.portraits.panels import (
     BOTTOM,
@@ -109,13 +110,8 @@ def _behind(portrait: Portrait) -> Background:
     landscape, on_eight = portrait.landscape, _eight_saddles(portrait)
     behind = background(landscape, highest_energy(portrait), highest_place(portrait))
     others = [point for point in portrait.points if point.kind == SADDLE and point not in on_eight]
-    found = [
-        curve
-        for saddle in on_eight
-        for curve in separatrix_curves(landscape, saddle.energy, [saddle.s])
-    ]
-    separatrices = behind.separatrices if others else ()
-    return replace(behind, eights=tuple(found), separatrices=separatrices)
+    eights = through_saddles(on_eight, partial(separatrix_curves, landscape))
+    return replace(behind, eights=eights, separatrices=behind.separatrices if others else ())
 
 
 def _eight_saddles(portrait: Portrait) -> list[SingularPoint]:
@@ -192,32 +188,23 @@ def highest_place(portrait: Portrait) -> float:
 
 def behind_along(portrait: Portrait, count: int = 97) -> Background:
     """Return curves and points of a portrait along the trace, `count` points of a curve a piece."""
-    landscape, eights = portrait.landscape, _eight_saddles(portrait)
-    on_eight = tuple(
-        curve
-        for saddle in eights
-        for curve in speed_curves(landscape, saddle.energy, count, [saddle.s])
-    )
-    others = [point for point in portrait.points if point not in eights]
-    separatrices = tuple(
-        curve
-        for energy in saddle_energies(others)
-        for curve in speed_curves(landscape, energy, count, saddles_of(others, energy))
-    )
+    landscape, on_eight = portrait.landscape, _eight_saddles(portrait)
+    others = [point for point in portrait.points if point not in on_eight]
+    curves = partial(speed_curves, landscape, count)
     highest, passed = highest_energy(portrait), highest_place(portrait)
     levels = level_energies(portrait.points, highest, passed)
     return Background(
         levels=_curves_along(landscape, levels, count),
         points=_points_along(portrait),
-        separatrices=separatrices,
-        eights=on_eight,
+        separatrices=through_saddles(others, curves),
+        eights=through_saddles(on_eight, curves),
     )
 
 
 def _curves_along(
     landscape: Landscape, energies: Sequence[float], count: int = 121
 ) -> tuple[LevelCurve, ...]:
-    return tuple(curve for energy in energies for curve in speed_curves(landscape, energy, count))
+    return tuple(curve for energy in energies for curve in speed_curves(landscape, count, energy))
 
 
 def _points_along(portrait: Portrait) -> tuple[SingularPoint, ...]:
