@@ -100,7 +100,8 @@ def name_points(panel: Panel, names: Sequence[str], behind: Background) -> None:
     if not named:
         return
     axes = panel.axes
-    scale = np.array(panel.size) / [np.ptp(axes.get_xlim()), np.ptp(axes.get_ylim())]
+    extent = [np.ptp(axes.get_xlim()), np.ptp(axes.get_ylim())]
+    scale = np.array([panel.width, panel.height]) / extent
     dark = (*behind.eights, *behind.separatrices) * _DARK
     lines = [line * scale for one in (*dark, *behind.levels) for line in both_halves(one)]
     rest = [(one.position, one.position + one.extent) for one in behind.points if one.extent]

@@ -391,7 +391,7 @@ def draw_numbers(one: Panel, branches: Branches, jumps: Jumps, marks: Array) -> 
     obstacles = np.concatenate([curves, segments, *_around([before, after, marks])])
     texts = [str(number) for number in jumps.number[here]]
     anchors = [np.stack(pair) for pair in zip(after, before, strict=True)]
-    places = place_numbers(texts, anchors, obstacles, one.size)
+    places = place_numbers(texts, anchors, obstacles, (one.width, one.height))
     for number, place, tie in tied(places, anchors):
         at = one.from_millimetres(place)
         one.axes.text(*at, texts[number], path_effects=HALO, zorder=3.0, **NUMBER)

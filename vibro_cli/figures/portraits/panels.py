@@ -63,8 +63,10 @@ class Panel:
 
     axes: Axes
     window: Window
-    size: tuple[float, float]
-    """Width and height (mm)."""
+    width: float
+    """Width (mm)."""
+    height: float
+    """Height (mm)."""
     labelled: bool = True
     """Whether the vertical axis has its numbers and label here."""
     left: float = 0.0
@@ -86,16 +88,6 @@ class Panel:
     def span(self) -> tuple[float, float]:
         """Ends of the horizontal axis."""
         return self.window.low + self.shift, self.window.high + self.shift
-
-    @property
-    def width(self) -> float:
-        """Width (mm)."""
-        return self.size[0]
-
-    @property
-    def height(self) -> float:
-        """Height (mm)."""
-        return self.size[1]
 
     def millimetres(self, position: Array, rate: Array) -> Array:
         """Return points in mm from the lower left corner of the panel, shape (n, 2)."""
@@ -142,7 +134,7 @@ def plane(axes: Axes, window: Window, symbols: Symbols, labelled: bool = True) -
     axes.set_xlim(window.low, window.high)
     axes.set_ylim(-window.top, window.top)
     number_plane(axes, (symbols.place, "m"), (symbols.speed, "m/s"), labelled, symbols.after)
-    return Panel(axes, window, panel_size(axes))
+    return Panel(axes, window, *panel_size(axes))
 
 
 def lay_out(
@@ -166,7 +158,7 @@ def lay_out(
         bottom = total - above - high - row * (high + BOTTOM + ROW_TOP)
         for window, left, wide, labelled in _across(members, windows, across):
             axes = sheet.panel(left, bottom, wide, high)
-            panel = Panel(axes, window, (wide, high), labelled, left, row)
+            panel = Panel(axes, window, wide, high, labelled, left, row)
             axes.set_xlim(panel.span)
             axes.set_ylim(-window.top, window.top)
             panels.append(panel)
