@@ -1,6 +1,7 @@
 """The program's start: quick, and without the libraries it does not need."""
 
 import re
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -63,6 +64,21 @@ def test_a_signal_that_comes_while_a_command_is_ending_has_its_exit_code() -> No
         [sys.executable, "-c", code, "check", "none.toml"], capture_output=True, check=False
     )
     assert (outcome.returncode, outcome.stderr) == (143, b"")
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_that_comes_while_the_command_line_is_read_ends_it(number: int) -> None:
+    """The library that reads it takes every interrupt for ^C."""
+    code = f"""if True:
+        import signal
+        from vibro_cli.__main__ import main
+        from vibro_cli.commands.shared import options
+
+        options.choose_words = lambda **words: signal.raise_signal({int(number)})
+        main()"""
+    command = [sys.executable, "-c", code, "check", "none.toml", "-q"]
+    outcome = subprocess.run(command, capture_output=True, check=False)
+    assert (outcome.returncode, outcome.stderr) == (-number, b"")
 
 
 def test_version_takes_little_more_than_python_itself_and_no_library() -> None:

@@ -9,6 +9,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -394,6 +395,27 @@ def test_a_signal_that_struck_within_a_class_is_no_fault_of_the_program(
     assert outcome.code == code
     assert "fault of the program" not in outcome.err
     assert outcome.err.count("\n") == 1
+
+
+def test_a_signal_that_python_drops_comes_again(
+    vibro: Vibro, scenario: Path, by_hand: ByHand
+) -> None:
+    """What `__del__` raises is told as `Exception ignored in` and is lost."""
+
+    class Closed:
+        def __del__(self) -> None:
+            signal.raise_signal(signal.SIGTERM)
+
+    def act() -> None:
+        held = [Closed()]
+        held.clear()
+        time.sleep(30.0)
+
+    by_hand.act = act
+    begin = time.monotonic()
+    outcome = vibro("run", scenario, "--format", "csv")
+    assert time.monotonic() - begin < 15.0
+    assert (outcome.code, outcome.err) == (143, "vibro: terminated; nothing was written\n")
 
 
 @pytest.mark.parametrize(

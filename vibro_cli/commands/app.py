@@ -10,7 +10,7 @@ import typer
 
 from vibro_cli import __version__
 from vibro_cli.commands.shared.error_handling import perform, usage_error
-from vibro_cli.commands.shared.options import with_common_options
+from vibro_cli.commands.shared.options import Task, with_common_options
 
 COMMANDS = (
     "run", "grid", "section", "basins", "orbit", "fit", "portrait", "report", "check", "show",
@@ -131,8 +131,8 @@ def main(
     """Options of the program itself."""
 
 
-def _parse_and_run(arguments: list[str]) -> int:
-    """Read the command line, then do what it says; the commands only say what is to be done."""
+def _parse(arguments: list[str]) -> Task:
+    """Read the command line; what it asks is yet to be done."""
     # A command needs nothing of the others, whose modules take a tenth of a short run to import.
     alone = arguments[0] in COMMANDS and arguments[0] != "help"
     app = application(arguments[:1] if alone else COMMANDS)
@@ -141,18 +141,16 @@ def _parse_and_run(arguments: list[str]) -> int:
     except typer.TyperException as error:
         command = f"vibro {arguments[0]}" if arguments[0] in COMMANDS else "vibro"
         raise usage_error(error, command) from error
-    except typer.Abort as error:
-        raise KeyboardInterrupt from error
     except SystemExit as end:
         if isinstance(end.__context__, BrokenPipeError):  # of typer, when nobody reads its help
             raise end.__context__ from None
         raise
-    return int(task()) if callable(task) else int(task or 0)
+    return task if callable(task) else lambda: int(task or 0)
 
 
 def run_command_line(arguments: list[str]) -> int:
     """Run the program with these arguments and return its exit code."""
-    return perform(partial(_parse_and_run, arguments or ["--help"]), _log_format(arguments))
+    return perform(partial(_parse, arguments or ["--help"]), _log_format(arguments))
 
 
 def _log_format(arguments: list[str]) -> str:

@@ -5,7 +5,6 @@ Tables are written while the solver goes on.
 
 import contextlib
 import os
-import signal
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -24,10 +23,11 @@ from vibro_cli.commands.shared.error_handling import (
     NOT_STRICT,
     NOTHING_WRITTEN,
     CommandError,
-    Terminated,
     attempt,
     leaving,
     suggestion,
+    terminate,
+    upon_signals,
 )
 from vibro_cli.commands.shared.options import (
     Engine,
@@ -343,32 +343,14 @@ class Interruption:
     def note(self, number: int, frame: FrameType | None) -> None:
         """Take a signal; a second one ends the program at once."""
         if self.number is not None:
-            raise _exception(number)
+            terminate(number)
         self.number = number
 
     def passed_on(self) -> None:
         """Raise what the signal would have raised, now that the tables are written."""
         if self.number is not None:
             with leaving(self.left):
-                raise _exception(self.number)
-
-
-def _exception(number: int) -> BaseException:
-    return KeyboardInterrupt() if number == signal.SIGINT else Terminated(number)
-
-
-@contextlib.contextmanager
-def _heard(interruption: Interruption) -> Iterator[None]:
-    """Have signals noted, but for those that whoever started us wants ignored (nohup)."""
-    before: dict[signal.Signals, Any] = {}
-    try:
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-            if signal.getsignal(number) != signal.SIG_IGN:
-                before[number] = signal.signal(number, interruption.note)
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+                terminate(self.number)
 
 
 def stream_run(
@@ -433,7 +415,7 @@ def _streamed(
     of_system = [table.file for table in system_named(scenario.system).tables()]
     names = of_system if len(sinks) > (options.stream is not None) else ["collisions"]
     # A reader of the stream may be slow, or have stopped: a signal is to end the waiting for it.
-    heard = _heard(interruption) if len(names) > 1 else contextlib.nullcontext()
+    heard = upon_signals(interruption.note) if len(names) > 1 else contextlib.nullcontext()
     with followed(options, scenario), heard:
         return simulate_streamed(
             scenario, add, options.engine, checkpoint, names=names,

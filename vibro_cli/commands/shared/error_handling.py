@@ -11,7 +11,7 @@ import re
 import signal
 import sys
 import warnings
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -63,10 +63,11 @@ class CommandError(Exception):
 
 
 class Terminated(KeyboardInterrupt):
-    """The process was asked to end (SIGTERM, SIGHUP); unwinds so that partial files are removed."""
+    """A signal asked the command to end; unwinds so that partial files are removed."""
 
     def __init__(self, number: int) -> None:
         super().__init__(number)
+        self.number = number
         self.exit_code = 128 + number
 
 
@@ -105,14 +106,13 @@ def _signalled(fault: BaseException) -> BaseException | None:
     return _signalled(cause)
 
 
-def perform(task: Task, log_format: str) -> int:
-    """Run the task of a whole command line and return its exit code, whatever happens in it."""
+def perform(parse: Callable[[], Task], log_format: str) -> int:
+    """Do what a whole command line asks and return its exit code, whatever happens in it."""
     choose_words(as_json=log_format == "json", least="info")
     prepare_streams()
-    _upon_signals(_terminate)
     warnings.showwarning = _say_warning
     try:
-        return attempt(lambda: _flushed(task()))
+        return attempt(lambda: _done(parse()))
     except BrokenPipeError:  # whoever read our results has enough of them
         return DONE
     except KeyboardInterrupt as end:
@@ -122,15 +122,21 @@ def perform(task: Task, log_format: str) -> int:
         say(f"vibro: {how}; {_left(end)}", "error")
         return code
     finally:
-        _upon_signals(signal.SIG_DFL)  # nothing is left to unwind
         drain_standard_output()
 
 
-def _upon_signals(handler: Any) -> None:
+@contextlib.contextmanager
+def upon_signals(handler: Callable[[int, FrameType | None], None]) -> Iterator[None]:
     """Have a handler for signals that end us, but for those that are to be ignored (nohup)."""
-    for number in (signal.SIGTERM, signal.SIGHUP):
-        if signal.getsignal(number) != signal.SIG_IGN:
-            signal.signal(number, handler)
+    before: dict[signal.Signals, Any] = {}
+    try:
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            if signal.getsignal(number) != signal.SIG_IGN:
+                before[number] = signal.signal(number, handler)
+        yield
+    finally:
+        for number, earlier in before.items():
+            signal.signal(number, earlier)
 
 
 @contextlib.contextmanager
@@ -162,20 +168,53 @@ def reason(error: OSError) -> str:
     return " ".join((f"{error.filename}: {text}" if error.filename else text).split())
 
 
-def _flushed(code: int) -> int:
-    """The exit code, once everything printed has arrived; of what failed already, no more words."""
-    try:
-        sys.stdout.flush()
-    except BrokenPipeError:
-        raise
-    except OSError:
-        if code != FAILED:
+def _done(task: Task) -> int:
+    """The exit code of a task, once everything printed has arrived; of failures, no more words.
+
+    Signals are heard here alone: nothing has to be unwound while the command line is read.
+    """
+    with upon_signals(terminate), _signals_not_lost():
+        code = task()
+        try:
+            sys.stdout.flush()
+        except BrokenPipeError:
             raise
-    return code
+        except OSError:
+            if code != FAILED:
+                raise
+        return code
 
 
-def _terminate(number: int, frame: FrameType | None) -> None:
+def terminate(number: int, frame: FrameType | None = None) -> None:
+    """Raise what ends the command; the handler of signals."""
     raise Terminated(number)
+
+
+_SOON = 0.01
+
+
+@contextlib.contextmanager
+def _signals_not_lost() -> Iterator[None]:
+    """Have a signal come again (after s) that struck where Python drops whatever is raised.
+
+    That is in `__del__` and in other calls back of libraries, most of them short.
+    """
+    dropped = sys.unraisablehook
+
+    def come_again(unraisable: Any) -> None:
+        end = unraisable.exc_value
+        if not isinstance(end, Terminated):
+            dropped(unraisable)
+            return
+        signal.signal(signal.SIGALRM, lambda *_: terminate(end.number))
+        signal.setitimer(signal.ITIMER_REAL, _SOON)
+
+    sys.unraisablehook = come_again
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        sys.unraisablehook = dropped
 
 
 def _say_warning(message: Warning | str, *place: Any, **more: Any) -> None:
