@@ -10,7 +10,16 @@ class VibroError(Exception):
     ``ValueError`` or ``TypeError``, a file that cannot be read or written an ``OSError``.
 
     What was asked for is wrong, and whoever asked can mend it: a command ends with exit code 2.
+    The arguments of an error are the lines of its message.
     """
+
+    def __str__(self) -> str:
+        return "\n".join(self.lines)
+
+    @property
+    def lines(self) -> list[str]:
+        """The lines of the message; a line break within one is of a name."""
+        return [str(line) for line in self.args]
 
 
 class Failure(VibroError, RuntimeError):

@@ -12,6 +12,7 @@ import pytest
 from pyarrow import parquet
 
 from tests.commands.conftest import Vibro
+from tests.commands.processes import GRID
 from tests.two_balls import SCENARIO
 
 BOMB = "a: &a [x, x, x, x, x, x, x, x, x]\n" + "".join(
@@ -82,6 +83,52 @@ def test_names_of_files_cannot_command_the_terminal(vibro: Vibro, tmp_path: Path
         outcome = vibro(*arguments)
         assert "\x1b" not in outcome.err + outcome.text
         assert "\u202e" not in outcome.err + outcome.text
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        "check NAME.toml",
+        "check NAME.json",
+        "check bad/NAME.toml bad/other.toml",
+        "check invalid/NAME.toml",
+        "run good.toml invalid/NAME.toml --no-figures",
+        "run good.toml --no-figures -o NAME",
+        "run good.toml --no-figures -o good/NAME --set collision.k=0.5",
+        "run good.toml --no-figures -o good.toml/NAME",
+        "run --continue NAME",
+        "show NAME",
+        "show good/NAME/collisions.parquet --columns nothing",
+        "verify NAME good/NAME",
+        "report NAME",
+        "report good/NAME -o good.toml --pdf NAME.pdf",
+        "section good/NAME --column nothing",
+        "basins NAME",
+        "grid NAME.toml",
+        "grid grid.toml -o grids/NAME",
+        "grid grid.toml -o grids/NAME --set stop.collisions=2",
+        "grid grid.toml -o good/NAME --merge",
+        "new three_arcs -o NAME.toml",
+        "new --all -o NAME",
+        "portrait good.toml --no-figures -o NAME",
+    ],
+)
+def test_a_line_break_in_a_name_breaks_no_line(vibro: Vibro, tmp_path: Path, command: str) -> None:
+    """All that is said of a file called `a\\nb` is what is said of one called `a b`."""
+    (tmp_path / "good.toml").write_text(SCENARIO)
+    (tmp_path / "grid.toml").write_text(GRID.replace("small", "good"))
+    said = []
+    for name in ("a b", "a\nb"):
+        for folder, content in (("bad", "x"), ("invalid", SCENARIO.replace("k = ", "kk = "))):
+            (tmp_path / folder).mkdir(exist_ok=True)
+            (tmp_path / folder / f"{name}.toml").write_text(content)
+        vibro("run", "good.toml", "--no-figures", "-o", f"good/{name}")
+        if "--set stop" in command:
+            vibro("grid", "grid.toml", "-o", f"grids/{name}")
+        outcome = vibro(*(part.replace("NAME", name) for part in command.split()))
+        assert outcome.err
+        said.append((outcome.code, outcome.err.replace("a b", "a�b")))
+    assert said[0] == said[1]
 
 
 @pytest.fixture

@@ -45,7 +45,7 @@ class CheckCommand:
                     print(json_text(refusal))
                 if self.fail_fast or len(self.scenarios) == 1:
                     raise
-                say(str(error), "error", problems=error.problems)
+                say(error.lines, "error", problems=error.problems)
                 code = MISUSED
                 continue
             print_found(found, lines, self.as_json)

@@ -207,7 +207,7 @@ def _run_all(options: RunCommand) -> int:
         raise together(refused)
     _check_folders(options, [scenario for scenario, _ in loaded])
     for _, error in refused:
-        say(str(error), "error", problems=error.problems)
+        say(error.lines, "error", problems=error.problems)
     _print_refused(options, refused)
     codes = [MISUSED] * len(refused)
     for scenario, system in loaded:
@@ -306,7 +306,8 @@ def solve(options: RunCommand, scenario: "AnyScenario", earlier: "EarlierRun | N
     if options.summary_as_json:
         print(json_text({**options.line_head(scenario.name, folder), **record}), flush=True)
     one_sided = system_named(scenario.system).one_sided(scenario)
-    say(summary_text(scenario.name, record, folder, one_sided), scenario=scenario.name)
+    lines = summary_text(scenario.name, record, folder, one_sided).split("\n")
+    say(lines, scenario=scenario.name)
     for omission in result.skipped:
         say(f"  skipped    {omission}", "detail", scenario=scenario.name)
     sound = record["status"] == "ok" and record["end_cause"] != "inadmissible"

@@ -182,7 +182,7 @@ def check_same(
     if stored is None or (stored == wanted and version == __version__):
         return
     found = differences({**stored, "version": version}, {**wanted, "version": __version__})
-    raise GridChanged(refusal(f"{folder} holds another grid", found, remedy))
+    raise GridChanged(*refusal(f"{folder} holds another grid", found, remedy))
 
 
 @contextlib.contextmanager

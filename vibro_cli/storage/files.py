@@ -365,13 +365,12 @@ def differences(before: Any, now: Any, path: str = "") -> list[str]:
     return [line for part in parts for line in differences(*part)]
 
 
-def refusal(holds: str, found: Sequence[str], hint: str) -> str:
+def refusal(holds: str, found: Sequence[str], hint: str) -> list[str]:
     """What is said of a folder that holds something else, with the `differences` that were found.
 
     The `hint` says how to go on.
     """
-    lines = [f"{holds}; found there and wanted now:", *(f"  {line}" for line in found), f"({hint})"]
-    return "\n".join(lines)
+    return [f"{holds}; found there and wanted now:", *(f"  {line}" for line in found), f"({hint})"]
 
 
 def _short(value: Any) -> str:

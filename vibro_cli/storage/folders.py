@@ -71,7 +71,7 @@ def check_run_folder(
         json_of(folder / SCENARIO_NAME), json.loads(json_bytes(scenario.resolved()))
     )
     if found:
-        raise FolderRefused(refusal(f"{folder} holds a run with other parameters", found, hint))
+        raise FolderRefused(*refusal(f"{folder} holds a run with other parameters", found, hint))
 
 
 def origin_of(scenario: AnyScenario) -> Origin:

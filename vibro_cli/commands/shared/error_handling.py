@@ -53,11 +53,12 @@ class CommandError(Exception):
 
     def __init__(
         self,
-        message: str,
+        message: str | Sequence[str],
         exit_code: int = MISUSED,
         problems: Sequence[Mapping[str, Any]] = (),
     ) -> None:
-        super().__init__(message)
+        self.lines = [message] if isinstance(message, str) else list(message)
+        super().__init__("\n".join(self.lines))
         self.exit_code = exit_code
         self.problems = tuple(problems)
 
@@ -81,14 +82,15 @@ def attempt(task: Task) -> int:
     except BrokenPipeError:
         raise
     except CommandError as error:
-        say(str(error), "error", **({"problems": error.problems} if error.problems else {}))
+        say(error.lines, "error", **({"problems": error.problems} if error.problems else {}))
         return error.exit_code
     except OSError as error:
         say(f"vibro: {reason(error)}", "error")
     except MemoryError:
         say("vibro: out of memory", "error")
     except VibroError as error:
-        say(f"vibro: {error}", "error")
+        first, *others = error.lines
+        say([f"vibro: {first}", *others], "error")
         return FAILED if isinstance(error, Failure) else MISUSED
     except Exception as fault:
         end = _signalled(fault)

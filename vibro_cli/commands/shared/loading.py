@@ -46,7 +46,7 @@ def refusals_told(source: str) -> Iterator[None]:
         yield
     except ScenarioError as error:
         problems = [asdict(problem) for problem in error.problems]
-        raise CommandError(str(error), problems=problems) from error
+        raise CommandError(error.lines, problems=problems) from error
     except OSError as error:
         text = f"cannot be read: {reason(OSError(error.errno, error.strerror))}"
         if isinstance(error, FileNotFoundError):
@@ -111,7 +111,7 @@ def check_standard_input(sources: Sequence[str]) -> None:
 def together(refused: Sequence[Refused]) -> CommandError:
     """One error with the problems of all scenarios that cannot be used."""
     return CommandError(
-        "\n".join(str(error) for _, error in refused),
+        [line for _, error in refused for line in error.lines],
         problems=[problem for _, error in refused for problem in error.problems],
     )
 

@@ -12,7 +12,7 @@ import sys
 import textwrap
 import threading
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TextIO, TypeVar
 
@@ -40,14 +40,19 @@ def is_said(level: str, as_text: bool = False) -> bool:
     return said and not (as_text and _words["as_json"])
 
 
-def say(text: str, level: str = "info", **details: Any) -> None:
-    """Print words for a human to standard error; as JSON an object on a line, with the details."""
+def say(text: str | Sequence[str], level: str = "info", **details: Any) -> None:
+    """Print words for a human, a line or several; as JSON an object on a line, with the details.
+
+    They go to standard error.
+    """
     if not is_said(level):
         return
+    lines = [text] if isinstance(text, str) else text
     if _words["as_json"]:
-        text = json_text({"level": level, "message": text, **details}, sys.stderr)
+        told = {"level": level, "message": "\n".join(lines), **details}
+        lines = [json_text(told, sys.stderr)]
     try:
-        print("\n".join(map(printable, text.split("\n"))), file=sys.stderr, flush=True)
+        print("\n".join(map(printable, lines)), file=sys.stderr, flush=True)
     except OSError:  # closed or full: nobody can be told, and the exit code still says it
         silence(sys.stderr)
 
@@ -142,7 +147,7 @@ def duration(seconds: float) -> str:
     return f"{whole // 3600} h {whole % 3600 // 60} min"
 
 
-def lines_of(title: str, items: Mapping[str, str]) -> str:
+def lines_of(title: str, items: Mapping[str, str]) -> list[str]:
     """A title and what there is to say below it, each item by its label, in lines of 80 columns.
 
     What is to be copied, the name of a folder and the next command, is never broken.
@@ -151,7 +156,7 @@ def lines_of(title: str, items: Mapping[str, str]) -> str:
     for label, text in items.items():
         first = f"  {label:10} "
         lines += [first + text] if label in _COPIED else wrapped(text, first, " " * len(first))
-    return "\n".join(lines)
+    return lines
 
 
 def wrapped(text: str, first: str = "", others: str = "", width: int = COLUMNS) -> list[str]:
@@ -190,7 +195,7 @@ def summary_text(
         items |= {"files": printable(str(folder)), "next": report_command(folder)}
     if record["end_cause"] == "inadmissible":
         items["hint"] = INADMISSIBLE_HINT
-    return lines_of(f"{name}: {_ending(record)}", items)
+    return "\n".join(lines_of(f"{name}: {_ending(record)}", items))
 
 
 def _ending(record: Mapping[str, Any]) -> str:
