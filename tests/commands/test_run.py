@@ -1,5 +1,6 @@
 """`vibro run`: where results go, what is said, and how it ends."""
 
+import contextlib
 import csv
 import errno
 import io
@@ -395,6 +396,22 @@ def test_a_signal_that_struck_within_a_class_is_no_fault_of_the_program(
     assert outcome.code == code
     assert "fault of the program" not in outcome.err
     assert outcome.err.count("\n") == 1
+
+
+def test_an_error_in_the_place_of_a_signal_is_no_fault_of_the_program(
+    vibro: Vibro, scenario: Path, by_hand: ByHand
+) -> None:
+    """Code in C may drop what a signal raises, and say that its argument is wrong."""
+
+    def act() -> None:
+        with contextlib.suppress(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGTERM)
+        raise ValueError("no matrix")
+
+    by_hand.act = act
+    outcome = vibro("run", scenario, "--format", "csv")
+    assert outcome.code == 143
+    assert outcome.err.startswith("vibro: terminated; ")
 
 
 def test_a_signal_that_python_drops_comes_again(

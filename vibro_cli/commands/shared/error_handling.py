@@ -101,9 +101,14 @@ def attempt(task: Task) -> int:
 
 
 def _signalled(fault: BaseException) -> BaseException | None:
-    """The signal that a fault comes from, if it does: Python 3.11 wraps one in `__set_name__`."""
+    """The signal that a fault comes from, if it does.
+
+    Python 3.11 wraps one in `__set_name__`, and code in C may raise an error in its place.
+    """
     cause = fault.__cause__
-    if cause is None or isinstance(cause, KeyboardInterrupt):
+    if cause is None:
+        return next(iter(_struck), None)
+    if isinstance(cause, KeyboardInterrupt):
         return cause
     return _signalled(cause)
 
@@ -189,10 +194,13 @@ def _done(task: Task) -> int:
 
 def terminate(number: int, frame: FrameType | None = None) -> None:
     """Raise what ends the command; the handler of signals."""
-    raise Terminated(number)
+    _struck.append(Terminated(number))
+    raise _struck[-1]
 
 
 _SOON = 0.01
+_struck: list[Terminated] = []
+"""The signals that a command has been asked to end by."""
 
 
 @contextlib.contextmanager
@@ -201,6 +209,7 @@ def _signals_not_lost() -> Iterator[None]:
 
     That is in `__del__` and in other calls back of libraries, most of them short.
     """
+    _struck.clear()
     dropped = sys.unraisablehook
 
     def come_again(unraisable: Any) -> None:
