@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import json
 import time
+from collections.abc import Iterator
+from itertools import islice
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from tests.commands.conftest import Vibro
 from tests.grids.kill import content
 from tests.two_balls import SCENARIO
+from vibro_cli.commands.shared.error_handling import Terminated
+from vibro_cli.grids import workers
 
 GRID = """
 base = "small.toml"
@@ -151,6 +156,29 @@ def test_damage_is_found_and_repaired(vibro: Vibro, grid: Path) -> None:
 def in_three_chunks(grid: Path) -> Path:
     grid.write_text("chunk_points = 2\n" + GRID)
     return grid
+
+
+@pytest.mark.parametrize("chunks", [0, 1])
+def test_a_grid_says_whether_something_is_kept_of_it(
+    vibro: Vibro, grid: Path, monkeypatch: pytest.MonkeyPatch, chunks: int
+) -> None:
+    grid.write_text(f"chunk_points = 2\n{GRID}")
+    solve = workers.solve_in_threads
+
+    def interrupted(*given: Any) -> Iterator[Any]:
+        yield from islice(solve(*given), chunks)
+        raise Terminated(15)
+
+    monkeypatch.setattr(workers, "solve_in_threads", interrupted)
+    outcome = vibro("grid", grid)
+    assert outcome.code == 143
+    kept = "what was finished is kept" if chunks else "no chunk was finished"
+    goes_on = ["vibro: the same command goes on from here"][:chunks]
+    assert outcome.err.splitlines() == [*goes_on, f"vibro: terminated; {kept}"]
+    monkeypatch.undo()
+    whole = vibro("grid", grid, "-o", grid.parent / "whole")
+    assert (vibro("grid", grid, "-o", grid.parent / "outputs/sweep").code, whole.code) == (0, 0)
+    assert content(grid.parent / "outputs/sweep") == content(grid.parent / "whole")
 
 
 def test_a_finished_grid_says_so(vibro: Vibro, grid: Path) -> None:

@@ -9,7 +9,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from vibro_cli.commands.shared.error_handling import DONE, FAILED, NOT_STRICT, CommandError
+from vibro_cli.commands.shared.error_handling import (
+    DONE,
+    FAILED,
+    NOT_STRICT,
+    CommandError,
+    leaving,
+)
 from vibro_cli.commands.shared.options import (
     Engine,
     Overrides,
@@ -118,7 +124,10 @@ class GridCommand:
 
     def __call__(self) -> int:
         """Estimate what the grid takes, or solve what is missing of its dataset."""
-        return _estimate(self) if self.dry_run else _sweep(self)
+        if self.dry_run:
+            with leaving():
+                return _estimate(self)
+        return _sweep(self)
 
     def folder_of(self, grid: "Grid") -> Path:
         """Where the dataset goes."""
@@ -206,7 +215,8 @@ def _sweep(options: GridCommand) -> int:
     # said before it is imported.
     os.environ.setdefault("MIMALLOC_PURGE_DELAY", "-1")
 
-    found = load(options)
+    with leaving():
+        found = load(options)
     state = sweep(options, found, _workers(options))
     if options.as_json:
         print(json_text(state))
@@ -223,7 +233,8 @@ def sweep(options: GridCommand, grid: "Grid", workers: int) -> dict[str, Any]:
     whole = options.folder_of(grid)
     shard = None if options.shard is None else _read_shard(options.shard)
     folder = whole if shard is None else shard.folder_in(whole)
-    chunks = _chunks(options, grid, folder)
+    with leaving():
+        chunks = _chunks(options, grid, folder)
     wanted = None
     if shard is not None:
         _warn_of_few_chunks(grid.name, chunks.count, shard.count)
@@ -313,11 +324,14 @@ def _solve(options: GridCommand, dataset: "Dataset", workers: int) -> None:
         for receipt in receipts:
             dataset.add(receipt)
             _check_failures(options, dataset)
-    except BaseException:
+    except BaseException as end:
         receipts.close()
         _keep(dataset)
         progress.end()
-        say("vibro: the same command goes on from here", "error")
+        if dataset.receipts:
+            say("vibro: the same command goes on from here", "error")
+        else:
+            end.add_note("no chunk was finished")
         raise
     progress.end()
     dataset.write_manifest()
