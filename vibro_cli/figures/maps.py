@@ -236,10 +236,20 @@ def _coordinate(grid: StoredGrid, path: str, rows: Integers) -> Coordinate:
     return Coordinate(path, unit, place, tuple(map(str, words[order][:_MOST_WORDS])))
 
 
-def set_axis(axis: Axis, one: Coordinate, labelled: bool = True) -> None:
-    """Set limits, ticks and, if `labelled`, the label of an axis of a figure."""
-    edges = one.edges()
-    low, high = float(edges[0]), float(edges[-1])
+def set_axis(
+    axis: Axis,
+    one: Coordinate,
+    labelled: bool = True,
+    limits: tuple[float, float] | None = None,
+) -> None:
+    """Set limits, ticks and, if `labelled`, the label of an axis of a figure.
+
+    Without `limits` those of the cells around the places.
+    """
+    if limits is None:
+        edges = one.edges()
+        limits = float(edges[0]), float(edges[-1])
+    low, high = limits
     vertical = isinstance(axis, YAxis)
     (axis.axes.set_ylim if vertical else axis.axes.set_xlim)(low, high)
     if one.logarithmic:

@@ -36,8 +36,8 @@ from vibro_cli.figures.maps import (
     set_axis,
 )
 from vibro_cli.figures.source import Array, Flags, Integers
-from vibro_cli.figures.style import mark, panel_size
-from vibro_cli.figures.ticks import label_axis, symbol_of
+from vibro_cli.figures.style import mark
+from vibro_cli.figures.ticks import symbol_of
 from vibro_cli.mechanics.trace import HUMP, VALLEY
 from vibro_cli.scenario.base import Listed, Texts, checked
 from vibro_cli.scenario.problems import suggestion
@@ -426,9 +426,7 @@ def poincare(
     along = Coordinate(name, unit, x, ())
     with style.journal():
         figure, (axes,) = stacked(width, [_SQUARE[width]], 2.0)
-        low, high = limits_around(x)
-        axes.set_xlim(low, high)
-        label_axis(axes.xaxis, along.ticks(low, high, panel_size(axes)[0], False), symbol, unit)
+        set_axis(axes.xaxis, along, limits=limits_around(x))
         _draw_over(axes, x, y, quantities[1])
     return figure
 
