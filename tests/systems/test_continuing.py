@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import tomllib
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -111,6 +112,30 @@ def test_what_happens_at_the_stop_itself_still_happens(system: str, engine: str)
         assert getattr(part, name)["t"].tolist() == others
         whole = solved(document, {"time": end}, engine=engine)
         assert part.summary_record() == whole.summary_record()
+
+
+@pytest.mark.parametrize("engine", ["compiled", "python"])
+@pytest.mark.parametrize("system", ["trace", "table", "springs"])
+def test_an_impact_later_than_the_stop_by_less_than_rounding_does_not_happen(
+    system: str, engine: str
+) -> None:
+    """The time of an impact is t + t_low, of which t alone may be the stop."""
+    scenarios = Path(__file__).parents[2] / "scenarios"
+    document: Document = {
+        "trace": tomllib.loads((scenarios / "three_arcs.toml").read_text()),
+        "table": table(GAS, box(3.0, 2.0)),
+        "springs": springs(FIGURE_FIVE, k=1.0),
+    }[system]
+    whole = solved(document, {"collisions": 12}).collisions
+    times = [Fraction(t) + Fraction(low) for t, low in zip(whole["t"], whole["t_low"], strict=True)]
+    sides = set()
+    for stop, exact in zip(whole["t"].tolist(), times, strict=True):
+        made = solved(document, {"time": stop}, engine=engine).collisions
+        assert made["t"].tolist() == [
+            t for t, e in zip(whole["t"], times, strict=True) if e <= Fraction(stop)
+        ]
+        sides.add(exact > Fraction(stop))
+    assert sides == {True, False}
 
 
 def test_what_cannot_go_on_is_refused() -> None:

@@ -468,7 +468,7 @@ class Stop(Table):
     rules = (at_least_one("time", "collisions"),)
 
     time: Annotated[float | None, kinds.TIME] = None
-    """End of the run in s."""
+    """End of the run in s. What happens at it (t + t_low) still happens."""
     collisions: Annotated[int | None, kinds.COUNT, Field(title="impacts")] = None
     """The run ends with this collision, or with others solved jointly with it."""
 

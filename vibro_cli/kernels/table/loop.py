@@ -216,7 +216,8 @@ def _event(world: World) -> int:
     settings = world.settings[0]
     ball = world.tree[1]
     meeting = world.meetings[ball]
-    if meeting.kind == NOTHING or meeting.t > settings.stop_time:
+    later = time_between(meeting.t, meeting.t_low, settings.stop_time, 0.0) > 0.0
+    if meeting.kind == NOTHING or later:
         return END_TIME if settings.stop_time < NEVER else END_NO_MORE_COLLISIONS
     step = time_between(meeting.t, meeting.t_low, clock.t, clock.t_low)
     clock.t = meeting.t
