@@ -1,5 +1,6 @@
 """Very many points of a run: what is drawn is of the motion, and covers all of it."""
 
+import math
 import re
 import tracemalloc
 from typing import Any
@@ -12,9 +13,13 @@ from matplotlib.text import Annotation
 
 from tests.effort import calls
 from tests.figures.layout import assert_texts_are_apart, texts
+from tests.gallery import run_of
 from vibro_cli import example, simulate
+from vibro_cli.analysis.levels import Landscape
+from vibro_cli.api import simulate as simulate_any
 from vibro_cli.figures.chart import draw_marks
-from vibro_cli.figures.runs.over_time import energies, energy_lines, seen
+from vibro_cli.figures.portraits.trajectory import MOST_BRANCHES, trajectory
+from vibro_cli.figures.runs.over_time import energies, energy_course, energy_lines, seen
 from vibro_cli.scenario import any_scenario_of
 from vibro_cli.systems import NAMES as SYSTEMS
 from vibro_cli.systems import system_named
@@ -228,3 +233,76 @@ def test_the_caption_of_energies_says_of_the_means(name: str) -> None:
 def test_energies_of_few_impacts_are_steps() -> None:
     run = simulate(example("five_balls").replace({"stop.collisions": 60})).solved
     assert not re.search("means", " ".join(t.get_text() for t in texts(energies(run))))
+
+
+def rotating(angle: float, rate: float, time: float, bodies: int) -> Any:
+    """Bodies in a rotating valley whose bottom is 1 m below the axis, the others touching."""
+    first = {"radius": 0.1, "density": 7800.0, "arc": 1, "angle": angle}
+    other = {"radius": 0.1, "density": 7800.0, "arc": 1, "touching": "previous"}
+    arcs = [{"shape": "valley", "radius": 1.1, "end_slope": 1.0}]
+    document = {
+        "gravity": 9.81,
+        "trace": {"start_slope": -1.0, "turning": {"through_arc": 1, "rate": rate}, "arcs": arcs},
+        "balls": [first, *[other] * (bodies - 1)],
+        "collision": {"k": 0.0},
+        "stop": {"time": time},
+    }
+    return simulate_any(any_scenario_of(document))
+
+
+@pytest.mark.parametrize(
+    ("angle", "below", "turns"), [(0.0, 0.0, 0), (1e-6, 0.0, 0), (1e-3, 1e-5, 3)]
+)
+def test_a_motion_much_slower_than_its_fastest_rate_is_sampled_as_it_is_drawn(
+    angle: float, below: float, turns: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Near the rate at which the bottom ceases to be a centre, and at rest there, for very long."""
+    run = rotating(angle, math.sqrt(9.81 * (1.0 - below)), 3e5, 1)
+    asked, curve = [], type(run).flight_curve
+
+    def counted(run: Any, row: int, count: int, *lasts: float) -> Any:
+        asked.append(count)
+        return curve(run, row, count, *lasts)
+
+    monkeypatch.setattr(type(run), "flight_curve", counted)
+    branches = trajectory(run, 1).branches[0]
+    position, rate = branches.position[0], branches.rate[0]
+    assert sum(asked) < 30 * len(position)
+    assert np.sum(rate[1:] * rate[:-1] < 0.0) == turns
+    lasts = 3e5 if not turns else 2.0 * math.tau * math.sqrt(1.4 / 9.81 / below)
+    fine = run.sample(np.linspace(0.0, lasts, 32 * (len(position) - 1) + 1))
+    if not turns:
+        wanted = fine["angle"][::32]
+        np.testing.assert_allclose(position, wanted, rtol=0.0, atol=1e-12 * angle)
+        return
+    assert np.ptp(position) == pytest.approx(2.0 * angle, rel=1e-3)
+    scales = np.array([np.ptp(position), np.ptp(rate)])
+    states = np.column_stack([fine["angle"], fine["speed"] / 1.0]) / scales  # 1 m from the centre
+    for state in np.column_stack([position, rate]) / scales:
+        assert np.min(np.hypot(*(states - state).T)) < 1e-3
+
+
+def test_energies_in_contact_for_very_many_periods_are_sampled_as_they_are_seen() -> None:
+    run = rotating(-0.1, 3.0, 1e6, 2)
+    time, energy = energy_course(run, 1)
+    assert len(time) < 600_000
+    assert time[-1] == 1e6
+    _, few = energy_course(run, 1, 100.0)
+    for end in (np.min, np.max):
+        assert end(energy) == pytest.approx(end(few), abs=1e-3 * np.ptp(few))
+
+
+def test_of_many_branches_those_of_one_passage_are_drawn_on_every_piece() -> None:
+    """A body comes to the left valley over the hump alone, with the energy that it has there."""
+    walls = "ends={left={wall=1.0},right={wall=1.0}}"
+    run = run_of("three_arcs", "collision.k=1", "stop={collisions=20000}", walls)
+    path, hills = trajectory(run, 1), Landscape.of(run.system, 1)
+    assert path.every > 5
+    left, hump, _ = (
+        hills.energy(piece, branches.position[:, 0], branches.rate[:, 0])
+        for piece, branches in zip(run.system.trace.pieces, path.branches, strict=True)
+    )
+    assert len(left) > 100
+    apart = np.abs(np.subtract.outer(left, hump)).min(axis=1)
+    assert np.mean(apart < 1e-9 * left) > 0.95
+    assert sum(len(branches.time) for branches in path.branches) < 1.5 * MOST_BRANCHES

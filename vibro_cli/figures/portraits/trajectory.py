@@ -33,6 +33,8 @@ _LEAST = 32
 """Points of any flight on an arc that is sampled."""
 _FIRST_PERIODS = 3.0
 """Of a long flight at first, then twice as many, until it has come round."""
+_FINER = 4.0
+"""As many times as the points that are drawn are sampled at most: more would not be seen."""
 _TINY = 1e-3
 """Branches within this share of the extent of the others, in place and in rate, are left out."""
 _TURNS = 2
@@ -113,7 +115,8 @@ def trajectory(run: Recorded, ball: int) -> Trajectory:
     seen = _large_enough(run, ball, flights, first, last)
     first, last = first[seen], last[seen]
     every = max(1, math.ceil(len(first) / MOST_BRANCHES))
-    ends = first[::every], last[::every]
+    some = _passages(flights, first, 2 * len(run.system.trace.pieces)) % every == 0
+    ends = first[some], last[some]
     count = points_each(len(ends[0]))
     free = _free(run, ball, flights, ends[0])
     branches = tuple(
@@ -167,6 +170,19 @@ def _large_enough(
         tiny = (way < _TINY * extent) & (rate < _TINY * np.max(rate))
         large[here] = ~tiny | (rate == 0.0)  # rest is not a bounce
     return large
+
+
+def _passages(flights: Table, first: Integers, most: int) -> Integers:
+    """Return the number of the passage to which each branch belongs, from 0.
+
+    One goes on across the pieces until another event, or for `most` branches: whatever is chosen of
+    it is there on every piece. `first` are the first flights of the branches.
+    """
+    begins = flights["cause_start"][first] != "crossing"
+    begins[0] = True
+    since = np.arange(len(first))
+    since -= np.maximum.accumulate(np.where(begins, since, 0))
+    return np.cumsum(since % most == 0) - 1
 
 
 def points_each(branches: int) -> int:
@@ -258,7 +274,7 @@ def _sampled(run: Recorded, flights: Table, rows: range, pace: float, count: int
     if len(rows) == 1:
         return _sampled_flight(run, rows.start, float(times[0]), pace, count)
     share = times / max(float(np.sum(times)), float(np.finfo(np.float64).tiny))
-    wanted = np.maximum(count * share, pace * times)
+    wanted = np.clip(pace * times, count * share, _FINER * count * share)
     curves = [
         np.column_stack(run.flight_curve(row, math.ceil(number) + 1)[1:])
         for row, number in zip(rows, wanted.tolist(), strict=True)
@@ -267,17 +283,23 @@ def _sampled(run: Recorded, flights: Table, rows: range, pace: float, count: int
 
 
 def _sampled_flight(run: Recorded, row: int, time: float, pace: float, count: int) -> Array:
-    """Return `count` states of the run along one flight, of its closed curve one period."""
-    lasts = min(time, _FIRST_PERIODS * _PER_PERIOD / pace if pace > 0.0 else math.inf)
+    """Return `count` states of the run along one flight, of its closed curve one period.
+
+    An oscillation turns after equal times: where it has hardly turned, as many points find that in
+    twice the time.
+    """
+    first = lasts = min(time, _FIRST_PERIODS * _PER_PERIOD / pace if pace > 0.0 else math.inf)
+    number = max(_LEAST if pace > 0.0 else count - 1, math.ceil(pace * lasts))
     while True:
-        number = max(_LEAST if pace > 0.0 else count - 1, math.ceil(pace * lasts))
         points = np.column_stack(run.flight_curve(row, number + 1, lasts)[1:])
         turns = np.flatnonzero(points[1:, 1] * points[:-1, 1] < 0.0)
-        if len(turns) > _TURNS:
-            return _chosen(points[: turns[_TURNS] + 2], count)
-        if lasts >= time:
-            return _chosen(points, count)
+        shown = turns[_TURNS] + 1 if len(turns) > _TURNS else number
+        if shown < number or lasts >= time:
+            break
         lasts = min(time, 2.0 * lasts)
+    if lasts == first:
+        return _chosen(points[: shown + 1], count)
+    return np.column_stack(run.flight_curve(row, count, lasts * (shown / number))[1:])
 
 
 def _chosen(points: Array, count: int) -> Array:

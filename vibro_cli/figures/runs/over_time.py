@@ -38,7 +38,9 @@ MOST_PERIODS = 60
 """Of more small oscillations than this only the first are drawn over time."""
 _POINTS = 40000
 _PER_PERIOD = 64
-"""Points of energies in one of the periods of lasting contact."""
+"""Points of energies in one of the periods of lasting contact, ..."""
+_MOST_POINTS = 200 * 2500
+"""... but of no more in all than make a line of many points in each strip narrower than a pixel."""
 
 
 def shown_until(run: Recorded) -> float:
@@ -129,6 +131,7 @@ def energy_course(run: Recorded, ball: int, until: float = math.inf) -> tuple[Ar
     mine, last = _kept_levels(flights, mine)
     contact = flights["contact"][mine]
     starts, ends = flights["t_start"][mine], np.minimum(flights["t_end"][last], until)
+    most = _MOST_POINTS / (min(until, _end(run)) or 1.0)
     level = np.empty(len(mine))
     rows, times, energies = [], [], []
     for piece in run.system.trace.pieces:
@@ -141,7 +144,7 @@ def energy_course(run: Recorded, ball: int, until: float = math.inf) -> tuple[Ar
         for row in bound.tolist():
             start, end = float(flights["t_start"][row]), float(flights["t_end"][row])
             lasts = min(end, until) - start
-            count = max(2, math.ceil(lasts * _pace(run, ball, piece)) + 1)
+            count = max(2, math.ceil(lasts * min(_pace(run, ball, piece), most)) + 1)
             time, position, rate = run.flight_curve(row, count, lasts)
             rows.append(np.full(count, row))
             times.append(time)
