@@ -160,6 +160,32 @@ def test_a_manifest_in_another_form_is_written_anew(
     assert content(folder) == undisturbed
 
 
+@pytest.mark.parametrize("content_left", [None, "{}", "half"])
+def test_a_grid_whose_description_is_gone_is_described_anew(
+    grid: Grid, tmp_path: Path, undisturbed: dict[str, bytes], content_left: str | None
+) -> None:
+    folder = tmp_path / "undisturbed"
+    before = {path: path.stat().st_ino for path in folder.rglob("part-*")}
+    (folder / "grid.json").unlink()
+    if content_left is not None:
+        (folder / "grid.json").write_text(content_left)
+    solve(grid, folder)
+    assert content(folder) == undisturbed
+    assert {path: path.stat().st_ino for path in folder.rglob("part-*")} == before
+
+
+def test_no_part_is_taken_for_one_of_another_grid(
+    small: Write, tmp_path: Path, undisturbed: dict[str, bytes]
+) -> None:
+    """Not even where the description of the grid that was there is gone."""
+    folder = tmp_path / "undisturbed"
+    (folder / "grid.json").unlink()
+    other = load_grid(small(), ["stop.collisions=3"])
+    solve(other, folder)
+    solve(other, tmp_path / "other")
+    assert content(folder) == content(tmp_path / "other") != undisturbed
+
+
 def test_a_manifest_without_chunks_is_not_complete(grid: Grid, tmp_path: Path) -> None:
     folder = tmp_path / "edited"
     solve(grid, folder)

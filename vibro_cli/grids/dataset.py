@@ -143,7 +143,7 @@ def opened(
             remove_partial_files(folder / name)
         dataset = Dataset(folder, grid, chunks, range(chunks.count) if wanted is None else wanted)
         content = json_bytes(resolved_with(grid, chunks))
-        if not (folder / GRID_NAME).exists():
+        if _stored_grid(folder) is None:
             write_file(folder / GRID_NAME, content)
         dataset.receipts = found_receipts(folder, grid, chunks)
         dataset.write_manifest()
@@ -153,7 +153,8 @@ def opened(
 def check_grid_folder(folder: Path) -> None:
     """Raise `FolderRefused` unless the folder is free, empty, or holds a grid of ours."""
     if (folder / GRID_NAME).exists():
-        if _stored_grid(folder) is None:
+        ours = str((read_manifest(folder) or {}).get("schema")).startswith("vibro-grid/")
+        if _stored_grid(folder) is None and not ours:
             raise FolderRefused(f"{folder / GRID_NAME} is no grid of vibro; it is left as it is")
         return
     if folder.is_dir():
@@ -209,8 +210,14 @@ def drop(folder: Path) -> None:
 
 
 def found_receipts(folder: Path, grid: Grid, chunks: Chunks) -> dict[int, Receipt]:
-    """Return the receipts of all chunks that are finished: from the manifest, or from the disk."""
-    known = _receipts_of(read_manifest(folder) or {}, grid)
+    """Return the receipts of all chunks that are finished: from the manifest, or from the disk.
+
+    A manifest of another grid tells of none: the file that says so may be gone.
+    """
+    manifest = read_manifest(folder) or {}
+    of_this = entry(json_bytes(resolved_with(grid, chunks)))
+    same = manifest.get("files", {}).get(GRID_NAME) == of_this
+    known = _receipts_of(manifest, grid) if same else {}
     found, sizes = {}, chunks.sizes
     for chunk in range(chunks.count):
         names = file_names(grid, chunk).values()
