@@ -401,7 +401,7 @@ def merge(dataset: Dataset) -> Iterator[Receipt]:
             if not (folder / GRID_NAME).exists():
                 continue
             stack.enter_context(locked(folder))
-            check_same(folder, dataset.grid, dataset.chunks)
+            check_same(folder, dataset.grid, dataset.chunks, "--shard … --force starts it anew")
             found = found_receipts(folder, dataset.grid, dataset.chunks)
             places |= {chunk: (folder, receipt) for chunk, receipt in found.items()}
         missing = [chunk for chunk in dataset.missing if chunk not in places]
