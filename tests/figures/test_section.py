@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from vibro_cli import example, open_run, simulate, sweep
 from vibro_cli.commands.app import run_command_line
+from vibro_cli.figures import maps, over_axis
+from vibro_cli.figures.maps import parameter_map
 from vibro_cli.figures.over_axis import LAST, Section
+from vibro_cli.storage.stored import StoredGrid
 
 
 @pytest.mark.parametrize("transient", [None, 0, 3, 25])
@@ -75,6 +79,24 @@ def test_it_is_said_how_many_runs_of_a_grid_are_shown(
     sweep(example("one_circle"), few, tmp_path / "few", collisions=True)
     assert run_command_line(["section", str(tmp_path / "few"), "--transient", "1"]) == 0
     assert "2 of 3 runs have more than 1 impact; --transient 0" in capsys.readouterr().err
+
+
+def test_the_runs_of_a_section_are_found_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whatever is said and drawn of them: of a million points that takes a third of a second."""
+    asked: list[str] = []
+
+    def counted(grid: StoredGrid, *more: Any, **named: Any) -> Any:
+        asked.append(grid.name)
+        return parameter_map(grid, *more, **named)
+
+    for module in (maps, over_axis):
+        monkeypatch.setattr(module, "parameter_map", counted)
+    axes = {"collision.k": [0.5, 0.6], "balls[1].mass": [1.0, 2.0, 3.0]}
+    sweep(example("one_circle"), axes, tmp_path / "grid", collisions=True)
+    assert run_command_line(["section", str(tmp_path / "grid"), "--transient", "0"]) == 0
+    assert len(asked) == 1
 
 
 def test_a_run_shows_one_column_over_another(

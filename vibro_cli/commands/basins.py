@@ -247,12 +247,10 @@ class SectionCommand:
 
 def _runs_shown(grid: Grid, pair: tuple[int, int] | None, transient: int | None) -> Iterator[str]:
     """Say at which values other axes are held, and how many runs are shown unless all of them."""
-    from vibro_cli.figures.maps import parameter_map
     from vibro_cli.figures.over_axis import LAST
 
-    over = parameter_map(grid.stored, 1, numbers_first=True)
-    if over is not None and over.held:
-        yield f"held: {over.held}"
+    if grid.shown is not None and grid.shown.held:
+        yield f"held: {grid.shown.held}"
     impacts, least = grid.impacts_of_runs(pair), LAST if transient is None else transient
     shown = int((impacts > least).sum())
     if least == 0 or shown == len(impacts):

@@ -346,6 +346,7 @@ def bifurcation(
     width: str = "single",
     quantities: Sequence[Quantity] = (),
     section: Section | None = None,
+    shown: ParameterMap | None = None,
 ) -> Figure:
     """Return columns of the impacts of each run over the axis with most values.
 
@@ -357,6 +358,8 @@ def bifurcation(
         At most two; place and speed of the left body if none is named.
     section
         Which impacts; the last 20 of each run that has more, if none is named.
+    shown
+        The points, where they are known already.
 
     Raises
     ------
@@ -371,7 +374,7 @@ def bifurcation(
         raise NothingToShow(f"the grid did not keep {names}: name such columns in [keep] columns")
     own = [one for one in (place_column(grid), _SPEED) if one is not None and one[0] in kept]
     panels = list(quantities) or own
-    shown = parameter_map(grid, 1, numbers_first=True)
+    shown = shown or parameter_map(grid, 1, numbers_first=True)
     if shown is None:
         raise NothingToShow("no axis of numbers changes")
     if not panels:

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from vibro_cli.figures.maps import ParameterMap
     from vibro_cli.grids.document import Grid as GridDocument
     from vibro_cli.interface.analyses import GridBasins
     from vibro_cli.scenario.base import AnyScenario
@@ -101,6 +102,13 @@ class Grid:
         return target
 
     @cached_property
+    def shown(self) -> ParameterMap | None:
+        """The points of its section, over the axis of numbers with most values, if there is one."""
+        from vibro_cli.figures.maps import parameter_map
+
+        return parameter_map(self.stored, 1, numbers_first=True)
+
+    @cached_property
     def kinds(self) -> tuple[str, ...]:
         """The kinds of figures there are."""
         from vibro_cli.figures.kinds import GRID_KINDS
@@ -155,7 +163,8 @@ class Grid:
 
         width_of(width)
         quantities = quantities_of(columns, self.stored.impact_units())
-        drawn = bifurcation(self.stored, width, quantities, Section(pair, transient))
+        section = Section(pair, transient)
+        drawn = bifurcation(self.stored, width, quantities, section, self.shown)
         return Drawing("section", drawn)
 
     def impacts_of_runs(self, pair: tuple[int, int] | None = None) -> NDArray[np.int64]:
@@ -163,10 +172,9 @@ class Grid:
 
         ``pair``: those of two bodies only, as for :meth:`section`.
         """
-        from vibro_cli.figures.maps import parameter_map
         from vibro_cli.figures.over_axis import Section
 
-        shown, section = parameter_map(self.stored, 1, numbers_first=True), Section(pair)
+        shown, section = self.shown, Section(pair)
         wanted = ["scenario", *section.columns]
         if shown is None or not set(wanted) <= set(self.stored.impact_columns()):
             return np.zeros(0, dtype=np.int64)
