@@ -425,7 +425,7 @@ def poincare(
     if not np.any(both):
         raise NothingToShow(section.why_none(section.counts(impacts, run)))
     x, y = x[both], y[both]
-    name, symbol, unit = quantities[0]
+    name, _, unit = quantities[0]
     along = Coordinate(name, unit, x, ())
     with style.journal():
         figure, (axes,) = stacked(width, [_SQUARE[width]], 2.0)
