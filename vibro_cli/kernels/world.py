@@ -385,10 +385,10 @@ class FlightRow(Instant):
     specific_energy: float
     cause: int
     at_rest: int
-    grouped: int  # 1: in lasting contact; what follows is set, and read, of such a flight only
     flow_s: float
     flow_c: float
     flow_p: float
+    grouped: int
     group_first: int
     group_count: int
     shift_s: float

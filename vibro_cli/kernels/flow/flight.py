@@ -13,6 +13,7 @@ from vibro_cli.kernels.world import (
     COLLISION,
     BodyData,
     Flight,
+    FlightRow,
     PieceData,
     TrackData,
     World,
@@ -487,6 +488,8 @@ def log_flight(world: World, ball: int, cause: int) -> None:
     row.grouped = flight.grouped
     if flight.grouped != 0:
         _log_group(world, flight)
+    elif row.group_count != 0:
+        _clear_group(row)
     clock.flight_rows += 1
     if ball < settings.pairs:
         _forget(world, ball, flight)
@@ -518,6 +521,22 @@ def _log_group(world: World, flight: Flight) -> None:
         for k in range(SERIES_LENGTH):
             segment.series[k] = flight.series[k]
         clock.segment_rows += 1
+
+
+@kernel
+def _clear_group(row: FlightRow) -> None:
+    """Clear what a flight in lasting contact has left in its row, which is used again."""
+    row.group_first = 0
+    row.group_count = 0
+    row.flow_s = 0.0
+    row.flow_c = 0.0
+    row.flow_p = 0.0
+    row.shift_s = 0.0
+    row.shift_c = 0.0
+    row.rate_ratio = 0.0
+    row.frequency = 0.0
+    row.line_acceleration = 0.0
+    row.segment = 0.0
 
 
 @kernel
