@@ -93,6 +93,8 @@ class Coordinate:
     """Where each point lies; shape (points,)."""
     words: tuple[str, ...]
     """The words at places 0, 1, …; none for numbers."""
+    symbol: str = ""
+    """What stands at the axis, where that is not the path in words."""
     logarithmic: bool = False
     """Whether the figure's axis is logarithmic; its numbers are of one sign then."""
 
@@ -260,7 +262,7 @@ def set_axis(
             scale("symlog", linthresh=-high)  # linear only beyond the axis
         axis.set_minor_locator(NullLocator())
     ticks = one.ticks(low, high, panel_size(axis.axes)[vertical], vertical)
-    label_axis(axis, ticks, words_of(one.path), one.unit, labelled)
+    label_axis(axis, ticks, one.symbol or words_of(one.path), one.unit, labelled)
 
 
 COLOURS = {

@@ -425,8 +425,8 @@ def poincare(
     if not np.any(both):
         raise NothingToShow(section.why_none(section.counts(impacts, run)))
     x, y = x[both], y[both]
-    name, _, unit = quantities[0]
-    along = Coordinate(name, unit, x, ())
+    name, symbol, unit = quantities[0]
+    along = Coordinate(name, unit, x, (), symbol)
     with style.journal():
         figure, (axes,) = stacked(width, [_SQUARE[width]], 2.0)
         set_axis(axes.xaxis, along, limits=limits_around(x))
