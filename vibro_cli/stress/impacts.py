@@ -34,6 +34,7 @@ from vibro_cli.stress.scenes import (
     GRAVITY,
     THREE_ARCS,
     VALLEY,
+    WALLS,
     Document,
     Finding,
     Plan,
@@ -366,8 +367,7 @@ def _turning_document(on_axis: bool, rate: float, k: float, law: str, **stop: fl
     ]
     turning = {"through_arc": 1 if on_axis else 2, "rate": rate}
     trace = (valley(90) if on_axis else three_arcs(90)) | {"turning": turning}
-    ends = {"left": {"wall": 1.0}, "right": {"wall": 1.0}}
-    return scene(trace, balls, k, law, **stop) | {"ends": ends}
+    return scene(trace, balls, k, law, **stop) | WALLS
 
 
 def _first_impacts() -> Finding:

@@ -107,6 +107,8 @@ def three_arcs(slope: int) -> Document:
 
 
 VALLEY, THREE_ARCS = valley(170), three_arcs(120)
+WALLS: Document = {"ends": {"left": {"wall": 1.0}, "right": {"wall": 1.0}}}
+"""The part of a scenario that has elastic walls at both ends of its trace."""
 
 
 def ball(angle: float, arc: int = 1, **more: Any) -> Document:
