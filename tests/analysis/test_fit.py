@@ -158,6 +158,22 @@ def test_the_table_of_a_run_is_fitted_as_it_is(as_table: Any) -> None:
     )
 
 
+def test_bodies_are_those_of_the_impacts_that_were_measured_in_either_order() -> None:
+    scenario = example("five_balls").replace({"collision.k": 0.9, "stop": {"collisions": 14}})
+    collisions = simulate(scenario).collisions
+    rows = np.array([0, 1, 2, 5, 6, 9])
+    t, left, right = (np.array(collisions[name])[rows] for name in ("t", "ball_a", "ball_b"))
+    swapped = np.arange(len(rows)) % 2 == 1
+    one, other = np.where(swapped, right, left), np.where(swapped, left, right)
+    measured = {"n": rows + 1, "t": t, "ball_a": one, "ball_b": other}
+    start = scenario.replace({"collision.k": 0.8999})
+    assert fit(start, measured, ["collision.k"]).values[0] == pytest.approx(0.9, rel=1e-9)
+    measured["ball_a"], measured["ball_b"] = np.where(rows == 5, [[4], [5]], [one, other])
+    expected = "impact 6 is of bodies 1 and 2 in the motion, expected 4 and 5"
+    with pytest.raises(NoFit, match=expected):
+        fit(start, measured, ["collision.k"])
+
+
 @pytest.mark.parametrize("as_series", [list, np.array, pl.Series, pd.Series])
 def test_instants_alone_are_fitted_as_they_are(as_series: Any) -> None:
     instants = simulate(_circle(12)).collisions["t"]
