@@ -90,8 +90,7 @@ class Dataset:
     def manifest(self) -> dict[str, Any]:
         """Return the manifest of what is finished."""
         receipts = [self.receipts[chunk] for chunk in sorted(self.receipts)]
-        grid = json_bytes(resolved_with(self.grid, self.chunks))
-        entries: dict[str, Any] = {GRID_NAME: entry(grid)}
+        entries: dict[str, Any] = {GRID_NAME: entry(grid_content(self.grid, self.chunks))}
         for receipt in receipts:
             entries |= receipt.files
         details = {
@@ -104,9 +103,9 @@ class Dataset:
         return manifest_of("grid", entries, details)
 
 
-def resolved_with(grid: Grid, chunks: Chunks) -> dict[str, Any]:
-    """Return the resolved grid with its division, as ``grid.json`` has it."""
-    return {**grid.resolved(), "chunk_points": chunks.division}
+def grid_content(grid: Grid, chunks: Chunks) -> bytes:
+    """Return the content of ``grid.json``: the resolved grid with its division."""
+    return json_bytes({**grid.resolved(), "chunk_points": chunks.division})
 
 
 def known_division(folder: Path) -> Division | None:
@@ -142,9 +141,8 @@ def opened(
         for name in ("", *_FOLDERS):
             remove_partial_files(folder / name)
         dataset = Dataset(folder, grid, chunks, range(chunks.count) if wanted is None else wanted)
-        content = json_bytes(resolved_with(grid, chunks))
         if _stored_grid(folder) is None:
-            write_file(folder / GRID_NAME, content)
+            write_file(folder / GRID_NAME, grid_content(grid, chunks))
         dataset.receipts = found_receipts(folder, grid, chunks)
         dataset.write_manifest()
         yield dataset
@@ -177,7 +175,7 @@ def check_same(
 ) -> None:
     """Raise `GridChanged` if the folder holds another grid than this one; it ends with a remedy."""
     stored = _stored_grid(folder)
-    wanted = json.loads(json_bytes(resolved_with(grid, chunks)))
+    wanted = json.loads(grid_content(grid, chunks))
     # Parts of two versions of the program do not belong into one dataset.
     version = (read_manifest(folder) or {}).get("program", {}).get("version", __version__)
     if stored is None or (stored == wanted and version == __version__):
@@ -215,7 +213,7 @@ def found_receipts(folder: Path, grid: Grid, chunks: Chunks) -> dict[int, Receip
     A manifest of another grid tells of none: the file that says so may be gone.
     """
     manifest = read_manifest(folder) or {}
-    of_this = entry(json_bytes(resolved_with(grid, chunks)))
+    of_this = entry(grid_content(grid, chunks))
     same = manifest.get("files", {}).get(GRID_NAME) == of_this
     known = _receipts_of(manifest, grid) if same else {}
     found, sizes = {}, chunks.sizes
