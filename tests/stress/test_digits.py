@@ -9,8 +9,9 @@ import pytest
 
 from tests.gallery import hard_case
 from vibro_cli.stress import digits
-from vibro_cli.stress.oracles.oracle import Told
-from vibro_cli.stress.oracles.scene import mp
+from vibro_cli.stress.drawing import draw
+from vibro_cli.stress.oracles.oracle import Oracle, Told
+from vibro_cli.stress.oracles.scene import mp, scene_of_system
 from vibro_cli.stress.scenes import VALLEY, Document, ball, scene, solve, system_of
 from vibro_cli.systems.run import Run
 
@@ -100,3 +101,46 @@ def test_bodies_that_touch_without_a_force_are_changed_by_a_gap() -> None:
     assert system_of(changed).initial[1].position > system_of(apart).initial[1].position
     assert len(parted(scene(VALLEY, [row[0], {**row[1], "speed": -1.0}], 0.5, time=1.0))) == 1
     assert parted(scene(VALLEY, row, 0.5, time=1.0)) == []
+
+
+ARCS = [{"shape": "valley", "radius": 0.63, "end_slope": 0.7}]
+
+
+def three_that_touch(k: float, speed: float) -> Document:
+    first = {"body": "hollow_ball", "radius": 0.074, "mass": 2.9, "arc": 1, "angle": -0.14}
+    row = {"radius": 0.074, "mass": 2.9, "arc": 1, "touching": "previous", "speed": 0.0}
+    balls = [{**first, "speed": speed}, row, {**row, "body": "hollow_ball"}]
+    return scene({"start_slope": -0.5, "arcs": ARCS}, balls, k, "normal-impulse", time=0.3)
+
+
+def motion_of_oracle(document: Document, t: float) -> Any:
+    system = system_of(document)
+    oracle = Oracle(scene_of_system(system), system.law, False, digits.MOST_EVENTS)
+    oracle.run(mp.mpf(t), [mp.mpf(t)])
+    (bodies,) = oracle.told.samples
+    return [value for state, x, y in bodies for value in (x, y, state.speed)]
+
+
+def test_what_parts_bodies_grows_as_the_oracle_says() -> None:
+    # Half a hundred impacts among three bodies: 3e6 times, which a gap of 2^-30 m shows in part.
+    document, times = three_that_touch(0.97, 0.05), np.array([0.27])
+    run = solve(document, "compiled")
+    grown = digits.amplification(document, run, times, digits.motion_at(run, times)).max()
+    gap = 2.0**-44
+    exact = motion_of_oracle(document, 0.27)
+    parted = [motion_of_oracle(one, 0.27) for one in digits.parted_documents(document, run, gap)]
+    assert len(parted) == 2
+    worst = max(abs(x - y) / gap for one in parted for x, y in zip(one, exact, strict=True))
+    assert float(worst) > digits.LOST
+    assert grown == pytest.approx(float(worst), rel=0.02)
+
+
+def test_another_sequence_of_impacts_is_no_growth() -> None:
+    document, times = draw(5, 44), np.linspace(0.1, 1.0, 10)  # three that touch
+    run = solve(document, "compiled")
+    ours = digits.motion_at(run, times)
+    for gap in (2.0**-30, 2.0**-36, 2.0**-42):
+        parted = list(digits.parted_documents(document, run, gap))
+        jumps = [np.abs(digits.motion_at(solve(one, "compiled"), times) - ours) for one in parted]
+        assert [jump.max() for jump in jumps] == pytest.approx([0.12, 0.12], abs=0.02)
+    assert digits.amplification(document, run, times, ours).max() < 100.0

@@ -237,7 +237,10 @@ INSTANTS = 16
 # Of an input, relative. A greater one can grow to what it changes, such as the speeds of small
 # bounces, and no further: what is lost by then would look as if it were known.
 CHANGE = 2.0**-40
-GAP = 2.0**-30  # that parts bodies: clear of the rounding of places, below which they touch
+# Gaps (m) that part bodies: clear of the rounding of places, below which they touch. Where the
+# narrower one grows as much as the wider one does, both tell what the motion does to a gap.
+GAP, NARROW_GAP = 2.0**-30, 2.0**-38
+ALIKE = 8.0  # times: what does not grow at all is 256 times as many of the narrower gaps
 # Motion beyond this amplification says nothing any more.
 LOST = 1.0e6
 MOST_EVENTS = 300
@@ -342,8 +345,8 @@ def changed_documents(document: Document) -> Iterator[Document]:
             yield changed
 
 
-def parted_documents(document: Document, run: Run) -> Iterator[Document]:
-    """The document with a gap before each body in turn that touches its neighbour at the start.
+def parted_documents(document: Document, run: Run, gap: float = GAP) -> Iterator[Document]:
+    """The document with a gap (m) before each body in turn that touches its neighbour at the start.
 
     No other change does that. Bodies that are pressed together are left: the rounding of their
     places does not make bounces of a contact.
@@ -358,7 +361,7 @@ def parted_documents(document: Document, run: Run) -> Iterator[Document]:
         del ball["touching"]
         ball["arc"] = state.piece + 1
         key = "position" if run.system.trace.pieces[state.piece].is_line else "angle"
-        ball[key] = state.position + GAP * max(abs(state.position), 1.0)
+        ball[key] = state.position + gap * max(abs(state.position), 1.0)
         yield changed
 
 
@@ -368,10 +371,14 @@ def amplification(document: Document, run: Run, times: Floats, ours: Floats) -> 
     grown = np.broadcast_to(np.maximum(size, 1.0), ours.shape).copy()
     for other in changed_documents(document):
         grown = np.maximum(grown, _growth_to(other, CHANGE, times, ours))
-    for other in parted_documents(document, run):
-        change = _growth_to(other, GAP, times, ours)
-        if change.max() < LOST:  # else what was one impact of several is another sequence
-            grown = np.maximum(grown, change)
+    both = (parted_documents(document, run, gap) for gap in (GAP, NARROW_GAP))
+    for wide, narrow in zip(*both, strict=True):
+        change = _growth_to(wide, GAP, times, ours)
+        if change.max() >= LOST:
+            wider, change = change, _growth_to(narrow, NARROW_GAP, times, ours)
+            if change.max() >= ALIKE * wider.max():
+                continue  # what was one impact of several is another sequence
+        grown = np.maximum(grown, change)
     return np.maximum.accumulate(grown.max(axis=1, keepdims=True), axis=0) + 0.0 * grown
 
 
