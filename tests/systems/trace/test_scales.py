@@ -10,6 +10,7 @@ import pytest
 
 from tests.gallery import hard_case
 from vibro_cli import Scenario, simulate
+from vibro_cli.stress.drawing import draw
 
 # Powers of length and time in the numbers of a scenario; masses stay.
 POWERS = {
@@ -52,6 +53,20 @@ def scaled(data: Any, length: int, time: int, key: str = "") -> Any:
 @pytest.mark.parametrize("name", SCENES)
 def test_any_size_moves_alike_to_the_bit(name: str, length: int, time: int) -> None:
     data = hard_case(name)
+    assert_alike(data, length, time)
+
+
+# A body far from its wall; one that lifts off a line of a rotating trace; impacts at a wall.
+@pytest.mark.parametrize(
+    ("seed", "number", "length", "time"), [(5, 487, 60, 27), (6, 313, 60, 27), (5, 244, 0, 40)]
+)
+def test_drawn_scenes_of_any_size_and_pace_move_alike(
+    seed: int, number: int, length: int, time: int
+) -> None:
+    assert_alike(draw(seed, number), length, time)
+
+
+def assert_alike(data: dict[str, Any], length: int, time: int) -> None:
     run = simulate(Scenario.from_dict(data))
     other = simulate(Scenario.from_dict(scaled(data, length, time)))
     assert other.summary["end_cause"] == run.summary["end_cause"]
@@ -59,4 +74,6 @@ def test_any_size_moves_alike_to_the_bit(name: str, length: int, time: int) -> N
     for column, power in powers.items():
         expected = np.ldexp(run.collisions[column], power)
         np.testing.assert_array_equal(other.collisions[column], expected)
-    assert list(other.tables["events"]["event"]) == list(run.tables["events"]["event"])
+    events, of_other = run.tables["events"], other.tables["events"]
+    assert list(of_other["event"]) == list(events["event"])
+    np.testing.assert_array_equal(of_other["t"], np.ldexp(events["t"], time))

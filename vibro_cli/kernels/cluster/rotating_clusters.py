@@ -485,16 +485,18 @@ def _add_angle(one: BodyForces, sine: float, cosine: float) -> None:
 
 @kernel
 def _fit_on_line(world: World, number: int, scratch: Flight) -> None:
-    """From the forces at the start and a metre on: both are linear in the way."""
+    """From the forces at the start and as far on as the trace is long: linear in the way."""
     row = world.log[number]
     first, count, base = bodies_of(world, row)
+    way = world.flights[0].size
     for at in range(2):
-        set_forces(world, number, AT_WAY, 1.0 - at, scratch)
+        set_forces(world, number, AT_WAY, way if at == 0 else 0.0, scratch)
         for place in range(count):
             one = world.forces[base + place]
             body = world.bodies[number_along(world, first, place)]
             force = (body.kappa - 1.0) * body.mass * one.acceleration
-            one.normal_terms[1] = one.normal if at == 0 else one.normal_terms[1] - one.normal
+            if at == 1:
+                one.normal_terms[1] = (one.normal_terms[0] - one.normal) / way
+                one.friction_terms[1] = (one.friction_terms[0] - force) / way
             one.normal_terms[0] = one.normal
-            one.friction_terms[1] = force if at == 0 else one.friction_terms[1] - force
             one.friction_terms[0] = force

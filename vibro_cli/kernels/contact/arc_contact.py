@@ -43,7 +43,7 @@ from vibro_cli.kernels.numerics.conservative_advancement import (
     safe_step_third_order,
     unresolved_step,
 )
-from vibro_cli.kernels.numerics.constants import EPSILON
+from vibro_cli.kernels.numerics.constants import EPSILON, NEVER
 from vibro_cli.kernels.numerics.elliptic import angle_sum, twice_angle
 from vibro_cli.kernels.world import RELEASED, Flight, States, World, contact_of, flights_of
 
@@ -239,7 +239,7 @@ def frequency_of_difference(
 
 # Safety of the certificate of a single root against rounding: g'^2 > 2 A g.
 SINGLE_ROOT = 2.01
-UNCERTAIN = -2.0  # beside NONE_BEFORE_LIMIT
+UNCERTAIN = -2.0 * NEVER  # beside NONE_BEFORE_LIMIT
 
 
 @kernel

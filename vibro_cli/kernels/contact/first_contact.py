@@ -38,7 +38,7 @@ from vibro_cli.kernels.numerics.conservative_advancement import (
     safe_step_third_order,
     unresolved_step,
 )
-from vibro_cli.kernels.numerics.constants import EPSILON
+from vibro_cli.kernels.numerics.constants import EPSILON, NEVER
 from vibro_cli.kernels.numerics.double_double import time_between
 from vibro_cli.kernels.numerics.elliptic import HYPERBOLIC_TINY, theta_functions
 from vibro_cli.kernels.world import (
@@ -60,8 +60,9 @@ from vibro_cli.kernels.world import (
 
 Ages = tuple[float, float]  # times (s) since the flights of both bodies of a pair began
 
-NONE_BEFORE_LIMIT = -1.0
-UNFINISHED = -3.0  # beside it: the search goes on when it is called again
+# Below every time, as that of a root before now may be.
+NONE_BEFORE_LIMIT = -NEVER
+UNFINISHED = -3.0 * NEVER  # beside it: the search goes on when it is called again
 # So many steps of a search are made at once: another pair may meet before it is done.
 STEPS_AT_ONCE = 100
 # A correction below this size, relative to the time scales, is the last one.

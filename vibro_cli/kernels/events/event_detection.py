@@ -37,7 +37,7 @@ from vibro_cli.kernels.world import (
 
 # Cosines of bounds are compared with room for their rounding.
 CAUTION = 1.0e-12
-NEVER_MEET = -2.0  # proved, beside NONE_BEFORE_LIMIT
+NEVER_MEET = -2.0 * NEVER  # proved, beside NONE_BEFORE_LIMIT
 # Beside the number of a pair: the search is to be called again, so that interrupts are seen.
 TO_BE_CONTINUED = -2
 # So often are the pairs gone through before that.

@@ -29,6 +29,7 @@ from vibro_cli.kernels.world import (
     Flight,
     FlightRow,
     PairData,
+    TrackData,
     World,
     flight_along,
     number_along,
@@ -51,9 +52,9 @@ def touched_wall(world: World, ball: int) -> int:
     first = ball == 0 and flight.piece == 0 and settings.left_wall >= 0.0
     last = ball == settings.bodies - 1 and flight.piece == settings.pieces - 1
     last = last and settings.right_wall >= 0.0
-    if first and _is_at_end(flight, track.left_s, track.left_c):
+    if first and _is_at_end(flight, track, track.left_s, track.left_c):
         return -1
-    if last and _is_at_end(flight, track.right_s, track.right_c):
+    if last and _is_at_end(flight, track, track.right_s, track.right_c):
         return 1
     return 0
 
@@ -77,9 +78,9 @@ def touches_dissipative_wall(world: World, ball: int) -> bool:
 
 
 @kernel
-def _is_at_end(flight: Flight, end_s: float, end_c: float) -> bool:
+def _is_at_end(flight: Flight, track: TrackData, end_s: float, end_c: float) -> bool:
     """Tell whether a body is at an end of its piece, up to rounding."""
-    if flight.own_frequency == 0.0:
+    if track.path_radius == 0.0:
         return abs(flight.s - end_s) <= AT_END * flight.size
     return is_at(flight.s, flight.c, end_s, end_c)
 

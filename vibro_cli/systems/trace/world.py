@@ -393,5 +393,6 @@ def initial_flight(system: TraceSystem, number: int) -> Flight:
     else:
         rho = piece.path_radius(body.radius)
         frequency = body.natural_rate(system.gravity, rho)
+        flight.own_frequency = frequency
         flight.p = state.speed / (2.0 * frequency * rho)
     return flight
