@@ -70,6 +70,7 @@ def assert_alike(data: dict[str, Any], length: int, time: int) -> None:
     run = simulate(Scenario.from_dict(data))
     other = simulate(Scenario.from_dict(scaled(data, length, time)))
     assert other.summary["end_cause"] == run.summary["end_cause"]
+    assert other.summary["s_1"] == math.ldexp(run.summary["s_1"], length)
     powers = {"t": time, "dt": time, "s_a": length, "s_b": length, "speed_b_post": length - time}
     for column, power in powers.items():
         expected = np.ldexp(run.collisions[column], power)
