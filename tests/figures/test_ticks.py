@@ -17,6 +17,7 @@ from vibro_cli.figures.ticks import (
     axis_words,
     decimals,
     in_one_unit,
+    label_axis,
     limits_apart,
     log_ticks,
     number_ticks,
@@ -100,6 +101,19 @@ def test_a_logarithmic_axis_can_be_read(length: float, vertical: bool, least: in
                 assert len(places) >= least, limits
                 room = 1e-8 * np.abs(limits)
                 assert np.all((places >= limits[0] - room[0]) & (places <= limits[1] + room[1]))
+
+
+def test_a_logarithmic_axis_has_no_labels_but_those_it_is_given() -> None:
+    """Of less than a decade matplotlib would label 2, 3, 4 … times a power of ten between them."""
+    sheet = Sheet(85.0, 40.0)
+    axes = sheet.panel(13.0, 8.0, 69.0, 30.0)
+    axes.set_xscale("log")
+    axes.set_xlim(0.8, 6.0)
+    ticks = log_ticks(0.8, 6.0, 69.0, vertical=False)
+    label_axis(axes.xaxis, ticks, "t", "s")
+    sheet.figure.canvas.draw()
+    every = [*axes.get_xticklabels(), *axes.get_xticklabels(minor=True)]
+    assert tuple(label.get_text() for label in every if label.get_text()) == ticks.labels
 
 
 def test_labels_of_numbers_keep_apart() -> None:

@@ -17,7 +17,6 @@ from matplotlib.axis import Axis, YAxis
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import BoundaryNorm, ListedColormap, LogNorm, Normalize
 from matplotlib.figure import Figure
-from matplotlib.ticker import NullLocator
 from numpy.typing import NDArray
 
 from vibro_cli.analysis.basins import Codes, codes_of, combined
@@ -260,7 +259,6 @@ def set_axis(
             scale("log")
         else:
             scale("symlog", linthresh=-high)  # linear only beyond the axis
-        axis.set_minor_locator(NullLocator())
     ticks = one.ticks(low, high, panel_size(axis.axes)[vertical], vertical)
     label_axis(axis, ticks, one.symbol or words_of(one.path), one.unit, labelled)
 

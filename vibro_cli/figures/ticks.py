@@ -268,6 +268,7 @@ def label_axis(
     Without `labelled` there are ticks alone. `after` is what is said behind the unit.
     """
     axis.set_ticks(ticks.places, ticks.labels if labelled else [""] * len(ticks.labels))
+    axis.minorticks_off()  # a logarithmic axis would have labels of its own between these
     if isinstance(axis, YAxis):
         axis.labelpad = 1.0
     if labelled:
