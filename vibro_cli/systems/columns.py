@@ -282,7 +282,7 @@ def with_growth(table: Table) -> Table:
 def exponents(numbers: int | str, when: str = "") -> tuple[Column, ...]:
     """Columns of so many Lyapunov exponents, or of one that stands for any; of a run, or `when`."""
     names = [numbers] if isinstance(numbers, str) else range(1, numbers + 1)
-    text = "Lyapunov exponent {}{}, the greatest first (null for −∞, see docs)"
+    text = "Lyapunov exponent {}{}, the greatest first (null for −∞, and where it is not known)"
     return tuple(number(f"lyapunov_{name}", "1/s", text.format(name, when), True) for name in names)
 
 
