@@ -26,9 +26,9 @@ from vibro_cli.systems.trace.world import make_world
 
 
 def time_scale(system: TraceSystem) -> Any:
-    """Time (s) by which speeds are compared with ways: that of a body's swing on the widest arc.
+    """Time (s) by which speeds are compared with ways: √(κρ/g) of body 1 on the widest arc.
 
-    On lines alone, that of a fall through ten of its radii. Of a system of arrays, an array.
+    On lines alone, ρ is ten of its radii. Of a system of arrays, an array.
     """
     body = system.bodies[0]
     arcs = [piece for piece in system.trace.pieces if not piece.is_line]
