@@ -15,6 +15,7 @@ from tests.scenario.texts import parse_any, parse_scenario
 from vibro_cli.scenario import Scenario, ScenarioError, gallery
 from vibro_cli.scenario.fields import descriptions, json_schema
 from vibro_cli.scenario.loading import any_scenario_of, apply, parse
+from vibro_cli.scenario.models import Collision
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 
@@ -82,6 +83,13 @@ def test_bs_ratios_are_on_the_horizontal_lines() -> None:
 
 def _tables(schema: dict[str, Any]) -> dict[str, dict[str, Any]]:
     return {"Scenario": schema, **schema["$defs"]}
+
+
+def test_a_table_of_the_collision_with_more_keys_gives_no_default_of_k_either() -> None:
+    class Own(Collision):
+        """How two bodies of another system leave an impact."""
+
+    assert "default" not in Own.model_json_schema()["properties"]["k"]
 
 
 def test_the_schema_describes_every_key() -> None:

@@ -230,11 +230,8 @@ def identifier(name: str) -> str:
 def json_schema(system: str = "trace") -> dict[str, Any]:
     """Return the JSON Schema (draft 2020-12) of a system's scenarios as plain data."""
     schema = schema_of(system_named(system).model)
-    for table, key in (("", "name"), ("", "collision"), ("Collision", "k")):
-        part = schema["$defs"].get(table) if table else schema
-        if part is not None:
-            # It depends on the file and on its bodies, where there is one.
-            part["properties"][key].pop("default", None)
+    for key in ("name", "collision"):  # their default depends on the file and on its bodies
+        schema["properties"][key].pop("default", None)
     head = {"$schema": DIALECT, "$id": identifier(system)}
     return {**head, **schema, **SCHEMA_KEY, "title": "vibro scenario"}
 

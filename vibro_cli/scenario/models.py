@@ -446,6 +446,11 @@ class Ball(BodyTable):
     """Speed of the centre in m/s, positive to the right."""
 
 
+def _without_default(schema: dict[str, Any]) -> None:
+    """Leave out a default that depends on the bodies."""
+    schema.pop("default", None)
+
+
 class Collision(Table):
     """How two neighbours leave an impact."""
 
@@ -455,6 +460,7 @@ class Collision(Table):
         tuple[Annotated[float, kinds.RESTITUTION], ...],
         BeforeValidator(_restitutions),
         WithJsonSchema({"anyOf": [_K_SCHEMA, {"type": "array", "items": _K_SCHEMA}]}),
+        Field(json_schema_extra=_without_default),
     ] = ()
     """Coefficient of restitution from 0 to 1: one number, or one for each pair of neighbours."""
     inadmissible: Inadmissible = "stop"
