@@ -1,6 +1,9 @@
 import math
+import random
 import subprocess
 import sys
+from collections.abc import Iterable
+from fractions import Fraction
 
 import mpmath
 import pytest
@@ -9,6 +12,7 @@ from hypothesis import strategies as st
 
 from vibro_cli.mechanics.system import CUSTOM, INERTIA_RATIO, Body, mass_from_density
 from vibro_cli.mechanics.trace import ArcShape, Piece, Trace, sine_cosine
+from vibro_cli.numerics import elementwise
 
 EPSILON = 2.0**-52
 
@@ -59,6 +63,43 @@ def integrated_ends(start: float, shapes: list[ArcShape]) -> list[tuple[mpmath.m
             slope = end
         ends.append((x, y))
     return ends
+
+
+def test_pieces_of_a_long_chain_begin_at_the_sum_of_all_before_rounded_once() -> None:
+    """Compared with sums of fractions; each piece takes as long as any other."""
+    rng, shapes, slope = random.Random(3), [], 0.3
+    for number in range(300):
+        if number % 3 == 2:
+            shapes.append(line(10.0 ** rng.uniform(-6.0, 3.0)))
+            continue
+        slope += (1.0 if number % 3 == 0 else -1.0) * rng.uniform(0.1, 2.0)
+        shape = "valley" if number % 3 == 0 else "hump"
+        shapes.append(arc(shape, 10.0 ** rng.uniform(-6.0, 3.0), slope))
+    x = y = s = Fraction(0)
+    for piece in Trace.chain(0.3, shapes).pieces:
+        assert (piece.start_s, piece.start) == (float(s), (float(x), float(y)))
+        s += Fraction(piece.length)
+        sine, cosine = sine_cosine(piece.start_slope)
+        if piece.is_line:
+            x, y = x + Fraction(piece.length * cosine), y + Fraction(piece.length * sine)
+            continue
+        reach, (sine_end, cosine_end) = piece.sign * piece.radius, sine_cosine(piece.end_slope)
+        x += Fraction(-reach * sine) + Fraction(reach * sine_end)
+        y += Fraction(reach * cosine) + Fraction(-reach * cosine_end)
+
+
+def test_a_chain_takes_no_more_terms_the_longer_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    counts: list[int] = []
+
+    def counted(terms: Iterable[float]) -> float:
+        given = list(terms)
+        counts.append(len(given))
+        return math.fsum(given)
+
+    monkeypatch.setattr(elementwise, "exact_sum", counted)
+    shapes = [arc("valley", 0.7, 0.9), arc("hump", 1.3, -0.9)] * 200
+    Trace.chain(-0.9, shapes)
+    assert max(counts) < 10
 
 
 @SETTINGS

@@ -173,6 +173,7 @@ class _Pen:
             self._x += (to_centre[0], reach * sine)
             self._y += (to_centre[1], -reach * cosine)
         self._s.append(length)
+        self._x, self._y, self._s = map(elementwise.fewer_terms, (self._x, self._y, self._s))
         return Piece(
             index=index,
             shape=shape,

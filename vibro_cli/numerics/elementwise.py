@@ -109,6 +109,16 @@ def exact_sum(terms: Iterable[float]) -> float:
     return found
 
 
+def fewer_terms(terms: list[float]) -> list[float]:
+    """Return few numbers with exactly the sum of many; other than finite numbers as they are."""
+    if not (all(map(is_number, terms)) and math.isfinite(math.fsum(terms))):
+        return terms
+    fewer: list[float] = []
+    while rest := math.fsum([*terms, *(-one for one in fewer)]):
+        fewer.append(rest)
+    return fewer
+
+
 def nearest(value: Some) -> Some:
     """Return the nearest whole number, the even one of two."""
     return each(round, value)
