@@ -240,7 +240,7 @@ def _far(trace: Trace, pair: tuple[Body, Body], far_apart: bool) -> list[list[in
     """Whether (1) two bodies, each on a piece, can never meet; not asked without `far_apart`."""
     if not far_apart:
         return [[0] * len(trace.pieces) for _ in trace.pieces]
-    return [[int(answer) for answer in row] for row in reach(trace, *pair)]
+    return [list(row) for row in reach(trace, *pair)]
 
 
 def _clock() -> Clock:
