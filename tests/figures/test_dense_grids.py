@@ -30,6 +30,7 @@ class Made:
     units: Mapping[str, str] = field(
         default_factory=lambda: {"balls[1].angle": "rad", "collision.k": "", "end_time": "s"}
     )
+    maps: dict[tuple[int, bool], Any] = field(default_factory=dict)
 
     @property
     def summary(self) -> Mapping[str, Any]:

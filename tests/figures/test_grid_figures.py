@@ -15,6 +15,8 @@ from matplotlib.figure import Figure
 from tests.figures.layout import assert_texts_are_apart, texts
 from tests.grid_folder import CAUSES, place_of, product, write_grid
 from vibro_cli import example, load_scenario, sweep
+from vibro_cli.analysis.basins import codes_of
+from vibro_cli.figures import maps
 from vibro_cli.figures.chart import value_axis
 from vibro_cli.figures.kinds import CONTACT_WORDS, draw_grid, draw_grid_kind
 from vibro_cli.figures.maps import COLOURS, ending_map, parameter_map, quantity_map, words_of
@@ -165,6 +167,22 @@ def test_a_grid_without_a_valid_point_has_no_curves() -> None:
     for radii, there in (([-1.0, -2.0], False), ([-1.0, 0.1], True)):
         grid = sweep(scenario, {"balls[1].radius": radii}).stored
         assert [one.name for one in draw_grid(grid, "single")] == ["curves"] * there
+
+
+def test_the_points_of_all_figures_are_found_once(
+    made: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """At both widths, over one axis and over two, which tell of each other nothing."""
+    grid, coded = made(TWO), []
+
+    def counted(values: Any) -> Any:
+        coded.append(len(values))
+        return codes_of(values)
+
+    monkeypatch.setattr(maps, "codes_of", counted)
+    for width in ("single", "double"):
+        assert len(list(draw_grid(grid, width))) > 3
+    assert len(coded) == 2 * len(grid.axes)
 
 
 def test_cells_end_halfway_between_values(made: Any) -> None:

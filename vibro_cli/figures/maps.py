@@ -9,6 +9,7 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -97,7 +98,7 @@ class Coordinate:
     logarithmic: bool = False
     """Whether the figure's axis is logarithmic; its numbers are of one sign then."""
 
-    @property
+    @cached_property
     def different(self) -> Array:
         """The different places, rising."""
         return np.unique(self.place)
@@ -178,8 +179,16 @@ def parameter_map(
 
     The axis that the grid has first lies across. Axes that change together count as one, the first
     that tells the others. With `numbers_first` the first coordinate has to be one of numbers. None
-    where the grid has too few axes that change.
+    where the grid has too few axes that change. It is worked out once for each grid.
     """
+    asked = dimensions, numbers_first
+    if asked not in grid.maps:
+        grid.maps[asked] = _parameter_map(grid, dimensions, numbers_first)
+    found: ParameterMap | None = grid.maps[asked]
+    return found
+
+
+def _parameter_map(grid: StoredGrid, dimensions: int, numbers_first: bool) -> ParameterMap | None:
     columns = {path: grid.summary[path] for path in grid.axes}
     found = {path: codes_of(values) for path, values in columns.items()}
     independent = _independent(found)

@@ -254,6 +254,10 @@ class StoredGrid:
     """What removes the folder once it is not used any more, if it is temporary."""
     place: Path = field(init=False, repr=False)
     """The folder, found also after the working directory has changed"""
+    maps: dict[tuple[int, bool], Any] = field(
+        init=False, default_factory=dict, repr=False, compare=False
+    )
+    """The points that figures over so many axes show, once one has been drawn."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "place", self.folder.absolute())
