@@ -5,12 +5,13 @@ All times are closed forms of mpmath's own integrals, fed with the doubles of th
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import pytest
 from mpmath import MPContext
 
-from vibro_cli.stress.scenes import GRAVITY, THREE_ARCS, ball, scene, solve
+from vibro_cli.stress.scenes import GRAVITY, THREE_ARCS, Document, ball, scene, solve
 
 mp: Any = MPContext()
 
@@ -74,3 +75,19 @@ def test_across_the_pieces_and_back(exponent: int, moving: bool) -> None:
     # On it it goes on to the other side, beside it it comes back.
     arcs = run.events["arc_to"][crossing].tolist()
     assert arcs == ([3, 2, 1, 2, 3, 2] if moving else [3, 2] * 3)
+
+
+@pytest.mark.parametrize("engine", ["compiled", "python"])
+@pytest.mark.parametrize("surface", ["two-sided", "one-sided"])
+@pytest.mark.parametrize("angle", [0.0, -0.1, -0.25, -0.3])
+def test_up_to_the_crest_for_ever_or_at_rest_on_it(angle: float, surface: str, engine: str) -> None:
+    """On the separatrix sin(psi/2) = sech(w t + c): neither side of a trace has to let it go."""
+    w = math.sqrt(GRAVITY / (KAPPA * (1.0 + RADIUS)))
+    arcs = [{"shape": "hump", "radius": 1.0, "end_slope": -0.6}]
+    trace: Document = {"start_slope": 0.6, "surface": surface, "arcs": arcs}
+    one = ball(angle, rate=-2.0 * w * math.sin(angle / 2.0))
+    summary = solve(scene(trace, [one], time=2.0), engine).summary_record()
+    assert summary["end_cause"] == "time"
+    after = 1.0 / math.cosh(w * 2.0 + math.acosh(-1.0 / math.sin(angle / 2.0))) if angle else 0.0
+    assert abs(summary["angle_1"] + 2.0 * math.asin(after)) < 1e-13
+    assert abs(summary["speed_1"] - (1.0 + RADIUS) * 2.0 * w * after) < 1e-12

@@ -346,6 +346,9 @@ def _limit_by_lift_off(flight: Flight, body: BodyData, piece: PieceData) -> None
         return
     if limit >= 1.0 or limit >= flight.parameter:
         return
+    risen = flight.s * flight.c * flight.p >= 0.0
+    if piece.sign < 0.0 and flight.complementary_modulus == 0.0 and risen:
+        return  # it stands on the crest, or comes near it for ever
     s = math.sqrt(limit)
     c = math.sqrt(1.0 - limit)
     p = math.sqrt(max(flight.parameter - limit, 0.0))

@@ -384,9 +384,11 @@ def rf_near_logarithm(root_x: float, root_y: float, z: float) -> float:
 def quarter_period(m: float, complementary_modulus: float) -> float:
     """Argument from the bottom to the turning point (m < 1) or to the top (m > 1).
 
-    K(m) for a libration, ``K(1/m)/sqrt m`` for a rotation.
+    K(m) for a libration, ``K(1/m)/sqrt m`` for a rotation; infinite on the separatrix.
     """
     root = abs(complementary_modulus)
+    if root == 0.0:
+        return math.inf
     size = 1.0 if complementary_modulus >= 0.0 else m
     if root >= ROOT_COMPLEMENT_SMALL:
         return carlson_rf(root * root, 0.0, size)
