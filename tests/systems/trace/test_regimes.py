@@ -15,7 +15,7 @@ from vibro_cli.analysis.levels import Landscape
 from vibro_cli.analysis.singular import FIGURE_EIGHT, Portrait, portrait_of
 from vibro_cli.api import Run, simulate
 from vibro_cli.scenario import load_scenario, scenario_of
-from vibro_cli.stress.scenes import scene, solve_any
+from vibro_cli.stress.scenes import ball, scene, solve_any
 
 FOLDER = Path(__file__).parents[3] / "scenarios"
 RUNS = {
@@ -235,3 +235,28 @@ def test_a_cut_beside_a_crest_at_rest_changes_no_word(cut: float) -> None:
     whole = run_of("three_arcs").collisions
     for column in ("eight_a_pre", "eight_a_post", "eight_b_pre", "eight_b_post"):
         assert list(table[column]) == list(whole[column])
+
+
+@pytest.mark.parametrize(
+    ("radius", "rate"), [(1.0, 0.4), (0.9, 0.4), (1.7, 0.2), (1.2, 0.2), (1.5, 0.3)]
+)
+def test_a_line_that_balances_where_it_meets_a_valley_makes_no_eight(
+    radius: float, rate: float
+) -> None:
+    """The potential falls along the line and rises in the valley: one centre, and one at the top.
+
+    The place where the line balances is its end, but for rounding, which put it within.
+    """
+    ends = (math.pi, math.tau)
+    arcs: list[dict[str, Any]] = []
+    for end in ends:
+        arcs += [
+            {"shape": "valley", "radius": radius, "end_slope": end},
+            {"shape": "line", "length": 1.9},
+        ]
+    turning = {"through_arc": 1, "rate": rate}
+    trace = {"start_slope": 0.0, "closed": True, "arcs": arcs, "turning": turning}
+    run = solve_any(scene(trace, [ball(1.0), ball(2.5)], 1.0, collisions=2))
+    kinds = [point.kind for point in portrait_of(Landscape.of(run.system, 0)).points]
+    assert kinds == ["degenerate", "saddle", "centre"]
+    assert {str(word) for word in run.collisions["eight_a_pre"]} == {"none"}

@@ -99,10 +99,7 @@ def _kind_of_end(world: World, body: int, number: int) -> float:
     A crest where nothing pulls and the potential falls to both sides.
     """
     settings = world.settings[0]
-    last = len(world.pieces) - 1
-    joined = settings.closed == 1
-    left = number if number >= 0 or not joined else last
-    right = number + 1 if number < last or not joined else 0
+    left, right = _sides(world, number)
     falls = True
     if left >= 0:
         piece = world.pieces[left]
@@ -110,30 +107,57 @@ def _kind_of_end(world: World, body: int, number: int) -> float:
         if level and settings.turning_square == 0.0:
             return _AFTER_LEVEL
         falls = _falls_from(world, body, left, piece.angle_end)
-    if right <= last:
+    if right >= 0:
         falls = falls and _falls_from(world, body, right, world.pieces[right].angle_start)
     if falls:
         return _CREST
-    return _END if left < 0 or right > last else _SLOPE
+    return _END if left < 0 or right < 0 else _SLOPE
+
+
+@kernel
+def _sides(world: World, number: int) -> tuple[int, int]:
+    """The pieces to the left and right of the right end of a piece, -1 where there is none."""
+    last = len(world.pieces) - 1
+    joined = world.settings[0].closed == 1
+    left = number if number >= 0 or not joined else last
+    right = number + 1 if number < last else (0 if joined else -1)
+    return left, right
 
 
 @kernel
 def _falls_from(world: World, body: int, number: int, place: float) -> bool:
     """Whether nothing pulls at a place on a piece, and the potential falls beside it."""
+    force, growth = _pull(world, body, number, place)
+    falls: bool = growth > 0.0 and force <= _NEAR * _length(world) * growth
+    return falls
+
+
+@kernel
+def _balances(world: World, body: int, number: int) -> bool:
+    """Whether nothing pulls at the right end of a piece of a rotating trace, on either side."""
+    near = _NEAR * _length(world)
+    left, right = _sides(world, number)
+    balances = world.settings[0].turning_square > 0.0
+    if left >= 0:
+        force, growth = _pull(world, body, left, world.pieces[left].angle_end)
+        balances = balances and force <= near * abs(growth)
+    if right >= 0:
+        force, growth = _pull(world, body, right, world.pieces[right].angle_start)
+        balances = balances and force <= near * abs(growth)
+    return balances
+
+
+@kernel
+def _pull(world: World, body: int, number: int, place: float) -> tuple[float, float]:
+    """The size of the pull at a place on a piece, and its growth over the arc length (1/m)."""
     piece = world.pieces[number]
     track = track_on(world, body, number)
-    scale = 1.0
     if piece.sign == 0.0:
         growth = track.line_growth * track.line_growth
-        force = track.line_acceleration + growth * place
-    else:
-        s, c = _half_angle(piece, place)
-        scale = piece.radius
-        force = torque(track.tilt, track.spread, s, c)
-        growth = stiffness(track.tilt, track.spread, s, c)
-    near = _NEAR * _length(world)
-    falls: bool = growth > 0.0 and abs(force) * scale <= near * growth
-    return falls
+        return abs(track.line_acceleration + growth * place), growth
+    s, c = _half_angle(piece, place)
+    force = abs(torque(track.tilt, track.spread, s, c))
+    return force * piece.radius, stiffness(track.tilt, track.spread, s, c)
 
 
 @kernel
@@ -145,14 +169,20 @@ def _length(world: World) -> float:
 
 @kernel
 def _is_of_end(world: World, body: int, number: int, place: float) -> bool:
-    """Whether a crest of a piece is that of one of its ends, but for rounding."""
+    """Whether a crest of a piece is at one of its ends, but for rounding, which is what it is."""
     piece = world.pieces[number]
     near = _NEAR * _length(world)
     s = _along(piece, place)
-    if s - piece.start_s <= near and _kind_of_end(world, body, number - 1) == _CREST:
+    if s - piece.start_s <= near and _is_singular(world, body, number - 1):
         return True
     right = _along(piece, piece.angle_end)
-    return right - s <= near and _kind_of_end(world, body, number) == _CREST
+    return right - s <= near and _is_singular(world, body, number)
+
+
+@kernel
+def _is_singular(world: World, body: int, number: int) -> bool:
+    """Whether the right end of a piece is a saddle, or degenerate on a rotating trace."""
+    return _kind_of_end(world, body, number) == _CREST or _balances(world, body, number)
 
 
 @kernel
