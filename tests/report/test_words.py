@@ -37,3 +37,13 @@ def test_more_friction_than_dry_surfaces_have_is_told() -> None:
     )
     usual = {**summary, "max_friction_demand": 0.25}
     assert "Rolling needs a coefficient of friction of 0.25." in validity(usual, True, 0, ())
+
+
+def test_of_a_run_that_ends_as_a_body_leaves_the_trace_nothing_else_is_said() -> None:
+    summary = {"min_normal_force": 8.5, "max_friction_demand": 0.1}
+    assert "The normal force is at least 8.5 N: no body lifts off." in (
+        validity(summary, True, 0, ())
+    )
+    assert "The normal force is at least 8.5 N until one leaves the trace." in (
+        validity({**summary, "end_cause": "lift_off"}, True, 0, ())
+    )

@@ -88,7 +88,9 @@ def validity(
             f"{number(force, 'N')}. On a one-sided trace they would lift off."
         )
     elif force is not None:
-        said.append(f"The normal force is at least {number(force, 'N')}: no body lifts off.")
+        off = summary.get("end_cause") == "lift_off"
+        then = " until one leaves the trace" if off else ": no body lifts off"
+        said.append(f"The normal force is at least {number(force, 'N')}{then}.")
     if friction is not None:
         more = ", more than dry surfaces have" if friction > DRY_FRICTION else ""
         needed = number(friction, digits=4)

@@ -176,7 +176,7 @@ def impact_tail(
     yield number("separation_speed", "m/s", text, value=lambda rows: rows.separation_speed)
     yield number("gap", "m", gap, value=of_log("gap"))
     yield LAW
-    text = "whether the bodies separate after the law of the scenario"
+    text = "whether the law of the scenario can be followed: the bodies separate after it"
     yield flag("admissible", text, is_one("admissible"))
     text = "whether the normal-impulse law stood in for an inadmissible impact"
     yield flag("substituted", text, is_one("substituted"))

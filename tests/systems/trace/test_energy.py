@@ -12,7 +12,7 @@ import pytest
 from vibro_cli.api import load_scenario, simulate
 from vibro_cli.scenario import Scenario, scenario_of
 from vibro_cli.stress.oracles.scene import Real, Scene, mp, scene_of_system
-from vibro_cli.stress.scenes import CIRCLE, scene, solve_any, three_arcs
+from vibro_cli.stress.scenes import CIRCLE, Document, ball, scene, solve_any, three_arcs
 from vibro_cli.systems.run import Run
 
 FOLDER = Path(__file__).parents[3] / "scenarios"
@@ -253,3 +253,30 @@ def test_the_energy_before_the_limit_of_a_sequence_goes_with_the_speed_before() 
     ]
     assert table["speed_b_pre"][last] == 0.0
     assert abs(heights[0][last] - heights[1][last]) <= 64.0 * EPSILON * size
+
+
+def _not_made(name: str) -> Document:
+    """Scenes that end at impacts that are not made: two at once, one that lifts a body off."""
+    if name == "inadmissible":
+        trace = {"start_slope": 0.0, "arcs": [{"shape": "line", "length": 5.0}]}
+        great = {"radius": 0.2, "mass": 1.0, "arc": 1, "position": 1.0, "speed": 1.0}
+        small = {"radius": 0.1, "mass": 1.0, "arc": 1, "touching": "previous"}
+        balls = [great, {**small, "speed": 0.8}, {**small, "speed": -1.0}]
+        return scene(trace, balls, 0.9, "hedrih", time=1.0)
+    arcs = [{"shape": "hump", "radius": 1.0, "end_slope": -0.6}]
+    trace = {"start_slope": 0.6, "surface": "one-sided", "arcs": arcs}
+    return scene(trace, [ball(-0.3, speed=1.0), ball(0.05)], 0.5, time=3.0)
+
+
+@pytest.mark.parametrize(("name", "rows"), [("inadmissible", 2), ("lift_off", 1)])
+def test_impacts_that_are_not_made_take_no_energy(name: str, rows: int) -> None:
+    run = solve_any(_not_made(name))
+    table, record = run.collisions, run.summary_record()
+    assert record["end_cause"] == name
+    assert len(table["n"]) == rows
+    assert not np.any(table["admissible"] | table["substituted"])
+    assert record["energy_drift"] == 0.0
+    assert record["energy_end"] == record["energy_start"]
+    for end in "ab":
+        last = table[f"ball_{end}"][-1]
+        assert abs(record[f"speed_{last}"] - table[f"speed_{end}_pre"][-1]) < 1e-15

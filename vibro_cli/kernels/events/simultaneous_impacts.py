@@ -408,7 +408,12 @@ def _complete_as_law_says(world: World, start_row: int) -> None:
 
 @kernel
 def complete_inadmissible(world: World, row: ImpactRow) -> None:
-    """Complete the row with what the law says; the states stay those before the impact."""
+    """Complete the row with what the law says; the states stay those before the impact.
+
+    It is not made: because of itself, of another one solved with it, or of the trace.
+    """
+    row.admissible = 0
+    row.substituted = 0
     gravity = world.settings[0].gravity
     kappa_a = world.bodies[row.a].kappa
     kappa_b = world.bodies[row.b].kappa

@@ -47,7 +47,6 @@ from vibro_cli.kernels.flow.flow import (
 from vibro_cli.kernels.flow.rotating_flow import TURNING_LINE, time_on_line, turn_on_line
 from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.world import (
-    END_INADMISSIBLE,
     RUNNING,
     WALL,
     BodyData,
@@ -76,7 +75,7 @@ class Outcome:
     collisions: int
     crossings: int
     contacts: int
-    impacts: int  # that took effect: without an inadmissible one that ended the run
+    impacts: int  # that took effect: without those at which the run ended instead
     walls: int
     first_t: float  # of all impacts, s
     last_t: float
@@ -134,7 +133,7 @@ def update_statistics(
     flight = results.scratch[0]
     if known == 0:
         _begin(outcome)
-    _update_impact_statistics(world, cause, outcome)
+    _update_impact_statistics(world, outcome)
     for ball in range(bodies):
         finals[first_final + ball].latest = ball if known > 0 else -1
     _update_flight_statistics(world, known, outcome, finals, first_final, flight)
@@ -164,15 +163,17 @@ def _begin(outcome: Outcome) -> None:
 
 
 @kernel
-def _update_impact_statistics(world: World, cause: int, outcome: Outcome) -> None:
+def _update_impact_statistics(world: World, outcome: Outcome) -> None:
     count = world.clock[0].impact_rows
     if count > 0:
         if outcome.first_t == NEVER:
             outcome.first_t = world.impacts[0].t
         outcome.last_t = world.impacts[count - 1].t
-    outcome.impacts += count - 1 if cause == END_INADMISSIBLE else count
     for number in range(count):
-        gap = residual_gap(world, world.impacts[number])
+        row = world.impacts[number]
+        if row.admissible == 1 or row.substituted == 1:
+            outcome.impacts += 1
+        gap = residual_gap(world, row)
         outcome.max_gap = max(outcome.max_gap, abs(gap))
 
 
