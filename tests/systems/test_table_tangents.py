@@ -156,3 +156,15 @@ def test_the_second_of_two_impacts_of_a_ball_at_one_instant_has_no_derivative() 
     _, columns, whole = follow(corner)
     assert whole.logs["bounce_log"]["t"][0] == whole.logs["bounce_log"]["t"][1]
     assert columns["bounces"]["smooth"].tolist() == [False, False, True]
+
+
+@pytest.mark.parametrize("speed", [0.83, 1.0, 1.3])
+def test_a_wall_that_holds_what_comes_takes_two_directions(speed: float) -> None:
+    """After it neither the place across it nor that speed tells of the start: rank 2 of 4."""
+    document = table([ball(0.37, 0.2, speed, -0.45)], box(4.0, 3.0, 0.0), time=3.0)
+    run = simulate(any_scenario_of(document | {"analysis": {"lyapunov": True}}))
+    record = run.summary_record()
+    assert record["bounces"] == 1
+    found = [record[f"lyapunov_{number}"] for number in (1, 2, 3, 4)]
+    assert found[:2] == pytest.approx([0.0, 0.0], abs=1e-12)
+    assert found[2:] == [None, None]  # -inf

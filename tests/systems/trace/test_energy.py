@@ -261,7 +261,7 @@ def _not_made(name: str) -> Document:
         trace = {"start_slope": 0.0, "arcs": [{"shape": "line", "length": 5.0}]}
         great = {"radius": 0.2, "mass": 1.0, "arc": 1, "position": 1.0, "speed": 1.0}
         small = {"radius": 0.1, "mass": 1.0, "arc": 1, "touching": "previous"}
-        balls = [great, {**small, "speed": 0.8}, {**small, "speed": -1.0}]
+        balls: list[Document] = [great, {**small, "speed": 0.8}, {**small, "speed": -1.0}]
         return scene(trace, balls, 0.9, "hedrih", time=1.0)
     arcs = [{"shape": "hump", "radius": 1.0, "end_slope": -0.6}]
     trace = {"start_slope": 0.6, "surface": "one-sided", "arcs": arcs}

@@ -78,7 +78,7 @@ class Tangents(NamedTuple):
     """[impact, direction] filled in: the sums of logarithms after the impact"""
 
 
-# What is left of a vector below this share of it, where directions have been lost, is rounding.
+# Where directions have been lost, a vector below this share of the longest one is rounding.
 LOST = 1.0e-10
 
 
@@ -108,8 +108,11 @@ def orthogonalise(tangents: Tangents) -> None:
     size = len(tangents.frame)
     frame, step = tangents.frame, tangents.step
     state = tangents.state[0]
+    longest = 0.0
+    if state.lost == 1:
+        for column in range(size):
+            longest = max(longest, _length(tangents, column))
     for column in range(size):
-        before = _length(tangents, column)
         for other in range(column):
             step[other, column] = 0.0
         for _ in range(2):
@@ -121,7 +124,7 @@ def orthogonalise(tangents: Tangents) -> None:
                     frame[row, column] -= along * frame[row, other]
                 step[other, column] += along
         length = _length(tangents, column)
-        if state.lost == 1 and length < LOST * before:
+        if length < LOST * longest:
             length = 0.0
         step[column, column] = length
         for row in range(size):
