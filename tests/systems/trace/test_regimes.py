@@ -257,6 +257,6 @@ def test_a_line_that_balances_where_it_meets_a_valley_makes_no_eight(
     turning = {"through_arc": 1, "rate": rate}
     trace = {"start_slope": 0.0, "closed": True, "arcs": arcs, "turning": turning}
     run = solve_any(scene(trace, [ball(1.0), ball(2.5)], 1.0, collisions=2))
-    kinds = [point.kind for point in portrait_of(Landscape.of(run.system, 0)).points]
+    kinds = [point.kind for point in portrait_of(Landscape.of(run.system, 1)).points]
     assert kinds == ["degenerate", "saddle", "centre"]
     assert {str(word) for word in run.collisions["eight_a_pre"]} == {"none"}
