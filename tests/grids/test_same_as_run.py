@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import vibro_cli as interface
 from vibro_cli.api import simulate
 from vibro_cli.assemble import build_system
 from vibro_cli.grids.chunks import Chunks, Expected
@@ -355,3 +356,15 @@ def test_a_grid_that_is_interrupted_does_not_wait_for_long_points(
         list(receipts)
     signal.signal(signal.SIGALRM, before)
     assert not list(folder.rglob("*.parquet"))
+
+
+def test_points_of_other_gravity_are_runs_whichever_point_is_first() -> None:
+    """What lasts no time, and what is rounding of a place, are those of each point's own system."""
+    scenario = interface.load_scenario(Path(__file__).with_name("at_a_wall.json"))
+    for gravities in ([9.81, 1.6], [1.6, 9.81]):
+        grid = interface.sweep(scenario, {"gravity": gravities}, collisions=True, workers=1)
+        for number, gravity in enumerate(gravities, 1):
+            run = interface.simulate(scenario.replace({"gravity": gravity}))
+            rows = grid.collisions["scenario"] == number
+            for name in ("t", "energy_b_pre", "energy_loss", "speed_a_post"):
+                assert np.array_equal(grid.collisions[name][rows], run.collisions[name]), name

@@ -82,8 +82,11 @@ def prepare_point(world: World, fresh: World, points: Points, point: int) -> Non
         body.mass = given.mass
         body.rolling_mass = body.kappa * given.mass
         body.weight = given.mass * settings.gravity
-        world.flights[ball] = fresh.flights[ball]  # type: ignore[index]
         flight = world.flights[ball]
+        brief, size = flight.brief, flight.size  # of that system too
+        world.flights[ball] = fresh.flights[ball]  # type: ignore[index]
+        flight.brief = brief
+        flight.size = size
         flight.piece = given.piece
         flight.s = given.s
         flight.c = given.c
@@ -95,6 +98,7 @@ class SettingNumbers:
     """What of the settings of a run differs from system to system."""
 
     gravity: float
+    closing_error: float
     left_wall: float
     right_wall: float
 
@@ -106,6 +110,14 @@ class PairNumbers:
     distance: float  # r_a + r_b, m
 
 
+@struct
+class FlightNumbers:
+    """And of the flights of a body."""
+
+    brief: float  # what they last at least to be no part of an instant, s
+    size: float  # of the trace, m
+
+
 class Stack(NamedTuple):
     """The records of the systems, system by system, and which system each run is of, from 0."""
 
@@ -115,6 +127,7 @@ class Stack(NamedTuple):
     tracks: Sequence[TrackData]
     contacts: Sequence[PairTrack]
     pairs: Sequence[PairNumbers]
+    flights: Sequence[FlightNumbers]
     of_runs: list[int]
 
 
@@ -130,6 +143,7 @@ def install(world: World, stack: Stack, run: int, installed: int) -> int:
     numbers = stack.settings[system]
     settings = world.settings[0]
     settings.gravity = numbers.gravity
+    settings.closing_error = numbers.closing_error
     settings.left_wall = numbers.left_wall
     settings.right_wall = numbers.right_wall
     for j in range(len(world.bodies)):
@@ -142,6 +156,10 @@ def install(world: World, stack: Stack, run: int, installed: int) -> int:
         world.contacts[j] = stack.contacts[system * len(world.contacts) + j]  # type: ignore[index]
     for j in range(len(world.pairs)):
         world.pairs[j].distance = stack.pairs[system * len(world.pairs) + j].distance
+    for j in range(len(world.bodies)):
+        numbers_of_flight = stack.flights[system * len(world.bodies) + j]
+        world.flights[j].brief = numbers_of_flight.brief
+        world.flights[j].size = numbers_of_flight.size
     return system
 
 
