@@ -685,3 +685,11 @@ def test_a_contact_that_the_next_double_does_not_have_is_grazing() -> None:
     assert touched(meets).collisions["grazing"].tolist() == [True]
     # 1e-12 m more is thousands of units in the last place of the places.
     assert not touched(meets - 1e-12).collisions["grazing"].any()
+
+
+def test_energy_is_kept_until_an_impact_takes_it() -> None:
+    held = [spring(6.0, 1.0, 0.5, at) for at in (-1.0, 1.0)]
+    document = springs([disk(-1.0, 0.2, held[0]), disk(1.0, 0.2, held[1])], k=0.5, time=1.0)
+    record = solve(document).summary_record()
+    assert record["collisions"] == 0
+    assert abs(record["energy_drift"]) <= 1e-14

@@ -779,3 +779,11 @@ def test_a_contact_that_the_next_double_does_not_have_is_grazing(name: str) -> N
     assert contacts_of(solve(scene(last)))["grazing"].tolist() == [True]
     # 1e-12 m deeper is thousands of units in the last place of the places.
     assert not contacts_of(solve(scene(last - 1e-12)))["grazing"].any()
+
+
+def test_energy_is_kept_until_something_takes_it() -> None:
+    balls = [ball(-0.5, 0.1, 0.3), ball(0.5, 0.1, 0.3)]
+    document = table(balls, box(4.0, 3.0, 0.5), k=0.5, time=1.0)
+    assert solve(document).summary_record()["energy_drift"] == 0.0
+    document["stop"] = {"time": 9.0}
+    assert solve(document).summary_record()["energy_drift"] is None

@@ -81,10 +81,10 @@ class TableSystem(ImpactSystem):
 
     def keeps_energy(self, clock: Mapping[str, Any]) -> bool:
         """Whether nothing takes energy: neither the wall nor, of two balls or more, an impact."""
-        kept = self.wall is None or self.wall.restitution == 1.0
-        if len(self.bodies) > 1:
+        kept = self.wall is None or self.wall.restitution == 1.0 or clock["bounces"] == 0
+        if clock["collisions"] > 0:
             kept = kept and self.restitution == 1.0 and self.law_keeps_energy
-        return kept
+        return bool(kept)
 
 
 # A side ends in a corner that no ball can touch; met a little beyond, it has no way through there.
