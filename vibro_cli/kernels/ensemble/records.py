@@ -17,6 +17,7 @@ from vibro_cli.kernels.world import (
     PieceData,
     TrackData,
     World,
+    track_of,
 )
 
 
@@ -91,6 +92,7 @@ def prepare_point(world: World, fresh: World, points: Points, point: int) -> Non
         flight.s = given.s
         flight.c = given.c
         flight.p = given.p
+        flight.own_frequency = track_of(world, ball).frequency
 
 
 @struct
