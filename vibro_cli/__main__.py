@@ -25,6 +25,8 @@ def main() -> None:
     # Threads of numpy's linear algebra, one for each core, would spin while the rest is loaded:
     # short runs side by side on all cores take an eighth longer. No matrix here needs a second.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    # Figures are files: matplotlib would end the program for a backend that it does not know.
+    os.environ["MPLBACKEND"] = "agg"
     try:
         from vibro_cli.commands.app import run_command_line
 

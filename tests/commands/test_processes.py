@@ -142,6 +142,19 @@ def test_nothing_is_read_from_the_home_folder(folder: Path, tmp_path: Path) -> N
     assert (at_home.returncode, at_home.stdout) == (0, plain.stdout)
 
 
+@pytest.mark.parametrize("backend", ["nonsense", "tkagg", "module://none"])
+def test_figures_do_not_depend_on_the_backend_of_the_user(
+    folder: Path, tmp_path: Path, backend: str
+) -> None:
+    for name, changes in (("plain", {}), ("other", {"MPLBACKEND": backend})):
+        target = str(tmp_path / name)
+        outcome = call(folder, "run", "small.toml", "--figures", "energy", "-o", target, **changes)
+        assert outcome.returncode == 0, outcome.stderr
+    files = {file.name: file.read_bytes() for file in (tmp_path / "plain").iterdir()}
+    assert "energy.png" in files
+    assert files == {file.name: file.read_bytes() for file in (tmp_path / "other").iterdir()}
+
+
 def completions(words: str, **changes: str) -> list[str]:
     """What bash would offer at the end of a command line."""
     count = str(len(words.split(" ")) - 1)
