@@ -811,6 +811,29 @@ def test_a_folder_that_has_gone_is_told(tmp_path: Path, run: Run) -> None:
             use()
 
 
+@pytest.mark.parametrize(
+    "read",
+    [
+        lambda run: run.collisions,
+        lambda run: run.stored.collisions["t"],
+        lambda run: run.stored.collisions.first(1),
+        lambda run: run.report(run.folder.with_suffix(".html")),
+    ],
+)
+def test_a_run_that_was_replaced_is_not_mixed_with_the_other(
+    tmp_path: Path, run: Run, read: Callable[[Run], object]
+) -> None:
+    run.save(tmp_path / "run", figures=False)
+    opened, begun = open_run(tmp_path / "run"), open_run(tmp_path / "run")
+    assert begun.stored.collisions["n"].size == run.collisions.rows
+    other = simulate(run.scenario.replace({"collision.k": 0.3}))
+    other.save(tmp_path / "run", figures=False, force=True)
+    for one in (opened, begun):
+        with pytest.raises(OSError, match="the run was replaced"):
+            read(one)
+    assert open_run(tmp_path / "run").summary == other.summary
+
+
 def test_check_tells_what_is_doubtful() -> None:
     assert check(example("three_arcs")) == ()
     with pytest.raises(ScenarioError):

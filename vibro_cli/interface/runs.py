@@ -77,7 +77,7 @@ class Run:
 
     @cached_property
     def tables(self) -> dict[str, Table]:
-        """Every table of the run by its name, as its folder has them; ``OSError`` if it is gone."""
+        """Every table of the run by its name; ``OSError`` if its folder is gone or replaced."""
         found = {table.file: self._table(table.file) for table in self._kind.tables()}
         return {name: table for name, table in found.items() if table is not None}
 
@@ -101,7 +101,9 @@ class Run:
         self.stored.place.stat()  # raises where it is gone
         if f"{name}.parquet" not in self.stored.manifest["files"]:
             return None
-        return FileTable(self.stored.place / f"{name}.parquet")
+        table = FileTable(self.stored.place / f"{name}.parquet")
+        self.stored.check_not_replaced()
+        return table
 
     @property
     def _kind(self) -> System:

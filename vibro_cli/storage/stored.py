@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from errno import ENOENT
+from errno import ENOENT, ESTALE
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -106,8 +106,19 @@ class StoredRun:
             assert found is not None
             return found
         if name not in self._tables:
-            self._tables[name] = StoredColumns([self.place / f"{name}.parquet"])
+            file = self.place / f"{name}.parquet"
+            self._tables[name] = StoredColumns([file], check=self.check_not_replaced)
         return self._tables[name]
+
+    def check_not_replaced(self) -> None:
+        """Raise `OSError` if the folder now holds another run than the one that was opened.
+
+        Asked after each reading: folders are replaced whole, so that what was read is of this run.
+        """
+        if self.place is None or not self.manifest:  # in memory, or in the making
+            return
+        if read_manifest(self.place) != self.manifest:
+            raise OSError(ESTALE, "the run was replaced", str(self.folder))
 
     @property
     def collisions(self) -> Columns:
@@ -180,18 +191,27 @@ def open_run(folder: Path) -> StoredRun:
     _check_tables(folder, earlier.manifest)
     summary = json.loads((folder / "summary.json").read_bytes())
     scenario = load_stored(earlier.scenario)
-    return StoredRun(folder, scenario, earlier.manifest, summary, earlier.checkpoint)
+    run = StoredRun(folder, scenario, earlier.manifest, summary, earlier.checkpoint)
+    run.check_not_replaced()
+    return run
 
 
 class StoredColumns(Mapping[str, Column]):
     """The columns of parquet files of one schema, each read when asked for.
 
-    The last `most` that were asked for are kept.
+    The last `most` that were asked for are kept. `check` is called after each reading, and raises
+    where other files may have been read.
     """
 
-    def __init__(self, parts: Sequence[Path], most: float = _MOST_COLUMNS) -> None:
+    def __init__(
+        self,
+        parts: Sequence[Path],
+        most: float = _MOST_COLUMNS,
+        check: Callable[[], None] = lambda: None,
+    ) -> None:
         self.schema = schema_of(parts[0])
-        self._parts, self._most = parts, most
+        check()
+        self._parts, self._most, self._check = parts, most, check
         self._columns: dict[str, Column] = {}
         self._first: dict[str, Column] = {}
 
@@ -199,6 +219,7 @@ class StoredColumns(Mapping[str, Column]):
         """Return the first rows, of one file."""
         if not self._first:
             found = _columns(next(rows_by_group(self._parts[0], slice(_FIRST))))
+            self._check()
             # Copies, so that the whole group of rows does not stay in memory.
             self._first = {name: values.copy() for name, values in found.items()}
         found = {name: values[:rows] for name, values in self._first.items()}
@@ -209,7 +230,10 @@ class StoredColumns(Mapping[str, Column]):
         if name not in self:
             raise KeyError(name)
         values = self._columns.pop(name, None)
-        self._columns[name] = read_column(self._parts, name) if values is None else values
+        if values is None:
+            values = read_column(self._parts, name)
+            self._check()
+        self._columns[name] = values
         if len(self._columns) > self._most:
             self._columns.pop(next(iter(self._columns)))
         return self._columns[name]
