@@ -514,7 +514,7 @@ WRONG: dict[str, tuple[Callable[[Run], object], str]] = {
 }
 
 
-@pytest.mark.parametrize("found", [None, 5, "mine.toml", example("three_arcs")])
+@pytest.mark.parametrize("found", [None, 5, "mine.toml", example("three_arcs"), np.array(0.5)])
 def test_what_is_no_list_of_scenarios_is_told(found: Any) -> None:
     with pytest.raises(TypeError, match=r"scenarios: found .*, expected a list of scenarios"):
         simulate_many(found)

@@ -299,7 +299,8 @@ def check_scenario(found: object) -> None:
 
 def check_scenarios(found: object) -> None:
     """Raise ``TypeError`` for what cannot be several scenarios; each is checked when it is used."""
-    if isinstance(found, (AnyScenario, str, bytes)) or not isinstance(found, Iterable):
+    none = isinstance(found, (AnyScenario, str, bytes)) or not isinstance(found, Iterable)
+    if none or getattr(found, "shape", None) == ():  # an array of numpy without an axis
         raise TypeError(f"scenarios: found {shown(found)}, expected a list of scenarios")
 
 
