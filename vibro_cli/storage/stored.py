@@ -207,7 +207,7 @@ class StoredColumns(Mapping[str, Column]):
         self,
         parts: Sequence[Path],
         most: float = _MOST_COLUMNS,
-        check: Callable[[], None] = lambda: None,
+        check: Callable[[], object] = bool,
     ) -> None:
         self.schema = schema_of(parts[0])
         check()
