@@ -307,3 +307,16 @@ def test_a_body_that_lifts_off_between_segments_ends_a_one_sided_run_or_is_told(
         assert lifted == pytest.approx([held.end_time], abs=1e-9)
         before, after = (forces(free, lifted[0] + shift)[0][0] for shift in (-1e-4, 1e-4))
         assert after < 0.0 < before
+
+
+@pytest.mark.parametrize("turning", [None, {"x": 0.3, "rate": 0.7}])
+def test_no_friction_suffices_where_the_normal_force_vanishes(turning: Any) -> None:
+    """A ball that rolls off a crest leaves it on the slope: friction is needed until N = 0."""
+    hump = {"shape": "hump", "radius": 1.0, "end_slope": -1.4}
+    trace = {"start_slope": 0.9, "surface": "one-sided", "arcs": [hump]}
+    trace |= {"turning": turning} if turning else {}
+    for speed in np.linspace(0.05, 1.5, 12):
+        rolling = {"radius": 0.1, "mass": 1.0, "arc": 1, "angle": 0.02, "speed": float(speed)}
+        run = solve_any(scene(trace, [rolling], time=20.0))
+        assert run.end_cause == "lift_off"
+        assert run.summary_record()["max_friction_demand"] is None

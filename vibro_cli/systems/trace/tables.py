@@ -58,6 +58,9 @@ from vibro_cli.systems.trace.motion import Paths, Places
 from vibro_cli.systems.trace.tangents import TangentMap
 from vibro_cli.systems.trace.world import make_world
 
+# A greater coefficient is that of a normal force which vanishes but for rounding: none suffices.
+_MOST_FRICTION = 1.0e12
+
 
 def _pair(name: str, unit: str, text: str, nullable: bool = False) -> list[Column]:
     """The same quantity of both bodies of an impact."""
@@ -433,7 +436,7 @@ def summary_columns(
         "min_normal_force": np.where(
             outcomes["least_force"] < NEVER, outcomes["least_force"], np.nan
         ),
-        "max_friction_demand": np.where(np.isfinite(demand) & rolls, demand, np.nan),
+        "max_friction_demand": np.where((demand < _MOST_FRICTION) & rolls, demand, np.nan),
     }
     columns.update(_final_states(places, finals))
     return columns
