@@ -396,6 +396,8 @@ def half_way_to(half: float) -> float:
 
 # Where ``P^2 + (SC)^2`` is below this, energy says nothing of where a state on the circle is.
 LEAST_SIZE = 1.0e-8
+# Projection moves a state near a bottom by no more, which is as much as its rounding.
+MOST_TURN = 8.0 * EPSILON
 # A way below this share of the places is lost in their rounding.
 NOWHERE = 16.0 * EPSILON
 
@@ -573,10 +575,13 @@ def projected(
 ) -> tuple[float, float, float]:
     """Do what :func:`project` does for a state on the circle, given ``SC`` and ``P^2 + (SC)^2``."""
     root = flight.complementary_modulus
-    lack = select(
-        s * s > 0.5, (c - p) * (c + p) - root * abs(root), flight.parameter - s * s - p * p
-    )
+    is_high = s * s > 0.5
+    lack = select(is_high, (c - p) * (c + p) - root * abs(root), flight.parameter - s * s - p * p)
     defect = 0.5 * lack / size
+    # The energy that a body carries is rounded as that from the trace's lowest place; of a small
+    # swing about a higher bottom it says less than the state does, and would part bodies in contact.
+    most = MOST_TURN / math.sqrt(size)
+    defect = select(is_high, defect, max(min(defect, most), -most))
     turn = sc * defect
     return s + c * turn, c - s * turn, p + p * defect
 
