@@ -239,7 +239,7 @@ def test_the_order_of_impacts_with_gaps_between_is_in_no_doubt() -> None:
 
 
 def test_a_slow_body_at_a_high_bottom_stays_in_contact() -> None:
-    """Its energy, from the far lower end of the trace, moved it by 1e-13 m at each of its bounces."""
+    """Its energy, counted from the far lower end of the trace, moved it at each of its bounces."""
     run = solve(draw(141421, 1137), "compiled")
     assert len(run.collisions["gap"]) > 1000
     assert np.abs(run.collisions["gap"]).max() <= 1e-13

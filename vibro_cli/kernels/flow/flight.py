@@ -578,8 +578,8 @@ def projected(
     is_high = s * s > 0.5
     lack = select(is_high, (c - p) * (c + p) - root * abs(root), flight.parameter - s * s - p * p)
     defect = 0.5 * lack / size
-    # The energy that a body carries is rounded as that from the trace's lowest place; of a small
-    # swing about a higher bottom it says less than the state does, and would part bodies in contact.
+    # The energy that a body carries is rounded as that from the trace's lowest place. Of a small
+    # swing about a higher bottom it says less than the state; it would part bodies in contact.
     most = MOST_TURN / math.sqrt(size)
     defect = select(is_high, defect, max(min(defect, most), -most))
     turn = sc * defect
