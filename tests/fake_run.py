@@ -56,6 +56,7 @@ class FakeRun:
     exponents: dict[str, Any] | None = None
     engine: str = "python"
     kind: System = field(default_factory=lambda: system_named("trace"))
+    not_made: int = 0
     skipped: list[str] = field(default_factory=lambda: ["normal forces: nothing asked for them"])
 
     def summary_record(self) -> dict[str, Any]:

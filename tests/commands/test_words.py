@@ -1,12 +1,15 @@
 """The summary in words, cause by cause."""
 
+import json
 import re
 from pathlib import Path
 from typing import Any, get_args
 
 import pytest
 
+from tests.commands.conftest import Vibro
 from tests.fake_run import FakeRun
+from tests.systems.trace.test_energy import not_made
 from vibro_cli.commands.shared.terminal import size, summary_text
 from vibro_cli.kernels.impact.laws import LAW_NAMES
 from vibro_cli.mechanics.system import LAWS
@@ -56,6 +59,21 @@ def test_what_an_inadmissible_run_can_do_is_said() -> None:
         "  hint       --set collision.inadmissible=normal-impulse goes on, with Newton's",
         "             law for such impacts",
     ]
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("inadmissible", "2, at t = 0 s, the last 2 inadmissible and not made; 0"),
+        ("lift_off", "1, at t = 0.243703 s, the last one not made; 0"),
+    ],
+)
+def test_impacts_at_the_end_that_are_not_made_are_told(
+    name: str, words: str, vibro: Vibro, tmp_path: Path
+) -> None:
+    file = tmp_path / f"{name}.json"
+    file.write_text(json.dumps(not_made(name)))
+    assert f"impacts {words}" in " ".join(vibro("run", str(file), "--no-figures").err.split())
 
 
 def test_what_a_one_sided_trace_would_do_is_said_of_others_only() -> None:

@@ -306,7 +306,7 @@ def solve(options: RunCommand, scenario: "AnyScenario", earlier: "EarlierRun | N
     if options.summary_as_json:
         print(json_text({**options.line_head(scenario.name, folder), **record}), flush=True)
     one_sided = system_named(scenario.system).one_sided(scenario)
-    lines = summary_text(scenario.name, record, folder, one_sided).split("\n")
+    lines = summary_text(scenario.name, record, folder, one_sided, result.not_made).split("\n")
     say(lines, scenario=scenario.name)
     for omission in result.skipped:
         say(f"  skipped    {omission}", "detail", scenario=scenario.name)

@@ -153,6 +153,8 @@ class Streamed:
     _checkpoint: dict[str, Any] = field(repr=False)
     motion: Gathered | None = field(default=None, repr=False)
     """If it is wanted for figures, and they do not rather solve the run again."""
+    not_made: int = 0
+    """Impacts at its end that were not made, of those that were told of."""
 
     def summary_record(self) -> dict[str, Any]:
         """Return the summary as plain values, None for null."""
@@ -185,6 +187,20 @@ def begun(
     return kind.stretches(Driver(kind.loop, world, engine, earlier, overrides), limits.time)
 
 
+class NotMade:
+    """A sink before another one, which counts the impacts that were not made."""
+
+    def __init__(self, sink: Sink) -> None:
+        self.number = 0
+        self._sink = sink
+
+    def tell(self, name: str, rows: Any) -> None:
+        """Pass rows of a table on."""
+        if name == "collisions":
+            self.number += int(np.sum(~(rows["admissible"] | rows["substituted"])))
+        self._sink(name, rows)
+
+
 def stream(
     kind: System,
     system: Any,
@@ -205,9 +221,10 @@ def stream(
     if names is None:
         names = [table.file for table in kind.tables()]
     calls = partial(aside, given_up=Event()) if in_background else _at_once
+    counted = NotMade(sink)
     refusal = None
     with calls(_ROWS_AHEAD) as write, calls(_AHEAD) as tell:
-        tables = kind.table_maker(system, wanted, names, partial(write, sink))
+        tables = kind.table_maker(system, wanted, names, partial(write, counted.tell))
         try:
             for last in stretches.until(interrupted):
                 tell(tables.take, last)
@@ -222,6 +239,7 @@ def stream(
         summary=tables.summary(),
         _checkpoint=checkpoint_of(cause, end, last.clock, stretches.driver.rows, stretches.state),
         motion=tables.motion,
+        not_made=counted.number,
     )
     if refusal is not None:
         refusal.streamed = streamed

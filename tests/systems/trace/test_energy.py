@@ -255,7 +255,7 @@ def test_the_energy_before_the_limit_of_a_sequence_goes_with_the_speed_before() 
     assert abs(heights[0][last] - heights[1][last]) <= 64.0 * EPSILON * size
 
 
-def _not_made(name: str) -> Document:
+def not_made(name: str) -> Document:
     """Scenes that end at impacts that are not made: two at once, one that lifts a body off."""
     if name == "inadmissible":
         trace = {"start_slope": 0.0, "arcs": [{"shape": "line", "length": 5.0}]}
@@ -270,7 +270,7 @@ def _not_made(name: str) -> Document:
 
 @pytest.mark.parametrize(("name", "rows"), [("inadmissible", 2), ("lift_off", 1)])
 def test_impacts_that_are_not_made_take_no_energy(name: str, rows: int) -> None:
-    run = solve_any(_not_made(name))
+    run = solve_any(not_made(name))
     table, record = run.collisions, run.summary_record()
     assert record["end_cause"] == name
     assert len(table["n"]) == rows

@@ -177,13 +177,20 @@ def report_command(folder: Path) -> str:
 
 
 def summary_text(
-    name: str, record: Mapping[str, Any], folder: Path | None, one_sided: bool = False
+    name: str,
+    record: Mapping[str, Any],
+    folder: Path | None,
+    one_sided: bool = False,
+    not_made: int = 0,
 ) -> str:
-    """The summary of a run in a few lines; `record` has the columns of the summary table."""
+    """The summary of a run in a few lines; `record` has the columns of the summary table.
+
+    `not_made` is how many impacts at its end were not made; an inadmissible end has one at least.
+    """
     items = {}
     if record["status"] == "ok":
         items = {
-            "impacts": _impacts(record),
+            "impacts": _impacts(record, not_made),
             "energy": _energy(record),
             "accuracy": _accuracy(record),
         }
@@ -215,14 +222,17 @@ _ALSO_COUNTED = {
 """Columns of a summary that count something beside impacts, where there are any, in words."""
 
 
-def _impacts(record: Mapping[str, Any]) -> str:
+def _impacts(record: Mapping[str, Any], not_made: int) -> str:
     impacts = f"{record['collisions']:,}"
     if record["collisions"]:
         first, last = record["first_collision_time"], record["last_collision_time"]
         until = f" to {quantity(last, 's')}" if last != first else ""
         impacts += f", {'from' if until else 'at'} t = {quantity(first, 's')}{until}"
+    last_ones = "one" if not_made < 2 else str(not_made)
     if record["end_cause"] == "inadmissible":
-        impacts += ", the last one inadmissible and not made"
+        impacts += f", the last {last_ones} inadmissible and not made"
+    elif not_made:
+        impacts += f", the last {last_ones} not made"
     told = [count(record[name], *words) for name, words in _ALSO_COUNTED.items() if name in record]
     quiet = record.get("quiet_from")
     ending = "" if quiet is None else f"; none possible after t = {quantity(quiet, 's')}"
