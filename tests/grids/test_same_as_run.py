@@ -19,13 +19,18 @@ from vibro_cli.grids.chunks import Chunks, Expected
 from vibro_cli.grids.document import Grid, document_at, load_grid
 from vibro_cli.grids.solving import solver_of
 from vibro_cli.grids.workers import solve_in_threads
+from vibro_cli.kernels.ensemble.records import Stack, StartData
+from vibro_cli.kernels.world import World
 from vibro_cli.scenario import ScenarioError
-from vibro_cli.scenario.loading import scenario_of
+from vibro_cli.scenario.loading import load_scenario, scenario_of
 from vibro_cli.scenario.models import Scenario
 from vibro_cli.scenario.problems import KeyPath
+from vibro_cli.systems.driver import records_of
+from vibro_cli.systems.request import Limits
 from vibro_cli.systems.trace import grid_solver
 from vibro_cli.systems.trace.grid_solver import TraceSolver, impact_columns
 from vibro_cli.systems.trace.system_template import Reader
+from vibro_cli.systems.trace.world import make_world
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 POINTS = 60
@@ -368,3 +373,45 @@ def test_points_of_other_gravity_are_runs_whichever_point_is_first() -> None:
             rows = grid.collisions["scenario"] == number
             for name in ("t", "energy_b_pre", "energy_loss", "speed_a_post"):
                 assert np.array_equal(grid.collisions[name][rows], run.collisions[name]), name
+
+
+def test_every_number_of_the_records_comes_with_the_system_or_the_start_of_a_point() -> None:
+    """A point has nothing of another one: no number of its records is left as it was before."""
+    walls = {"ends.left.wall": 0.8, "ends.right.wall": 0.7}
+    start = {"balls[1].position": 0.4, "balls[2].position": 1.7, "collision.k": 0.4}
+    shape = {"trace.start_slope": -0.3, "trace.arcs[1].length": 2.5, "gravity": 1.6}
+    body = {"balls[1].radius": 0.2, "balls[2].radius": 0.15, "balls[2].density": 2000.0}
+    one = load_scenario(SCENARIOS / "horizontal_line_1_2.toml").replace(
+        {"ends": {"left": {"wall": 0.9}, "right": {"wall": 0.9}}}
+    )
+    arcs = load_scenario(SCENARIOS / "three_arcs.toml").replace({"stop.time": 9.0})
+    other_arcs = {
+        "trace.start_slope": -1.9, "trace.arcs[1].radius": 1.3, "trace.arcs[2].end_slope": -1.1,
+        "gravity": 1.6, "balls[1].radius": 0.2, "balls[1].thickness": 0.3, "balls[2].angle": 0.2,
+        "balls[1].mass": 3.0, "collision.k": 0.4, "stop.time": 5.0,
+    }  # fmt: skip
+    of_points = {
+        "settings": {"stop_t", "stop_collisions"},
+        "pairs": {"restitution"},
+        "flights": {*fields_of(StartData), "own_frequency"},
+    }
+    stacked = {name: set(fields_of(cls)) for name, cls in records_of(Stack).items()}
+    for first, changes in ((one, walls | start | shape | body), (arcs, other_arcs)):
+        worlds = [
+            make_world(build_system(scenario), Limits(scenario.stop.time, scenario.stop.collisions))
+            for scenario in (first, first.replace(changes))
+        ]
+        for name, record in records_of(World).items():
+            differ = {
+                field
+                for pair in zip(*(getattr(world, name) for world in worlds), strict=True)
+                for field in fields_of(record)
+                if getattr(pair[0], field) != getattr(pair[1], field)
+            }
+            assert differ <= stacked.get(name, set()) | of_points.get(name, set()), name
+            assert bool(differ) == (name in stacked), name
+
+
+def fields_of(struct: Any) -> list[str]:
+    """The names of the fields of a struct of the kernels."""
+    return list(struct.fields)
