@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
+from tests.systems.trace.test_energy import not_made
 from vibro_cli.report.words import method_of, named, validity
+from vibro_cli.stress.scenes import solve_any
 from vibro_cli.systems import system_named
 
 
@@ -46,4 +50,13 @@ def test_of_a_run_that_ends_as_a_body_leaves_the_trace_nothing_else_is_said() ->
     )
     assert "The normal force is at least 8.5 N until one leaves the trace." in (
         validity({**summary, "end_cause": "lift_off"}, True, 0, ())
+    )
+
+
+def test_an_impact_that_would_lift_a_body_off_is_not_called_inadmissible() -> None:
+    run = solve_any(not_made("lift_off"))
+    refused = int(np.sum(~run.collisions["admissible"]))
+    assert np.all(run.collisions["separation_speed"] > 0.0)  # neither goes through the other
+    assert "Impacts inadmissible or not made: 1." in (
+        validity(run.summary_record(), True, refused, ())
     )

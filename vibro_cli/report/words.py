@@ -80,7 +80,7 @@ def validity(
 
     `rolls`: whether any body rolls; else no friction is told of.
     """
-    said = []
+    said, off = [], summary.get("end_cause") == "lift_off"
     force, friction = summary.get("min_normal_force"), summary.get("max_friction_demand")
     if force is not None and force < 0.0:
         said.append(
@@ -88,7 +88,6 @@ def validity(
             f"{number(force, 'N')}. On a one-sided trace they would lift off."
         )
     elif force is not None:
-        off = summary.get("end_cause") == "lift_off"
         then = " until one leaves the trace" if off else ": no body lifts off"
         said.append(f"The normal force is at least {number(force, 'N')}{then}.")
     if friction is not None:
@@ -98,7 +97,8 @@ def validity(
     elif rolls and force is not None and force <= 0.0:
         said.append("Where the normal force vanishes no friction is enough for rolling.")
     if refused:
-        said.append(f"Inadmissible impacts: {refused}.")
+        which = "Impacts inadmissible or not made" if off else "Inadmissible impacts"
+        said.append(f"{which}: {refused}.")
     else:
         said.append("Every impact is admissible: the bodies separate after it.")
     return [*said, *(f"Note: {warning}." for warning in warnings)]
