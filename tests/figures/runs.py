@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from tests.analysis.traces import BALL, hump, line, system, valley
 from vibro_cli.analysis.levels import Landscape
+from vibro_cli.figures.source import SPEEDS
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.mechanics.trace import ArcShape
 
@@ -30,7 +31,7 @@ class HandMade:
 
     @property
     def collisions(self) -> dict[str, Any]:
-        names = ("n", "t", "ball_a", "ball_b", "admissible", "substituted")
+        names = ("n", "t", "ball_a", "ball_b", "admissible", "substituted", *SPEEDS)
         sides = ("arc", "angle", "s")
         states = ("rate", "speed")
         table: dict[str, Any] = {
@@ -99,6 +100,8 @@ class HandMade:
             "rate_post": math.nan if null else after,
             "speed_pre": before * self._scale(arc),
             "speed_post": after * self._scale(arc),
+            "approach_speed": 1.0,
+            "separation_speed": 1.0,
             "admissible": True,
             "substituted": False,
         }

@@ -10,6 +10,7 @@ import pytest
 
 from tests.figures.layout import texts
 from tests.systems.table_cases import ball, table
+from tests.systems.trace.test_energy import not_made
 from vibro_cli import example, simulate, sweep
 from vibro_cli.figures.kinds import draw_one
 from vibro_cli.figures.runs.over_time import GAIN, LOSS
@@ -54,6 +55,23 @@ def test_the_law_s_speeds_after_an_inadmissible_impact_are_no_velocities_on_a_ta
     velocities = draw_one(run, "velocities", 1, "single")
     assert velocities is not None
     assert "after (inadmissible)" in {text.get_text() for text in texts(velocities.figure)}
+
+
+@pytest.mark.parametrize(("k", "angle"), [(0.5, -0.3), (0.0, -0.23230769230769233)])
+def test_an_impact_that_would_lift_a_body_off_is_named_not_made(k: float, angle: float) -> None:
+    """With k = 0 the bodies go through one another by 6e-17 m/s, which is rounding."""
+    document = not_made("lift_off")
+    document["collision"]["k"], document["balls"][0]["angle"] = k, angle
+    run = solve_any(document)
+    assert run.summary_record()["end_cause"] == "lift_off"
+    assert np.all(
+        np.abs(run.collisions["separation_speed"] - k * run.collisions["approach_speed"]) < 1e-15
+    )
+    told = {"portrait": "not made", "energy_portrait": "not made", "velocities": "after (not made)"}
+    for kind, words in told.items():
+        one = draw_one(run, kind, 1, "single")
+        assert one is not None
+        assert words in {text.get_text() for text in texts(one.figure)}
 
 
 def test_what_impacts_gain_is_drawn_as_what_they_lose_is() -> None:

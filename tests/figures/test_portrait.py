@@ -49,7 +49,7 @@ RUNS: dict[str, Callable[[], HandMade]] = {
 
 def refused(run: HandMade) -> HandMade:
     """Let the last impact be inadmissible."""
-    run.struck[-1] |= {"admissible": False}
+    run.struck[-1] |= {"admissible": False, "separation_speed": -1.0}
     return run
 
 

@@ -22,6 +22,10 @@ Run = TypeVar("Run")
 Found = TypeVar("Found")
 More = ParamSpec("More")
 _MOST_KEPT = 8
+SPEEDS = ("approach_speed", "separation_speed")
+"""Columns of the speeds (m/s) of the bodies of an impact along their line of centres."""
+_ROUNDING = 1e-12
+"""Of the speed of approach: bodies that separate as slowly stay together."""
 
 
 def first_of(table: Table, rows: int) -> Table:
@@ -39,9 +43,24 @@ def flights_of(flights: Table, ball: int, until: float = math.inf) -> Integers:
 
 
 def made(table: Table) -> Flags:
-    """Return which impacts the bodies made: not an inadmissible one that ended the run."""
+    """Return which impacts the bodies made: not those at which the run ended instead."""
     flags = (np.asarray(table[name], dtype=np.bool_) for name in ("admissible", "substituted"))
     return np.logical_or(*flags)
+
+
+def goes_through(table: Table) -> Flags:
+    """Return after which impacts the bodies would go through one another, not only by rounding."""
+    approach, separation = (np.asarray(table[name]) for name in SPEEDS)
+    through: Flags = separation < -_ROUNDING * np.abs(approach)
+    return through
+
+
+def why_not_made(through: Any) -> str:
+    """Return why impacts were not made, in words, from whether bodies would `goes_through` in them.
+
+    Others were solved with an inadmissible one, or would lift a body off the trace.
+    """
+    return "inadmissible" if np.any(through) else "not made"
 
 
 class Recorded(Flights, Protocol):

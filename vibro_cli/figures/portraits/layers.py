@@ -26,7 +26,7 @@ from vibro_cli.figures.chart import MOST_VECTOR_POINTS
 from vibro_cli.figures.labels import HALO, Entry, place_numbers, ring, tied
 from vibro_cli.figures.portraits.panels import Panel, Window
 from vibro_cli.figures.portraits.trajectory import MOST_NUMBERS, Branches, Jumps, Trajectory
-from vibro_cli.figures.source import Array
+from vibro_cli.figures.source import Array, why_not_made
 from vibro_cli.figures.style import Look, line, mark
 from vibro_cli.mechanics.trace import Piece
 
@@ -42,7 +42,7 @@ def legend_of(path: Trajectory, behind: Background, others: Sequence[Entry]) -> 
         share = f" (1 in {path.every})" if path.every > 1 else ""
         entries.append((f"jump{share}", many_jumps(1)))
     if not np.all(jumps.made):
-        entries.append(("inadmissible", NOT_MADE))
+        entries.append((why_not_made(jumps.through[~jumps.made]), NOT_MADE))
     if any(np.any(branches.contact) for branches in path.branches):
         entries.append(("lasting contact", CONTACT))
     return [*entries, *others, *behind_entries(behind)]

@@ -11,12 +11,14 @@ import numpy as np
 
 from vibro_cli.analysis.levels import Landscape, free_branches
 from vibro_cli.figures.source import (
+    SPEEDS,
     Array,
     Flags,
     Integers,
     Recorded,
     Table,
     flights_of,
+    goes_through,
     kept,
     made,
 )
@@ -76,8 +78,10 @@ class Jumps:
     """Rate after it."""
     time: Array
     """Time (s)."""
+    through: Flags
+    """Whether the law would send the bodies through one another."""
     made: Flags
-    """Whether the bodies did so: not at an inadmissible impact that ended the run."""
+    """Whether the bodies did so: not at an impact at which the run ended instead."""
 
     def some(self, chosen: slice) -> Jumps:
         """Return some of the jumps."""
@@ -351,6 +355,7 @@ def jumps_of(
         before=before,
         after=after,
         time=column("t").astype(np.float64),
+        through=goes_through({name: column(name) for name in SPEEDS}),
         made=made({name: column(name) for name in ("admissible", "substituted")}),
     )
     return jumps.some(slice(0, len(some))), jumps.some(slice(len(some), None))

@@ -29,7 +29,7 @@ from vibro_cli.figures.chart import (
 from vibro_cli.figures.labels import Bar, Entry, draw_legend
 from vibro_cli.figures.portraits import layers
 from vibro_cli.figures.runs.over_time import energy_residuals, room_after
-from vibro_cli.figures.source import Array, Recorded, Table, kept, made
+from vibro_cli.figures.source import Array, Recorded, Table, goes_through, kept, made, why_not_made
 from vibro_cli.figures.style import line, mark, panel_size
 from vibro_cli.figures.ticks import angle_ticks, label_axis, number_ticks
 from vibro_cli.kernels.numerics.constants import EPSILON
@@ -94,9 +94,8 @@ def speed_map(
         if len(number) <= MOST_VECTOR_POINTS:
             axes.scatter(place, speed, c=number, cmap=style.time_colours(), s=size, zorder=2.0)
         if not np.all(happened):
-            axes.plot(
-                place[~happened], speed[~happened], zorder=2.2, label="inadmissible", **REFUSED
-            )
+            why = why_not_made(goes_through(table)[~happened])
+            axes.plot(place[~happened], speed[~happened], zorder=2.2, label=why, **REFUSED)
             axes.legend(loc="best", borderpad=0.2, handletextpad=0.2)
         positive_axis(axes, speed, "approach speed", "m/s")
         room = 0.08 * float(np.ptp(place)) or room

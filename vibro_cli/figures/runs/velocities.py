@@ -28,7 +28,7 @@ from vibro_cli.figures.labels import (
     write_names,
 )
 from vibro_cli.figures.runs.scene import trace_points
-from vibro_cli.figures.source import Array, Recorded, first_of, made
+from vibro_cli.figures.source import Array, Recorded, first_of, goes_through, made, why_not_made
 from vibro_cli.figures.style import Look, line, panel_size, width_of
 from vibro_cli.figures.ticks import round_below
 from vibro_cli.mechanics.system import Body
@@ -375,8 +375,9 @@ def _say(axes: Axes, run: Recorded, row: int, pair: Sequence[Striking], when: in
     """Write the values above a panel."""
     number, time = int(run.collisions["n"][row]), float(run.collisions["t"][row])
     sides = "before" if when == 0 else "after"
-    if when == 1 and not made(first_of(run.collisions, row + 1))[row]:
-        sides = "after (inadmissible)"
+    known = first_of(run.collisions, row + 1)
+    if when == 1 and not made(known)[row]:
+        sides = f"after ({why_not_made(goes_through(known)[row])})"
     title = f"impact {number}, {short_number(time)} s: {sides}" if when == 0 else sides
     write_over(axes, 0.0, 2, title)
     for level, symbol, unit in ((1, "v", "m/s"), (0, r"\omega", "rad/s")):
