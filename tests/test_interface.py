@@ -490,6 +490,27 @@ WRONG: dict[str, tuple[Callable[[Run], object], str]] = {
         "file: found 5, expected the path of a file",
     ),
     "folder": (lambda run: run.save(cast("str", 5)), "folder: found 5, expected the path of a fol"),
+    "empty path of a page": (
+        lambda run: run.report(""),
+        'file: found "", expected the path of a file, a text or a pathlib.Path',
+    ),
+    "zero byte in a folder": (
+        lambda run: run.save("a\0b"),
+        'folder: found "a\N{REPLACEMENT CHARACTER}b", expected the path of a folder',
+    ),
+    "text that has no bytes": (
+        lambda run: open_run("\ud800"),
+        'folder: found "\N{REPLACEMENT CHARACTER}", expected the path of a folder',
+    ),
+    "working directory as a picture": (
+        lambda run: run.figure("energy").save(Path()),
+        'file: found ".", expected the path of a file',
+    ),
+    "empty path of a grid file": (lambda run: sweep(""), 'source: found "", expected the path of'),
+    "empty path of a measured table": (
+        lambda run: fit(run.scenario, "", ["collision.k"]),
+        'measured: found "", expected the path of a file',
+    ),
     "folder of a run": (lambda run: open_run(cast("str", 5)), "folder: found 5, expected the path"),
     "folder of a grid": (
         lambda run: open_grid(cast("str", None)),

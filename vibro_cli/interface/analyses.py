@@ -16,7 +16,7 @@ from vibro_cli.analysis.orbit_branch import Branch, family_of
 from vibro_cli.analysis.orbits import Orbit, find_orbit
 from vibro_cli.assemble import build_any
 from vibro_cli.interface import Drawing
-from vibro_cli.scenario.base import Listed, checked, plain
+from vibro_cli.scenario.base import Listed, checked, checked_path, plain
 from vibro_cli.scenario.problems import shown
 from vibro_cli.scenario.quantities import Count, Quantity
 from vibro_cli.storage.folders import RESIDUALS, orbits, origin_of
@@ -220,7 +220,7 @@ def fit(
     else:
         numbers = [fits.Free.of(path) for path in checked("free", free, Listed("paths"))]
     if isinstance(measured, (str, Path)):
-        told = fits.read_measured(measured)
+        told = fits.read_measured(checked_path("measured", measured))
     else:
         told = fits.measured_of(_columns_of(measured))
     return Fit.of(fits.fit_impacts(cast("Scenario", scenario), told, numbers, noise))

@@ -320,10 +320,21 @@ def checked_path(name: str, value: Any, meaning: str = "file") -> Path:
 
     Raises ``ValueError`` as :func:`checked`.
     """
-    if isinstance(value, (str, os.PathLike)):
-        return Path(value)
+    text = os.fspath(value) if isinstance(value, os.PathLike) else value
+    if isinstance(text, str) and _can_be_a_path(text):
+        path = Path(text)
+        if path.name or meaning != "file":
+            return path
     expected = f"the path of a {meaning}, a text or a pathlib.Path"
-    raise ValueError(f"{name}: found {shown(value)}, expected {expected}")
+    raise ValueError(f"{name}: found {shown(text)}, expected {expected}")
+
+
+def _can_be_a_path(text: str) -> bool:
+    """Tell whether the system takes a text for a path, not an empty one or one with a zero byte."""
+    try:
+        return text != "" and b"\0" not in os.fsencode(text)
+    except UnicodeEncodeError:
+        return False
 
 
 def checked_page(name: str, value: Any) -> Path:
