@@ -440,6 +440,16 @@ def test_a_signal_that_python_drops_comes_again(
     [
         (OSError(errno.ENOSPC, "No space left on device", "a.parquet"), 1, "a.parquet: No space"),
         (MemoryError(), 1, "out of memory"),
+        (
+            ImportError("a.so: failed to map segment from shared object"),
+            1,
+            "vibro: out of memory\n",
+        ),
+        (
+            ImportError("a.so: failed to map segment from shared object: Operation not permitted"),
+            1,
+            "fault of the program, please report it: ImportError: a.so",
+        ),
         (NoLibrary("laws.py:71: no kernel"), 1, "vibro: laws.py:71: no kernel\n"),
         (NotRecalled("it ends elsewhere"), 1, "vibro: it ends elsewhere\n"),
         (FolderRefused("b is no run"), 2, "vibro: b is no run\n"),

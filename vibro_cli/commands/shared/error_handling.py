@@ -7,6 +7,7 @@ suggestion.
 
 import contextlib
 import errno
+import os
 import re
 import signal
 import sys
@@ -86,8 +87,6 @@ def attempt(task: Task) -> int:
         return error.exit_code
     except OSError as error:
         say(f"vibro: {reason(error)}", "error")
-    except MemoryError:
-        say("vibro: out of memory", "error")
     except VibroError as error:
         first, *others = error.lines
         say([f"vibro: {first}", *others], "error")
@@ -96,8 +95,16 @@ def attempt(task: Task) -> int:
         end = _signalled(fault)
         if end is not None:
             raise end from None
-        say(*_report_fault(fault))
+        say(*(("vibro: out of memory", "error") if _no_memory(fault) else _report_fault(fault)))
     return FAILED
+
+
+def _no_memory(fault: Exception) -> bool:
+    """Tell whether memory ran out, also for a library, which the loader then cannot map."""
+    ends = ("failed to map segment from shared object", os.strerror(errno.ENOMEM))
+    return isinstance(fault, MemoryError) or (
+        isinstance(fault, ImportError) and str(fault).endswith(ends)
+    )
 
 
 def _signalled(fault: BaseException) -> BaseException | None:
