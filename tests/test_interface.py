@@ -399,6 +399,11 @@ WRONG: dict[str, tuple[Callable[[Run], object], str]] = {
     ),
     "columns": (lambda run: run.section("t"), 'columns: found "t", expected a list of columns'),
     "shape": (lambda run: run.sample([[1, 2], [3, 4]]), r"times: found an array of shape \(2, 2\)"),
+    "masked": (lambda run: run.sample(np.ma.masked), "times: found a masked value, expected num"),
+    "one masked": (
+        lambda run: run.sample(np.ma.masked_equal([0.5, 1.0], 1.0)),
+        "times: found a masked value, expected numbers",
+    ),
     "inf": (lambda run: run.sample([np.inf], extrapolate=True), "t = inf s .*expected a finite"),
     "figures": (lambda run: run.save("f", figures="portrait"), 'found "portrait", expected a list'),
     "changes": (lambda run: run.scenario.replace(cast("Any", [1])), "changes: found a list of 1"),

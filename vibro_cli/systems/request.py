@@ -41,6 +41,8 @@ def within_run(times: Any, end: float, extrapolate: bool) -> Instants:
     extrapolated; for an array of several dimensions, or of what are no real numbers.
     """
     given = np.asarray(times)
+    if np.ma.is_masked(times):
+        raise ValueError("times: found a masked value, expected numbers (s)")
     if given.dtype.kind in "bcSUmM":
         raise ValueError(f"times: found {given.dtype}, expected numbers (s)")
     try:
