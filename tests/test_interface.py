@@ -540,6 +540,33 @@ WRONG: dict[str, tuple[Callable[[Run], object], str]] = {
 }
 
 
+@pytest.mark.parametrize("found", ["no", "", 0, 1, 1.0, None, [], np.array([True, False])])
+@pytest.mark.parametrize(
+    ("use", "name"),
+    [
+        (lambda run, flag: run.save("f", False, flag), "force"),
+        (lambda run, flag: run.sample([99.0], extrapolate=flag), "extrapolate"),
+        (lambda run, flag: sweep(run.scenario, {"stop.time": [1]}, "f", force=flag), "force"),
+    ],
+)
+def test_a_flag_is_true_or_false(
+    run: Run, use: Callable[[Run, Any], object], name: str, found: Any, tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(TypeError, match=rf"^{name}: found .*, expected true or false$"):
+        use(run, found)
+    assert not [*tmp_path.iterdir()]
+    use(run, np.True_)
+
+
+def test_whether_figures_are_saved_may_be_said_by_numpy(run: Run, tmp_path: Path) -> None:
+    for said in (True, np.True_, False, np.False_):
+        assert [*run.save(tmp_path / "f", cast("bool", said), True).glob("*.png")] == [
+            *run.save(tmp_path / "f", bool(said), True).glob("*.png")
+        ]
+
+
 @pytest.mark.parametrize("found", [None, 5, "mine.toml", example("three_arcs"), np.array(0.5)])
 def test_what_is_no_list_of_scenarios_is_told(found: Any) -> None:
     with pytest.raises(TypeError, match=r"scenarios: found .*, expected a list of scenarios"):

@@ -26,7 +26,7 @@ from vibro_cli.scenario.base import (
     plain,
 )
 from vibro_cli.scenario.loading import Document
-from vibro_cli.scenario.quantities import Count, Dictionary
+from vibro_cli.scenario.quantities import FLAG, Count, Dictionary
 from vibro_cli.storage.frame import Table
 from vibro_cli.storage.stored import open_grid as open_stored_grid
 
@@ -279,7 +279,7 @@ def sweep(
     TypeError
         For axes and the like beside a grid file.
     """
-    workers = checked("workers", workers, Count(0))
+    workers, force = checked("workers", workers, Count(0)), checked("force", force, FLAG)
     grid = _grid_of(source, axes=axes, mode=mode, collisions=collisions, **design)
     temporary = None
     if folder is None:

@@ -13,8 +13,15 @@ from typing import TYPE_CHECKING
 from vibro_cli import api
 from vibro_cli.grids.dataset import verify as verify_folder
 from vibro_cli.interface import Drawing, figures_of, nothing_shown
-from vibro_cli.scenario.base import Texts, check_scenarios, checked, checked_page, checked_path
-from vibro_cli.scenario.quantities import Count, Dictionary, Quantity
+from vibro_cli.scenario.base import (
+    Texts,
+    check_scenarios,
+    checked,
+    checked_page,
+    checked_path,
+    plain,
+)
+from vibro_cli.scenario.quantities import FLAG, Count, Dictionary, Quantity
 from vibro_cli.storage import folders
 from vibro_cli.storage.files import available_cores, manifest_of, write_file
 from vibro_cli.storage.frame import Table
@@ -158,6 +165,7 @@ class Run:
         """
         import numpy as np
 
+        extrapolate = checked("extrapolate", extrapolate, FLAG)
         columns = self.stored.sample(np.atleast_1d(times), side, extrapolate)
         return Table("motion", folders.arrow_table("motion", columns, self.scenario))
 
@@ -214,6 +222,7 @@ class Run:
 
         folder = Path("outputs") / self.name if folder is None else folder
         target = checked_path("folder", folder, "folder")
+        force, figures = checked("force", force, FLAG), plain(figures)
         are_named = not isinstance(figures, bool)
         if isinstance(figures, bool):
             figures = self._kind.default_figures if figures else ()

@@ -307,12 +307,14 @@ def check_scenarios(found: object) -> None:
 def checked(name: str, value: Any, kind: kinds.Kind | Listed) -> Any:
     """Return an argument of a function as its kind reads it.
 
-    Raises ``ValueError`` with the argument's name, what was found and what was expected.
+    Raises ``ValueError``, of what is to be true or false ``TypeError``, with the argument's name,
+    what was found and what was expected.
     """
     try:
         return kind.read(plain(value))
     except PydanticCustomError as error:
-        raise ValueError(f"{name}: {error.message()}") from None
+        wrong = TypeError if isinstance(kind, kinds.Flag) else ValueError
+        raise wrong(f"{name}: {error.message()}") from None
 
 
 def checked_path(name: str, value: Any, meaning: str = "file") -> Path:
