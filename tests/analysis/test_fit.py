@@ -146,7 +146,18 @@ def _as_pandas(table: Any) -> pd.DataFrame:
     return pd.DataFrame(dict(table))
 
 
-@pytest.mark.parametrize("as_table", [lambda table: table, pl.DataFrame, _as_pandas, pa.table])
+def _as_batch(table: Any) -> pa.RecordBatch:
+    return pa.table(table).to_batches()[0]
+
+
+def _as_arrow_columns(table: Any) -> dict[str, pa.Array]:
+    return {name: _as_batch(table)[name] for name in ("t", "ball_a", "ball_b")}
+
+
+@pytest.mark.parametrize(
+    "as_table",
+    [lambda table: table, pl.DataFrame, _as_pandas, pa.table, _as_batch, _as_arrow_columns],
+)
 def test_the_table_of_a_run_is_fitted_as_it_is(as_table: Any) -> None:
     collisions = simulate(_circle(30)).collisions
     start = _circle().replace({"collision.k": 0.88, "balls[2].mass": 2.9})
@@ -156,6 +167,19 @@ def test_the_table_of_a_run_is_fitted_as_it_is(as_table: Any) -> None:
     assert re.fullmatch(
         r"<Fit \w+: collision\.k = \S+ ± \S+, balls\[2\]\.mass = \S+ ± \S+>", repr(found)
     )
+
+
+@pytest.mark.parametrize("as_column", [pa.array, lambda t: pa.chunked_array([t[:9], t[9:]])])
+def test_instants_alone_may_be_of_arrow(as_column: Any) -> None:
+    t = simulate(_circle(30)).collisions["t"]
+    start = _circle().replace({"collision.k": 0.88, "balls[2].mass": 2.9})
+    found = fit(start, as_column(t), PATHS)
+    np.testing.assert_array_equal(found.values, fit(start, t, PATHS).values)
+
+
+def test_one_number_is_no_column_of_instants() -> None:
+    with pytest.raises(NotMeasured, match=r"t: found array\(1\.\), expected a column of numbers"):
+        fit(_circle(), np.array(1.0), PATHS)
 
 
 def test_bodies_are_those_of_the_impacts_that_were_measured_in_either_order() -> None:

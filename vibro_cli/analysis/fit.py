@@ -137,7 +137,8 @@ def _is_number(value: Any) -> bool:
 def _numbers(columns: Mapping[str, Any], name: str) -> Floats:
     found = []
     column = columns[name]
-    if isinstance(column, (str, bytes)) or not hasattr(column, "__iter__"):
+    no_rows = not hasattr(column, "__iter__") or getattr(column, "shape", None) == ()
+    if isinstance(column, (str, bytes)) or no_rows:
         raise NotMeasured(f"{name}: found {column!r}, expected a column of numbers")
     for row, value in enumerate(column, 1):
         if not _is_number(value) or not abs(value) <= sys.float_info.max:

@@ -236,12 +236,19 @@ def _ends(path: str, bounds: Any) -> tuple[Any, Any]:
 
 def _columns_of(measured: Any) -> Mapping[str, Any]:
     """The columns of a mapping, a table or a frame by their names; instants alone as ``t``."""
+    if isinstance(measured, pa.RecordBatch):
+        measured = pa.Table.from_batches([measured])
     if isinstance(measured, pa.Table):
         measured = Table("measured", measured)
     if getattr(measured, "ndim", None) == 1:  # also a series of pandas, whose keys are its rows
         return {"t": measured}
     names = measured.keys() if hasattr(measured, "keys") else getattr(measured, "columns", None)
-    return {"t": measured} if names is None else {name: measured[name] for name in names}
+    found = {"t": measured} if names is None else {name: measured[name] for name in names}
+    arrow = (pa.Array, pa.ChunkedArray)  # whose entries are no numbers of Python
+    return {
+        name: column.to_pylist() if isinstance(column, arrow) else column
+        for name, column in found.items()
+    }
 
 
 def orbit_table(found: Orbit | Branch, scenario: Scenario) -> Table:
