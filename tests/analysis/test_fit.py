@@ -436,8 +436,11 @@ def test_the_command_tells_what_is_wrong(
     damaged = bytearray((tmp_path / "damaged.parquet").read_bytes())
     damaged[damaged.index(struct.pack("<d", 2.0))] ^= 1
     (tmp_path / "damaged.parquet").write_bytes(damaged)
+    cut = (tmp_path / "damaged.parquet").read_bytes()
+    (tmp_path / "cut.parquet").write_bytes(cut[:4] + bytes([255] * 20) + cut[24:])
     free = ["--free", "collision.k"]
     for arguments, words in (
+        (["cut.parquet", *free], "cut.parquet: cannot be read: Couldn't deserialize thrift"),
         (["damaged.parquet", *free], "damaged.parquet: cannot be read: could not verify page"),
         (["bad.csv", *free], "bad.csv: row 1: t: found 'soon'"),
         (["later.csv", *free], "later.csv: row 3: t: found 'soon'"),

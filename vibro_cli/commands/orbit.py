@@ -291,8 +291,8 @@ def _measured(file: Path) -> Measured:
     try:
         return read_measured(file)
     except OSError as error:
-        text = f"vibro: {file}: cannot be read: {error.strerror or error}"
-        raise CommandError(text) from error
+        text = " ".join(str(error.strerror or error).split())
+        raise CommandError(f"vibro: {file}: cannot be read: {text}") from error
 
 
 def parsed_free(texts: Sequence[str]) -> list[Free]:
