@@ -155,6 +155,17 @@ def test_figures_do_not_depend_on_the_backend_of_the_user(
     assert files == {file.name: file.read_bytes() for file in (tmp_path / "other").iterdir()}
 
 
+def test_a_home_folder_that_cannot_be_written_is_no_matter(folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    outcome = call(
+        folder, "portrait", "small.toml", "-o", str(tmp_path / "drawn"), "--log-format", "json",
+        HOME=str(tmp_path / "file"), MPLCONFIGDIR="", XDG_CONFIG_HOME="", XDG_CACHE_HOME="",
+    )  # fmt: skip
+    assert outcome.returncode == 0
+    lines = [json.loads(line)["message"] for line in outcome.stderr.splitlines()]
+    assert lines == [f"small: files in {tmp_path / 'drawn'}"]
+
+
 def completions(words: str, **changes: str) -> list[str]:
     """What bash would offer at the end of a command line."""
     count = str(len(words.split(" ")) - 1)

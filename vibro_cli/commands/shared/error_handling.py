@@ -7,6 +7,7 @@ suggestion.
 
 import contextlib
 import errno
+import logging
 import os
 import re
 import signal
@@ -125,6 +126,7 @@ def perform(parse: Callable[[], Task], log_format: str) -> int:
     choose_words(as_json=log_format == "json", least="info")
     prepare_streams()
     warnings.showwarning = _say_warning
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)  # it would say where its cache is
     try:
         return attempt(lambda: _done(parse()))
     except BrokenPipeError:  # whoever read our results has enough of them
