@@ -93,6 +93,25 @@ def test_what_cannot_be_flushed_is_named(
     assert str(failure.value.filename).startswith(str(tmp_path))
 
 
+def test_a_folder_that_can_only_be_written_to_takes_files_and_folders(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As one of mode 733 does from others than its owner."""
+    opened = os.open
+
+    def refuse(path: Path, *more: Any) -> int:
+        if Path(path) == tmp_path:
+            raise PermissionError(13, "Permission denied")
+        return opened(path, *more)
+
+    monkeypatch.setattr(os, "open", refuse)
+    write_file(tmp_path / "file", b"whole")
+    with new_folder(tmp_path / "folder", allow) as folder:
+        folder.write("inner", b"whole")
+    assert (tmp_path / "file").read_bytes() == b"whole"
+    assert entries(tmp_path / "folder") == ["inner"]
+
+
 def test_what_is_no_regular_file_is_not_replaced(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "a")
     (tmp_path / "b").symlink_to("a")

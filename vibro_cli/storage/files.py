@@ -124,9 +124,12 @@ def _address(content: memoryview) -> int:
 
 
 def flush_folder(path: Path) -> None:
-    """Wait until the entries of a folder are on the disk."""
+    """Wait until the entries of a folder are on the disk, if it can be read."""
     with _errors_name(path):
-        handle = os.open(path, os.O_RDONLY)
+        try:
+            handle = os.open(path, os.O_RDONLY)
+        except PermissionError:  # a folder that is only written to, where all is written by now
+            return
         try:
             os.fsync(handle)
         finally:
