@@ -168,6 +168,10 @@ def test_names_that_are_no_files_are_helped_with(vibro: Vibro, scenario: Path) -
     assert vibro("check", "smal.toml").err == (
         "smal.toml: cannot be read: No such file or directory (did you mean 'small.toml'?)\n"
     )
+    Path("gone.toml").symlink_to("nowhere.toml")
+    assert (
+        vibro("check", "gone.toml").err == "gone.toml: cannot be read: No such file or directory\n"
+    )
     assert "(vibro new three_arcs writes the three_arcs of the gallery)" in (
         vibro("run", "three_arcs").err
     )

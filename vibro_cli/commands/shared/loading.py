@@ -63,7 +63,7 @@ def _file_meant(source: str) -> str:
     if name in (*names(), *grid_names()):
         return f" (vibro new {name} writes the {name} of the gallery, vibro new --all all of it)"
     beside = scenario_files(str(Path(source).parent / "_")[:-1])
-    stems = {Path(name).stem: name for name in beside if not name.endswith("/")}
+    stems = {Path(name).stem: name for name in beside if Path(name).is_file()}
     close = similar(name, stems)
     return "" if close is None else f" (did you mean {stems[close]!r}?)"
 
