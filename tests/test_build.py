@@ -6,17 +6,20 @@ A file `name.toml` of tests/impossible_scenarios has its errors in `name.toml.ex
 from __future__ import annotations
 
 import math
-from itertools import pairwise
+import re
+from itertools import combinations, pairwise
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from tests.effort import calls
-from vibro_cli.assemble import build_system
+from vibro_cli.assemble import Problems, body_of, build_system, check_gaps, trace_of
 from vibro_cli.mechanics.initial_conditions import gap
 from vibro_cli.mechanics.system import InitialState, Wall, mechanics_warnings
 from vibro_cli.scenario import ScenarioError, load_scenario
+from vibro_cli.scenario.loading import scenario_of
 from vibro_cli.stress.scenes import system_of
 
 FOLDER = Path(__file__).parent / "impossible_scenarios"
@@ -151,6 +154,39 @@ def test_the_seam_of_a_circle_counts_for_warnings() -> None:
     balls = [ball(angle=-1.0 + n, radius=radius) for n, radius in enumerate(radii)]
     assert len(mechanics_warnings(system_of(scenario(*balls, trace=trace)))) == 1
     assert not mechanics_warnings(system_of(scenario(*balls[:3], trace=trace)))
+
+
+def bodies_through_gap(radii: list[float], degrees: float) -> list[tuple[int, int]]:
+    """Pairs of bodies that are told to touch through the gap of one arc."""
+    slope = math.radians(0.5 * degrees)
+    arcs = [{"shape": "valley", "radius": 1.0, "end_slope": slope}]
+    balls = (ball(radius=radius, angle=0.0) for radius in radii)
+    read = scenario_of(scenario(*balls, trace={"start_slope": -slope, "arcs": arcs}))
+    problems = Problems(read)
+    check_gaps(trace_of(read), tuple(map(body_of, read.balls)), problems)
+    numbers = [
+        re.findall("bodies ([0-9]+) and ([0-9]+)", one.expected)[0] for one in problems.found
+    ]
+    return [(int(a) - 1, int(b) - 1) for a, b in numbers]
+
+
+def test_a_gap_is_told_of_every_two_sizes_that_touch_through_it() -> None:
+    random = np.random.default_rng(5)
+    for _ in range(100):
+        radii = random.choice([0.1, 0.15, 0.2, 0.3], 6).tolist()
+        degrees = random.uniform(310.0, 358.0)
+        touching = {
+            frozenset((a, b))
+            for a, b in combinations(radii, 2)
+            if 2.0 * math.asin(math.sqrt(a * b / ((1.0 - a) * (1.0 - b))))
+            > math.radians(360.0 - degrees)
+        }
+        told = bodies_through_gap(radii, degrees)
+        assert {frozenset((radii[a], radii[b])) for a, b in told} == touching
+
+
+def test_a_gap_is_told_of_two_bodies_of_each_size_at_most() -> None:
+    assert bodies_through_gap([0.1] * 50, 358.0) == [(0, 1)]
 
 
 def test_building_is_quick() -> None:

@@ -253,16 +253,16 @@ def check_fit(
 
 def check_gaps(trace: Trace, bodies: tuple[Body, ...], problems: Problems) -> None:
     """Check that no arc is so nearly a full turn that bodies touch through its gap."""
-    known: dict[tuple[float, float], list[Piece]] = {}
-    # Many bodies are mostly of a few sizes; arrays of them are not compared.
-    by_radii = all(elementwise.is_number(body.radius) for body in bodies)
-    for a, b in combinations(range(len(bodies)), 2):
-        radii = bodies[a].radius, bodies[b].radius
-        pair = radii if by_radii else (a, b)
-        if pair not in known:
-            joined = reachability.joined_behind(trace, *radii)
-            known[pair] = problems.refused(trace.pieces, joined)
-        for piece in known[pair]:
+    checked = list(range(len(bodies)))
+    if all(elementwise.is_number(body.radius) for body in bodies):  # arrays are not compared
+        of_size: dict[float, list[int]] = {}
+        for index in checked:
+            of_size.setdefault(bodies[index].radius, []).append(index)
+        # Two bodies of each size stand for all of that size.
+        checked = sorted(index for alike in of_size.values() for index in alike[:2])
+    for a, b in combinations(checked, 2):
+        joined = reachability.joined_behind(trace, bodies[a].radius, bodies[b].radius)
+        for piece in problems.refused(trace.pieces, joined):
             expected = f"one on which bodies {a + 1} and {b + 1} cannot touch through its gap"
             problems.add(f"trace.arcs[{piece.index + 1}].end_slope", _arc(piece), expected)
 
