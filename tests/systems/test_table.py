@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from itertools import combinations
 from typing import Any, cast
 
 import numpy as np
@@ -12,12 +13,13 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from tests.effort import calls
 from tests.highprecision import table as twin
 from tests.systems.table_cases import Document, ball, box, ellipse, particle, solve, table
 from vibro_cli.kernels.impact.laws import LAW_NAMES
 from vibro_cli.scenario import ScenarioError, any_scenario_of
 from vibro_cli.systems.run import Run
-from vibro_cli.systems.table.system import ELLIPSE, Wall, distance_to_wall
+from vibro_cli.systems.table.system import ELLIPSE, Wall, distance_to_wall, wrong_with_polygon
 from vibro_cli.systems.table.tables import Bounces
 from vibro_cli.systems.tables import Bodies
 
@@ -499,6 +501,52 @@ def test_two_sides_of_a_room_may_lie_in_one_line() -> None:
     for meeting in (touching, crossing):
         with pytest.raises(ScenarioError, match="that meet"):
             solve(table([ball(0.5, 0.2)], polygon(meeting, 1.0), time=1.0))
+
+
+def sides_meet(corners: list[complex], one: int, other: int) -> bool:
+    """Whether two sides of corners x + iy, whole numbers, have more in common than a corner."""
+    count = len(corners)
+    p, q, r, s = (corners[n % count] for n in (one, one + 1, other, other + 1))
+    if (other - one) % count in (1, count - 1):
+        common, before, after = (q, p, s) if q == r else (p, q, r)
+        product = (before - common).conjugate() * (after - common)
+        return product.imag == 0.0 and product.real > 0.0
+    across = ((q - p).conjugate() * (s - r)).imag
+    if across != 0.0:
+        shares = [((r - p).conjugate() * way).imag for way in (s - r, q - p)]
+        return all(0.0 <= share * across <= across * across for share in shares)
+    ends = [(end, *side) for side, other in (((p, q), (r, s)), ((r, s), (p, q))) for end in other]
+    products = [(start - end).conjugate() * (stop - end) for end, start, stop in ends]
+    return any(product.imag == 0.0 and product.real <= 0.0 for product in products)
+
+
+def test_the_first_two_sides_that_meet_are_told_of() -> None:
+    """Against all pairs, solved as linear equations in whole numbers."""
+    random = np.random.default_rng(7)
+    sound = 0
+    for _ in range(2000):
+        points = random.integers(0, 8, (int(random.integers(3, 8)), 2)).astype(float)
+        corners = [complex(x, y) for x, y in points]
+        if any(a == b for a, b in zip(corners, corners[1:] + corners[:1], strict=True)):
+            continue
+        pairs = combinations(range(len(corners)), 2)
+        meeting = [f"sides {a + 1} and {b + 1} that meet" for a, b in pairs
+                   if sides_meet(corners, a, b)]  # fmt: skip
+        told = wrong_with_polygon(tuple((x, y) for x, y in points.tolist()))
+        assert told == (meeting[0] if meeting else "")
+        sound += not meeting
+    assert 200 < sound < 1800
+
+
+def test_polygons_of_many_corners_are_checked_in_reasonable_time() -> None:
+    """Every side with those beside it only: twice the work for twice the corners."""
+
+    def check(count: int) -> int:
+        turns = [math.tau * (n + 0.3) / count for n in range(count)]
+        corners = tuple((math.cos(turn), math.sin(turn)) for turn in turns)
+        return calls(lambda: wrong_with_polygon(corners))
+
+    assert check(200) < 2.5 * check(100)
 
 
 def test_an_angled_room_is_left_by_no_corner() -> None:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import combinations
 from typing import Any
 
 from vibro_cli.kernels.numerics.constants import NEVER
@@ -294,11 +293,23 @@ def wrong_with_polygon(corners: tuple[Point, ...]) -> str:
     for number, (start, end) in enumerate(sides, 1):
         if start == end:
             return f"corners {number} and {number % count + 1} at one place"
-    for first, second in combinations(range(count), 2):
-        neighbours = second == first + 1 or (first == 0 and second == count - 1)
-        if _meet(sides[first], sides[second], neighbours):
-            return f"sides {first + 1} and {second + 1} that meet"
-    return ""
+    met = min(_meeting(sides), default=None)
+    return "" if met is None else f"sides {met[0] + 1} and {met[1] + 1} that meet"
+
+
+def _meeting(sides: Sequence[tuple[Point, Point]]) -> Iterator[tuple[int, int]]:
+    """Pairs of sides that meet, of those that overlap along x."""
+    left = [min(start[0], end[0]) for start, end in sides]
+    order = sorted(range(len(sides)), key=left.__getitem__)
+    for at, one in enumerate(order):
+        right = max(sides[one][0][0], sides[one][1][0])
+        for other in map(order.__getitem__, range(at + 1, len(order))):
+            if left[other] > right:
+                break  # nor do those that are farther along x
+            first, second = min(one, other), max(one, other)
+            neighbours = second - first in (1, len(sides) - 1)
+            if _meet(sides[first], sides[second], neighbours):
+                yield first, second
 
 
 def _meet(one: tuple[Point, Point], other: tuple[Point, Point], neighbours: bool) -> bool:
