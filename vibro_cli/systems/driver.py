@@ -329,7 +329,7 @@ def compiled_world(
             arrays[name] = engine.compiled_rows(values, cls)
         else:  # plain numbers
             kind = np.float64 if len(values) and isinstance(values[0], float) else np.int64
-            arrays[name] = np.array(values, dtype=kind)
+            arrays[name] = np.asarray(values, dtype=kind)
     return type(world)(**arrays)
 
 

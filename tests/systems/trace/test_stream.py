@@ -10,8 +10,11 @@ import numpy as np
 import pytest
 
 from vibro_cli.api import load_scenario, recalled, simulate, simulate_streamed
+from vibro_cli.assemble import build_system
+from vibro_cli.mechanics.reachability import reach
 from vibro_cli.scenario import load_any
 from vibro_cli.systems import driver, system_named
+from vibro_cli.systems.trace.world import make_world
 
 GALLERY = Path(__file__).parents[3] / "scenarios"
 HARD = Path(__file__).parents[2] / "hard_cases"
@@ -150,3 +153,25 @@ def test_an_interrupted_run_is_the_beginning_of_the_whole(
     again = recalled(scenario, run.checkpoint())
     assert_same(again.collisions, begun)
     assert again.summary_record() == record
+
+
+@pytest.mark.parametrize("engine", ["compiled", "python"])
+def test_where_bodies_can_never_meet_is_asked_for_the_solver_alone(
+    engine: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Once for each pair of neighbours; the tables, which do not need it, leave its room empty."""
+    scenario = load_scenario(GALLERY / "three_arcs.toml")
+    system = build_system(scenario)
+    far = np.array(reach(system.trace, *system.bodies))
+    assert far.any()
+    assert np.array_equal(make_world(system).far, far)
+    assert not np.any(make_world(system, far_apart=False).far)
+    asked = []
+
+    def counted(*given: Any) -> Any:
+        asked.append(given)
+        return reach(*given)
+
+    monkeypatch.setattr("vibro_cli.systems.trace.world.reach", counted)
+    simulate_streamed(scenario.replace({"stop.collisions": 3}), lambda *_: None, engine)
+    assert asked == [(system.trace, *system.bodies)]

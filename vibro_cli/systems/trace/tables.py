@@ -306,7 +306,7 @@ class Tables:
     def __init__(
         self, system: TraceSystem, wanted: OutputRequest, names: Collection[str], sink: Sink
     ) -> None:
-        self._world = make_world(system)
+        self._world = make_world(system, far_apart=False)
         self._places = Places(system)
         self._system = system
         self._sink = sink

@@ -7,6 +7,10 @@ in numbers only are made into a stack (``kernels.ensemble.points``).
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
 
 from vibro_cli.kernels.flow.flight import NOWHERE
 from vibro_cli.kernels.impact.laws import LAW_NAMES
@@ -223,7 +227,7 @@ def make_world(system: TraceSystem, limits: Limits = NO_LIMITS, far_apart: bool 
         or [PairData()],
         contacts=[_pair_track(piece, *pair) for pair in neighbours for piece in system.trace.pieces]
         or [PairTrack()],
-        far=[row for pair in neighbours for row in _far(system.trace, pair, far_apart)] or [[0]],
+        far=_far(system.trace, neighbours if far_apart else [], len(pairs)),
         flights=[initial_flight(system, number) for number in range(len(system.bodies))],
         forces=[BodyForces() for _ in range(len(system.bodies) + 1)],
         impacts=[ImpactRow()],
@@ -236,11 +240,16 @@ def make_world(system: TraceSystem, limits: Limits = NO_LIMITS, far_apart: bool 
     return world
 
 
-def _far(trace: Trace, pair: tuple[Body, Body], far_apart: bool) -> list[list[int]]:
-    """Whether (1) two bodies, each on a piece, can never meet; not asked without `far_apart`."""
-    if not far_apart:
-        return [[0] * len(trace.pieces) for _ in trace.pieces]
-    return [list(row) for row in reach(trace, *pair)]
+def _far(trace: Trace, asked: Sequence[tuple[Body, Body]], pairs: int) -> Any:
+    """Whether (1) two bodies, each on a piece, can never meet: of the pairs that are asked about.
+
+    An array, of which zeros take no memory: it has as many numbers as there are pairs of pieces.
+    """
+    count = len(trace.pieces)
+    far = np.zeros((max(pairs, 1), count, count), dtype=np.int64)
+    for rows, pair in zip(far, asked, strict=False):
+        rows[:] = reach(trace, *pair)
+    return far.reshape(-1, count)
 
 
 def _clock() -> Clock:
