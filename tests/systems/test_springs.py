@@ -17,7 +17,7 @@ from vibro_cli.kernels.impact.laws import LAW_NAMES
 from vibro_cli.mechanics.system import Body
 from vibro_cli.scenario import any_scenario_of
 from vibro_cli.systems.springs.build import build
-from vibro_cli.systems.springs.phase_plane import spring_periods
+from vibro_cli.systems.springs.phase_plane import SpringsLandscape, spring_periods
 from vibro_cli.systems.springs.portrait import springs_trajectory
 from vibro_cli.systems.springs.scenario import SpringsScenario
 from vibro_cli.systems.springs.system import Spring, separatrix_speed, singular_points
@@ -693,3 +693,14 @@ def test_energy_is_kept_until_an_impact_takes_it() -> None:
     record = solve(document).summary_record()
     assert record["collisions"] == 0
     assert abs(record["energy_drift"]) <= 1e-14
+
+
+@pytest.mark.parametrize("length", [-60, -20, 40])
+def test_places_without_force_are_as_exact_in_any_unit_of_length(length: int) -> None:
+    def places(power: int) -> list[float]:
+        far, near = math.ldexp(5.0, power), math.ldexp(1.0, power)
+        pair = Spring(6.0, far, near, 0.0), Spring(9.0, far, 1.5 * near, 3.0 * near)
+        return [float(q) for q in SpringsLandscape(pair, (0.0, -2.3 * near), 2.0).level_places]
+
+    assert len(places(0)) == 3
+    assert places(length) == [math.ldexp(place, length) for place in places(0)]

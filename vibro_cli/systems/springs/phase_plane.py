@@ -141,11 +141,12 @@ class SpringsLandscape:
 
         # To the left of all that each spring has alone every one of them pulls to the right.
         low, high = min(map(min, own)), max(map(max, own))
-        room = 1e-9 * (abs(low) + abs(high) + self.springs[0].height)
+        size = abs(low) + abs(high) + self.springs[0].height
+        room, least = 1e-9 * size, 1e-16 * size
         grid = np.linspace(low - room, high + room, _SCANNED + 1)
         force = np.array([self.slope(place) for place in grid.tolist()])
         changes = np.flatnonzero((force[1:] > 0.0) != (force[:-1] > 0.0))
-        return np.array([brentq(self.slope, grid[n], grid[n + 1], xtol=1e-15) for n in changes])
+        return np.array([brentq(self.slope, grid[n], grid[n + 1], xtol=least) for n in changes])
 
     @property
     def crests(self) -> Array:
