@@ -405,7 +405,8 @@ def check_walls(
         state = states[index]
         if state is None or state.piece != piece.index:
             continue
-        if problems.refuse(initial_conditions.reaches_into_wall(state.position, touch, at_right)):
+        within = initial_conditions.reaches_into_wall(piece, state.position, touch, at_right)
+        if problems.refuse(within):
             found = f"body {index + 1} reaching into the {side} wall"
             expected = f"a place free of it: {touch!r} or further {'left' if at_right else 'right'}"
             problems.add(_path_of_place(scenario, index), found, expected)

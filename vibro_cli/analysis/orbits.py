@@ -242,7 +242,7 @@ def admitted(system: TraceSystem, state: Floats) -> TraceSystem:
         if end is None or start.piece != piece.index:
             continue
         touch = initial_conditions.wall_position(piece, bodies[body].radius, right)
-        if initial_conditions.reaches_into_wall(start.position, touch, right):
+        if initial_conditions.reaches_into_wall(piece, start.position, touch, right):
             raise NoOrbit(f"body {body + 1} would start in a wall")
     return found
 

@@ -215,10 +215,11 @@ def wall_position(piece: Piece, radius: float, right: bool) -> float:
     return elementwise.choose(on_piece, place, math.nan)  # type: ignore[no-any-return]
 
 
-def reaches_into_wall(position: float, touch: float, right: bool) -> Any:
+def reaches_into_wall(piece: Piece, position: float, touch: float, right: bool) -> Any:
     """Tell whether a body on an end piece starts beyond where it touches its wall."""
     beyond = position - touch if right else touch - position
-    return beyond > 1e-15 * elementwise.greatest(1.0, abs(touch))
+    size = piece.angle_end if piece.is_line else elementwise.greatest(1.0, abs(touch))
+    return beyond > 1e-15 * size
 
 
 def reaches_over(trace: Trace, bodies: Sequence[Body], right: bool) -> Any:

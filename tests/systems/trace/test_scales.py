@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.gallery import hard_case
-from vibro_cli import Scenario, simulate
+from vibro_cli import Scenario, ScenarioError, simulate
 from vibro_cli.stress.drawing import draw
 
 # Powers of length and time in the numbers of a scenario; masses stay.
@@ -78,3 +78,17 @@ def assert_alike(data: dict[str, Any], length: int, time: int) -> None:
     events, of_other = run.tables["events"], other.tables["events"]
     assert list(of_other["event"]) == list(events["event"])
     np.testing.assert_array_equal(of_other["t"], np.ldexp(events["t"], time))
+
+
+# A body with half of its radius in the wall, on a line of 2 m and of 4e-16 m.
+@pytest.mark.parametrize("length", [0, -52])
+def test_a_body_in_a_wall_is_refused_at_any_size(length: int) -> None:
+    data = {
+        "gravity": 9.81,
+        "trace": {"start_slope": 0.0, "arcs": [{"shape": "line", "length": 2.0}]},
+        "ends": {"left": {"wall": 0.9}},
+        "balls": [{"arc": 1, "position": 0.05, "radius": 0.1, "mass": 1.0, "speed": 0.1}],
+        "stop": {"time": 1.0},
+    }
+    with pytest.raises(ScenarioError, match="reaching into the left wall"):
+        simulate(Scenario.from_dict(scaled(data, length, 0)))
