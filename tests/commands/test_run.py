@@ -440,6 +440,7 @@ def test_a_signal_that_python_drops_comes_again(
     [
         (OSError(errno.ENOSPC, "No space left on device", "a.parquet"), 1, "a.parquet: No space"),
         (MemoryError(), 1, "out of memory"),
+        (RuntimeError("can't start new thread"), 1, "vibro: no thread can be started: the limit"),
         (
             ImportError("a.so: failed to map segment from shared object"),
             1,

@@ -96,16 +96,22 @@ def attempt(task: Task) -> int:
         end = _signalled(fault)
         if end is not None:
             raise end from None
-        say(*(("vibro: out of memory", "error") if _no_memory(fault) else _report_fault(fault)))
+        lack = _lack(fault)
+        say(*((f"vibro: {lack}", "error") if lack else _report_fault(fault)))
     return FAILED
 
 
-def _no_memory(fault: Exception) -> bool:
-    """Tell whether memory ran out, also for a library, which the loader then cannot map."""
+def _lack(fault: Exception) -> str:
+    """What the system has no more of, empty for other faults; Python and arrow say it in words."""
     ends = ("failed to map segment from shared object", os.strerror(errno.ENOMEM))
-    return isinstance(fault, MemoryError) or (
+    if isinstance(fault, MemoryError) or (
         isinstance(fault, ImportError) and str(fault).endswith(ends)
-    )
+    ):
+        return "out of memory"
+    threads = ("can't start new thread", "Failed to launch worker thread")
+    if any(words in str(fault) for words in threads):
+        return "no thread can be started: the limit of processes is reached (ulimit -u)"
+    return ""
 
 
 def _signalled(fault: BaseException) -> BaseException | None:
