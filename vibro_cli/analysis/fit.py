@@ -74,7 +74,8 @@ def read_measured(file: str | Path) -> Measured:
     try:
         table = read_table(path)
     except pa.ArrowException as error:
-        raise NotMeasured(f"{path}: cannot be read as a table: {error}") from error
+        why = " ".join(str(error).split())
+        raise NotMeasured(f"{path}: cannot be read as a table: {why}") from error
     read = cell if path.suffix.lower() == ".csv" else lambda value: value
     try:
         return measured_of(
