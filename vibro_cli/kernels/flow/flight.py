@@ -4,7 +4,14 @@ from __future__ import annotations
 
 import math
 
-from vibro_cli.compile.kernel import SERIES_LENGTH, kernel, select
+from vibro_cli.compile.kernel import (
+    SERIES_LENGTH,
+    any_lane,
+    kernel,
+    mask_and,
+    mask_not,
+    select,
+)
 from vibro_cli.kernels.flow.flow import LINE, flow, time_ahead, time_of_flight
 from vibro_cli.kernels.numerics.constants import EPSILON, NEVER
 from vibro_cli.kernels.numerics.double_double import add_to_time, time_between
@@ -578,10 +585,12 @@ def projected(
     is_high = s * s > 0.5
     lack = select(is_high, (c - p) * (c + p) - root * abs(root), flight.parameter - s * s - p * p)
     defect = 0.5 * lack / size
-    # The energy that a body carries is rounded as that from the trace's lowest place. Of a small
-    # swing about a higher bottom it says less than the state; it would part bodies in contact.
-    most = MOST_TURN / math.sqrt(size)
-    defect = select(is_high, defect, max(min(defect, most), -most))
+    beyond = mask_and(mask_not(is_high), defect * defect * size > MOST_TURN * MOST_TURN)
+    if any_lane(beyond):
+        # The energy that a body carries is rounded as that from the trace's lowest place. Of a
+        # small swing about a higher bottom it says less than the state, and would part bodies.
+        most = MOST_TURN / math.sqrt(size)
+        defect = select(beyond, max(min(defect, most), -most), defect)
     turn = sc * defect
     return s + c * turn, c - s * turn, p + p * defect
 
