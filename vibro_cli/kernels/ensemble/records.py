@@ -150,6 +150,9 @@ def install(world: World, stack: Stack, run: int, installed: int) -> int:
     settings.right_wall = numbers.right_wall
     for j in range(len(world.bodies)):
         world.bodies[j] = stack.bodies[system * len(world.bodies) + j]  # type: ignore[index]
+        of_flight = stack.flights[system * len(world.bodies) + j]
+        world.flights[j].brief = of_flight.brief
+        world.flights[j].size = of_flight.size
     for j in range(len(world.pieces)):
         world.pieces[j] = stack.pieces[system * len(world.pieces) + j]  # type: ignore[index]
     for j in range(len(world.tracks)):
@@ -158,10 +161,6 @@ def install(world: World, stack: Stack, run: int, installed: int) -> int:
         world.contacts[j] = stack.contacts[system * len(world.contacts) + j]  # type: ignore[index]
     for j in range(len(world.pairs)):
         world.pairs[j].distance = stack.pairs[system * len(world.pairs) + j].distance
-    for j in range(len(world.bodies)):
-        numbers_of_flight = stack.flights[system * len(world.bodies) + j]
-        world.flights[j].brief = numbers_of_flight.brief
-        world.flights[j].size = numbers_of_flight.size
     return system
 
 
