@@ -217,6 +217,22 @@ def test_segments_of_lasting_contact_are_one_branch() -> None:
     assert np.all(np.diff(drawn.position[-1]) >= 0.0)
 
 
+def test_points_drawn_in_lasting_contact_are_on_the_motion() -> None:
+    data = example("one_circle").resolved()
+    data["balls"][1]["density"] = data["balls"][0]["density"]
+    data["collision"]["k"] = 0.5
+    run = simulate(Scenario.model_validate(data))
+    drawn = trajectory(run.stored, 1).branches[0]
+    (lasting,) = np.flatnonzero(drawn.contact)
+    # Two equal bodies that touch on a circle are one pendulum: the square of their rate is linear
+    # in the cosine of the angle of their middle.
+    last = {name: run.collisions[name][-1] for name in ("angle_a", "angle_b")}
+    middle = drawn.position[lasting] + 0.5 * (last["angle_b"] - last["angle_a"])
+    squared = drawn.rate[lasting] ** 2
+    linear = np.polynomial.Polynomial.fit(np.cos(middle), squared, 1)(np.cos(middle))
+    assert np.max(np.abs(linear - squared)) < 1e-9 * np.max(squared)
+
+
 def test_thinned_curves_stay_within_a_hair_of_the_true_ones() -> None:
     run = on_circle(5)
     drawn = lines(phase_portrait(run, 1), 0, 2.0)

@@ -31,12 +31,10 @@ MOST_BRANCHES = 4000
 
 _PER_PERIOD = 64
 """Points of a small oscillation in lasting contact."""
-_LEAST = 32
-"""Points of any flight on an arc that is sampled."""
 _FIRST_PERIODS = 3.0
 """Of a long flight at first, then twice as many, until it has come round."""
 _FINER = 4.0
-"""As many times as the points that are drawn are sampled at most: more would not be seen."""
+"""As many times as the points that are drawn are sampled of several flights in one branch."""
 _TINY = 1e-3
 """Branches within this share of the extent of the others, in place and in rate, are left out."""
 _TURNS = 2
@@ -278,10 +276,9 @@ def _sampled(run: Recorded, flights: Table, rows: range, pace: float, count: int
     if len(rows) == 1:
         return _sampled_flight(run, rows.start, float(times[0]), pace, count)
     share = times / max(float(np.sum(times)), float(np.finfo(np.float64).tiny))
-    wanted = np.clip(pace * times, count * share, _FINER * count * share)
     curves = [
         np.column_stack(run.flight_curve(row, math.ceil(number) + 1)[1:])
-        for row, number in zip(rows, wanted.tolist(), strict=True)
+        for row, number in zip(rows, (_FINER * count * share).tolist(), strict=True)
     ]
     return _chosen(np.concatenate(curves), count)
 
@@ -292,8 +289,8 @@ def _sampled_flight(run: Recorded, row: int, time: float, pace: float, count: in
     An oscillation turns after equal times: where it has hardly turned, as many points find that in
     twice the time.
     """
-    first = lasts = min(time, _FIRST_PERIODS * _PER_PERIOD / pace if pace > 0.0 else math.inf)
-    number = max(_LEAST if pace > 0.0 else count - 1, math.ceil(pace * lasts))
+    lasts = min(time, _FIRST_PERIODS * _PER_PERIOD / pace if pace > 0.0 else math.inf)
+    number = max(count - 1, math.ceil(pace * lasts))
     while True:
         points = np.column_stack(run.flight_curve(row, number + 1, lasts)[1:])
         turns = np.flatnonzero(points[1:, 1] * points[:-1, 1] < 0.0)
@@ -301,8 +298,8 @@ def _sampled_flight(run: Recorded, row: int, time: float, pace: float, count: in
         if shown < number or lasts >= time:
             break
         lasts = min(time, 2.0 * lasts)
-    if lasts == first:
-        return _chosen(points[: shown + 1], count)
+    if shown == count - 1:
+        return points[:count]
     return np.column_stack(run.flight_curve(row, count, lasts * (shown / number))[1:])
 
 
