@@ -1,4 +1,4 @@
-"""Scenes in other units: lengths and times by powers of two, which rounding does not see."""
+"""What changes no bit of a motion: other units, and bodies that are never met."""
 
 from __future__ import annotations
 
@@ -64,6 +64,43 @@ def test_drawn_scenes_of_any_size_and_pace_move_alike(
     seed: int, number: int, length: int, time: int
 ) -> None:
     assert_alike(draw(seed, number), length, time)
+
+
+@pytest.mark.parametrize("rate", [0.0, 0.7])
+@pytest.mark.parametrize("seed", range(12))
+def test_bodies_in_another_valley_change_nothing(seed: int, rate: float) -> None:
+    rng = np.random.default_rng(seed)
+    radii = (10.0 ** rng.uniform(-0.5, 0.5, 3)).tolist()
+    slopes = ("80 deg", "-80 deg", "100 deg")
+    shapes = ("valley", "hump", "valley")
+
+    def body(arc: int, angle: float) -> dict[str, Any]:
+        radius = float(rng.uniform(0.03, 0.1)) * radii[arc - 1]
+        moving = {"angle": angle, "rate": float(rng.uniform(-0.5, 0.5))}
+        return {"radius": radius, "density": 7800, "arc": arc, **moving}
+
+    scenario: dict[str, Any] = {
+        "gravity": 9.81,
+        "trace": {
+            "start_slope": "-100 deg",
+            "arcs": [
+                {"shape": shape, "radius": radius, "end_slope": slope}
+                for shape, radius, slope in zip(shapes, radii, slopes, strict=True)
+            ],
+        },
+        "balls": [body(1, -0.5), body(1, 0.4)],
+        "collision": {"law": "normal-impulse", "k": [1.0, 0.9, 0.5][seed % 3]},
+        "stop": {"time": 20.0},
+    }
+    if rate:
+        scenario["trace"]["turning"] = {"through_arc": 2, "rate": rate}
+    alone = simulate(Scenario.from_dict(scenario)).collisions
+    scenario["balls"] += [body(3, -0.4), body(3, 0.3)]
+    together = simulate(Scenario.from_dict(scenario)).collisions
+    mine = np.asarray(together["ball_a"]) == 1
+    assert 0 < np.sum(mine) == len(alone["t"]) < len(mine)
+    for column in sorted(set(alone) - {"n", "dt"}):
+        np.testing.assert_array_equal(np.asarray(together[column])[mine], alone[column])
 
 
 def assert_alike(data: dict[str, Any], length: int, time: int) -> None:
