@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import qr
 from scipy.optimize import least_squares
-from scipy.stats import chi2, t
+from scipy.special import chdtrc, chdtri, stdtrit
 
 from vibro_cli.analysis.impact_times import ImpactTimes, NoDerivative, impact_times, number_at
 from vibro_cli.assemble import build_system
@@ -266,7 +266,7 @@ class Fit:
     def interval(self) -> Floats:
         """[number, end] of the intervals of 95 %."""
         level = 0.5 + 0.5 * CONFIDENCE
-        width = t.ppf(level, math.inf if self.noise_known else self.freedom) * self.errors
+        width = stdtrit(math.inf if self.noise_known else self.freedom, level) * self.errors
         return np.stack([self.values - width, self.values + width], axis=1)
 
     @property
@@ -279,7 +279,7 @@ class Fit:
         """Probability of so large a sum of squares or larger; None if the noise is not known."""
         if not self.noise_known or self.freedom < 1:
             return None
-        return float(chi2.sf(self.chi_square, self.freedom))
+        return float(chdtrc(self.freedom, self.chi_square))
 
     @property
     def misplaced(self) -> int:
@@ -585,7 +585,7 @@ class _Problem:
 
     def _stays(self, values: Floats, covariance: Floats, word: tuple[str, ...]) -> bool:
         """Whether the same happens at the ends of the axes of the confidence region."""
-        radius = math.sqrt(chi2.ppf(CONFIDENCE, len(values)))
+        radius = math.sqrt(chdtri(len(values), 1.0 - CONFIDENCE))
         sizes = np.sqrt(np.diag(covariance))
         lengths, axes = np.linalg.eigh(covariance / np.outer(sizes, sizes))
         for length, axis in zip(lengths, axes.T, strict=True):
