@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 
 from tests.scenario.cases import bad, ball, closed, data, good
+from vibro_cli.scenario import loading
 from vibro_cli.scenario.loading import parse_value
 
 
@@ -51,6 +52,14 @@ def test_the_source_is_left_alone() -> None:
     source = data()
     good(source, ["balls[1].angle=-0.9", "output.step=1"])
     assert source == data()
+
+
+def test_of_two_bodies_that_are_one_in_memory_one_is_changed() -> None:
+    """As an alias of YAML and a list of Python make them."""
+    one = ball()
+    changed = loading.apply(data(balls=[one, one]), ("balls", 0, "angle"), -0.9)
+    assert [body["angle"] for body in changed["balls"]] == [-0.9, -0.5]
+    assert one == ball()
 
 
 def test_one_coefficient_of_a_list_can_be_set() -> None:

@@ -10,7 +10,7 @@ import re
 import sys
 import tomllib
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from copy import deepcopy
+from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -96,13 +96,15 @@ def apply(
     `mass`) the new one replaces the other, unless that one is among the paths `given` by overrides
     too. Raises `Fault` if the path is not one of a scenario, or counts beyond a list.
     """
-    changed = deepcopy(data)
+    changed = dict(data)  # what the path does not lead through stays shared
     root = model_of(data)
     if path[:2] == ("collision", "k") and len(path) == 3:
         _spread_restitution(changed, root)
     place: Any = changed
     for depth in range(len(path) - 1):
-        place = _entered(place, path, depth, root)
+        entered = copy(_entered(place, path, depth, root))
+        place[path[depth]] = entered
+        place = entered
     _check_step(place, path, root)
     for group in root.alternatives if isinstance(place, dict) else ():
         for other in group if path[-1] in group else ():
