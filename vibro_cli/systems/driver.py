@@ -28,8 +28,10 @@ ENGINES = ("compiled", "python")
 # Room in the logs, in rows; the interpreter's are made of objects and stay small.
 INTERPRETED_ROWS = 256
 COMPILED_ROWS = 16384
-# Room at first, of a run that is not told to have more impacts; once it is full, there is all.
+# Room at first, of a run that is not told to have more impacts; once it is full, there is so many
+# times as much, up to all.
 FIRST_ROWS = 256
+GROWTH = 4
 # Where rows are dropped, the logs stay in the processor's cache.
 DROPPED_ROWS = 64
 # So long grow logs that are to hold a whole instant.
@@ -256,8 +258,9 @@ class Driver:
         settings, loop = self.world.settings, self._loop
         capacity, most = int(_get(settings, "capacity")), _capacity_for(self._most_rows, self.world)
         if capacity < most:
-            _set(settings, "capacity", most)
-            logs = {name: zeros(2 * most, loop.records[name]) for name in loop.logs}
+            capacity = min(GROWTH * capacity, most)
+            _set(settings, "capacity", capacity)
+            logs = {name: zeros(2 * capacity, loop.records[name]) for name in loop.logs}
             self.world = self.world._replace(**logs)
 
     def _take(self, name: str, rows: Any, count: int) -> None:
