@@ -442,20 +442,23 @@ class _Problem:
                 "measured"
             )
 
+    def _late(self, values: Floats, rows: int) -> Floats:
+        """Computed less measured instants in units of their noise."""
+        instants = self.motion(values, rows).t[self._measured.number[:rows] - 1]
+        late: Floats = (instants - self._measured.t[:rows]) / self._noise[:rows]
+        return late
+
     @np.errstate(over="ignore", invalid="ignore")  # such derivatives are refused
-    def _late(self, values: Floats, rows: int) -> tuple[Floats, Floats]:
-        """Computed less measured instants in units of their noise, and their derivatives."""
-        found = self.motion(values, rows)
-        at = self._measured.number[:rows] - 1
-        noise = self._noise[:rows]
-        late = (found.t[at] - self._measured.t[:rows]) / noise
-        jacobian = found.derivative[at] / noise[:, None]
+    def _jacobian(self, values: Floats, rows: int) -> Floats:
+        """Their derivatives."""
+        derivative = self.motion(values, rows).derivative[self._measured.number[:rows] - 1]
+        jacobian: Floats = derivative / self._noise[:rows, None]
         # Their squares are summed.
         lost = np.argwhere(~(np.abs(jacobian) < math.sqrt(sys.float_info.max / rows)))
         if len(lost):
             row, number = lost[0]
             raise self._unresolved(row, number, "any time")
-        return late, jacobian
+        return jacobian
 
     def _unresolved(self, row: int, number: int, by: str) -> NoFit:
         """What is said where rounding a number moves an impact by more than it may."""
@@ -470,20 +473,19 @@ class _Problem:
         rows = len(self._measured.t)
         found = np.full(rows, np.nan)
         least = self.stages()[0]
-        while rows >= least:
+        while True:
             try:
-                found[:rows] = -self._late(start, rows)[0] * self._noise[:rows]
-                break
+                found[:rows] = -self._late(start, rows) * self._noise[:rows]
+                return found
             except NoFit:
                 if rows == least:
                     raise
                 rows = max(rows // 2, least)
-        return found
 
     def solved(self, values: Floats, rows: int) -> Floats:
         """The numbers that suit the first rows best; those that do not show there stay."""
         try:
-            jacobian = self._late(values, rows)[1]
+            jacobian = self._jacobian(values, rows)
         except NoFit as error:
             raise NoFit(f"{error}; the impacts before led to {self._in_words(values)}") from error
         last = rows == len(self._measured.t)
@@ -522,14 +524,15 @@ class _Problem:
             nonlocal beyond
             beyond = beyond or bool(np.any(outside(some, *ends)))
             try:
-                return self._late(whole(some), rows)[0]
+                self._jacobian(whole(some), rows)  # is asked for next
+                return self._late(whole(some), rows)
             except NoFit:  # the step is made shorter
                 return np.full(rows, np.nan)
 
         # Where no step is tried beyond 0 and 1, restitution need not be held there.
         for bounds in (np.array([(one.low, one.high) for one in free]).T, ends):
             found = least_squares(
-                late, values[shown], jac=lambda some: self._late(whole(some), rows)[1][:, shown],
+                late, values[shown], jac=lambda some: self._jacobian(whole(some), rows)[:, shown],
                 bounds=bounds, x_scale="jac", xtol=tolerance, ftol=tolerance, gtol=None,
                 max_nfev=200,
             )  # fmt: skip
@@ -566,7 +569,7 @@ class _Problem:
 
     def told(self, start: Floats, first: Floats, values: Floats) -> Fit:
         rows = len(self._measured.t)
-        late, jacobian = self._late(values, rows)
+        late, jacobian = self._late(values, rows), self._jacobian(values, rows)
         covariance: Any = self._covariance(jacobian)
         self._check_resolved(values, jacobian)
         found = self.motion(values, rows)

@@ -15,7 +15,8 @@ that is built from the scenario: nothing is differenced.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -57,11 +58,15 @@ class ImpactTimes:
     """[impact] s"""
     pairs: NDArray[np.int64]
     """[impact, 2] numbers of the bodies, from 1"""
-    derivative: Floats
-    """[impact, number] of their instants (s) to the numbers, in SI units"""
     word: tuple[str, ...]
     """What happened until the last of them: ``12`` (impact), ``1>``, ``1<`` (junction), ``1|``"""
     end_cause: str
+    _walk: _Walk = field(repr=False)
+
+    @cached_property
+    def derivative(self) -> Floats:
+        """[impact, number] of their instants (s) to the numbers, in SI units."""
+        return self._walk.derivative()
 
 
 def number_at(scenario: Scenario, path: KeyPath) -> float:
@@ -93,9 +98,12 @@ def number_at(scenario: Scenario, path: KeyPath) -> float:
     return found
 
 
-def differentiated(scenario: Scenario, paths: Sequence[KeyPath]) -> TraceSystem:
-    """Return the system of a scenario whose numbers carry their derivatives to those at paths."""
-    unit = np.eye(len(paths))
+def differentiated(scenario: Scenario, paths: Sequence[KeyPath], more: int = 0) -> TraceSystem:
+    """Return the system of a scenario whose numbers carry their derivatives to those at paths.
+
+    And to so many more, on which they do not depend.
+    """
+    unit = np.eye(len(paths), len(paths) + more)
     values = {
         path: Dual(number_at(scenario, path), unit[n]) for n, path in enumerate(paths)
     }  # fmt: skip
@@ -134,17 +142,18 @@ def impact_times(
     """
     if system.turning is not None:
         raise NoDerivative("found a trace that turns, expected one at rest")
-    walk = _Walk(differentiated(scenario, paths), system, len(paths))
+    varied, moving = (differentiated(scenario, paths, more) for more in (0, 1))
+    _check_starts(varied, system)
     stretch, _ = begun(SYSTEM, system, Limits(stop_time, count)).whole()
-    logs = stretch.logs
-    walk.follow(logs["log"], logs["impacts"], _arrivals(system, stretch))
-    t = np.array([one.value for one in walk.instants])
+    logs, arrivals = stretch.logs, _arrivals(system, stretch)
+    happened = _happened(logs["log"], logs["impacts"], arrivals)
+    made = logs["impacts"][: sum(one.other is not None for one in happened)]
     return ImpactTimes(
-        t=t,
-        pairs=np.array(walk.pairs, dtype=np.int64).reshape(-1, 2),
-        derivative=np.array([one.change for one in walk.instants]).reshape(-1, len(paths)),
-        word=tuple(walk.word),
+        t=made["t"],
+        pairs=np.stack([made["a"], made["b"]], axis=1) + 1,
+        word=tuple(one.word for one in happened),
         end_cause=END_NAMES[stretch.cause],
+        _walk=_Walk(varied, moving, Places(system), logs, arrivals, happened, len(paths)),
     )
 
 
@@ -158,6 +167,64 @@ def _arrivals(system: TraceSystem, stretch: Any) -> Any:
     series = np.zeros((SERIES_ROWS, TERMS + 1))
     find(world, arrivals, current, series, scratch)
     return arrivals
+
+
+@dataclass(frozen=True)
+class _Happening:
+    """An event, with the rows of the log that it begins."""
+
+    word: str
+    row: int
+    other: int | None = None
+    """The row of body b of an impact, of which the first is that of body a"""
+
+
+def _happened(log: Any, impacts: Any, arrivals: Any) -> list[_Happening]:
+    """Return the events of a whole run; raise `NoDerivative` at one that has no derivative."""
+    found: list[_Happening] = []
+    told: set[int] = set()
+    columns = (log[name].tolist() for name in ("t", "t_low", "body"))
+    rows = {key: number for number, key in enumerate(zip(*columns, strict=True))}
+    closing = impacts["normal_a"] * impacts["speed_a_pre"]
+    closing -= impacts["normal_b"] * impacts["speed_b_pre"]
+    touching = impacts["contact"].astype(bool) | ~(closing > 0.0)
+    for number, (row, cause) in enumerate(zip(log, log["cause"].tolist(), strict=True)):
+        if number in told or cause == START:
+            continue
+        if row["grouped"] or cause not in (COLLISION, CROSSING, WALL):
+            words = CAUSE_NAMES[cause].replace("_", " ")
+            raise NoDerivative(f"bodies in lasting contact ({words}) at {row['t']:.9g} s")
+        if cause != COLLISION:
+            found.append(_left(number, row, arrivals[number]["speed"]))
+            continue
+        impact = min(len(told) // 2, len(impacts) - 1)
+        struck = impacts[impact]
+        pair = [rows.get((row["t"], row["t_low"], struck[end]), -1) for end in "ab"]
+        if number not in pair or -1 in pair or not told.isdisjoint(pair):
+            raise NoDerivative(
+                f"several impacts at one instant or lasting contact at {row['t']:.9g} s"
+            )
+        if touching[impact]:
+            raise NoDerivative(f"bodies that only touch at {struck['t']:.9g} s")
+        told.update(pair)
+        found.append(_Happening(f"{struck['a'] + 1}{struck['b'] + 1}", *pair))
+    return found
+
+
+def _left(number: int, row: Any, speed: float) -> _Happening:
+    """A body at a junction or a wall."""
+    body, wall = row["body"] + 1, row["cause"] == WALL
+    if speed == 0.0:
+        raise NoDerivative(f"body {body} stops at an end of its piece at {row['t']:.9g} s")
+    if wall and row["at_rest"]:
+        raise NoDerivative(f"body {body} comes to rest at a wall at {row['t']:.9g} s")
+    return _Happening(f"{body}{'|' if wall else '>' if speed > 0.0 else '<'}", number)
+
+
+def _check_starts(varied: TraceSystem, system: TraceSystem) -> None:
+    for number, (one, other) in enumerate(zip(varied.initial, system.initial, strict=True), 1):
+        if one.piece != other.piece:
+            raise NoDerivative(f"body {number} starts on a junction")
 
 
 @dataclass
@@ -174,56 +241,53 @@ class _State:
 
 
 class _Walk:
-    """Through the events of a run, with numbers that carry derivatives."""
+    """Through the events of a run, with numbers that carry derivatives.
 
-    def __init__(self, varied: TraceSystem, system: TraceSystem, size: int) -> None:
-        self._system = varied
-        self._places = Places(system)
-        self._size = size
+    In `moving` the same numbers carry one more, in which the places of a pair at its impact have
+    their speeds: the derivative to the time.
+    """
+
+    def __init__(
+        self, varied: TraceSystem, moving: TraceSystem, places: Places, logs: Any, arrivals: Any,
+        happened: Sequence[_Happening], size: int,
+    ) -> None:  # fmt: skip
+        self._system, self._moving, self._places, self._size = varied, moving, places, size
+        self._log, self._impacts, self._arrivals = logs["log"], logs["impacts"], arrivals
+        self._happened = happened
         self._records = [body_record(body) for body in varied.bodies]
-        self.instants: list[Dual] = []
-        self.pairs: list[tuple[int, int]] = []
-        self.word: list[str] = []
+        self._states: list[_State] = []
+
+    def derivative(self) -> Floats:
+        """Go through them; return [impact, number] of the derivatives of their instants."""
         self._states = [
-            _State(start.piece, 0.0, start.position, start.speed) for start in varied.initial
+            _State(start.piece, 0.0, start.position, start.speed) for start in self._system.initial
         ]
-        for number, (one, other) in enumerate(zip(varied.initial, system.initial, strict=True), 1):
-            if one.piece != other.piece:
-                raise NoDerivative(f"body {number} starts on a junction")
+        ends = self._ends()
+        delays: list[Floats] = []
+        for one in self._happened:
+            if one.other is None:
+                self._leave(one.row, ends[one.row])
+            else:
+                pair = (one.row, one.other)
+                delays.append(self._collide(self._impacts[len(delays)], pair, ends))
+        return np.array(delays).reshape(-1, self._size)
 
-    def follow(self, log: Any, impacts: Any, arrivals: Any) -> None:
-        """Go through the rows of a whole run."""
-        impact = 0
-        told: set[int] = set()
-        rows = {(row["t"], row["t_low"], row["body"]): n for n, row in enumerate(log)}
-        for number, row in enumerate(log):
-            if number in told or row["cause"] == START:
-                continue
-            if row["grouped"] or row["cause"] not in (COLLISION, CROSSING, WALL):
-                cause = CAUSE_NAMES[row["cause"]].replace("_", " ")
-                raise NoDerivative(f"bodies in lasting contact ({cause}) at {row['t']:.9g} s")
-            if row["cause"] != COLLISION:
-                self._leave(row, arrivals[number])
-                continue
-            struck = impacts[min(impact, len(impacts) - 1)]
-            pair = [rows.get((row["t"], row["t_low"], struck[end])) for end in "ab"]
-            if number not in pair or None in pair or any(one in told for one in pair):
-                raise NoDerivative(
-                    f"several impacts at one instant or lasting contact at {row['t']:.9g} s"
-                )
-            told.update(one for one in pair if one is not None)
-            self._collide(struck, [(log[one], arrivals[one]) for one in pair])
-            impact += 1
+    def _ends(self) -> list[float]:
+        """Where on its piece the body of each row of the log ends its flight before that."""
+        log, current = self._log, [state.piece for state in self._states]
+        pieces = np.empty(len(log), dtype=np.int64)
+        for n, (body, piece) in enumerate(zip(log["body"], log["piece"], strict=True)):
+            pieces[n], current[body] = current[body], piece
+        ends: list[float] = self._places.position(pieces, log["before_s"], log["before_c"]).tolist()
+        return ends
 
-    def _carried(self, body: int, row: Any, arrival: Any) -> tuple[Any, Any]:
+    def _carried(self, body: int, place: float, arrival: Any) -> tuple[Any, Any]:
         """Place and speed of a body at the time of its event, which does not change yet."""
         start, size = self._states[body], self._size
         piece, old = self._system.trace.pieces[start.piece], self._system.bodies[body]
         age, pull = float(arrival["age"]), float(arrival["acceleration"])
         begun, x0 = change_of(start.begun, size), change_of(start.place, size)
         j = [float(arrival[name]) for name in ("way_way", "way_speed", "speed_way", "speed_speed")]
-        s, c = (np.array([row[name]]) for name in ("before_s", "before_c"))
-        place = float(self._places.position([start.piece], s, c)[0])
         if piece.is_line:
             slope = sine_cosine(piece.start_slope)[0]
             force = change_of(-self._system.gravity / old.kappa * slope, size)
@@ -251,32 +315,24 @@ class _Walk:
     def _radius(self, body: int) -> Any:
         return self._system.bodies[body].radius
 
-    def _leave(self, row: Any, arrival: Any) -> None:
+    def _leave(self, number: int, at: float) -> None:
         """A junction or a wall."""
-        body, t = int(row["body"]), float(row["t"])
+        row, arrival = self._log[number], self._arrivals[number]
+        body, wall = int(row["body"]), row["cause"] == WALL
         piece = self._system.trace.pieces[self._states[body].piece]
         right = arrival["speed"] > 0.0
-        if arrival["speed"] == 0.0:
-            raise NoDerivative(f"body {body + 1} stops at an end of its piece at {t:.9g} s")
-        place, speed = self._carried(body, row, arrival)
-        wall = row["cause"] == WALL
+        place, speed = self._carried(body, at, arrival)
         end: Any = piece.angle_end if right else piece.angle_start
         if wall:
             end = wall_position(piece, self._radius(body), bool(right))
         scale = value_of(piece.path_scale(self._radius(body)))
         delay = (change_of(end, self._size) - place.change) * (scale / arrival["speed"])
         _, speed = self._moved(body, place, speed, arrival, delay)
-        instant = Dual(t, delay)
-        if not wall:
-            self.word.append(f"{body + 1}{'>' if right else '<'}")
-            self._begin(body, row, instant, end, speed)
-            return
-        if row["at_rest"]:
-            raise NoDerivative(f"body {body + 1} comes to rest at a wall at {t:.9g} s")
-        ends = self._system.right_end if right else self._system.left_end
-        assert ends is not None
-        self.word.append(f"{body + 1}|")
-        self._begin(body, row, instant, end, -ends.restitution * speed)
+        if wall:
+            ends = self._system.right_end if right else self._system.left_end
+            assert ends is not None
+            speed = -ends.restitution * speed
+        self._begin(body, row, Dual(float(row["t"]), delay), end, speed)
 
     def _begin(self, body: int, row: Any, instant: Dual, place: Any, speed: Any) -> None:
         """Begin a flight, on another piece if there the row is."""
@@ -290,41 +346,45 @@ class _Walk:
             place = (other.angle_start if right else other.angle_end) + beyond
         self._states[body] = _State(after, instant, place, speed)
 
-    def _collide(self, struck: Any, rows: Sequence[tuple[Any, Any]]) -> None:
-        """An impact of one pair."""
-        t, bodies = float(struck["t"]), (int(struck["a"]), int(struck["b"]))
+    def _collide(self, struck: Any, pair: tuple[int, int], at: Sequence[float]) -> Floats:
+        """An impact of one pair; return how its instant changes."""
+        bodies = int(struck["a"]), int(struck["b"])
+        arrivals = [self._arrivals[row] for row in pair]
+        ends = [
+            self._carried(body, at[row], arrival)
+            for body, row, arrival in zip(bodies, pair, arrivals, strict=True)
+        ]
+        gap, normals = self._contact(bodies, [place for place, _ in ends], arrivals)
         closing = struck["normal_a"] * struck["speed_a_pre"]
         closing -= struck["normal_b"] * struck["speed_b_pre"]
-        if struck["contact"] or not closing > 0.0:
-            raise NoDerivative(f"bodies that only touch at {t:.9g} s")
-        ends = [self._carried(body, *one) for body, one in zip(bodies, rows, strict=True)]
-        gap, _ = self._contact(bodies, [place for place, _ in ends])
-        delay = gap.change / closing
+        delay: Floats = gap.change[:-1] / closing
         ends = [
-            self._moved(body, *end, row[1], delay)
-            for body, end, row in zip(bodies, ends, rows, strict=True)
+            self._moved(body, *end, arrival, delay)
+            for body, end, arrival in zip(bodies, ends, arrivals, strict=True)
         ]
-        _, normals = self._contact(bodies, [place for place, _ in ends])
+        normals = [Dual(n.value, n.change[:-1] + n.change[-1] * delay) for n in normals]
         speeds = self._law(struck, bodies, normals, [speed for _, speed in ends])
-        instant = Dual(t, delay)
-        self.instants.append(instant)
-        self.pairs.append((bodies[0] + 1, bodies[1] + 1))
-        self.word.append(f"{bodies[0] + 1}{bodies[1] + 1}")
-        for body, end, row, speed in zip(bodies, ends, rows, speeds, strict=True):
-            self._begin(body, row[0], instant, end[0], speed)
+        instant = Dual(float(struck["t"]), delay)
+        for body, row, end, speed in zip(bodies, pair, ends, speeds, strict=True):
+            self._begin(body, self._log[row], instant, end[0], speed)
+        return delay
 
-    def _contact(self, bodies: tuple[int, int], places: Sequence[Any]) -> tuple[Any, list[Any]]:
-        """Gap of two bodies (m), and n t of the paths of both."""
-        pieces = [self._system.trace.pieces[self._states[body].piece] for body in bodies]
-        centres, tangents = [], []
-        for body, piece, place in zip(bodies, pieces, places, strict=True):
-            centres.append(piece.body_centre(place, self._radius(body)))
-            sine, cosine = sine_cosine(piece.slope(place))
+    def _contact(
+        self, bodies: tuple[int, int], places: Sequence[Any], arrivals: Sequence[Any]
+    ) -> tuple[Any, list[Any]]:
+        """Gap of two bodies (m), and n t of the paths of both, which change with the time too."""
+        centres, tangents, radii = [], [], [self._moving.bodies[body].radius for body in bodies]
+        for body, place, radius, arrival in zip(bodies, places, radii, arrivals, strict=True):
+            piece = self._moving.trace.pieces[self._states[body].piece]
+            rate = arrival["speed"] / value_of(piece.path_scale(radius))
+            moving: Any = Dual(place.value, np.append(place.change, rate))
+            centres.append(piece.body_centre(moving, radius))
+            sine, cosine = sine_cosine(piece.slope(moving))
             tangents.append((cosine, sine))
         x, y = centres[1][0] - centres[0][0], centres[1][1] - centres[0][1]
         distance = elementwise.square_root(x * x + y * y)
         normals = [(x * along + y * up) / distance for along, up in tangents]
-        return distance - (self._radius(bodies[0]) + self._radius(bodies[1])), normals
+        return distance - (radii[0] + radii[1]), normals
 
     def _law(
         self, struck: Any, bodies: tuple[int, int], normals: list[Any], speeds: list[Any]
