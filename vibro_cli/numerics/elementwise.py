@@ -86,7 +86,7 @@ def square_root(value: Some) -> float:
 def last_place(value: Some) -> Some:
     """Return the unit in the last place of a finite number."""
     if is_number(value) or isinstance(value, Dual):
-        return each(math.ulp, value)
+        return math.ulp(value_of(value))
     import numpy as np
 
     return np.spacing(abs(value))
@@ -239,15 +239,17 @@ class Dual:
         return Dual(value, change + its * other.change if isinstance(other, Dual) else change)
 
     def __add__(self, other: Any) -> Dual:
-        return self._joined(other, self.value + value_of(other), 1.0, 1.0)
+        change = self.change + other.change if isinstance(other, Dual) else self.change
+        return Dual(self.value + value_of(other), change)
 
     __radd__ = __add__
 
     def __sub__(self, other: Any) -> Dual:
-        return self._joined(other, self.value - value_of(other), 1.0, -1.0)
+        change = self.change - other.change if isinstance(other, Dual) else self.change
+        return Dual(self.value - value_of(other), change)
 
     def __rsub__(self, other: Any) -> Dual:
-        return self._joined(other, value_of(other) - self.value, -1.0, 1.0)
+        return Dual(value_of(other) - self.value, -self.change)
 
     def __mul__(self, other: Any) -> Dual:
         its = value_of(other)
@@ -310,7 +312,7 @@ _SLOPES: dict[Callable[..., Any], Callable[[float], float]] = {
     math.asin: lambda x: 1.0 / math.sqrt((1.0 - x) * (1.0 + x)),
     math.sqrt: lambda x: 0.5 / math.sqrt(x),
 }
-_STEPS = (math.ulp, round, math.ceil)
+_STEPS: tuple[Callable[..., Any], ...] = (round, math.ceil)
 
 
 def through(function: Callable[..., Any], *arguments: Any) -> Any:
