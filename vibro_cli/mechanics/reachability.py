@@ -331,22 +331,21 @@ def _adjacent(trace: Trace, i: int, j: int) -> bool:
 
 
 @lru_cache(maxsize=_REMEMBERED)
-def reach(trace: Trace, body_a: Body, body_b: Body) -> tuple[tuple[bool, ...], ...]:
-    """Return for each two pieces whether body a and body b on them can never be in contact.
+def reach(trace: Trace, body_a: Body, body_b: Body) -> tuple[tuple[int, int], ...]:
+    """Return the pieces (i, j) on which body a and body b may be in contact, in order.
 
-    `far[i][j]` is True when the paths of the two centres are certified to stay further apart
-    than r_a + r_b while a is on piece i and b on piece j, else False (also when it could not be
-    decided).
+    On all others the paths of the two centres are certified to stay further apart than r_a + r_b
+    while a is on piece i and b on piece j. Pieces are there also when it could not be decided.
     """
     paths_a = [Path.of(piece, body_a.radius) for piece in trace.pieces]
     paths_b = [Path.of(piece, body_b.radius) for piece in trace.pieces]
     needed = body_a.radius + body_b.radius
-    far = [[True] * len(paths_b) for _ in paths_a]
-    for i, j in near(paths_a, paths_b, needed):
-        far[i][j] = not _adjacent(trace, i, j) and is_clear(
-            paths_a[i], paths_b[j], whole(trace.pieces[j]), needed
-        )
-    return tuple(map(tuple, far))
+    return tuple(
+        (i, j)
+        for i, j in near(paths_a, paths_b, needed)
+        if _adjacent(trace, i, j)
+        or not is_clear(paths_a[i], paths_b[j], whole(trace.pieces[j]), needed)
+    )
 
 
 def contact_angle(piece: Piece, radius_a: float, radius_b: float) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import tracemalloc
 from pathlib import Path
 from typing import Any
 
@@ -162,7 +163,9 @@ def test_where_bodies_can_never_meet_is_asked_for_the_solver_alone(
     """Once for each pair of neighbours; the tables, which do not need it, leave its room empty."""
     scenario = load_scenario(GALLERY / "three_arcs.toml")
     system = build_system(scenario)
-    far = np.array(reach(system.trace, *system.bodies))
+    meeting = reach(system.trace, *system.bodies)
+    pieces = range(len(system.trace.pieces))
+    far = np.array([[(i, j) not in meeting for j in pieces] for i in pieces])
     assert far.any()
     assert np.array_equal(make_world(system).far, far)
     assert not np.any(make_world(system, far_apart=False).far)
@@ -175,3 +178,25 @@ def test_where_bodies_can_never_meet_is_asked_for_the_solver_alone(
     monkeypatch.setattr("vibro_cli.systems.trace.world.reach", counted)
     simulate_streamed(scenario.replace({"stop.collisions": 3}), lambda *_: None, engine)
     assert asked == [(system.trace, *system.bodies)]
+
+
+def test_where_bodies_can_never_meet_is_a_byte_for_every_two_pieces() -> None:
+    """Thousands of arcs have millions of pairs: eight bytes for each were gigabytes."""
+    pieces = 2000
+    arcs = [
+        {"shape": shape, "radius": 0.5, "end_slope": f"{slope} deg"}
+        for shape, slope in [("valley", 40), ("hump", -40)] * (pieces // 2)
+    ]
+    changed = {"trace.start_slope": "-40 deg", "trace.arcs": arcs, "balls[1].angle": -0.5}
+    system = build_system(load_scenario(GALLERY / "three_arcs.toml").replace(changed))
+
+    def peak(far_apart: bool) -> int:
+        tracemalloc.start()
+        make_world(system, far_apart=far_apart)
+        most = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        return most
+
+    assert make_world(system).far.nbytes == pieces * pieces  # type: ignore[attr-defined]
+    reach.cache_clear()
+    assert peak(far_apart=True) < peak(far_apart=False) + pieces * pieces

@@ -241,14 +241,15 @@ def make_world(system: TraceSystem, limits: Limits = NO_LIMITS, far_apart: bool 
 
 
 def _far(trace: Trace, asked: Sequence[tuple[Body, Body]], pairs: int) -> Any:
-    """Whether (1) two bodies, each on a piece, can never meet: of the pairs that are asked about.
+    """Whether two bodies, each on a piece, can never meet: of the pairs that are asked about.
 
-    An array, of which zeros take no memory: it has as many numbers as there are pairs of pieces.
+    An array, of which zeros take no memory: it has a byte for every two pieces.
     """
     count = len(trace.pieces)
-    far = np.zeros((max(pairs, 1), count, count), dtype=np.int64)
+    far = np.zeros((max(pairs, 1), count, count), dtype=np.bool_)
     for rows, pair in zip(far, asked, strict=False):
-        rows[:] = reach(trace, *pair)
+        rows[:] = True
+        rows[*np.transpose(reach(trace, *pair))] = False
     return far.reshape(-1, count)
 
 
