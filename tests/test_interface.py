@@ -48,6 +48,7 @@ from vibro_cli import (
     sweep,
     verify,
 )
+from vibro_cli.figures.kinds import draw_all
 from vibro_cli.interface.grids import Design
 from vibro_cli.storage import stored, tables
 
@@ -946,3 +947,24 @@ def test_a_figure_of_a_grid_reads_the_columns_that_it_shows(
     grid.figure("impacts")
     assert "collisions" in seen
     assert not {"energy_end", "max_gap", "end_time"} & set(seen)
+
+
+def test_figures_of_bodies_read_each_column_of_a_short_run_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each of the figures of a body wants a score of columns; of a long run few are kept."""
+    simulate(example("five_balls").replace({"stop.collisions": 20})).save(tmp_path / "run")
+    seen: list[str] = []
+    original = tables.read_column
+
+    def noted(parts: Any, name: str) -> Any:
+        seen.append(name)
+        return original(parts, name)
+
+    monkeypatch.setattr(stored, "read_column", noted)
+    figures = list(draw_all(stored.open_run(tmp_path / "run"), ["portrait", "energy_portrait"]))
+    assert len(figures) == 10
+    assert len(seen) == len(set(seen)) > 15
+    monkeypatch.setattr(stored, "_MOST_VALUES", 0)
+    kept = stored.StoredColumns([tmp_path / "run" / "collisions.parquet"])
+    assert len([kept[name] for name in kept]) > len(kept._columns) == 8

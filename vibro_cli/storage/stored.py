@@ -38,8 +38,9 @@ from vibro_cli.systems.run import Run
 if TYPE_CHECKING:
     import pyarrow
 
-# Columns of a table that are in memory at once.
+# Columns of a table that are in memory at once, of a short one as many as have so many values.
 _MOST_COLUMNS = 8
+_MOST_VALUES = 1 << 20
 # Rows of all columns of a table that are kept once some of its first rows are asked for.
 _FIRST = 1000
 
@@ -199,8 +200,8 @@ def open_run(folder: Path) -> StoredRun:
 class StoredColumns(Mapping[str, Column]):
     """The columns of parquet files of one schema, each read when asked for.
 
-    The last `most` that were asked for are kept. `check` is called after each reading, and raises
-    where other files may have been read.
+    The last `most` that were asked for are kept, of short files more. `check` is called after each
+    reading, and raises where other files may have been read.
     """
 
     def __init__(
@@ -234,7 +235,7 @@ class StoredColumns(Mapping[str, Column]):
             values = read_column(self._parts, name)
             self._check()
         self._columns[name] = values
-        if len(self._columns) > self._most:
+        if len(self._columns) > max(self._most, _MOST_VALUES // max(len(values), 1)):
             self._columns.pop(next(iter(self._columns)))
         return self._columns[name]
 
