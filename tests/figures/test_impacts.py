@@ -108,6 +108,26 @@ def test_a_plan_names_six_bodies_and_writes_powers_of_ten() -> None:
         assert re.fullmatch(r"impact \d, \$\d\.\d+\\times 10\^\{4\}\$ s", title)
 
 
+def test_the_bodies_of_a_plan_are_one_artist() -> None:
+    """Places are those of the table, those that collide are darker."""
+    run = simulate(example("five_balls").replace({"stop.collisions": 3})).solved
+    figure = plan(run)
+    assert figure is not None
+    radii = np.repeat([body.radius for body in run.system.bodies], 2)
+    for row, axes in enumerate(figure.axes[1:4]):
+        assert not axes.patches
+        (discs,) = axes.collections
+        boxes: list[Any] = [path.get_extents() for path in discs.get_paths()]
+        np.testing.assert_allclose([box.width for box in boxes], 2.0 * radii, rtol=1e-12)
+        opacity = np.asarray(discs.get_facecolor())[::2, 3]
+        pair = [int(run.collisions[f"ball_{side}"][row]) - 1 for side in "ab"]
+        assert sorted(np.flatnonzero(opacity == opacity.max())) == sorted(pair)
+        for side, index in zip("ab", pair, strict=True):
+            place = [run.collisions[f"{axis}_{side}"][row] for axis in "xy"]
+            for box in boxes[2 * index : 2 * index + 2]:
+                np.testing.assert_allclose(0.5 * (box.min + box.max), place, rtol=1e-12)
+
+
 def test_the_bar_of_a_plan_has_a_power_of_ten() -> None:
     small = {f"balls[{n}].radius": 1e-6 for n in (1, 2)} | {"trace.arcs[1].radius": 1e-5}
     run = simulate(example("one_circle").replace(small | {"stop.collisions": 3}))

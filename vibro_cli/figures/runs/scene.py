@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.collections import PatchCollection
+from matplotlib.colors import to_rgba_array
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
@@ -32,7 +34,7 @@ from vibro_cli.figures.labels import (
     write_names,
 )
 from vibro_cli.figures.source import Array, Recorded, flights_of
-from vibro_cli.figures.style import line, mark, width_of
+from vibro_cli.figures.style import Look, line, mark, width_of
 from vibro_cli.figures.ticks import round_below
 from vibro_cli.mechanics.potential import Turning
 from vibro_cli.mechanics.system import TraceSystem
@@ -333,8 +335,7 @@ def plan(run: Recorded, width: str = "single") -> Figure | None:
         for axes, one in zip(panels, shown, strict=True):
             axes.plot(surface[:, 0], surface[:, 1], zorder=2.0, **_PLAN_SURFACE)
             draw_ends(axes, run.system, 2.5 / scale)
-            for index, radius in enumerate(radii):
-                _draw_body(axes, one, index, radius, 0.45 / scale)
+            _draw_discs(axes, one, np.maximum(radii, 0.45 / scale))
             axes.set_title(one.title, pad=1.5, **SAY)
         _draw_bar(sheet, float(high[0] - low[0]), scale)
         if len(radii) > 1:
@@ -448,15 +449,18 @@ def _plan_sheet(
     return sheet, panels, float(scale)
 
 
-def _draw_body(axes: Axes, one: Configuration, index: int, radius: float, least: float) -> None:
-    """Draw a body, faint unless it collides; a small one as large as can be seen."""
-    colour = body_look(index + 1)["color"]
-    x, y = float(one.centres[index, 0]), float(one.centres[index, 1])
-    struck = index in one.struck or not one.struck
-    for face, alpha in ((colour, 0.9 if struck else _FAINT), ("none", 1.0)):
-        look: dict[str, Any] = {"facecolor": face, "alpha": alpha, "linewidth": 0.5}
-        look["edgecolor"] = style.BLACK if face == "none" else "none"
-        axes.add_patch(Circle((x, y), max(radius, least), zorder=2.5, **look))
+def _draw_discs(axes: Axes, one: Configuration, radii: Array) -> None:
+    """Draw the bodies in their order as discs of some radii (m), faint unless they collide."""
+    numbers = range(len(radii))
+    colours = [body_look(number + 1)["color"] for number in numbers]
+    struck = [number in one.struck or not one.struck for number in numbers]
+    faces = to_rgba_array(colours, np.where(struck, 0.9, _FAINT))
+    discs = [Circle(tuple(one.centres[number]), radii[number]) for number in numbers]
+    # The edge of a body lies over its face, and under the next body.
+    look: Look = {"facecolors": [colour for face in faces for colour in (face, "none")]}
+    look |= {"edgecolors": ["none", style.BLACK], "linewidths": [0.0, 0.5], "zorder": 2.5}
+    twice = [disc for disc in discs for _ in range(2)]
+    axes.add_collection(PatchCollection(twice, **look), autolim=False)
 
 
 def _draw_bar(sheet: Sheet, extent: float, scale: float) -> None:
