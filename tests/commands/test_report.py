@@ -149,6 +149,22 @@ def test_of_what_is_there_only_the_beginning_is_read(vibro: Vibro, option: str) 
     assert target.is_fifo()
 
 
+@pytest.mark.parametrize(
+    ("option", "name"), [("-o", "page.html"), ("--pdf", "all.pdf"), ("--animate", "film.gif")]
+)
+def test_a_file_without_a_folder_is_told_before_anything_is_drawn(
+    vibro: Vibro, monkeypatch: pytest.MonkeyPatch, option: str, name: str
+) -> None:
+    """It was told after half a minute of drawing, of fifty bodies."""
+    vibro(*RUN)
+    monkeypatch.setattr("vibro_cli.report.content.report_html", None)
+    Path("file").touch()
+    for folder, words in (("gone", "No such file or directory"), ("file", "Not a directory")):
+        outcome = vibro("report", "outputs/one_circle", option, f"{folder}/{name}")
+        assert (outcome.code, outcome.out) == (1, b"")
+        assert outcome.err == f"vibro: {folder}/{name}: {words}\n"
+
+
 @pytest.mark.parametrize("command", ["report", "section"])
 def test_what_is_no_run_is_refused(vibro: Vibro, command: str) -> None:
     Path("empty").mkdir()

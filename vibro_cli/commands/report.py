@@ -1,5 +1,6 @@
 """`vibro report`: a page that explains one run or a grid, or compares several runs; films."""
 
+import errno
 import gc
 import math
 import os
@@ -255,7 +256,10 @@ def _page(subject: "Subject", beside: Path, maps: Sequence[str]) -> bytes:
 
 
 def _check(options: ReportCommand) -> None:
-    """Raise `CommandError` before anything is drawn if some file could not take its place."""
+    """Raise `CommandError` before anything is drawn if some file could not take its place.
+
+    Or the `OSError` of its writing, where there is no folder to hold it.
+    """
     from vibro_cli.report.html import is_report
     from vibro_cli.scenario.base import checked_page
     from vibro_cli.storage.files import check_replaceable, first_bytes
@@ -268,6 +272,9 @@ def _check(options: ReportCommand) -> None:
     for path in (options.page, pdf, options.animate):
         if path is not None:
             check_no_folder(path)
+            if not path.parent.is_dir():
+                code = errno.ENOTDIR if path.parent.exists() else errno.ENOENT
+                raise OSError(code, os.strerror(code), str(path))
     if options.page and target.exists() and not is_report(first_bytes(target, _HEAD)):
         raise CommandError(f"vibro: {target} exists and is no vibro report; it is left as it is")
     if pdf is not None and pdf.exists() and first_bytes(pdf, 5) != b"%PDF-":
