@@ -246,7 +246,7 @@ def _far(trace: Trace, asked: Sequence[tuple[Body, Body]], pairs: int) -> Any:
     An array, of which zeros take no memory: it has a byte for every two pieces.
     """
     count = len(trace.pieces)
-    far = np.zeros((max(pairs, 1), count, count), dtype=np.bool_)
+    far = np.zeros((max(pairs, 1), count, count), dtype=np.int64)
     for rows, pair in zip(far, asked, strict=False):
         rows[:] = True
         rows[*np.transpose(reach(trace, *pair))] = False
