@@ -311,8 +311,8 @@ class _Searching(DriverRunner):
     def ready(self, impacts: int) -> None:
         super().ready(impacts)
         for driver in self.drivers:
-            far: Any = driver.world.far
-            far[:] = 0
+            meeting: Any = driver.world.meeting
+            meeting[:] = 1
 
 
 def measure_skips(plan: Plan) -> list[Row]:

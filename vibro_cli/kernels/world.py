@@ -432,7 +432,7 @@ class World(NamedTuple):
     tracks: Sequence[TrackData]  # body by body
     pairs: Sequence[PairData]
     contacts: Sequence[PairTrack]  # pair by pair
-    far: list[list[int]]  # far[pair * pieces + piece of a][piece of b]: never in contact
+    meeting: list[list[int]]  # meeting[pair * pieces + piece of a][piece of b]: 0 never in contact
     flights: Sequence[Flight]
     forces: Sequence[BodyForces]  # scratch: one for each body of a group, at last one for others
     impacts: Sequence[ImpactRow]

@@ -126,7 +126,7 @@ def _is_out_of_reach(world: World, j: int, laps: int) -> bool:
     """Tell whether a pair cannot meet on its pieces, at rest, or as this pair."""
     pair = world.pairs[j]
     a, b = flights_of(world, pair)
-    if world.far[j * world.settings[0].pieces + a.piece][b.piece] == 1:
+    if world.meeting[j * world.settings[0].pieces + a.piece][b.piece] == 0:
         return True
     if (a.at_rest == 1 and b.at_rest == 1) or _is_left_to_the_other(world, pair):
         return True

@@ -80,7 +80,7 @@ class Batch:
         point, count, rows = 0, len(points.own), 0
         given = self.world, self._fresh, points
         if stack is not None:
-            self.world.far[:] = 0  # type: ignore[call-overload]
+            self.world.meeting[:] = 1  # type: ignore[call-overload]
         elif len(results.impacts) == 0 and self._suits_lanes(points):
             in_lanes = compiled(run_points_in_lanes)
             self.impacts_in_lanes += int(in_lanes(*given, results, 0, count, self._group))
@@ -107,7 +107,7 @@ class Batch:
         tangents = room_for(size, len(self.world.impacts), False, states, from_start=False)
         sums = np.zeros((len(points.own), size))
         if stack is not None:
-            self.world.far[:] = 0  # type: ignore[call-overload]
+            self.world.meeting[:] = 1  # type: ignore[call-overload]
         given = self.world, self._fresh, points, results, stack or _NO_STACK, tangents, sums
         compiled(follow_points, self._overrides)(*given)
         return sums

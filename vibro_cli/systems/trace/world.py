@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from mmap import mmap
 from typing import Any
 
 import numpy as np
@@ -206,7 +207,7 @@ def pairs_of(system: TraceSystem) -> list[tuple[int, int, int]]:
 def make_world(system: TraceSystem, limits: Limits = NO_LIMITS, far_apart: bool = True) -> World:
     """Return the records of a run, its bodies at their initial states, its logs without rows.
 
-    Without ``far_apart`` it is not asked where bodies can never meet; they are searched there, too.
+    Without ``far_apart`` it is not asked where bodies may meet: it is for the solver alone.
     The numbers of the system may be arrays, and those of the records are then
     (``numerics.elementwise``).
     """
@@ -227,7 +228,7 @@ def make_world(system: TraceSystem, limits: Limits = NO_LIMITS, far_apart: bool 
         or [PairData()],
         contacts=[_pair_track(piece, *pair) for pair in neighbours for piece in system.trace.pieces]
         or [PairTrack()],
-        far=_far(system.trace, neighbours if far_apart else [], len(pairs)),
+        meeting=_meeting(system.trace, neighbours if far_apart else [], len(pairs)),
         flights=[initial_flight(system, number) for number in range(len(system.bodies))],
         forces=[BodyForces() for _ in range(len(system.bodies) + 1)],
         impacts=[ImpactRow()],
@@ -240,17 +241,18 @@ def make_world(system: TraceSystem, limits: Limits = NO_LIMITS, far_apart: bool 
     return world
 
 
-def _far(trace: Trace, asked: Sequence[tuple[Body, Body]], pairs: int) -> Any:
-    """Whether two bodies, each on a piece, can never meet: of the pairs that are asked about.
+def _meeting(trace: Trace, asked: Sequence[tuple[Body, Body]], pairs: int) -> Any:
+    """Where (1) two bodies, each on a piece, may meet: of the pairs that are asked about.
 
-    An array, of which zeros take no memory: it has a byte for every two pieces.
+    An array, of which zeros take no memory: it has as many numbers as there are pairs of pieces,
+    and few ones. NumPy would ask for pages of 2 MB, of which hardly any had zeros alone.
     """
-    count = len(trace.pieces)
-    far = np.zeros((max(pairs, 1), count, count), dtype=np.int64)
-    for rows, pair in zip(far, asked, strict=False):
-        rows[:] = True
-        rows[*np.transpose(reach(trace, *pair))] = False
-    return far.reshape(-1, count)
+    shape = max(pairs, 1), len(trace.pieces), len(trace.pieces)
+    room = mmap(-1, np.dtype(np.int64).itemsize * math.prod(shape))
+    meeting = np.frombuffer(room, dtype=np.int64).reshape(shape)
+    for rows, pair in zip(meeting, asked, strict=False):
+        rows[*np.transpose(reach(trace, *pair))] = 1
+    return meeting.reshape(-1, shape[2])
 
 
 def _clock() -> Clock:
