@@ -251,7 +251,8 @@ def _meeting(trace: Trace, asked: Sequence[tuple[Body, Body]], pairs: int) -> An
     room = mmap(-1, np.dtype(np.int64).itemsize * math.prod(shape))
     meeting = np.frombuffer(room, dtype=np.int64).reshape(shape)
     for rows, pair in zip(meeting, asked, strict=False):
-        rows[*np.transpose(reach(trace, *pair))] = 1
+        for one, other in reach(trace, *pair):
+            rows[one, other] = 1
     return meeting.reshape(-1, shape[2])
 
 
