@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tests.analysis.traces import BALL, DEGREE, hump, line, system, valley
+from tests.systems.trace.test_scales import scaled
 from tests.systems.trace.turning_scenes import on_lines, on_three_arcs
 from vibro_cli.analysis.levels import Landscape, level_curves, reaches
 from vibro_cli.analysis.singular import (
@@ -110,6 +111,23 @@ def test_level_curves_have_their_energy(share: float) -> None:
                 if turns:
                     assert float(landscape.potential(piece, place)) == pytest.approx(energy)
     assert found > 0
+
+
+# On the lines of a scene of 8 m, of a picometre's and of a planet's size.
+@pytest.mark.parametrize("length", [0, -40, -20, 20, 40])
+def test_bodies_turn_on_lines_of_any_size_where_their_energy_is_potential(length: int) -> None:
+    landscape = Landscape.of(system_of(scaled(on_lines(), length, length // 2)), 1)
+    lines = [piece for piece in landscape.trace.pieces if piece.is_line]
+    highest = max(point.energy for point in singular_points(landscape))
+    found = 0
+    for energy in highest * np.array([0.1, 0.4, 0.7, 0.95]):
+        for part in (part for piece in lines for part in reaches(landscape, piece, energy)):
+            for place, turns in ((part.low, part.turns_low), (part.high, part.turns_high)):
+                if turns:
+                    potential = float(landscape.potential(part.piece, place))
+                    assert potential == pytest.approx(energy, rel=1e-13)
+                    found += 1
+    assert found == 4
 
 
 def test_several_figure_eights() -> None:

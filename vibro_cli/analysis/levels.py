@@ -176,13 +176,19 @@ def equilibria(landscape: Landscape, piece: Piece) -> list[float]:
         offset = centre_of(piece)
         angles = landscape.pull(piece).equilibria()
         return [f - offset for f in inside(angles, low + offset, high + offset)]
-    x = piece.body_centre(0.0, landscape.body.radius)[0] - landscape.turning.x
-    cosine = math.cos(piece.start_slope)
-    strength = landscape.turning.square / landscape.gravity * cosine
     if half_turn(piece.start_slope - 0.5 * math.pi) is not None:
         return []
+    x, cosine, strength = _line_terms(landscape, piece)
     place = (_sine(piece.start_slope) / strength - x) / cosine
     return [place] if low < place < high else []
+
+
+def _line_terms(landscape: Landscape, piece: Piece) -> tuple[float, float, float]:
+    """How far (m) the left end of a line is from the axis, the slope's cosine, Ω²/g (1/m) by it."""
+    assert landscape.turning is not None
+    x = piece.body_centre(0.0, landscape.body.radius)[0] - landscape.turning.x
+    cosine = math.cos(piece.start_slope)
+    return x, cosine, landscape.turning.square / landscape.gravity * cosine
 
 
 def end_width(landscape: Landscape, piece: Piece) -> float:
@@ -297,11 +303,7 @@ def _turning_zeros(landscape: Landscape, piece: Piece, energy: float) -> list[fl
     weight = landscape.weight
     above = energy / weight - landscape.height(piece, 0.0)
     if piece.is_line:
-        one, two = (float(landscape.potential(piece, x)) / weight for x in (1.0, -1.0))
-        datum = landscape.height(piece, 0.0)
-        square, slope = 0.5 * (one + two) - datum, 0.5 * (one - two)
-        found = np.roots(np.trim_zeros(np.array([square, slope, -above]), trim="f"))
-        return sorted(float(x.real) for x in found if x.imag == 0.0 and 0.0 < x.real < piece.length)
+        return _line_zeros(landscape, piece, above)
     offset = centre_of(piece)
     pull, rho = landscape.pull(piece), landscape.path_scale(piece)
     # In units of 2 rho: E less V from f = 0, whose V is 0; position 0 of a hump is f = pi.
@@ -310,6 +312,18 @@ def _turning_zeros(landscape: Landscape, piece: Piece, energy: float) -> list[fl
     angles = zeros(constant, 0.25 * complex(1.0, -pull.tilt), -0.0625 * pull.spread + 0j)
     low, high = piece.angle_start + offset, piece.angle_end + offset
     return [f - offset for f in inside(angles, low, high)]
+
+
+def _line_zeros(landscape: Landscape, piece: Piece, above: float) -> list[float]:
+    """Positions within a line at which a body is so high (m) above its left end, by a quadratic."""
+    x, cosine, strength = _line_terms(landscape, piece)
+    slope, square = _sine(piece.start_slope) - strength * x, -0.5 * strength * cosine
+    root = slope * slope + 4.0 * square * above
+    far = -0.5 * (slope + math.copysign(math.sqrt(max(root, 0.0)), slope))
+    if root < 0.0 or far == 0.0:
+        return []
+    places = [-above / far, *([far / square] if square != 0.0 else [])]
+    return sorted(place for place in places if 0.0 < place < piece.length)
 
 
 def _swings(piece: Piece, swing: float) -> tuple[Reach, ...]:

@@ -18,6 +18,7 @@ POWERS = {
     "length": (1, 0),
     "position": (1, 0),
     "radius": (1, 0),
+    "thickness": (1, 0),
     "x": (1, 0),
     "rate": (0, -1),
     "omega": (0, -1),
