@@ -18,6 +18,7 @@ import pyarrow.parquet as pq
 import pytest
 from scipy.stats import chi2, kstest
 
+from tests.systems.trace.test_scales import scaled
 from vibro_cli import NoFit, NotMeasured, example, fit, load_scenario, simulate, verify
 from vibro_cli.analysis.fit import Fit
 from vibro_cli.analysis.impact_times import number_at
@@ -74,6 +75,19 @@ def test_noise_that_is_not_known_is_told_by_the_residuals() -> None:
     np.testing.assert_allclose(known.errors, found.errors, rtol=1e-6)
     np.testing.assert_allclose(known.values, found.values, rtol=1e-9)
     assert np.all(known.interval[:, 1] < found.interval[:, 1])  # Student's against the normal one
+
+
+# Impacts within a nanosecond, and after 1e16 s and more: seconds have no part in what is found.
+@pytest.mark.parametrize(("length", "time"), [(-40, -30), (24, 60)])
+def test_a_motion_of_any_pace_is_fitted_alike_without_its_noise(length: int, time: int) -> None:
+    instants = _instants(_circle()) + np.random.default_rng(5).normal(0.0, SIGMA, 12)
+    values = {"collision.k": 0.899, "balls[2].mass": 3.01}
+    found = fit(_circle().replace(values), instants, PATHS)
+    start = Scenario.from_dict(scaled(_circle().resolved(), length, time)).replace(values)
+    other = fit(start, np.ldexp(instants, time), PATHS)
+    np.testing.assert_allclose(other.values, found.values, rtol=1e-9)
+    np.testing.assert_allclose(other.errors, found.errors, rtol=1e-6)
+    np.testing.assert_allclose(other.noise, np.ldexp(found.noise, time), rtol=1e-9)
 
 
 def test_a_wrong_minimum_tells_of_impacts_that_are_nearer_to_another(

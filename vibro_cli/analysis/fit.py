@@ -360,7 +360,7 @@ class _Problem:
         """Raise what can be told before anything is solved."""
         rows, free = len(self._measured.t), len(self._free)
         lost = np.flatnonzero(self._noise < EPSILON * self._measured.t)
-        if len(lost):
+        if self._known and len(lost):
             row, least = lost[0], EPSILON * self._measured.t[lost[0]]
             raise NoFit(
                 f"impact {self._measured.number[row]}: found a noise of {self._noise[row]:.2g} s, "
