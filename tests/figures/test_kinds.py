@@ -9,6 +9,7 @@ from matplotlib.patches import Circle
 
 from tests.figures.layout import assert_texts_are_apart, texts
 from tests.gallery import GALLERY, run_of
+from tests.systems.trace.test_scales import scaled
 from vibro_cli.api import simulate
 from vibro_cli.figures.chart import contact_times
 from vibro_cli.figures.kinds import PORTRAIT, draw_all
@@ -16,7 +17,7 @@ from vibro_cli.figures.portraits.energies import energy_portrait
 from vibro_cli.figures.portraits.portrait import phase_portrait
 from vibro_cli.figures.portraits.trajectory import trajectory
 from vibro_cli.figures.runs.contact_points import contact_points
-from vibro_cli.figures.runs.over_impacts import impact_map
+from vibro_cli.figures.runs.over_impacts import accuracy, impact_map
 from vibro_cli.figures.runs.over_time import energy_course, energy_residuals, timeline
 from vibro_cli.figures.runs.scene import WALL, configurations, plan, scene
 from vibro_cli.figures.style import render
@@ -304,6 +305,22 @@ def test_bodies_that_stay_in_contact_have_no_figure_of_accuracy() -> None:
     drawn = {one.name for one in draw_all(run, None, "single")}
     assert "accuracy" not in drawn
     assert "energy" in drawn
+
+
+@pytest.mark.parametrize("length", [-40, -20, 0, 20])
+def test_the_axis_of_gaps_is_of_the_size_of_the_bodies(length: int) -> None:
+    """That of bodies of a picometre went up to 1e-15 m."""
+    document = scenes.scene(scenes.VALLEY, [scenes.ball(-0.7), scenes.ball(0.4)], 1.0, time=4.0)
+    run = scenes.solve_any(scaled(document, length, length // 2))
+    figure = accuracy(run)
+    assert figure is not None
+    bottom, top = np.log10(figure.axes[0].get_ylim())
+    gaps = np.abs(run.collisions["gap"])
+    least = np.spacing(run.system.bodies[0].radius)
+    shown = np.log10([*gaps[gaps > 0.0], least])
+    # From one power of ten to another, with room for what is 0.
+    assert shown.min() - 2.5 < bottom < shown.min()
+    assert shown.max() < top < shown.max() + 1.1
 
 
 @pytest.mark.parametrize(

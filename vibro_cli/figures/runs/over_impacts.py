@@ -163,9 +163,10 @@ def accuracy(run: Recorded, width: str = "single") -> Figure | None:
         for axes in panels:
             time_axis(axes, end, labelled=axes is panels[-1])
         if len(gap):
-            _residuals(panels[0], np.asarray(table["t"]), gap, "gap", "m")
+            least = EPSILON * max(body.radius for body in run.system.bodies)
+            _residuals(panels[0], (np.asarray(table["t"]), gap), least, "gap", "m")
         if flights:
-            _residuals(panels[-1], time, error, r"$|\delta E|/E_0$", "", flights)
+            _residuals(panels[-1], (time, error), EPSILON, r"$|\delta E|/E_0$", "", flights)
             panels[-1].axhline(EPSILON, zorder=1.0, **ROUNDING)
     return figure
 
@@ -187,13 +188,20 @@ def _errors(run: Recorded) -> tuple[Array, Array, int]:
 
 
 def _residuals(
-    axes: Axes, time: Array, values: Array, symbol: str, unit: str, number: int | None = None
+    axes: Axes,
+    over: tuple[Array, Array],
+    least: float,
+    symbol: str,
+    unit: str,
+    number: int | None = None,
 ) -> None:
     """Draw residuals on a logarithmic axis; those that are exactly 0 lie on its lower edge.
 
-    `number` is how many there are, where they are not all given.
+    `over` are times (s) and residuals, `least` is one that the axis has in any case, `number` is
+    how many there are, where they are not all given.
     """
-    log_axis(axes, np.append(values, EPSILON), symbol, unit)
+    time, values = over
+    log_axis(axes, np.append(values, least), symbol, unit)
     bottom = axes.get_ylim()[0]
     shown = np.where(values > 0.0, values, bottom)
     _draw_dots(axes, time, shown, number, clip_on=False)
