@@ -14,7 +14,8 @@ import pyarrow.parquet as pq
 import pytest
 from scipy.integrate import solve_ivp
 
-from vibro_cli import example, orbit, orbit_family, simulate
+from tests.systems.trace.test_scales import scaled
+from vibro_cli import Scenario, example, orbit, orbit_family, simulate
 from vibro_cli.analysis import orbits
 from vibro_cli.analysis.orbit_branch import Branch, Family
 from vibro_cli.analysis.orbits import (
@@ -551,6 +552,18 @@ def test_the_scenario_that_is_written_starts_on_the_orbit(
         )
         end = run.summary[f"{place}_{body}"], run.summary[f"speed_{body}"]
         assert end == pytest.approx((start.position, start.speed), abs=1e-11)
+
+
+# On a decimetre, and at the size of a planet: there no second impact comes within 1000 s.
+@pytest.mark.parametrize("length", [-10, 24])
+def test_an_orbit_of_any_size_is_found(length: int) -> None:
+    """With no time at which the run stops, a return is waited for as long as it takes."""
+    scenario = example("falling_balls")
+    found = orbit(scenario, impacts=1)
+    assert scenario.stop.time is None
+    other = orbit(Scenario.from_dict(scaled(scenario.resolved(), length, length // 2)), impacts=1)
+    assert other.period == pytest.approx(math.ldexp(found.period, length // 2), rel=1e-12)
+    np.testing.assert_allclose(other.multipliers, found.multipliers, rtol=1e-9)
 
 
 def test_python_finds_what_the_command_finds(

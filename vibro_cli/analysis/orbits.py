@@ -565,7 +565,7 @@ def equations(
     return np.array(rows), np.array(right)
 
 
-def nearest_return(system: TraceSystem, impacts: int | None, longest: float) -> float:
+def nearest_return(system: TraceSystem, impacts: int | None, longest: float | None) -> float:
     """Time (s) at which a motion comes nearest to its start, after so many impacts.
 
     Of the first two dozen numbers of impacts, if none is given, the one with the nearest return.
@@ -603,7 +603,7 @@ def find_orbit(
     system: TraceSystem,
     impacts: int | None = None,
     period: float | None = None,
-    longest: float = 100.0,
+    longest: float | None = None,
 ) -> Orbit:
     """Return the periodic orbit next to the start of a system.
 
@@ -612,7 +612,7 @@ def find_orbit(
     impacts, period
         Of the orbit, if known: a guess of the period is then taken from its return.
     longest
-        How long (s) a return is waited for.
+        How long (s) a return is waited for at most; None for as long as impacts follow.
     """
     if len(system.bodies) < 2:
         raise NoOrbit("found one body, expected two or more: an orbit of impacts")

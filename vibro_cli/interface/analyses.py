@@ -133,6 +133,8 @@ def orbit(scenario: AnyScenario, impacts: int | None = None, period: float | Non
         If there is none.
     ScenarioError, ValueError
         If the scenario is mechanically impossible, or of another system; for another number.
+    TooQuiet
+        As :func:`simulate`, of a scenario without ``stop.time``.
     """
     if impacts is not None:
         impacts = checked("impacts", impacts, Count())
@@ -141,7 +143,7 @@ def orbit(scenario: AnyScenario, impacts: int | None = None, period: float | Non
     if impacts is not None and period is not None:
         raise ValueError("found impacts and period, expected one of them")
     system = _system_of_trace(scenario)
-    return find_orbit(system, impacts, period, scenario.stop.time or 1000.0)
+    return find_orbit(system, impacts, period, scenario.stop.time)
 
 
 def orbit_family(
