@@ -3,10 +3,13 @@
 import json
 import math
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from tests.commands.conftest import Vibro
+from tests.systems.trace.test_scales import scaled
+from vibro_cli import example
 from vibro_cli.storage.files import read_manifest
 
 GALLERY = Path(__file__).parents[2] / "scenarios"
@@ -122,6 +125,26 @@ def test_a_family_names_the_unit_of_its_values(vibro: Vibro) -> None:
     command = ("portrait", THREE_ARCS, "--no-figures", "--vary")
     told = vibro(*command, "trace.arcs[1].radius=100 cm:120 cm:2").text
     assert "trace.arcs[1].radius [m], portrait of ball 1:\n  1 " in told
+
+
+@pytest.mark.parametrize(
+    ("name", "column", "key"),
+    [("three_arcs", 4, "s"), ("two_disks", 2, "displacement"), ("elliptic_wall", 2, "length")],
+)
+@pytest.mark.parametrize("length", [-20, 20])
+def test_the_list_of_singular_points_has_digits_of_places_at_any_size(
+    vibro: Vibro, name: str, column: int, key: str, length: int
+) -> None:
+    """Those of a trace of micrometres stood there as 0.000002 m and 0.000003 m."""
+    document = scaled(example(name).resolved(), length, length // 2)
+    Path("small.json").write_text(json.dumps(document))
+    told = vibro("portrait", "small.json", "--no-figures").text.splitlines()
+    record = json.loads(vibro("portrait", "small.json", "--no-figures", "--json").text)
+    points: list[dict[str, Any]] = [one for body in record["bodies"] for one in body["points"]]
+    names = {point.get("name", point.get("axis")) for point in points}
+    rows = [line.split() for line in told if line.split()[0] in names]
+    shown = [float(row[column]) for row in rows]
+    assert shown == pytest.approx([point[key] for point in points], rel=1e-6)
 
 
 def test_a_folder_that_is_not_a_portrait_is_left_alone(vibro: Vibro) -> None:

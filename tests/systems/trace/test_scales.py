@@ -15,15 +15,13 @@ from vibro_cli.stress.drawing import draw
 # Powers of length and time in the numbers of a scenario; masses stay.
 POWERS = {
     "gravity": (1, -2),
-    "length": (1, 0),
-    "position": (1, 0),
-    "radius": (1, 0),
-    "thickness": (1, 0),
-    "x": (1, 0),
+    "stiffness": (0, -2),
     "rate": (0, -1),
     "omega": (0, -1),
-    "speed": (1, -1),
     "time": (0, 1),
+    **dict.fromkeys(("speed", "velocity_x", "velocity_y"), (1, -1)),
+    **dict.fromkeys(("length", "position", "radius", "thickness", "x", "y"), (1, 0)),
+    **dict.fromkeys(("semi_axis_x", "semi_axis_y", "height", "foot"), (1, 0)),
 }
 # On lines, at walls, in contact across pieces, one after another at one instant, in accumulations.
 SCENES = (

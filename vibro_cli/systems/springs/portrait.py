@@ -387,12 +387,12 @@ def portrait(
 
 def point_lines(body: dict[str, Any]) -> Iterator[str]:
     """Return the singular points of a body as lines of text."""
-    yield "  point  kind    from foot [m]       x [m]      E [J]  spring"
+    yield "  point  kind       from foot [m]         x [m]         E [J]  spring"
     for point in body["points"]:
         state = "stressed" if point["stressed"] else "unstressed"
         yield (
-            f"  {point['name']:5}  {point['kind']:6}  {point['displacement']:13.9f}  "
-            f"{point['x']:10.6f}  {point['energy']:9.6g}  {state}"
+            f"  {point['name']:5}  {point['kind']:6}  {point['displacement']:16.10g}  "
+            f"{point['x']:12.7g}  {point['energy']:12.6g}  {state}"
         )
     yield f"  ω₀ = {body['frequency']:.9g} 1/s"
     if body["separatrix_speed"] is not None:

@@ -242,10 +242,10 @@ def _described(system: TableSystem) -> str:
 
 def point_lines(body: dict[str, Any]) -> Iterator[str]:
     """Return the orbits of a ball to and fro between two bounces as lines of text."""
-    yield "  to and fro along  kind        chord [m]  radius of curvature [m]  grows by"
+    yield "  to and fro along  kind           chord [m]  radius of curvature [m]  grows by"
     for point in body["points"]:
         grows = "-" if point["multiplier"] is None else f"{point['multiplier']:.6g}"
         yield (
-            f"  {point['axis']:16}  {point['kind']:10}  {point['length']:9.6f}  "
-            f"{point['curvature_radius']:23.6f}  {grows}"
+            f"  {point['axis']:16}  {point['kind']:10}  {point['length']:12.7g}  "
+            f"{point['curvature_radius']:23.7g}  {grows}"
         )

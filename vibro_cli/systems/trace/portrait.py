@@ -44,12 +44,12 @@ def portrait(
 
 def point_lines(body: dict[str, Any]) -> Iterator[str]:
     """Return the singular points of a body as lines of text."""
-    yield "  point  kind        arc  angle [rad]     s [m]      E [J]   E/(m g) [m]"
+    yield "  point  kind        arc  angle [rad]         s [m]         E [J]   E/(m g) [m]"
     for point in body["points"]:
         angle = "         -" if point["angle"] is None else f"{point['angle']:10.6f}"
         yield (
             f"  {point['name']:5}  {point['kind']:10}  {point['arc']:3}  {angle}  "
-            f"{point['s']:9.6f}  {point['energy']:9.6g}  {point['height']:9.6g}"
+            f"{point['s']:12.7g}  {point['energy']:12.6g}  {point['height']:12.6g}"
         )
     for trigger in body["triggers"]:
         yield f"  {trigger['points']}: {trigger['orbit']}; {trigger['condition']}"
