@@ -460,6 +460,19 @@ def test_the_figure_of_a_family_shows_very_unstable_orbits_by_powers_of_ten() ->
     assert multiplier.get_xlabel().endswith("[m/s$^2$]")
 
 
+@pytest.mark.parametrize("value", [1e-18, 3.0, 1e12])
+def test_one_orbit_alone_stands_in_the_middle_of_an_axis_of_its_size(value: float) -> None:
+    table = {
+        "value": np.array([value]),
+        "special": np.array(["bound"], dtype=object),
+        "stable": np.array([True]),
+        "period": np.array([1.0]),
+        "multiplier": np.array([1.0]),
+    }
+    for axes in branch_figure(table, "energy [J]", "single").axes:
+        assert axes.get_xlim() == pytest.approx((0.5 * value, 1.5 * value), rel=1e-9)
+
+
 def test_the_table_of_a_folded_family_goes_along_it(folded: tuple[Orbit, Branch]) -> None:
     columns = orbit_columns(folded[1])
     values, kinds = columns["value"], columns["special"].tolist()

@@ -142,7 +142,8 @@ def branch_figure(found: dict[str, Any], label: str, width: str) -> Figure:
             logarithmic = name == "multiplier" and is_wide(height)
             (log_axis if logarithmic else value_axis)(axes, height, symbol, unit)
             low, high = float(np.min(value)), float(np.max(value))
-            room = _BESIDE * (high - low) or 0.5  # a family that turns back is seen to
+            # A family that turns back is seen to.
+            room = _BESIDE * (high - low) or 0.5 * (abs(high) or 1.0)
             span = low - room, high + room
             axes.set_xlim(span)
             ticks = number_ticks(*span, panel_size(axes)[0])
