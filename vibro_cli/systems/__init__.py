@@ -1,6 +1,7 @@
-"""The systems there are, and what they share: the driver, the stream, the run, its columns.
+"""The systems, and what they share: driver, streaming, runs, columns of tables.
 
-Each is a folder with an object that says all that differs (see :mod:`vibro_cli.systems.contract`).
+Each system is a folder with one object for all that differs, see
+:mod:`vibro_cli.systems.contract`.
 """
 
 from __future__ import annotations
@@ -12,15 +13,15 @@ if TYPE_CHECKING:
     from vibro_cli.systems.contract import System
 
 PLURALS = {"trace": "traces", "table": "tables", "springs": "springs"}
-"""The systems there are, by their folders, with the word for several of a kind.
+"""Plural of each system, by the name of its folder.
 
-A new one is registered here, and nowhere else. The first one is meant by scenarios that name none.
+A new system is registered here, and nowhere else. Scenarios that name none have the first one.
 """
 NAMES = tuple(PLURALS)
 
 
 def system_named(name: str) -> System:
-    """Return the object of a system; raises ``KeyError`` for a name that is none."""
+    """Return the object of a system; raises ``KeyError`` for an unknown name."""
     if name not in NAMES:
         raise KeyError(name)
     found: System = import_module(f"{__name__}.{name}").SYSTEM

@@ -1,7 +1,7 @@
 """Tables and their columns, each declared once: name, type, unit, nullability, meaning, value.
 
-The parquet schemas, the checks before writing, `vibro schema tables` and the tables' reference in
-docs/ all come from these declarations, and so do the columns themselves where they say their value.
+The Parquet schemas, the checks before writing, `vibro schema tables` and the reference of tables in
+docs/ are derived from these declarations, and so are the data of columns that have a ``value``.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ END_CAUSES = {
     "wall_contact": "a ball comes to roll along the wall, which is not solved",
     "accumulation": "impacts follow one another without end in finite time, which is not solved",
 }
-"""What the causes that end a run mean, in words."""
+"""Meanings of the causes that end a run."""
 
 ColumnType = Literal["float64", "int64", "bool", "string"]
 Value = Callable[[Any], Any]
@@ -35,7 +35,7 @@ Value = Callable[[Any], Any]
 
 @dataclass(frozen=True)
 class Column:
-    """One column; `nullable` says whether null may stand in it, `unit` is "" for a plain number."""
+    """A column of a table; `nullable` allows null, `unit` is "" for a dimensionless number."""
 
     name: str
     type: ColumnType
@@ -43,14 +43,14 @@ class Column:
     description: str
     nullable: bool = False
     words: tuple[str, ...] = ()
-    """The words of a column that is made as numbers, from 0."""
+    """Words that the integer codes of the column stand for, from 0."""
     value: Value | None = field(default=None, compare=False)
-    """From what the rows are made of; None where a kernel fills the column."""
+    """Computes the column from the source of the rows; None if a kernel fills the column."""
 
 
 @dataclass(frozen=True)
 class Table:
-    """A table: its name, what one row of it is, and its columns in order."""
+    """A table: its name, the meaning of a row, and its columns in order."""
 
     name: str
     row: str
@@ -58,20 +58,20 @@ class Table:
 
     @property
     def file(self) -> str:
-        """The name of its file without the suffix: that of a system's table stands before it."""
+        """Name of its file without the suffix: the part of the name after the last dot."""
         return self.name.rpartition(".")[2]
 
     @property
     def schema_id(self) -> str:
-        """Name and version of the schema, as written into the files' metadata."""
+        """Name and version of the schema, as stored in the metadata of files."""
         return f"{self.name}/{SCHEMA_VERSION}"
 
     def filled(self, source: Any) -> Columns:
-        """Return all columns, from what their values are made of."""
+        """Return the columns that have a ``value``, computed from a source."""
         return {column.name: column.value(source) for column in self.columns if column.value}
 
     def in_words(self, columns: Columns) -> Columns:
-        """Return columns in which words are given by their numbers with the words."""
+        """Return columns with integer codes replaced by the words that they stand for."""
         import numpy as np
 
         words = {column.name: column.words for column in self.columns if column.words}
@@ -85,19 +85,19 @@ class Table:
 def number(
     name: str, unit: str, description: str, nullable: bool = False, value: Value | None = None
 ) -> Column:
-    """A column of numbers with a unit."""
+    """Return a column of floating-point numbers with a unit."""
     return Column(name, "float64", unit, description, nullable, value=value)
 
 
 def count(
     name: str, description: str, nullable: bool = False, value: Value | None = None
 ) -> Column:
-    """A column of whole numbers."""
+    """Return a column of integers."""
     return Column(name, "int64", "", description, nullable, value=value)
 
 
 def flag(name: str, description: str, value: Value | None = None) -> Column:
-    """A column of truth values."""
+    """Return a column of booleans."""
     return Column(name, "bool", "", description, value=value)
 
 
@@ -108,36 +108,36 @@ def word(
     nullable: bool = False,
     value: Value | None = None,
 ) -> Column:
-    """A column of words; where `words` are given, its values are their numbers."""
+    """Return a column of words; if `words` are given, its values are their integer codes."""
     return Column(name, "string", "", description, nullable, words, value)
 
 
 def of_log(name: str) -> Value:
-    """Return the value of a column that is a field of the log."""
+    """Return the ``value`` of a column that is a field of the log."""
     return lambda rows: rows[name]
 
 
 def of_last(name: str, ball: int | str) -> Value:
-    """Return the value of a column of a summary that is a body's of the motion table at the end."""
+    """Return the ``value`` of a summary's column: a body's entry in the final motion table."""
     return lambda totals: totals.last[name][int(ball) - 1]
 
 
 def is_one(name: str) -> Value:
-    """Return the value of a column that says whether a field of the log is 1."""
+    """Return the ``value`` of a column that is true where a field of the log is 1."""
     return lambda rows: rows[name] == 1
 
 
 WHEN = (("pre", "before"), ("post", "after"))
-"""The times of an impact, in names of columns and in words."""
+"""Before and after an impact, in the names of columns and in words."""
 ENDS = tuple((end, when, words) for when, words in WHEN for end in "ab")
-"""Both bodies of an impact at these times."""
+"""Both bodies of an impact, before and after it."""
 LAW = word(
     "law", "impact law that gave the speeds after the impact", LAW_NAMES, value=of_log("law")
 )
 
 
 def impact_head() -> Iterator[Column]:
-    """What every table of impacts begins with."""
+    """Yield the first columns of every table of impacts."""
     yield count("n", "number of the impact, from 1", value=lambda rows: rows.number)
     yield number("t", "s", "time of the impact, the nearest double", value=of_log("t"))
     text = "what t lacks: t + t_low is the time in two doubles"
@@ -153,7 +153,7 @@ def before_and_after(
     nullable: bool = False,
     value: Callable[[str, str], Value] | None = None,
 ) -> Iterator[Column]:
-    """The same quantity of both bodies, before and after the impact; `value` as for `phases`."""
+    """Yield a quantity of both bodies before and after the impact; `value` as in `phases`."""
     for end, when, words in ENDS:
         own = None if value is None else value(end, when)
         what = f"{text}, {words} the impact, of body {end}"
@@ -166,7 +166,10 @@ def impact_tail(
     simultaneous: str = "whether the event before it was at the same instant, or others are solved "
     "with it",
 ) -> Iterator[Column]:
-    """What every impact of two bodies ends with, with what three columns mean."""
+    """Yield the last columns of every table of impacts of two bodies.
+
+    The arguments describe three of these columns.
+    """
     yield number("energy_loss", "J", loss, value=of_log("loss"))
     text = "J_Pb (ω_b⁺ − ω_b⁻), the moment of the impulse"
     yield number("impulse_moment", "N m s", text, value=lambda rows: rows.impulse_moment)
@@ -189,7 +192,7 @@ IMPULSE = "m_b (v_b⁺ − v_b⁻), the impulse, under the law of translation (e
 
 
 def impulse() -> Column:
-    """The impulse on body b, where the law is that of translation, B (6)."""
+    """Return the column of the impulse on body b under the translational law, B (6)."""
     return number("impulse", "N s", IMPULSE, True, lambda rows: rows.impulse)
 
 
@@ -199,9 +202,9 @@ def phases(
     words: tuple[str, ...],
     value: Callable[[str, str], Value] | None = None,
 ) -> Iterator[Column]:
-    """Where both bodies are in their phase planes, before and after the impact.
+    """Yield the regions of the phase plane of both bodies, before and after the impact.
 
-    `value` gives that of a column from the end, `a` or `b`, and `pre` or `post`.
+    `value` maps body (`a` or `b`) and time (`pre` or `post`) to the ``value`` of the column.
     """
     for end, when, said in ENDS:
         of_end = None if value is None else value(end, when)
@@ -210,13 +213,13 @@ def phases(
 
 
 def grazing() -> Column:
-    """Whether an impact is a mere touch."""
+    """Return the column that marks impacts that may be mere touches."""
     text = "whether the contact cannot be told from a touch in double precision"
     return flag("grazing", text, is_one("grazing"))
 
 
 def summary_head(causes: str) -> Iterator[Column]:
-    """What every summary begins with; `causes` are those of the end."""
+    """Yield the first columns of every summary; `causes` describes the causes of the end."""
     text = "ok, invalid (the scenario is not possible) or failed"
     yield word("status", text, value=lambda totals: "ok")
     yield word("reason", "why the status is not ok", (), True, lambda totals: None)
@@ -226,7 +229,7 @@ def summary_head(causes: str) -> Iterator[Column]:
 
 
 def of_clock(name: str) -> Value:
-    """Return the value of a column of a summary that is a field of the run's clock."""
+    """Return the ``value`` of a summary's column: an integer field of the run's clock."""
     return lambda totals: int(totals.clock[name])
 
 
@@ -235,7 +238,10 @@ def summary_balance(
     drift: str = "relative change of the energy, where it should be kept",
     gap: str = "largest distance left between bodies at an impact",
 ) -> Iterator[Column]:
-    """Times, energies and gaps of every summary; `drift` and `gap` are what two columns mean."""
+    """Yield the times, energies and gaps of every summary.
+
+    `drift` and `gap` describe two columns; `impact` names the impacts.
+    """
     text = f"time of the first {impact}"
     yield number("first_collision_time", "s", text, True, lambda totals: totals.first_time)
     text = f"time of the last {impact}"
@@ -266,28 +272,31 @@ GROWTH = (
     ),
     flag("smooth", "whether the motion depends differentiably on its start here"),
 )
-"""What impacts have besides where the growth of small changes is followed."""
+"""Columns of impacts on the growth of small perturbations of the start."""
 
 
 def with_columns(table: Table, *more: Column) -> Table:
-    """A table with some more columns."""
+    """Return a table with further columns."""
     return replace(table, columns=(*table.columns, *more))
 
 
 def with_growth(table: Table) -> Table:
-    """A table of impacts with what they have where the growth of small changes is followed."""
+    """Return a table of impacts with the columns ``GROWTH``."""
     return with_columns(table, *GROWTH)
 
 
 def exponents(numbers: int | str, when: str = "") -> tuple[Column, ...]:
-    """Columns of so many Lyapunov exponents, or of one that stands for any; of a run, or `when`."""
+    """Return the columns of Lyapunov exponents: of a number of them, or of one letter for any.
+
+    `when` completes their description.
+    """
     names = [numbers] if isinstance(numbers, str) else range(1, numbers + 1)
     text = "Lyapunov exponent {}{}, the greatest first (null for −∞, and where it is not known)"
     return tuple(number(f"lyapunov_{name}", "1/s", text.format(name, when), True) for name in names)
 
 
 def converging(numbers: int | str) -> Table:
-    """The table of how exponents converge; `numbers` as for :func:`exponents`."""
+    """Return the table of converging exponents; `numbers` as in :func:`exponents`."""
     columns = (
         count("n", "number of the impact, from 1"),
         number("t", "s", "time of the impact"),

@@ -1,9 +1,9 @@
-"""The contract of a system: everything that differs from one to another, as one object.
+"""The interface of a system: one object with everything that differs between systems.
 
-A system is a folder of this package. Its ``__init__`` has one object, ``SYSTEM``, of a class that
-fulfils :class:`System`; what is heavy is imported when it is asked for. What a system has in a
-module of a fixed name, such as ``FIGURES`` of ``figures.py``, its class need not name again. Nobody
-outside its folder asks for a system by its name or its type: they ask its object.
+A system is a folder of this package. Its ``__init__`` defines one object, ``SYSTEM``, whose class
+derives from :class:`System` and imports heavy modules only on use. Objects in modules of a fixed
+name, such as ``FIGURES`` in ``figures.py``, are found without being named in the class. Code
+outside the folder never tests the name or the type of a system; it calls this object.
 """
 
 from __future__ import annotations
@@ -39,24 +39,24 @@ if TYPE_CHECKING:
     from vibro_cli.systems.tangents import LoggedMap
 
 Columns = dict[str, Any]
-"""Columns of equal length by their names."""
+"""Columns of equal length, by name."""
 Document = dict[str, Any]
 """A scenario as a user writes it, as plain data."""
 Sink = Callable[[str, Columns], None]
-"""Takes the name of a table and more columns of it; words are given by their numbers."""
+"""Receives the name of a table and further rows, as columns; words are given as integer codes."""
 
 
 PaperRow = tuple[str, str, str, str]
-"""Where in a paper, what it says there, the command that shows it, and where it then stands."""
+"""Place in a paper, its statement, the command that reproduces it, where to find the result."""
 
 
 class ShownOfPapers(NamedTuple):
-    """What of the papers a system shows: `vibro help papers`."""
+    """What a system reproduces from the papers, for `vibro help papers`."""
 
     rows: Mapping[str, Sequence[PaperRow]]
-    """By the letter of the paper, in its order."""
+    """By letter of the paper, in the order of the paper."""
     symbols: Sequence[tuple[str, str, str]] = ()
-    """Symbols of the papers, the words for them here, and their units."""
+    """Symbol in the papers, term in this project, unit."""
 
 
 class TimedScene(NamedTuple):
@@ -64,143 +64,143 @@ class TimedScene(NamedTuple):
 
     document: Document
     parts: tuple[str, ...] = ("systems",)
-    """Of the benchmark: the event loop alone in ``"systems"``, whole commands in ``"command"``."""
+    """Parts of the benchmark: ``"systems"`` times the event loop, ``"command"`` whole commands."""
     share: int = 1
-    """The impacts are divided by it where each takes long."""
+    """Divisor of the number of impacts, for scenes with slow impacts."""
 
 
 class NoPortrait(ValueError):
-    """What is solved has no portrait; the message says what was found and expected."""
+    """The system has no portrait; the message says what was found and what was expected."""
 
 
 class Tables(Protocol):
-    """What the tables of a run say, stretch by stretch."""
+    """Makes the tables of a run, stretch by stretch."""
 
     motion: Gathered | None
-    """The motion in it, if it is wanted for figures and kept by the system."""
+    """The motion of the run, if figures need it and the system keeps it."""
 
     def take(self, stretch: Stretch) -> None:
-        """Hand the rows of a stretch to the sink; the last one has a cause of the end."""
+        """Pass the rows of a stretch to the sink; the last stretch has the cause of the end."""
 
     def summary(self) -> Columns:
-        """Return the columns of the summary, of one row, once the run has ended."""
+        """Return the columns of the summary (one row) once the run has ended."""
 
 
 class Trajectory(Protocol):
-    """The motion of all bodies at any time of a stretch of the run, in closed form."""
+    """The motion of all bodies during a stretch of a run, in closed form."""
 
     last: Any
-    """What the motion in the next stretch goes on from."""
+    """State from which the motion of the next stretch continues."""
 
     def sample(self, instants: Any, side: str = "after") -> Columns:
-        """Return the columns of the motion table: for each instant (s) a row for each body.
+        """Return the columns of the motion table: one row per body at each instant (s).
 
-        `instants` is an array of shape (n,); before and after the stretch what it begins and ends
-        with goes on. `side` is "after" or "before" an event that happens at just such an instant;
-        raises ValueError for another one.
+        `instants` is an array of shape (n,); outside the stretch its first and last flights are
+        extended. `side`, "after" or "before", selects the state at the very instant of an event;
+        any other value raises ValueError.
         """
 
 
 class Flights(Protocol):
-    """The motion in a run on a trace that is over, flight by flight."""
+    """The motion of a finished run on a trace, flight by flight."""
 
     @property
     def system(self) -> Any:
-        """What was solved."""
+        """The system that was solved."""
 
     def flights(self) -> Columns:
-        """Return every flight of every body on a trace: where and when it starts and ends, why."""
+        """Return all flights of all bodies on a trace: start, end and why each one ended."""
 
     def look_at(self, rows: Any) -> None:
-        """Take note of the flights, rows of their table, that will be asked for."""
+        """Announce the flights, as rows of their table, whose curves will be requested."""
 
     def flight_curve(self, index: int, count: int, lasts: float = math.inf) -> tuple[Any, Any, Any]:
-        """Return times (s), places and rates at ``count`` points of a flight, or its beginning."""
+        """Return times (s), positions and rates at ``count`` points of a flight's first part."""
 
 
 class Motion(Flights, Protocol):
-    """The motion in a run that is over."""
+    """The motion of a finished run."""
 
     def sample(self, times: Any, side: str = "after", extrapolate: bool = False) -> Columns:
-        """Return the columns of the motion table: for each time (s) a row for each body."""
+        """Return the columns of the motion table: one row per body at each time (s)."""
 
 
 class LongMotion(Motion, Protocol):
-    """The motion in a run that is too long for its logs to be kept."""
+    """The motion of a run that is too long for its logs to be kept."""
 
     state: dict[str, Any]
-    """All that changes in the run, after its last event."""
+    """The complete state of the run after its last event."""
 
 
 class ImpactLog(NamedTuple):
-    """A table of impacts, and the log that it is made of."""
+    """A table of impacts and the log from which it is made."""
 
     log: str
     table: Table
     rows: type[ImpactRows]
-    """Of the log, with the values of the table's columns."""
+    """Rows of the log, with the values of the table's columns."""
     bodies: type[Bodies]
-    """Of systems, with what the rows need of them."""
+    """Bodies of systems, with the properties that the rows need."""
     title: str = "Impacts"
-    """Above the rows in a report."""
+    """Heading of the table in a report."""
     words: str = "impacts"
-    """What the rows are, after their number."""
+    """Noun for the rows, printed after their number."""
     none: str = "was no impact of two bodies"
-    """What is said after "There", where there is no row."""
+    """End of the sentence "There ..." that stands for an empty table."""
 
 
 class System(ABC):
-    """Everything that differs from one system to another."""
+    """Everything that differs between systems."""
 
     name: ClassVar[str]
-    """As scenarios have it in ``system``."""
+    """Value of the key ``system`` in scenarios."""
 
     def part(self, module: str) -> Any:
         """Return a module of the system's folder."""
         return import_module(f"vibro_cli.systems.{self.name}.{module}")
 
     def has_part(self, module: str) -> bool:
-        """Whether there is a module in the system's folder."""
+        """Return whether the system's folder has a module of this name."""
         return find_spec(f"vibro_cli.systems.{self.name}.{module}") is not None
 
-    # From what a user wrote to what is solved: scenario/, assemble.py.
+    # From the user's scenario to the system to solve: scenario/, assemble.py.
 
     @property
     def model(self) -> type[AnyScenario]:
-        """The pydantic model of its scenarios: ``MODEL`` of ``scenario.py``."""
+        """The pydantic model of the system's scenarios: ``MODEL`` in ``scenario.py``."""
         model: type[AnyScenario] = self.part("scenario").MODEL
         return model
 
     def build(self, scenario: Any) -> Any:
-        """Return what is solved; raises ``ScenarioError`` with everything that is wrong.
+        """Build the system to solve from a scenario, with ``build`` in ``build.py``.
 
-        It is ``build`` of ``build.py``.
+        Raises ``ScenarioError``, which lists every fault of the scenario.
         """
         return self.part("build").build(scenario)
 
     def warnings(self, scenario: Any, system: Any) -> tuple[str, ...]:
-        """Return what a user should know about a sound system, a sentence each."""
+        """Return warnings about a valid system, one sentence each."""
         from vibro_cli.systems.request import many_samples
 
         rows = many_samples(scenario.output.step, scenario.stop.time, len(scenario.balls))
         return (*self.mechanics_warnings(scenario, system), *rows)
 
     def mechanics_warnings(self, scenario: Any, system: Any) -> tuple[str, ...]:
-        """Return what is doubtful about its mechanics, a sentence each: here about the law."""
+        """Return warnings about the mechanics, one sentence each; by default about the law."""
         from vibro_cli.mechanics.system import law_warnings
 
-        # Whichever can meet: if any two are unequal, so are two that follow one another.
+        # Any two bodies may meet; if any two differ, so do two consecutive ones.
         return tuple(law_warnings(system, [*pairwise(system.bodies)]))
 
     def limits(self, scenario: Any) -> Limits:
-        """Return where the run of a scenario stops."""
+        """Return the limits at which the run of a scenario stops."""
         from vibro_cli.systems.request import Limits
 
         stop = scenario.stop
         return Limits(stop.time, stop.collisions, getattr(stop, "bounces", None))
 
     def wanted(self, scenario: Any) -> OutputRequest:
-        """Return what is to be computed of a scenario beside the impacts."""
+        """Return the outputs that a scenario requests besides the impacts."""
         from vibro_cli.systems.request import OutputRequest
 
         analysis = getattr(scenario, "analysis", None)
@@ -208,41 +208,41 @@ class System(ABC):
         return OutputRequest(**scenario.output.model_dump(), lyapunov=grown)
 
     def one_sided(self, scenario: Any) -> bool:
-        """Whether bodies may lift off what they roll on."""
+        """Return whether bodies may lift off their support."""
         return False
 
     # The solver: systems/driver.py, systems/run.py.
 
     @property
     def loop(self) -> EventLoop:
-        """The event loop, its records, logs and causes of the end: ``LOOP`` of ``system.py``."""
+        """The event loop with its records and logs: ``LOOP`` in ``system.py``."""
         loop: EventLoop = self.part("system").LOOP
         return loop
 
     @property
     def kernels(self) -> tuple[Kernel, ...]:
-        """The kernels that are called from Python; those of the trace are in programs.py.
+        """Kernels that Python calls; those of the trace are listed in programs.py.
 
-        The library is built before numpy is there: nothing but kernels may be imported here.
+        The library is built before numpy is installed: import nothing but kernels here.
         """
         return ()
 
     flags: ClassVar[tuple[str, ...]] = ()
-    """For the compiler of these kernels, after those of all programs."""
+    """Compiler flags for these kernels, appended to those of all programs."""
 
     def world(self, system: Any, limits: Limits) -> Any:
-        """Return the records of a system at the start, interpreted, with empty logs.
+        """Return the interpreted records of a system at the start, with empty logs.
 
-        They are from ``make_world`` of ``system.py``.
+        They come from ``make_world`` in ``system.py``.
         """
         return self.part("system").make_world(system, limits)
 
     def overrides(self, system: Any) -> Overrides | None:
-        """Return the kernels that stand for others in this system, None without any."""
+        """Return the kernels that replace others in this system, or None."""
         return None
 
     def stretches(self, driver: Driver, stop_time: float | None) -> Stretches:
-        """Return the run of a driver in stretches."""
+        """Return the stretches of the run that a driver is about to begin."""
         from vibro_cli.systems.run import Stretches
 
         return Stretches(self.loop, driver, stop_time)
@@ -250,35 +250,35 @@ class System(ABC):
     def skipped(
         self, clock: Mapping[str, Any], wanted: OutputRequest, end: float
     ) -> tuple[str, ...]:
-        """Say what was not computed of a run with this clock and end (s), and why."""
+        """Return which outputs a run with this clock and end (s) lacks, and why."""
         return wanted.left_out(end)
 
     def solver(self, grid: Grid, engine: str) -> Solver:
-        """Return a solver of the points of a grid: here each is a run of its own."""
+        """Return a solver of the points of a grid; by default each point is a separate run."""
         from vibro_cli.grids.solving import RunSolver
 
         return RunSolver(grid, engine)
 
     @property
     def timed_scenes(self) -> Mapping[str, TimedScene]:
-        """Scenes by name whose run time is measured: ``TIMED_SCENES`` of ``timed_scenes.py``.
+        """Benchmark scenes by name: ``TIMED_SCENES`` in ``timed_scenes.py``.
 
-        None without that module.
+        Empty without that module.
         """
         if not self.has_part("timed_scenes"):
             return {}
         scenes: Mapping[str, TimedScene] = self.part("timed_scenes").TIMED_SCENES
         return scenes
 
-    # Tables: systems/columns.py declares columns.
+    # Tables, see systems/columns.py.
 
     impact_tables: ClassVar[tuple[str, ...]] = ("collisions",)
-    """The tables of impacts, which grids can keep."""
+    """Names of the tables of impacts, which grids can store."""
 
     def tables(self) -> tuple[Table, ...]:
-        """Return every table with all columns it may have; the summary's stand for a body `i`.
+        """Return every table with all the columns it may have; in the summary `i` is any body.
 
-        Those beside impacts, summary and exponents are ``OTHER_TABLES`` of ``tables.py``.
+        ``OTHER_TABLES`` in ``tables.py`` adds to the impacts, the summary and the exponents.
         """
         from vibro_cli.systems.columns import converging, with_growth
 
@@ -289,14 +289,14 @@ class System(ABC):
         return (*map(with_growth, impacts), *others, self.summary_of("i", "i"), converging("i"))
 
     def summary(self, bodies: int, grown: bool = False) -> Table:
-        """Return the summary of runs with so many bodies, `grown` with exponents."""
+        """Return the summary table for a number of bodies; `grown` adds Lyapunov exponents."""
         return self.summary_of(range(1, bodies + 1), self.exponents * bodies if grown else 0)
 
     def summary_of(self, bodies: Iterable[int | str], grown: int | str) -> Table:
-        """Return the summary of runs with these bodies: numbers from 1, or a letter for any.
+        """Return the summary table for these bodies: numbers from 1, or a letter for any body.
 
-        It has so many exponents. Of the run it is ``SUMMARY`` of ``tables.py``, of each body what
-        ``final_state`` there gives.
+        `grown` is its number of exponents, or a letter. ``SUMMARY`` in ``tables.py`` has the
+        columns of the run, ``final_state`` there those of each body.
         """
         from vibro_cli.systems.columns import exponents, with_columns
 
@@ -305,11 +305,14 @@ class System(ABC):
         return with_columns(part.SUMMARY, *states, *exponents(grown))
 
     def table(self, name: str, column_names: Collection[str]) -> Table:
-        """Return the table with a name for data with these columns; `ValueError` for another."""
+        """Return the table of this name for data with these columns.
+
+        Raises `ValueError` for an unknown name.
+        """
         from vibro_cli.systems.columns import GROWTH, converging, with_growth
 
         if name == "summary":
-            # The final place of each, or on a trace the piece that it is on.
+            # Each body has its final position, or on a trace the piece that it is on.
             bodies = sum(column.startswith(("x_", "arc_")) for column in column_names)
             return self.summary(bodies, grown="lyapunov_1" in column_names)
         if name == "exponents":
@@ -324,38 +327,34 @@ class System(ABC):
         raise ValueError(f"there is no table {name!r}")
 
     def impact_table(self, name: str, column_names: Collection[str] | None = None) -> Table:
-        """Return a table of impacts for data with these columns, or with all it may have.
+        """Return a table of impacts for data with these columns, by default all it may have.
 
-        It is without what the growth of small changes adds.
+        It lacks the columns of ``columns.GROWTH``.
         """
         return self.impact_logs[name].table
 
     def table_maker(
         self, system: Any, wanted: OutputRequest, names: Collection[str], sink: Sink
     ) -> Tables:
-        """Return what makes the tables with these names of a run, and its summary."""
+        """Return the maker of these tables of a run and of its summary."""
         from vibro_cli.systems.tables import SystemTables
 
         return SystemTables(self, system, wanted, names, sink)
 
     @property
     def impact_logs(self) -> Mapping[str, ImpactLog]:
-        """The tables of impacts by their names, where columns are made from rows of logs.
-
-        They are ``IMPACT_LOGS`` of ``tables.py``.
-        """
+        """The tables of impacts by name, with their logs: ``IMPACT_LOGS`` in ``tables.py``."""
         logs: Mapping[str, ImpactLog] = self.part("tables").IMPACT_LOGS
         return logs
 
     def events(self, system: Any, logs: Any) -> Columns | None:
-        """Return the columns of events of a stretch from its logs, None without such a table."""
+        """Return the columns of the table of events from a stretch's logs, or None without one."""
         return None
 
     def trajectory(self, system: Any, stretch: Stretch, before: Any = None) -> Trajectory:
-        """Return the motion in a stretch of a run, which may be all of it.
+        """Return the motion in a stretch of a run or in the whole run: ``Motion`` in ``tables.py``.
 
-        `before` is the ``last`` of the trajectory of the stretch before it. It is ``Motion`` of
-        ``tables.py``.
+        `before` is the ``last`` of the preceding stretch's trajectory.
         """
         trajectory: Trajectory = self.part("tables").Motion(system, stretch, before)
         return trajectory
@@ -363,9 +362,9 @@ class System(ABC):
     def long_motion(
         self, system: Any, limits: Limits, rows: Mapping[str, int], interrupted: bool
     ) -> LongMotion | None:
-        """Return the motion in a run that is too long to be kept, None for one that is not.
+        """Return the motion of a run that is too long to be kept, or None if it is short enough.
 
-        `rows` is how many its logs have, where it ended or was `interrupted`.
+        `rows` are the lengths of its logs when it ended or was `interrupted`.
         """
         from vibro_cli.systems import run
 
@@ -374,13 +373,12 @@ class System(ABC):
         return run.solved_again(self, system, limits, rows, interrupted)  # type: ignore[no-any-return]
 
     exponents: ClassVar[int] = 0
-    """How many Lyapunov exponents there are for each body, the numbers that are its state; none
-    where tangent maps are not known."""
+    """Lyapunov exponents per body: the dimension of its state, or 0 without tangent maps."""
 
     def tangents(self, system: Any) -> LoggedMap:
-        """Return the tangent map of a run, which goes through its logs, see systems/tangents.py.
+        """Return the tangent map of a run, computed from its logs (systems/tangents.py).
 
-        Its kernel is ``follow`` of the loop, its scale of time ``time_scale`` of ``system.py``.
+        Its kernel is ``follow`` of the loop, its time scale ``time_scale`` in ``system.py``.
         """
         from vibro_cli.systems.tangents import LoggedMap
 
@@ -390,43 +388,43 @@ class System(ABC):
 
     @property
     def figures(self) -> Mapping[str, Kind[Any] | KindOfBody]:
-        """Every kind of figure of a run, by name: ``FIGURES`` of ``figures.py``."""
+        """The kinds of figure of a run, by name: ``FIGURES`` in ``figures.py``."""
         figures: Mapping[str, Kind[Any] | KindOfBody] = self.part("figures").FIGURES
         return figures
 
     default_figures: ClassVar[tuple[str, ...]]
-    """Those that are drawn where nothing is said."""
+    """Kinds of figure that are drawn by default."""
 
     def check_film(self) -> None:
-        """Raise `NoFilm` where ``figures.py`` has no ``film``."""
+        """Raise `NoFilm` if ``figures.py`` has no ``film``."""
         if not hasattr(self.part("figures"), "film"):
             from vibro_cli.figures.film import NoFilm
 
             raise NoFilm(f'found system = "{self.name}", expected a system that has films')
 
     def film(self, run: StoredRun, times: NDArray[np.float64]) -> Frames:
-        """Return what a film shows of a run at the times (s) of its frames, see ``figures.py``.
+        """Return the frames of a film of a run at these times (s), from ``figures.py``.
 
-        Raises `NoFilm` where there is none.
+        Raises `NoFilm` if the system has no films.
         """
         self.check_film()
         frames: Frames = self.part("figures").film(run, times)
         return frames
 
     def figure_width(self, system: Any) -> str:
-        """Return how wide the figures of a run are drawn, ``"single"`` or ``"double"``."""
+        """Return the width of the figures of a run, ``"single"`` or ``"double"`` column."""
         return "single"
 
     # Reports and `vibro check`: report/, commands/.
 
     papers: ClassVar[tuple[str, ...]] = ()
-    """Letters of the papers that the system is from, see report/words.py."""
+    """Letters of the papers that describe the system, see report/words.py."""
 
     @property
     def shown_of_papers(self) -> ShownOfPapers:
-        """What of the papers is shown by which command: ``SHOWN`` of ``papers.py``.
+        """What is reproduced from the papers, by which commands: ``SHOWN`` in ``papers.py``.
 
-        Nothing without that module.
+        Empty without that module.
         """
         if not self.has_part("papers"):
             return ShownOfPapers({})
@@ -435,46 +433,46 @@ class System(ABC):
 
     @abstractmethod
     def method(self, scenario: Mapping[str, Any]) -> str:
-        """Return how a scenario (its plain values) is solved, in a sentence or two."""
+        """Describe in a sentence or two how a scenario (as plain values) is solved."""
 
     def report(self, run: StoredRun, name: str, beside: Path) -> dict[str, Any]:
-        """Return what a report says of a run, see report/content.py."""
+        """Return the content of a report on a run, see report/content.py."""
         from vibro_cli.report.content import section
 
         return section(run, name, beside)
 
     def understood(self, scenario: Any, system: Any) -> dict[str, Any]:
-        """Return what a scenario means, as plain values, see systems/describe.py."""
+        """Return what a scenario means as plain values, see systems/describe.py."""
         from vibro_cli.systems.describe import understood
 
         return understood(scenario, system, self.warnings(scenario, system))
 
     def understood_lines(self, found: dict[str, Any]) -> Iterator[str]:
-        """Return that as lines of text."""
+        """Yield the result of :meth:`understood` as lines of text."""
         from vibro_cli.scenario.fields import settings
         from vibro_cli.systems.describe import lines_of
 
         return lines_of(found, partial(settings, self.model), self.body_lines)
 
     def body_lines(self, body: dict[str, Any]) -> Iterator[str]:
-        """Return what more was understood of a body, as lines of text."""
+        """Yield further lines of text on a body."""
         return iter(())
 
     has_orbits: ClassVar[bool] = False
-    """Whether periodic orbits are looked for, and numbers fitted, with its tangent maps."""
+    """Whether its tangent maps support the search for periodic orbits and the fit of parameters."""
     has_comparisons: ClassVar[bool] = False
-    """Whether portraits of a few bodies can be drawn over one another, on one trace."""
+    """Whether the portraits of several bodies on one trace can be overlaid."""
     has_families: ClassVar[bool] = False
-    """Whether portraits can be drawn over a range of a parameter: by ``family_type``, the type of a
-    body's portrait, and ``family_figure`` of ``portrait.py``."""
+    """Whether portraits can be drawn over a range of a parameter, with ``family_type`` (the type of
+    a body's portrait) and ``family_figure`` in ``portrait.py``."""
 
     def portrait(
         self, system: Any, width: str, drawn: Collection[int]
     ) -> tuple[dict[str, Any], dict[str, Figure]]:
-        """Return what a portrait without a run shows, and figures by the stems of their files.
+        """Return the data of a portrait without a run, and its figures by file stem.
 
-        Those of the bodies `drawn` (from 1); bodies that are alike share theirs. It is from
-        ``portrait`` of ``portrait.py``. Raises `NoPortrait` where there is none.
+        Figures are drawn for the bodies `drawn` (from 1); identical bodies share one. Calls
+        ``portrait`` in ``portrait.py``; raises `NoPortrait` if the system has none.
         """
         if not self.has_part("portrait"):
             raise NoPortrait(f'found system = "{self.name}", expected a system that has portraits')
@@ -483,7 +481,7 @@ class System(ABC):
         return found
 
     def portrait_lines(self, found: dict[str, Any]) -> Iterator[str]:
-        """Return what a portrait shows as lines of text, of a body ``point_lines`` tells it."""
+        """Yield a portrait as lines of text; ``point_lines`` describes the points of a body."""
         for body in found["bodies"]:
             yield f"ball {body['ball']}: {body['body']}, r = {body['radius']:g} m: {body['type']}"
             yield from self.part("portrait").point_lines(body)

@@ -1,4 +1,4 @@
-"""What a scenario means, in plain values and in lines of text (`vibro check`)."""
+"""Describe a scenario as plain values and as lines of text (`vibro check`)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ BodyLines = Callable[[dict[str, Any]], Iterator[str]]
 
 
 def understood(scenario: Any, system: Any, warnings: tuple[str, ...]) -> dict[str, Any]:
-    """Return what a scenario means: given values, defaults and what follows from them."""
+    """Return the given values of a scenario, its defaults and quantities derived from them."""
     return {
         "name": scenario.name,
         "valid": True,
@@ -25,7 +25,7 @@ def understood(scenario: Any, system: Any, warnings: tuple[str, ...]) -> dict[st
 
 
 def described(ball: int, body: Body) -> dict[str, Any]:
-    """Return what a body is, whatever it rolls on."""
+    """Return the properties of a body that any system has."""
     return {
         "ball": ball,
         "body": body.kind,
@@ -37,7 +37,7 @@ def described(ball: int, body: Body) -> dict[str, Any]:
 
 
 def body_line(body: dict[str, Any]) -> str:
-    """Return what a body is, as text."""
+    """Return the properties of a body as a line of text."""
     return (
         f"  ball {body['ball']}  {body['body']}, r = {body['radius']:g} m, "
         f"m = {body['mass']:.6g} kg, κ = {body['kappa']:.6g}, "
@@ -46,9 +46,9 @@ def body_line(body: dict[str, Any]) -> str:
 
 
 def lines_of(found: dict[str, Any], settings: Settings, body_lines: BodyLines) -> Iterator[str]:
-    """Return what was understood, as text.
+    """Yield the result of `understood` as lines of text.
 
-    `settings` writes those of a table at a path, `body_lines` what more is told of a body.
+    `settings` formats the values of a table at a path; `body_lines` adds lines on a body.
     """
     scenario = found["scenario"]
     yield f"{found['name']}: valid"
@@ -73,7 +73,7 @@ def lines_of(found: dict[str, Any], settings: Settings, body_lines: BodyLines) -
 def own_settings(scenario: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
     """Return the tables that only scenarios of this system have, with their values.
 
-    Under an empty name first the keys outside tables, where there are any.
+    Keys outside tables, if any, come first, under an empty name.
     """
     own = {key: value for key, value in scenario.items() if key not in _OF_EVERY_SYSTEM}
     tables = {key: value for key, value in own.items() if isinstance(value, Mapping)}
@@ -81,6 +81,6 @@ def own_settings(scenario: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
     return ({"": outside} if outside else {}) | tables
 
 
-# What is told in words of its own, and what says nothing of the motion.
+# Keys that have lines of their own, or that do not affect the motion.
 _OF_EVERY_SYSTEM = ("name", "system", "balls", "collision", "stop", "output", "analysis")
 _OF_THE_BODY = ("body", "radius", "mass", "density", "inertia_ratio", "thickness")

@@ -1,6 +1,6 @@
-"""Driving the event loop of a system with either engine, and emptying its logs in between.
+"""Run the event loop of a system with either engine, and empty its logs between calls.
 
-A run goes on from a checkpoint: what that holds, and whether it can go on, is said here.
+Checkpoints are made and checked here too.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from vibro_cli.mechanics.system import Body
 from vibro_cli.progress import RUN
 from vibro_cli.systems.request import FINAL, UNLIMITED, Limits
 
-# Interpreted, the kernels are the reference of every bit; compiled they are faster.
+# The interpreted kernels are the bit-for-bit reference; the compiled ones are faster.
 ENGINES = ("compiled", "python")
-# Room in the logs, in rows; the interpreter's are made of objects and stay small.
+# Capacity of the logs in rows; interpreted rows are objects, hence fewer.
 INTERPRETED_ROWS = 256
 COMPILED_ROWS = 16384
 # Room at first, of a run that is not told to have more impacts; once it is full, there is so many
@@ -34,23 +34,23 @@ FIRST_ROWS = 256
 GROWTH = 4
 # Where rows are dropped, the logs stay in the processor's cache.
 DROPPED_ROWS = 64
-# So long grow logs that are to hold a whole instant.
+# Greatest capacity of logs that are enlarged to hold all impacts of one instant.
 ROWS_AT_ONCE = 500_000
-# So many rows of a log without an impact are more than it is worth: the run is refused.
+# A run is abandoned after this many rows of a log without an impact ...
 QUIET_ROWS = 2_000_000
-# Nor are so many steps of the search for one.
+# ... or after this many steps of the search for one.
 QUIET_STEPS = 50_000_000
 
 
 class TooQuiet(VibroError, RuntimeError):
-    """Nothing meets for very long; the message says for how long, and until when."""
+    """No impact for very long; the message says for how long, and until when."""
 
     streamed: Any = None
-    """The run until then, of one whose tables are streamed (see ``systems.run.Streamed``)."""
+    """The run so far, if its tables are streamed (see ``systems.run.Streamed``)."""
 
 
 class Earlier(NamedTuple):
-    """The part of a run that is continued: its state at the end, and its logs."""
+    """The part of a run before its continuation: its state at the end, and its logs."""
 
     state: dict[str, Any]
     logs: dict[str, Any]
@@ -58,57 +58,57 @@ class Earlier(NamedTuple):
 
 @dataclass(frozen=True)
 class EventLoop:
-    """What the kernels of a system are called by, and the records that they work on."""
+    """The kernels of a system's event loop, and the records that they work on."""
 
     advance: Callable[[Any], int]
-    """The event loop, a kernel; it returns ``LOG_FULL`` when it is to be called again."""
+    """The event loop, a kernel; it returns ``LOG_FULL`` if it must be called again."""
     records: Mapping[str, type]
     logs: Mapping[str, str]
-    """Logs, and the field of the clock that counts their rows."""
+    """Logs, each with the field of the clock that counts its rows."""
     state: tuple[str, ...]
-    """The records that change in a run, which are its state."""
+    """The records that change during a run, which form its state."""
     follow: Callable[..., None] | None = None
-    """A kernel that carries small changes through the logs: from a world with those of a stretch,
-    how much of it is known, why and when (two doubles, s) the run ended, the tangents, which it
-    changes, and scratch."""
+    """Kernel that carries tangent vectors through the logs. Arguments: a world with the logs of a
+    stretch, how much of it is known already, the cause and the time (two doubles, s) of the end,
+    the tangents (modified in place), scratch."""
     start: Callable[[Any], None] | None = None
-    """A kernel that is called once, before the loop."""
+    """Kernel that is called once, before the loop."""
     enter: Callable[[Any, Overrides | None], int] | None = None
-    """Calls the compiled loop, where that is not all."""
+    """Calls the compiled loop, if more than a plain call is needed."""
     counted: Mapping[str, str] | None = None
-    """Logs of which the clock also counts all rows of the run, and the field that does."""
+    """Logs whose rows are also counted over the whole run, each with the clock's field for it."""
     work_done: tuple[str, ...] = ()
-    """Fields of the clock that say what the solver did: a continued run counts them anew, as
-    searches cut short by a stop are repeated."""
+    """Fields of the clock that count the solver's work. A continued run counts from zero, since it
+    repeats searches that a stop cut short."""
     quiet_log: tuple[str, str] | None = None
-    """A log that may not grow for very long without an impact, and what its rows are in words."""
+    """Log that must not grow for very long without an impact, and a noun for its rows."""
     other_stops: Mapping[str, float] | None = None
-    """Settings of stops that need no impact, with their values where there is no such stop; where
-    there is one that log may grow."""
+    """Settings of stops that need no impact, with their values if unset; such a stop lets
+    ``quiet_log`` grow."""
     steps_at_once: int = 0
-    """The loop also comes back from so many steps of a search, without a row."""
+    """Number of search steps after which the loop returns even without a row."""
     quiet_cause: tuple[int, str] | None = None
-    """The cause with which the loop gives up for want of impacts, and among what in words."""
+    """Cause with which the loop gives up for lack of impacts, and what it counted, in words."""
     quiet_details: Callable[[Any], str] | None = None
-    """What of the world may be the reason for it, in words."""
+    """Describes what in the world may be the reason for it."""
     at_once: str | None = None
-    """The field of the clock that counts the impacts of the present instant: these are to be in
-    one log, if that need not hold more than ``ROWS_AT_ONCE``."""
+    """Field of the clock that counts the impacts at the present instant. One log must hold all of
+    them, unless they need more than ``ROWS_AT_ONCE`` rows."""
     hurried: str | None = None
-    """The field of the clock that says that what stopped the run changed its further course."""
+    """Field of the clock that says that the stop changed the further course of the run."""
     finishes: bool = False
-    """Whether the loop is to go on from its last step to a stop by time, as
-    ``settings.finishing`` asks."""
+    """Whether the loop must advance from its last step to a stop by time, as
+    ``settings.finishing`` requests."""
 
 
 def records_of(world: type) -> dict[str, type]:
-    """Return the struct of each array of records in a world, those of numbers being lists."""
+    """Return the struct of each array of records in a world; its arrays of numbers are lists."""
     hints = get_type_hints(world).items()
     return {name: get_args(hint)[0] for name, hint in hints if get_origin(hint) is Sequence}
 
 
 class Driver:
-    """One run in progress; its ``world`` is a named tuple of interpreted records at first."""
+    """A run in progress; ``world`` is initially a named tuple of interpreted records."""
 
     def __init__(
         self,
@@ -124,7 +124,7 @@ class Driver:
         self._overrides = overrides
         self._logged: dict[str, list[Any]] = {name: [] for name in loop.logs}
         self.rows = dict.fromkeys(loop.logs, 0)
-        """Rows of each log so far."""
+        """Number of rows of each log so far."""
         self.engine = "python"
         self.world = world
         compiles = engine_name == "compiled"
@@ -132,7 +132,7 @@ class Driver:
         if not compiles:
             self.world = _interpreted_logs(loop, world, INTERPRETED_ROWS)
         elif earlier is None and loop.start is not None:
-            # A compiled run starts interpreted: at most one event, hence the rows of one.
+            # A compiled run starts interpreted, with one event at most: room for its rows.
             self.world = _interpreted_logs(loop, world, 0)
         if earlier is not None:
             for name in loop.state:
@@ -147,15 +147,15 @@ class Driver:
             self.world = compiled_world(loop, self.world, rows=_first_rows(world.settings[0]))
 
     def run(self) -> int:
-        """Run to the end; return the cause, else as :meth:`rounds`."""
+        """Run to the end and return its cause; raises as :meth:`rounds`."""
         *_, cause = self.rounds()
         return cause
 
     def rounds(self) -> Iterator[int]:
-        """Run on, each time until the logs are full; yield that cause, at last the end's.
+        """Run on until the logs are full, again and again; yield ``LOG_FULL``, finally the end.
 
-        Raises `TooQuiet` after ``QUIET_ROWS`` rows of the loop's log in a row without an impact,
-        after ``QUIET_STEPS`` of a search, or when the loop itself gives up.
+        Raises `TooQuiet` after ``QUIET_ROWS`` rows of ``quiet_log`` without an impact, after
+        ``QUIET_STEPS`` steps of a search, or when the loop itself gives up.
         """
         loop = self._loop
         quiet_log = loop.quiet_log if self._needs_impacts() else None
@@ -183,7 +183,7 @@ class Driver:
             self._enlarge()
 
     def _needs_impacts(self) -> bool:
-        """Whether no stop ends the run but one by impacts, where the loop has other stops."""
+        """Return whether only a stop by impacts can end the run."""
         stops = (self._loop.other_stops or {}).items()
         return all(_get(self.world.settings, name) == no_stop for name, no_stop in stops)
 
@@ -196,7 +196,7 @@ class Driver:
         )
 
     def finish(self) -> None:
-        """Have the loop go on from its last step to the stop."""
+        """Advance from the last step of the loop to the stop."""
         _set(self.world.settings, "finishing", 1)
         self._advance()
 
@@ -213,7 +213,7 @@ class Driver:
         return int(_get(self.world.settings, "capacity"))
 
     def _grow(self) -> None:
-        """Make the logs twice as long, with the rows that are in them."""
+        """Double the length of the logs; their rows are kept."""
         world, loop = self.world, self._loop
         _set(world.settings, "capacity", 2 * self._capacity())
         for name in loop.logs:
@@ -244,17 +244,17 @@ class Driver:
             _set(self.world.clock, field, self.rows[name])
 
     def _emptied(self, name: str, rows: Any, count: int) -> Any:
-        """The rows of a log, which is zero afterwards: the loop fills in nothing else."""
-        if 16 * count > len(rows):  # handed over, without a copy
-            # Fresh pages: zeros_like would write every field of them.
+        """Return the rows of a log and zero it, as the loop relies on zeros."""
+        if 16 * count > len(rows):  # hand the array over without a copy
+            # Fresh zero pages; zeros_like would write every field.
             self.world = self.world._replace(**{name: zeros(len(rows), self._loop.records[name])})
             return rows
-        few = rows[:count].copy()  # which keep no whole log in memory
+        few = rows[:count].copy()  # a view would keep the whole log in memory
         rows[:count].view("u1").fill(0)
         return few
 
     def _enlarge(self) -> None:
-        """Make more room in the logs, which are empty."""
+        """Enlarge the logs, which are empty, to their greatest capacity."""
         settings, loop = self.world.settings, self._loop
         capacity, most = int(_get(settings, "capacity")), _capacity_for(self._most_rows, self.world)
         if capacity < most:
@@ -264,7 +264,7 @@ class Driver:
             self.world = self.world._replace(**logs)
 
     def _take(self, name: str, rows: Any, count: int) -> None:
-        """Take the first rows of a log; those of an array are not copied, and stay as they are."""
+        """Append the first rows of a log; rows of an array are taken over without a copy."""
         if count:
             own = isinstance(rows, np.ndarray)
             taken = rows[:count] if own else compiled_rows(rows[:count], self._loop.records[name])
@@ -272,7 +272,7 @@ class Driver:
             self.rows[name] += count
 
     def drain(self) -> dict[str, Any]:
-        """Return the rows of all logs since the last call, which the driver then forgets."""
+        """Return and forget the rows of all logs since the last call."""
         found = {}
         for name, parts in self._logged.items():
             found[name] = joined(parts) if parts else zeros(0, self._loop.records[name])
@@ -281,11 +281,11 @@ class Driver:
 
     @property
     def waiting(self) -> int:
-        """Rows of the longest log since the last time they were drained."""
+        """Number of rows of the longest log since the last :meth:`drain`."""
         return max(sum(map(len, parts)) for parts in self._logged.values())
 
     def clock_value(self, name: str) -> float:
-        """Return a field of the run's clock, whichever engine holds it."""
+        """Return a field of the run's clock, with either engine."""
         return float(_get(self.world.clock, name))
 
     def clock(self) -> dict[str, Any]:
@@ -295,7 +295,7 @@ class Driver:
         return dict(zip(record.fields, values, strict=True))  # type: ignore[attr-defined]
 
     def state(self) -> dict[str, Any]:
-        """Return all that changes in a run, exactly, as plain values, see :class:`Earlier`."""
+        """Return the exact state of the run as plain values, see :class:`Earlier`."""
         records = self._loop.records
         values = {n: plain_rows(getattr(self.world, n), records[n]) for n in self._loop.state}
         for name in self._loop.work_done:
@@ -313,10 +313,10 @@ def _interpreted_logs(loop: EventLoop, world: Any, rows: int) -> Any:
 def compiled_world(
     loop: EventLoop, world: Any, logs_of: Any = None, rows: int = COMPILED_ROWS
 ) -> Any:
-    """Return a world of arrays with the contents of one of interpreted records.
+    """Return a world of arrays with the contents of a world of interpreted records.
 
-    Its logs are new, with room for so many rows, or those of another compiled world with as many
-    bodies.
+    Its logs are new, with room for `rows` rows, or those of `logs_of`, a compiled world with as
+    many bodies.
     """
     settings = world.settings[0]
     capacity = _capacity_for(min(rows, _most_rows(settings)), world)
@@ -339,28 +339,28 @@ def compiled_world(
 
 
 def _capacity_for(rows: int, world: Any) -> int:
-    """So many rows, and as many as one event may add."""
+    """Return a capacity for `rows` rows and those that one event may add."""
     return rows + ROWS_OF_EVENT * len(world.bodies)
 
 
 def _most_rows(settings: Any) -> int:
-    """Room in the logs of a compiled run at the most."""
+    """Return the greatest capacity of the logs of a compiled run, in rows."""
     return COMPILED_ROWS if getattr(settings, "keep_rows", 1) == 1 else DROPPED_ROWS
 
 
 def _first_rows(settings: Any) -> int:
-    """Room in the logs of a compiled run at first."""
+    """Return the initial capacity of the logs of a compiled run, in rows."""
     stops = [getattr(settings, name, UNLIMITED) for name in ("stop_collisions", "stop_bounces")]
     return COMPILED_ROWS if COMPILED_ROWS < min(stops) < UNLIMITED else FIRST_ROWS
 
 
 def _get(records: Any, field: str) -> Any:
-    """Return the value of a field of the only record of an array, or of interpreted ones."""
+    """Return a field of the only record, in an array or a list of interpreted records."""
     return records[field][0] if isinstance(records, np.ndarray) else getattr(records[0], field)
 
 
 def _set(records: Any, field: str, value: Any) -> None:
-    """Give a field of the only record of an array, or of interpreted ones, a value."""
+    """Set a field of the only record, in an array or a list of interpreted records."""
     if isinstance(records, np.ndarray):
         records[field] = value
     else:
@@ -374,10 +374,11 @@ def with_logs(
     logs: Mapping[str, Any],
     clock: Mapping[str, Any] | None = None,
 ) -> Any:
-    """Return the records of a run with some of its logs, for the kernels that tell of them.
+    """Return the world of a run with these logs, for the kernels that read logs.
 
-    They are of the engine ``"python"`` or ``"compiled"``; of `world` those of arrays change. `logs`
-    are the rows, `clock` its fields when they were written, None for those it has.
+    It belongs to `engine_name`, ``"python"`` or ``"compiled"``; the clock of `world` is modified in
+    place if it is an array. `clock` has the clock's fields when the logs were written; None leaves
+    them.
     """
     compiles = engine_name == "compiled"
     if compiles and not isinstance(world.clock, np.ndarray):
@@ -395,7 +396,7 @@ def with_logs(
 def called(kernel: Any, overrides: Overrides | None, world: Any, *arguments: Any) -> Any:
     """Call a kernel with a world of either engine, and with numbers, arrays and records.
 
-    These are structured arrays, and named tuples of them; the interpreter works on copies, which
+    Records are structured arrays, or named tuples of them. The interpreter works on copies, which
     are written back.
     """
     if isinstance(world.clock, np.ndarray):
@@ -410,7 +411,7 @@ def called(kernel: Any, overrides: Overrides | None, world: Any, *arguments: Any
 
 @cache
 def _hints(of: Any) -> list[Any]:
-    """The types that a kernel's parameters or the fields of a named tuple are declared with."""
+    """Return the declared types of a kernel's parameters or of a named tuple's fields."""
     return list(get_type_hints(of).values())
 
 
@@ -432,12 +433,12 @@ def _write_back(value: Any, copy: Any) -> None:
 
 
 CHECKPOINT_FORMAT = 6
-# What stops count, in words.
+# Nouns for what stops count.
 COUNTED = {"collisions": "impacts", "bounces": "bounces on the wall"}
 
 
 class CannotContinue(VibroError, ValueError):
-    """An earlier run cannot go on; the message says why."""
+    """An earlier run cannot be continued; the message says why."""
 
 
 def checkpoint_of(
@@ -449,8 +450,7 @@ def checkpoint_of(
 ) -> dict[str, Any]:
     """Return a checkpoint as plain values: why and when (s) a run stopped, with its clock then.
 
-    `rows` is how many each of its logs had by then, `state` all that changes in it, after the last
-    event.
+    `rows` are the lengths of its logs, `state` its complete state after the last event.
     """
     head = {"format": CHECKPOINT_FORMAT, "end_cause": end_cause, "end_time": end_time}
     counts = {kind: int(clock[kind]) for kind in COUNTED if kind in clock}
@@ -463,10 +463,10 @@ def earlier_part(
     loop: EventLoop,
     limits: Limits,
 ) -> Earlier | None:
-    """Return the part of a run before its checkpoint, once it is known that it can go on.
+    """Return the part of a run before its checkpoint, after checking that it can be continued.
 
-    None if it is to be solved again from its start; `limits` are those of the run that goes on.
-    Raises `CannotContinue` if the earlier run had ended for good, or is past a stop.
+    Returns None if the run must be solved again from its start. `limits` are those of the
+    continued run. Raises `CannotContinue` if the earlier run had ended for good or is past a stop.
     """
     check_continuable(checkpoint, limits)
     if history is None or set(history) != set(loop.logs):
@@ -477,7 +477,7 @@ def earlier_part(
 
 
 def check_continuable(checkpoint: Mapping[str, Any], limits: Limits) -> None:
-    """Raise `CannotContinue` unless a run goes on from a checkpoint, see :func:`earlier_part`."""
+    """Raise `CannotContinue` unless a checkpoint can be continued, see :func:`earlier_part`."""
     if checkpoint.get("format") != CHECKPOINT_FORMAT:
         raise CannotContinue("the checkpoint was written by another version")
     if checkpoint["end_cause"] in FINAL:
@@ -492,19 +492,19 @@ def check_continuable(checkpoint: Mapping[str, Any], limits: Limits) -> None:
             raise CannotContinue(f"the run has {count} {words}; expected a greater stop.{kind}")
 
 
-# numpy copies records field by field: as bytes it takes a third of the time, and with `take` a
-# twentieth of what an index takes.
+# numpy copies records field by field. Copying bytes takes a third of the time, and `take` a
+# twentieth of the time of indexing.
 
 
 def zeros(count: int, cls: type) -> Any:
-    """Return an array of structs that are zero."""
+    """Return an array of zeroed structs."""
     return np.zeros(count, dtype=dtype(cls))
 
 
 def angles_of(y: Any, x: Any) -> Any:
     """Return the angles (rad, -pi to pi) of vectors, with the same bits on every processor.
 
-    numpy's own function is not the C library's where registers are long.
+    numpy's arctan2 differs from the C library's on processors with wide registers.
     """
     angles = np.empty(len(y))
     compiled(fill_angles)(np.ascontiguousarray(y), np.ascontiguousarray(x), angles)
@@ -512,26 +512,26 @@ def angles_of(y: Any, x: Any) -> Any:
 
 
 def joined(parts: Sequence[Any]) -> Any:
-    """Return arrays of records of one type as one array; one alone is not copied."""
+    """Concatenate arrays of records of one type; a single array is returned without a copy."""
     if len(parts) == 1:
         return parts[0]
     return np.concatenate([part.view(np.uint8) for part in parts]).view(parts[0].dtype)
 
 
 def chosen(rows: Any, flags: Any) -> Any:
-    """Return the records that are flagged."""
+    """Return the flagged records."""
     return rows.take(np.flatnonzero(flags))
 
 
 def record_array(rows: Any, cls: type) -> Any:
-    """Return a structured array of its own with the contents of records of either engine."""
+    """Copy records of either engine into a new structured array."""
     if isinstance(rows, np.ndarray):
         return rows.copy()
     return compiled_rows(rows, cls)
 
 
 def plain_rows(rows: Any, cls: type) -> list[list[Any]]:
-    """Return records of either engine as plain values, which `set_rows` takes back exactly."""
+    """Return records of either engine as plain values, from which `set_rows` restores them."""
     if isinstance(rows, np.ndarray):
         return [[_plain(value) for value in row.tolist()] for row in rows]
     names = tuple(cls.fields)  # type: ignore[attr-defined]
@@ -545,16 +545,16 @@ def _plain(value: Any) -> Any:
 
 
 def rows_of(cls: type, values: Sequence[Sequence[Any]]) -> list[Any]:
-    """Return interpreted records with the values that `plain_rows` has returned."""
+    """Return new interpreted records with values returned by `plain_rows`."""
     rows = [cls() for _ in values]
     set_rows(rows, cls, values)
     return rows
 
 
 def set_rows(rows: Sequence[Any], cls: type, values: Sequence[Sequence[Any]]) -> None:
-    """Give interpreted records the values that `plain_rows` has returned.
+    """Set interpreted records to values returned by `plain_rows`.
 
-    Raises `ValueError` if there are others than these records have.
+    Raises `ValueError` if the numbers of records or of fields differ.
     """
     names = tuple(cls.fields)  # type: ignore[attr-defined]
     if len(rows) != len(values) or any(len(value) != len(names) for value in values):
@@ -565,7 +565,7 @@ def set_rows(rows: Sequence[Any], cls: type, values: Sequence[Sequence[Any]]) ->
 
 
 def body_record(body: Body, gravity: float = 0.0) -> BodyData:
-    """Return the record of a body; without gravity (m/s²), where it plays no part, no weight."""
+    """Return the record of a body; its weight is 0 where gravity (m/s²) plays no part."""
     data = BodyData()
     data.radius = body.radius
     data.kappa = body.kappa
@@ -576,7 +576,7 @@ def body_record(body: Body, gravity: float = 0.0) -> BodyData:
 
 
 def law_and_stops(settings: Any, system: Any, limits: Limits) -> None:
-    """Give the settings of a world what those of every system have, but for the stop by time."""
+    """Fill in the law and the stop by impacts, settings that all systems share."""
     settings.law = LAW_NAMES.index(system.law)
     settings.substitute = int(system.inadmissible == "normal-impulse")
     settings.stop_collisions = UNLIMITED if limits.collisions is None else limits.collisions

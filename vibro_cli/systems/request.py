@@ -1,7 +1,4 @@
-"""What a run is asked for, whatever the system: where it stops and what is computed.
-
-Motion is asked for at instants that the run has come to, and at no others.
-"""
+"""Requests to a run of any system: where it stops, what is computed, when motion is sampled."""
 
 from __future__ import annotations
 
@@ -15,7 +12,7 @@ from numpy.typing import NDArray
 Instants = NDArray[np.float64]
 
 UNLIMITED = 2**62
-"""The count of a stop that is not set."""
+"""Count that stands for a stop that is not set."""
 
 EARLY_ENDS = {
     "end_of_trace": "came to an end of the trace",
@@ -23,22 +20,22 @@ EARLY_ENDS = {
     "wall_contact": "came to roll along the wall",
     "accumulation": "ended where impacts accumulate",
 }
-"""What runs did that ended for good without an inadmissible impact, in words."""
+"""Causes other than an inadmissible impact that end a run for good, as predicates."""
 FINAL = ("inadmissible", *EARLY_ENDS)
-"""Ends after which nothing can follow, whatever the stop."""
+"""Causes after which a run cannot continue, whatever the stop."""
 
 CHANGEABLE = ("stop", "output")
-"""Sections of a scenario that may be others when a run goes on."""
+"""Sections of a scenario that may change when a run is continued."""
 
-# A time beyond the end by its rounding is the end.
+# A time that exceeds the end by this relative amount counts as the end.
 ROUNDING = 1.0e-12
 
 
 def within_run(times: Any, end: float, extrapolate: bool) -> Instants:
-    """Return times (s) as an array, if a run that ended at a time (s) has come to all of them.
+    """Return times (s) as an array, after checking that they lie within a run that ended at `end`.
 
-    Raises `ValueError` if one is before the start or after the end, or not finite if they are to be
-    extrapolated; for an array of several dimensions, or of what are no real numbers.
+    Raises `ValueError` for a time before the start or after the end (with `extrapolate`: for one
+    that is not finite), for an array of several dimensions, and for anything but real numbers.
     """
     given = np.asarray(times)
     if np.ma.is_masked(times):
@@ -67,16 +64,16 @@ def _reached(instants: Instants, end: float) -> Any:
     return (instants >= 0.0) & (instants <= end * (1.0 + ROUNDING))
 
 
-# Instants of which the motion is made together.
+# Number of instants that are sampled together.
 _AT_ONCE = 1 << 14
 
 
 @dataclass(frozen=True)
 class Limits:
-    """Where a run stops: whichever comes first."""
+    """Limits of a run, which stops at the first one reached."""
 
     time: float | None = None
-    """s."""
+    """Time (s)."""
     collisions: int | None = None
     """Impacts of two bodies."""
     bounces: int | None = None
@@ -88,27 +85,27 @@ NO_LIMITS = Limits()
 
 @dataclass(frozen=True)
 class OutputRequest:
-    """What is to be computed beside the impacts."""
+    """Outputs to compute besides the impacts."""
 
     times: tuple[float, ...] | None = None
     """Instants of the motion table (s)."""
     step: float | None = None
-    """Or its step (s), to the end of the run."""
+    """Alternatively its time step (s), up to the end of the run."""
     turning_points: bool = False
     friction: float | None = None
-    """Coefficient of friction of a trace; slip events where rolling needs more."""
+    """Friction coefficient of a trace; slip events mark where rolling needs more."""
     lyapunov: bool = False
-    """The growth of small changes of the start, see ``systems.tangents``."""
+    """The growth of small perturbations of the start, see ``systems.tangents``."""
     figures: bool = False
-    """The motion as figures need it, of a system that takes long to solve."""
+    """The motion as needed by figures, for systems that are slow to solve."""
 
     @property
     def motion(self) -> bool:
-        """Whether sampled motion is wanted."""
+        """Whether sampled motion is requested."""
         return self.times is not None or self.step is not None
 
     def left_out(self, end: float) -> tuple[str, ...]:
-        """Say which sampled motion there is not of a run with this end (s), and why."""
+        """Return which sampled motion a run with this end (s) lacks, and why."""
         if not self.motion:
             return ("sampled motion: not asked for (output.step or output.times)",)
         asked = len(self.times or ())
@@ -122,7 +119,7 @@ NOTHING_MORE = OutputRequest()
 
 
 class Sampling:
-    """The instants of the motion table, ascending or by their step, as a run comes to them."""
+    """The instants of the motion table, as a run reaches them; given times must ascend."""
 
     def __init__(self, wanted: OutputRequest) -> None:
         self._times = None if wanted.times is None else np.array(wanted.times, dtype=np.float64)
@@ -130,10 +127,10 @@ class Sampling:
         self._told = 0
 
     def until(self, end: float, ended: bool) -> Iterator[Instants]:
-        """Yield the next instants before the end (s) of a stretch, not many in each array.
+        """Yield the next instants before the end (s) of a stretch, in arrays of limited length.
 
-        When the run has ended, all that are left. There is one array at least. A stretch may have
-        any number of them: they are made as they are asked for.
+        When the run has ended, these are all that remain. At least one array is yielded. Arrays
+        are made one at a time, since a stretch may have any number of instants.
         """
         first, self._told = self._told, self._count(end, ended)
         for number in range(first, max(self._told, first + 1), _AT_ONCE):
@@ -146,7 +143,7 @@ class Sampling:
         return np.arange(first, beyond, dtype=np.float64) * self._step
 
     def _count(self, end: float, ended: bool) -> int:
-        """How many instants there are up to the end of the run (s), or before that of a stretch."""
+        """Count the instants up to the end of the run (s), or before the end of a stretch."""
         if self._times is not None:
             return int(np.sum(_reached(self._times, end) if ended else self._times < end))
         assert self._step is not None
@@ -157,11 +154,11 @@ class Sampling:
 
 
 MANY_SAMPLES = 1e8
-"""Rows of the motion table, some gigabytes, that a user is warned of."""
+"""Rows of the motion table (some gigabytes) above which the user is warned."""
 
 
 def many_samples(step: float | None, end: float | None, bodies: int) -> Iterator[str]:
-    """Warn of samples of bodies until the end (s) that fill a disk, as by a step with a slip."""
+    """Yield a warning if samples up to the end (s) would fill a disk, as with a mistyped step."""
     if step is not None and end is not None and bodies * end / step > MANY_SAMPLES:
         rows = f"{bodies * end / step:.0e} rows of motion until stop.time"
         yield f"output.step = {step:g} s asks for {rows}"

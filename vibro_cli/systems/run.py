@@ -1,9 +1,9 @@
-"""A run of a system: told of in stretches while it goes on, or whole, with its state at any time.
+"""A run of a system, streamed in stretches or kept whole with its motion at any time.
 
-Of one that is told of, stretches of its logs become rows of its tables. Nothing is kept but what
-the rest of the run needs, so that memory does not grow with it. The solver goes on in one thread
-while another makes the columns, and a third one writes them. The motion in one, of any system but
-the trace, is gathered likewise, so that no log is kept whole.
+A streamed run turns stretches of its logs into rows of its tables. It keeps only what the rest of
+the run needs, so memory does not grow with its length. One thread solves, a second one makes the
+columns and a third one writes them. The motion of any system but the trace is gathered in the same
+way, so that no log is kept whole.
 """
 
 from __future__ import annotations
@@ -33,37 +33,37 @@ from vibro_cli.systems.driver import (
 )
 from vibro_cli.systems.request import NOTHING_MORE, Limits, OutputRequest, within_run
 
-# Less is handed over at the end only: a short run is one stretch.
+# Shortest stretch before the end of a run, in rows: a short run is one stretch.
 LEAST_ROWS = 8192
-# Stretches that may wait to be told of, before the solver waits for them.
+# Stretches that may await their columns before the solver pauses.
 _AHEAD = 2
-# And rows of tables that may wait to be written.
+# Blocks of columns that may await writing.
 _ROWS_AHEAD = 4
 
 
 class Stretch(NamedTuple):
-    """Rows of the logs that belong together."""
+    """Consecutive rows of the logs of a run."""
 
     engine: str
-    """That solved it, ``"python"`` or ``"compiled"``."""
+    """Engine that solved it, ``"python"`` or ``"compiled"``."""
     logs: Mapping[str, Any]
     """Structured arrays by name."""
     clock: Mapping[str, Any]
-    """The fields of the clock at its end."""
+    """The fields of the clock at the end of the stretch."""
     end: tuple[float, float]
-    """When it ends, in two doubles (s)."""
+    """Time of its end, in two doubles (s)."""
     cause: int
-    """``RUNNING``, or why the run has ended."""
+    """``RUNNING``, or the cause of the run's end."""
     records: Mapping[str, Any] = {}
-    """At the end of the run: the records that change in it, as structured arrays."""
+    """State records at the end of the run, as structured arrays; empty before."""
     known: int = 0
-    """Of a trace: rows of ``log`` in front that are known already, one for each body or none."""
+    """Trace only: leading rows of ``log`` repeated from before, one per body or none."""
     settled: float = 0.0
-    """Of a trace: no lasting contact from before this time (s) is still to be logged."""
+    """Trace only: all lasting contacts that began before this time (s) have been logged."""
 
 
 class Stretches:
-    """The stretches of a run in progress, whose driver is before its first round; times in s."""
+    """The stretches of a run whose driver has not begun its first round; times in s."""
 
     def __init__(self, loop: EventLoop, driver: Driver, stop_time: float | None) -> None:
         self._loop = loop
@@ -71,12 +71,12 @@ class Stretches:
         self._stop_time = stop_time
         self.cause = RUNNING
         self.state: dict[str, Any] = {}
-        """At the end: all that changes in the run, after its last event."""
+        """At the end: the complete state after the last event."""
 
     def until(self, interrupted: Callable[[], bool]) -> Iterator[Stretch]:
-        """Yield stretch after stretch, at last one that only ends; sooner when interrupted.
+        """Yield the stretches, finally one with the end of the run, early if `interrupted`.
 
-        Raises ``TooQuiet`` as ``Driver.rounds``, after what there is was told of.
+        Raises ``TooQuiet`` as ``Driver.rounds``, once the stretches so far have been yielded.
         """
         driver = self.driver
         try:
@@ -96,9 +96,9 @@ class Stretches:
                 raise
 
     def whole(self, cut: bool = False) -> tuple[Stretch, dict[str, Any]]:
-        """Return the run to its end as one stretch, and the state then.
+        """Return the whole run as one stretch, and its state at the end.
 
-        Raises ``TooQuiet`` as ``Driver.rounds``, unless it is `cut`: then it ends there.
+        Raises ``TooQuiet`` as ``Driver.rounds``; if `cut`, the run ends there instead.
         """
         driver = self.driver
         try:
@@ -111,11 +111,11 @@ class Stretches:
         return self._last(cause)._replace(logs=logs, known=0), self.state
 
     def _framed(self, logs: dict[str, Any]) -> Stretch:
-        """The rows since the stretch before as a stretch."""
+        """Return the rows since the previous stretch as a stretch."""
         return self._stretch(logs)
 
     def _last(self, cause: int) -> Stretch:
-        """The end of a run, without rows."""
+        """Return the stretch that ends the run."""
         driver, loop = self.driver, self._loop
         self.cause = cause
         self.state = driver.state()
@@ -132,7 +132,7 @@ class Stretches:
         return last._replace(end=end or last.end, cause=cause, records=records)
 
     def _ended(self) -> Stretch:
-        """What is left to be told at the end."""
+        """Return the rows that remain at the end."""
         return self._stretch(self.driver.drain())
 
     def _stretch(self, logs: Mapping[str, Any]) -> Stretch:
@@ -142,7 +142,7 @@ class Stretches:
 
 @dataclass(frozen=True)
 class Streamed:
-    """A run that has been told of; its tables are where they were handed to."""
+    """A run that has been streamed; the sink has its tables."""
 
     system: Any
     engine: str
@@ -152,21 +152,21 @@ class Streamed:
     """Columns of ``summary.parquet``, one row."""
     _checkpoint: dict[str, Any] = field(repr=False)
     motion: Gathered | None = field(default=None, repr=False)
-    """If it is wanted for figures, and they do not rather solve the run again."""
+    """Set if figures need the motion and do not solve the run again."""
     not_made: int = 0
-    """Impacts at its end that were not made, of those that were told of."""
+    """Number of impacts in the tables that were not carried out, at the end of the run."""
 
     def summary_record(self) -> dict[str, Any]:
         """Return the summary as plain values, None for null."""
         return record_of(self.summary)
 
     def checkpoint(self) -> dict[str, Any]:
-        """Return the state after the last event, see ``systems.run.Run.checkpoint``."""
+        """Return the checkpoint after the last event, see ``systems.run.Run.checkpoint``."""
         return self._checkpoint
 
 
 def record_of(summary: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the one row of summary columns as plain values, None for null."""
+    """Return the single row of the summary as plain values, None for null."""
     record = {name: values.tolist()[0] for name, values in summary.items()}
     return {
         name: None if isinstance(value, float) and value != value else value
@@ -177,7 +177,7 @@ def record_of(summary: Mapping[str, Any]) -> dict[str, Any]:
 def begun(
     kind: System, system: Any, limits: Limits, engine: str = "compiled", earlier: Any = None
 ) -> Stretches:
-    """Return a run of a system that nothing has happened in, to be gone through once.
+    """Return a run of a system that is ready to start; its stretches can be iterated once.
 
     Raises `ValueError` for an unknown engine, and without a limit.
     """
@@ -188,14 +188,14 @@ def begun(
 
 
 class NotMade:
-    """A sink before another one, which counts the impacts that were not made."""
+    """A sink that passes rows on to another one and counts the impacts not carried out."""
 
     def __init__(self, sink: Sink) -> None:
         self.number = 0
         self._sink = sink
 
     def tell(self, name: str, rows: Any) -> None:
-        """Pass rows of a table on."""
+        """Pass on rows of a table."""
         if name == "collisions":
             self.number += int(np.sum(~(rows["admissible"] | rows["substituted"])))
         self._sink(name, rows)
@@ -211,12 +211,12 @@ def stream(
     interrupted: Callable[[], bool] = lambda: False,
     in_background: bool = True,
 ) -> Streamed:
-    """Run a system that has `begun` until its stop; hand over rows of its tables as they come.
+    """Run a system from `begun` to its stop, and pass the rows of its tables to a sink.
 
-    The sink takes rows of the tables with these names, all by default, one call after another, in
-    a thread of its own if it is `in_background`, while the solver and the tables go on.
-    `interrupted` is asked again and again whether the run is to end after its last event. Raises
-    ``TooQuiet`` as :func:`simulate`, with the run as far as it came.
+    The sink receives the tables in `names`, by default all, one call at a time; `in_background`,
+    it runs in its own thread while the solver and the tables continue. `interrupted` is called
+    repeatedly and ends the run after its last event when it returns true. Raises ``TooQuiet`` as
+    :func:`simulate`, with the run so far.
     """
     if names is None:
         names = [table.file for table in kind.tables()]
@@ -256,9 +256,9 @@ def summed_up(
     logs: Collection[str],
     interrupted: Callable[[], bool],
 ) -> tuple[Columns, dict[str, Any]]:
-    """Run a system for its summary and these of its logs; nothing else of it is kept.
+    """Run a system and return its summary and these logs; nothing else is kept.
 
-    `interrupted` as of :func:`stream`. Raises as :func:`simulate`.
+    `interrupted` as in :func:`stream`. Raises as :func:`simulate`.
     """
     tables = kind.table_maker(system, wanted, (), lambda name, rows: None)
     kept: dict[str, list[Any]] = {name: [] for name in logs}
@@ -270,7 +270,7 @@ def summed_up(
 
 
 def ahead(stretches: Iterator[Stretch]) -> Iterator[Stretch]:
-    """Yield stretches, while the next one is solved in a thread of its own."""
+    """Yield stretches while a separate thread solves the next one."""
     with ThreadPoolExecutor(1) as solver:
         coming = solver.submit(next, stretches, None)
         while (stretch := coming.result()) is not None:
@@ -280,10 +280,10 @@ def ahead(stretches: Iterator[Stretch]) -> Iterator[Stretch]:
 
 @contextmanager
 def aside(waiting: int, given_up: Event) -> Iterator[Callable[..., None]]:
-    """Make calls in a thread of its own, one after another; so many may wait before the caller.
+    """Make calls one after another in a separate thread; at most `waiting` calls are queued.
 
-    Where one thread makes calls in another, they share what says that the whole is `given_up`: a
-    call under way may take hours (a stretch with very many samples), and ends with its next one.
+    Threads that call one another share the event `given_up`. A call in progress may take hours (a
+    stretch with very many samples); once the event is set, its next nested call cancels it.
     """
     with ThreadPoolExecutor(1) as thread:
         under_way: list[Future[None]] = []
@@ -312,36 +312,36 @@ def _at_once(waiting: int) -> Iterator[Callable[..., None]]:
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """The result of :func:`simulate`; every table is computed when first asked for."""
+    """The result of :func:`simulate`; each table is computed on first use."""
 
     kind: System
-    """What differs from one system to another."""
+    """Everything that differs between systems."""
     system: Any
-    """What was solved."""
+    """The system that was solved."""
     engine: str
     wanted: OutputRequest
     whole: Stretch = field(repr=False)
-    """All of it, as one stretch."""
+    """The whole run as one stretch."""
     _state: dict[str, Any] = field(repr=False)
     _tables: dict[str, Columns | None] = field(default_factory=dict, repr=False)
 
     @property
     def end_cause(self) -> str:
-        """Why it ended."""
+        """Cause of the end."""
         return END_NAMES[self.whole.cause]
 
     @property
     def end_time(self) -> float:
-        """When it ended (s)."""
+        """Time of the end (s)."""
         return self.whole.end[0]
 
     @property
     def skipped(self) -> tuple[str, ...]:
-        """What was not computed, and why."""
+        """Outputs that were not computed, and why."""
         return self.kind.skipped(self.clock, self.wanted, self.end_time)
 
     def table(self, name: str) -> Columns | None:
-        """Return the columns of a table, None for one that was not asked for (motion)."""
+        """Return the columns of a table, or None if it was not requested (motion)."""
         if name not in self._tables:
             self._tables[name] = self._made(name)
         return self._tables[name]
@@ -369,12 +369,12 @@ class Run:
 
     @property
     def collisions(self) -> Columns:
-        """Columns of ``collisions.parquet``, a row for each impact of two bodies."""
+        """Columns of ``collisions.parquet``, one row per impact of two bodies."""
         return self._present("collisions")
 
     @property
     def bounces(self) -> Columns:
-        """Columns of ``bounces.parquet`` of a table, a row for each impact on the wall."""
+        """Columns of ``bounces.parquet`` of a table, one row per impact on the wall."""
         return self._present("bounces")
 
     @property
@@ -384,12 +384,12 @@ class Run:
 
     @property
     def motion(self) -> Columns | None:
-        """Columns of ``motion.parquet``, or None if no sampled motion is asked for."""
+        """Columns of ``motion.parquet``, or None if sampled motion was not requested."""
         return self.table("motion")
 
     @property
     def exponents(self) -> Columns | None:
-        """Columns of ``exponents.parquet``, or None if they are not asked for."""
+        """Columns of ``exponents.parquet``, or None if they were not requested."""
         return self.table("exponents")
 
     @property
@@ -403,7 +403,7 @@ class Run:
 
     @property
     def clock(self) -> Mapping[str, Any]:
-        """The fields of its clock at its end, with what the solver did."""
+        """Fields of the clock at the end, with counts of the solver's work."""
         return self.whole.clock
 
     @cached_property
@@ -412,47 +412,47 @@ class Run:
         return self.kind.trajectory(self.system, self.whole)
 
     def sample(self, times: Any, side: str = "after", extrapolate: bool = False) -> Columns:
-        """Return the columns of the motion table at times (s), exact: a row for each body at each.
+        """Return the columns of the motion table at times (s), exact: one row per body and time.
 
-        `side` is ``"after"`` or ``"before"`` an event that happens at just such an instant. Times
-        outside the run are answered too where they are to be extrapolated: with the first and the
-        last motion, as if nothing met it. Raises `ValueError` for others, and for another ``side``.
+        `side`, ``"after"`` or ``"before"``, selects the state at the very instant of an event. With
+        `extrapolate`, times outside the run are allowed too: the first and the last flights are
+        extended as if nothing happened. Raises `ValueError` for other times and another ``side``.
         """
         instants = within_run(times, self.end_time, extrapolate)
         return self.trajectory.sample(instants, side)
 
     def flights(self) -> Columns:
-        """Return every flight of every body on a trace: where and when it starts and ends, why."""
+        """Return all flights of all bodies on a trace: start, end and why each one ended."""
         return self.trajectory.table()  # type: ignore[attr-defined, no-any-return]
 
     def look_at(self, rows: Any) -> None:
-        """Take note of flights that will be asked for: every one is at hand."""
+        """Do nothing: all flights are at hand."""
 
     def flight_curve(self, index: int, count: int, lasts: float = math.inf) -> tuple[Any, Any, Any]:
         """Return times (s), angles (rad) and rates (rad/s) at ``count`` points along a flight.
 
-        On a line positions (m) and speeds (m/s). ``lasts`` is how much of the flight is wanted, s.
+        On a line: positions (m) and speeds (m/s). ``lasts`` limits the curve's duration (s).
         """
         return self.trajectory.curve(index, count, lasts)  # type: ignore[attr-defined, no-any-return]
 
     def checkpoint(self) -> dict[str, Any]:
-        """Return the state after the last event, exact; a run continued from it has the same bits.
+        """Return the exact state after the last event; a continued run has the same bits.
 
-        Plain values: floats are written by ``json`` so that they are read back exactly.
+        It consists of plain values, whose floats ``json`` writes and reads back exactly.
         """
         whole = self.whole
         rows = {name: len(log) for name, log in whole.logs.items()}
         return checkpoint_of(self.end_cause, self.end_time, whole.clock, rows, self._state)
 
     def history(self) -> dict[str, Any]:
-        """Return the logs of the whole run, which its tables and figures are made from.
+        """Return the logs of the whole run, from which its tables and figures are made.
 
-        A run continued from the checkpoint takes them up, so that it is whole too.
+        A run continued from the checkpoint needs them to be whole too.
         """
         return dict(self.whole.logs)
 
     def cut_back(self, checkpoint: Mapping[str, Any]) -> Run:
-        """Return the run as it was when it was interrupted, and its checkpoint written."""
+        """Return the run as it was when it was interrupted and this checkpoint was written."""
         loop, state = self.kind.loop, checkpoint["state"]
         records = {
             name: record_array(rows_of(loop.records[name], rows), loop.records[name])
@@ -480,14 +480,14 @@ def simulate(
     history: dict[str, Any] | None = None,
     cut: bool = False,
 ) -> Run:
-    """Run a system until its stop, with either engine (see ``driver.ENGINES``) to the same bits.
+    """Run a system until its stop; both engines (see ``driver.ENGINES``) give the same bits.
 
-    From a checkpoint and the history of an earlier run of the same system it goes on as if it had
-    never stopped. One that is `cut` ends where there is no impact for very long.
+    Given the checkpoint and the history of an earlier run of the same system, the run continues as
+    if it had never stopped. If `cut`, it ends when there is no impact for very long.
 
     Raises `ValueError` for an unknown engine, without a limit, and for a checkpoint of another
-    system; `CannotContinue` if the earlier run had ended for good (see ``systems.request.FINAL``),
-    or is past the stop; `TooQuiet` if there is no impact for very long, unless it is `cut`.
+    system; `CannotContinue` if the earlier run had ended for good (see ``systems.request.FINAL``)
+    or is past the stop; `TooQuiet` if there is no impact for very long, unless `cut`.
     """
     earlier = None
     if checkpoint is not None:
@@ -497,14 +497,14 @@ def simulate(
 
 
 MOST_ROWS = 200_000
-"""Of a run whose logs have more rows than this none is kept for figures and reports."""
+"""Logs with more rows in total than this are not kept for figures and reports."""
 
 
 class Gathered:
-    """The motion in a run, whole once every stretch was taken."""
+    """The motion of a run, gathered stretch by stretch."""
 
     state: dict[str, Any]
-    """All that changes in the run after its last event, of one that was `solved_again`."""
+    """Complete state after the last event; set by `solved_again` only."""
 
     def __init__(self, system: Any) -> None:
         self.system = system
@@ -512,26 +512,26 @@ class Gathered:
         self._end = 0.0
 
     def take(self, trajectory: Any, end: float) -> None:
-        """Take the motion in the next stretch, which ends at that time (s)."""
+        """Append the motion in the next stretch, which ends at the time `end` (s)."""
         self._parts.append(trajectory)
         self._end = end
 
     @cached_property
     def trajectory(self) -> Any:
-        """The motion of all bodies, in closed form, see `Trajectory` of the contract."""
+        """The motion of all bodies in closed form, see `contract.Trajectory`."""
         whole, self._parts = self._parts, []
         whole[0].go_on(whole[1:])
         return whole[0]
 
     def sample(self, times: Any, side: str = "after", extrapolate: bool = False) -> Columns:
-        """Return the motion of every body at given times, see ``systems.run.Run``."""
+        """Return the columns of the motion table at times (s), see ``systems.run.Run``."""
         return self.trajectory.sample(within_run(times, self._end, extrapolate), side)  # type: ignore[no-any-return]
 
 
 def solved_again(
     kind: System, system: Any, limits: Limits, rows: Mapping[str, int], interrupted: bool
 ) -> Any:
-    """Return the motion in a run with so many rows in its logs, see `System.long_motion`."""
+    """Solve a run again for its motion; `rows` are the lengths of its logs (`long_motion`)."""
     motion, run, most = Gathered(system), begun(kind, system, limits), sum(rows.values())
     before = None
     for stretch in ahead(run.until(lambda: interrupted and sum(run.driver.rows.values()) >= most)):

@@ -1,4 +1,4 @@
-"""The tables of a run of any system but the trace, stretch by stretch, and its summary."""
+"""Make the tables and the summary of a run, stretch by stretch, for any system but the trace."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from vibro_cli.systems.tangents import exponent_table, grown_columns
 
 
 class SystemTables:
-    """What the tables of a run say, stretch by stretch: see ``System.table_maker``.
+    """Makes the tables of a run, stretch by stretch, see ``System.table_maker``.
 
-    Where the bodies are at the start and at the end, ``states_at`` of the system's ``tables.py``
-    tells from the records that change in a run.
+    ``states_at`` in the system's ``tables.py`` gives the states of the bodies at the start and at
+    the end, from the state records of the run.
     """
 
     def __init__(
@@ -48,7 +48,7 @@ class SystemTables:
         self._totals = Totals(float(np.sum(self._states(started, 0.0)["energy"])))
 
     def take(self, stretch: Stretch) -> None:
-        """Tell of a stretch."""
+        """Pass the rows of a stretch to the sink."""
         ended = stretch.cause != RUNNING
         more = not ended or any(map(len, stretch.logs.values())) or not self._begun
         grown = {} if self._tangents is None else self._tangents.take(stretch)
@@ -90,7 +90,7 @@ class SystemTables:
 
 
 def _one(value: Any) -> Any:
-    """A value as a column of one row."""
+    """Return a value as a column of one row."""
     words = value is None or isinstance(value, str)
     return np.array([value], dtype=object if words else None)
 
@@ -116,9 +116,9 @@ class _Impacts:
 def impacts_of_runs(
     kept: ImpactLog, systems: Sequence[Any], logs: Sequence[Any]
 ) -> tuple[Columns, Any]:
-    """Return the columns of a table of impacts of some runs, and the number of each row's run.
+    """Return the columns of a table of impacts of several runs, and the run index of each row.
 
-    Words are given by their numbers.
+    Words are given as integer codes.
     """
     run = np.repeat(np.arange(len(logs)), [len(log) for log in logs])
     rows = kept.rows(kept.bodies(systems), np.concatenate(list(logs)), run)
@@ -126,13 +126,13 @@ def impacts_of_runs(
 
 
 class Bodies:
-    """The bodies of some systems as arrays: [system, body]."""
+    """Properties of the bodies of several systems, as arrays of shape (systems, bodies)."""
 
     def __init__(self, systems: Sequence[Any]) -> None:
         self.systems: Sequence[Any] = systems
 
     def of_each(self, value: Callable[[Body], float | bool]) -> Any:
-        """Return a value of every body."""
+        """Return a property of every body."""
         return np.array([[value(body) for body in system.bodies] for system in self.systems])
 
     @cached_property
@@ -157,15 +157,15 @@ class Bodies:
 
     @cached_property
     def slide(self) -> Any:
-        """Which of them slide."""
+        """Whether they slide."""
         return self.of_each(lambda body: body.slides)
 
 
 class ImpactRows:
-    """Rows of a log of impacts, of which the columns of its table are made.
+    """Rows of a log of impacts, from which the columns of its table are made.
 
-    Those of one run stand after those of another; `run` is the number of the run of each, from 0.
-    Of the first run `told` rows came before, the last of them `before`.
+    Runs are stored one after another; `run` is the run index of each row, from 0. The first run
+    has `told` earlier rows, the last of which is `before`.
     """
 
     def __init__(
@@ -182,12 +182,12 @@ class ImpactRows:
 
     @cached_property
     def number(self) -> Any:
-        """Of each row in its run, from 1."""
+        """Number of each row within its run, from 1."""
         return np.arange(1, len(self) + 1) - np.searchsorted(self.run, self.run) + self._told
 
     @property
     def between(self) -> Any:
-        """Time (s) since the row before, nan in a run's first."""
+        """Time (s) since the previous row; nan in the first row of a run."""
         rows = self._log
         between = np.full(len(rows), np.nan)
         between[1:] = np.diff(rows["t"]) + np.diff(rows["t_low"])
@@ -198,7 +198,7 @@ class ImpactRows:
         return between
 
     def of_body(self, values: Any, body: Any) -> Any:
-        """Return the value [system, body] of the body of each row."""
+        """Return for each row its body's entry in `values`, of shape (systems, bodies)."""
         return values[self.run, body]
 
     def inclination(self, one: Any, other: Any) -> Any:
@@ -208,7 +208,7 @@ class ImpactRows:
 
 
 class PairRows(ImpactRows):
-    """Impacts of two bodies, whose line of centres is over the line along which the law acts."""
+    """Impacts of two bodies whose line of centres lies above the line along which the law acts."""
 
     @abstractmethod
     def body(self, end: str) -> Any:
@@ -216,7 +216,7 @@ class PairRows(ImpactRows):
 
     @abstractmethod
     def along(self, end: str, when: str) -> Any:
-        """Its speed along that line (m/s), `pre` or `post`."""
+        """Speed of that body along that line (m/s), `pre` or `post` impact."""
 
     @cached_property
     def inclined(self) -> Any:
@@ -225,12 +225,12 @@ class PairRows(ImpactRows):
 
     @property
     def approach_speed(self) -> Any:
-        """Along the line of centres, before (m/s)."""
+        """Approach speed along the line of centres (m/s)."""
         return self.inclined * (self.along("a", "pre") - self.along("b", "pre"))
 
     @property
     def separation_speed(self) -> Any:
-        """Along the line of centres, after (m/s)."""
+        """Separation speed along the line of centres (m/s)."""
         return self.inclined * (self.along("b", "post") - self.along("a", "post"))
 
     @property
@@ -243,17 +243,17 @@ class PairRows(ImpactRows):
 
     @property
     def impulse(self) -> Any:
-        """On body b (N s), under the law of translation; nan under others, B (6)."""
+        """Impulse on body b (N s) under the translational law, B (6); nan under other laws."""
         change = self.along("b", "post") - self.along("b", "pre")
         impulses = self.of_body(self.bodies.masses, self.body("b")) * change
         return np.where(self["law"] == TRANSLATIONAL, impulses, np.nan)
 
 
 def events_until(times: Any, instants: Any, side: str) -> Any:
-    """Return how many of some events there are by each instant (s), ascending `times` (s).
+    """Count the events, at ascending `times` (s), up to each instant (s).
 
-    `side` is "after" or "before" an event that happens at just such an instant.
-    Raises ValueError for another side.
+    `side` "after" includes an event at the very instant, "before" excludes it. Raises ValueError
+    for another side.
     """
     if side not in ("after", "before"):
         raise ValueError(f"side: found {side!r}, expected 'after' or 'before'")
@@ -261,7 +261,7 @@ def events_until(times: Any, instants: Any, side: str) -> Any:
 
 
 def bodies_at(system: ImpactSystem, instants: Any) -> dict[str, Any]:
-    """Return `t` (s), `ball` and `mass` (κ m, kg) of a row for each body at each instant."""
+    """Return `t` (s), `ball` and `mass` (κ m, kg) for one row per body at each instant."""
     number = len(system.bodies)
     masses = [body.rolling_mass for body in system.bodies]
     return {
@@ -272,14 +272,14 @@ def bodies_at(system: ImpactSystem, instants: Any) -> dict[str, Any]:
 
 
 class Totals:
-    """What the summary says of a run, gathered stretch by stretch."""
+    """Quantities of the summary of a run, accumulated stretch by stretch."""
 
     def __init__(self, energy_start: float) -> None:
         self.energy_start = energy_start
         self.first_time = self.last_time = self.largest_gap = float("nan")
 
     def take(self, log: Any) -> None:
-        """Take some more impacts of two bodies."""
+        """Add further impacts of two bodies."""
         if not len(log):
             return
         times = log["t"]
@@ -296,14 +296,14 @@ class Totals:
         clock: Mapping[str, Any],
         last: Mapping[str, Any],
     ) -> None:
-        """Take the end of the run: `last` are the columns of its motion table then."""
+        """Add the end of the run; `last` has the columns of the motion table at that time."""
         self.system, self.end_cause, self.end_time = system, end_cause, end_time
         self.clock, self.last = clock, last
         self.energy_end = float(np.sum(last["energy"]))
 
     @property
     def energy_drift(self) -> float:
-        """Relative change of the energy, where it should be kept; else nan."""
+        """Relative change of the energy if it should be conserved, else nan."""
         start = self.energy_start
         kept = self.system.keeps_energy(self.clock)
         return (self.energy_end - start) / start if start > 0.0 and kept else float("nan")

@@ -1,7 +1,7 @@
-"""How small changes of the start of a run grow: what the tangent maps of systems share.
+"""Tangent maps: the growth of small perturbations of the start of a run, for all systems.
 
-Equations: docs/tangent.md. A system's kernel carries tangent vectors through the logs of its event
-loop; here are the room that it works in, and the columns that come of it.
+Equations: docs/tangent.md. A kernel of the system carries tangent vectors through the logs of its
+event loop. This module provides its workspace and makes columns from its results.
 """
 
 from __future__ import annotations
@@ -21,22 +21,23 @@ from vibro_cli.systems.driver import called, with_logs, zeros
 from vibro_cli.systems.request import NO_LIMITS, Limits
 from vibro_cli.systems.run import Stretch, begun
 
-# A number is rounded by this share, root mean square over its digits; at most by twice as much.
+# Relative rounding error of a double, root mean square over significands; at most twice as much.
 ROUNDING = 2.0**-54
 MOST_DIGITS = 15.95  # of a double
-# Into so many blocks a run is cut for the error of its exponents.
+# Number of blocks of a run for the standard errors of its exponents.
 BLOCKS = 16
 
 
 def room_for(
     size: int, impacts: int, times: bool, states: Any, from_start: bool = True
 ) -> Tangents:
-    """Return what a tangent map is followed with: its size, and the impacts there is room for.
+    """Allocate the workspace of a tangent map with `size` numbers and room for `impacts` impacts.
 
-    Without ``from_start`` the growth of the frame is followed only.
+    Without ``from_start`` only the growth of the frame is followed.
     """
-    # Pairs that collide at once: of bodies in a row, two numbers each, no more than there are; on a
-    # plane at most eight for each ball, of four numbers (`most_touches` of the table).
+    # Upper bound of the pairs that collide at once. Bodies in a row have two numbers each, and
+    # fewer pairs than bodies; balls on a plane have four, and at most eight pairs each
+    # (`most_touches` of the table).
     pairs = 2 * size
     floats = {
         "frame": (size, size), "product": (size if from_start else 0, size),
@@ -54,23 +55,23 @@ def room_for(
 
 @dataclass
 class Growth:
-    """What the vectors of an orthonormal frame have grown by, at impacts equally far apart.
+    """Growth of the vectors of an orthonormal frame, recorded at every n-th impact.
 
-    There are at most ``MOST`` of them: of more every second one is left out.
+    At most ``MOST`` rows are kept; beyond that, n doubles and every second row is dropped.
     """
 
     MOST = 256
     begin: float = 0.0
-    """Of the run, s"""
+    """Start of the run (s)."""
     rows: list[tuple[int, float, Floats]] = field(default_factory=list)
-    """Number of an impact (from 1), its time (s), and the sums of the logarithms until then"""
+    """Number of an impact (from 1), its time (s), and the sums of the logarithms until then."""
     end: tuple[float, Floats] | None = None
-    """When the run ended (s), and the sums then"""
+    """End of the run (s), and the sums at that time."""
     _every: int = 1
     _told: int = 0
 
     def take(self, times: Any, growth: Floats) -> None:
-        """Go on through some more impacts, at these times (s)."""
+        """Add further impacts at these times (s), with the sums of logarithms at each."""
         first = self._told + 1
         self._told += len(times)
         wanted = -(-first // self._every) * self._every
@@ -83,10 +84,10 @@ class Growth:
             wanted = (wanted // self._every + 1) * self._every
 
     def exponents(self, per_impact: bool = False) -> tuple[Floats, Floats]:
-        """Exponents (1/s, or for one impact), the greatest first, and their standard errors.
+        """Return exponents (1/s, or per impact), the greatest first, and their standard errors.
 
-        The run is cut into blocks of equal numbers of impacts, whose exponents are taken as
-        independent of one another (batch means). NaN without impacts.
+        The run is divided into blocks of equal numbers of impacts, whose exponents are taken as
+        independent (batch means). NaN without impacts.
         """
         rows = [(number if per_impact else t, sums) for number, t, sums in self.rows]
         if rows:
@@ -112,17 +113,17 @@ class Growth:
 
 
 class TangentMap:
-    """The tangent map of a run in progress, by the kernel ``follow`` of the system's loop.
+    """The tangent map of a run in progress, computed by the kernel ``follow`` of the system's loop.
 
-    Speeds are compared with ways by ``time_scale`` (s). Derivatives of the impacts' `times` are
-    told where they are wanted.
+    Speeds times ``time_scale`` (s) are comparable with displacements. With `times`, the derivatives
+    of the times of impacts are computed too.
     """
 
     def __init__(self, kind: System, system: Any, time_scale: float, times: bool = False) -> None:
         self._follow, self._overrides = kind.loop.follow, kind.overrides(system)
         self.time_scale = time_scale
         self._numbers = kind.exponents
-        """State of a body: ways (m), then as many speeds (m/s)."""
+        """Dimension of a body's state: displacements (m), then as many speeds (m/s)."""
         self.size = self._numbers * len(system.bodies)
         """Number of exponents."""
         self.growth = Growth()
@@ -134,11 +135,11 @@ class TangentMap:
     def go_on(
         self, world: Any, known: int, stretch: Stretch, instants: Any, *scratch: Any
     ) -> Columns:
-        """Go on through a stretch whose logs a world has, and whose impacts are at instants (s).
+        """Follow a stretch, whose logs are those of `world` and whose impacts are at instants (s).
 
-        Returns the columns ``amplification`` and ``smooth`` of these impacts and, if wanted,
-        ``times`` ([impact, number]): the derivatives of the instants to ways (m) and speeds (m/s)
-        at the start.
+        Returns the columns ``amplification`` and ``smooth`` of these impacts and, if requested,
+        ``times`` ([impact, number]): the derivatives of the instants with respect to displacements
+        (m) and speeds (m/s) at the start.
         """
         kept = {name: getattr(self._kept, name) for name in ("frame", "product", "sums")}
         room = room_for(self.size, len(instants), self._times, self._state)
@@ -157,24 +158,24 @@ class TangentMap:
 
     @property
     def units(self) -> Floats:
-        """What one unit of each number of the state is in m and m/s."""
+        """Unit of each number of the state, in m or m/s."""
         half = self._numbers // 2
         one = np.repeat([1.0, 1.0 / self.time_scale], half)
         return np.tile(one, self.size // self._numbers)
 
     def summary(self) -> dict[str, Any]:
-        """Return the columns of a summary that tell of exponents, one row."""
+        """Return the columns of exponents of a summary, one row."""
         duration = self._state["end_t"] - self._state["begin_t"]
         return exponent_columns(np.asarray(self._kept.sums), duration)
 
     @property
     def sums(self) -> Floats:
-        """Logarithms of the growth of an orthonormal frame's vectors so far, in its order."""
+        """Logarithms of the growth so far of the frame's vectors, in the order of the frame."""
         found: Floats = np.array(self._kept.sums)[0]
         return found
 
     def matrix(self) -> Floats:
-        """The tangent map in ways (m) and speeds (m/s), after the end of a run at that instant."""
+        """Return the tangent map from start to end of a run, in m (displacements) and m/s."""
         units = self.units
         exponent = round(math.log2(SCALE)) * int(self._state["scalings"][0])
         with np.errstate(over="ignore", invalid="ignore"):
@@ -185,9 +186,9 @@ class TangentMap:
 
 
 class LoggedMap(TangentMap):
-    """The tangent map of a run whose logs one kernel goes through, as they come.
+    """A tangent map whose kernel reads the logs as the run writes them.
 
-    Else as :class:`TangentMap`; what the kernel knows of a run is 1 after the first stretch.
+    The kernel's argument `known` is 0 in the first stretch and 1 afterwards.
     """
 
     def __init__(self, kind: System, system: Any) -> None:
@@ -197,9 +198,9 @@ class LoggedMap(TangentMap):
         self._known = 0
 
     def take(self, stretch: Stretch) -> dict[str, Columns]:
-        """Go on through a stretch; the columns ``amplification, smooth`` of its impacts by tables.
+        """Follow a stretch; return ``amplification`` and ``smooth`` of its impacts, by table.
 
-        Impacts of several logs are told of in order of their events.
+        The impacts of several logs are followed in the order of their events.
         """
         logs = stretch.logs
         self._world = with_logs(self._kind.loop, self._world, stretch.engine, logs)
@@ -225,7 +226,7 @@ class LoggedMap(TangentMap):
 def followed(
     kind: System, system: Any, limits: Limits, engine_name: str = "compiled"
 ) -> tuple[LoggedMap, dict[str, Columns], Stretch]:
-    """Return the tangent map of a whole run, the columns of its impacts by tables, and the run.
+    """Return the tangent map of a whole run, the columns of its impacts by table, and the run.
 
     Raises as ``systems.run.begun``.
     """
@@ -235,9 +236,9 @@ def followed(
 
 
 def grown_columns(grown: dict[str, Any], grazing: Any) -> dict[str, Any]:
-    """Return ``amplification, digits_left, smooth`` of impacts, from :meth:`TangentMap.take`.
+    """Return ``amplification, digits_left, smooth`` of impacts, from :meth:`LoggedMap.take`.
 
-    NaN where nothing is known; beyond the greatest double no digit is left.
+    NaN where unknown. An amplification beyond the greatest double is NaN too, and leaves no digit.
     """
     growth = grown["amplification"]
     digits = -elementwise.each(math.log10, ROUNDING * np.maximum(growth, 1.0))
@@ -249,9 +250,10 @@ def grown_columns(grown: dict[str, Any], grazing: Any) -> dict[str, Any]:
 
 
 def exponent_columns(sums: Floats, durations: Floats) -> dict[str, Any]:
-    """Return the columns of summaries that tell of exponents (1/s), the greatest first.
+    """Return the columns of exponents (1/s) of summaries, the greatest first.
 
-    From logarithms [run, direction] of the growth of a frame's vectors, and durations [run] (s).
+    `sums` are the logarithms [run, direction] of the growth of a frame's vectors, `durations` those
+    of the runs (s).
     """
     with np.errstate(invalid="ignore", divide="ignore"):
         rates = sums / durations[:, None]
@@ -260,7 +262,7 @@ def exponent_columns(sums: Floats, durations: Floats) -> dict[str, Any]:
 
 
 def exponent_table(tangents: TangentMap) -> dict[str, Any]:
-    """Return the columns of ``exponents.parquet``: exponents (1/s) of the run until its impacts."""
+    """Return the columns of ``exponents.parquet``: exponents (1/s) up to each recorded impact."""
     growth = tangents.growth
     times = np.array([t for _, t, _ in growth.rows], dtype=np.float64)
     sums = np.array([sums for _, _, sums in growth.rows]).reshape(-1, tangents.size)
