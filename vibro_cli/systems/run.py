@@ -59,7 +59,7 @@ class Stretch(NamedTuple):
     known: int = 0
     """Trace only: leading rows of ``log`` repeated from before, one per body or none."""
     settled: float = 0.0
-    """Trace only: all lasting contacts that began before this time (s) have been logged."""
+    """Trace only: lasting contacts that began or ended before this time (s) are all logged."""
 
 
 class Stretches:

@@ -161,7 +161,7 @@ def simulate_system(
     checkpoint: dict[str, Any] | None = None,
     history: dict[str, Any] | None = None,
 ) -> Run:
-    """Run bodies on a trace until the first of the stops (s and a count), see ``systems.run``."""
+    """Run bodies on a trace until a time (s) or a number of impacts, see ``systems.run``."""
     from vibro_cli.systems.request import Limits, OutputRequest
     from vibro_cli.systems.run import simulate
 

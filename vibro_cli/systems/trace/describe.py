@@ -1,4 +1,4 @@
-"""What a scenario of a trace means (`vibro check`)."""
+"""Describe a scenario of a trace as plain values and as lines of text (`vibro check`)."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from vibro_cli.systems.describe import body_line, described
 
 
 def understood(scenario: Any, system: TraceSystem, warnings: tuple[str, ...]) -> dict[str, Any]:
-    """Return what a scenario means: given values, defaults and what follows from them."""
+    """Return the given values of a scenario, its defaults and quantities derived from them."""
     return {
         "name": scenario.name,
         "valid": True,
@@ -61,7 +61,7 @@ def _bodies(system: TraceSystem) -> Iterator[dict[str, Any]]:
 
 
 def _swing(system: TraceSystem, ball: int) -> dict[str, float | None] | None:
-    """The papers' constants of the swing from a body's start; None outside a valley at rest."""
+    """Return the papers' constants of a body's first swing; None outside a valley at rest."""
     swing = starting_swing(system, ball)
     if swing is None:
         return None
@@ -76,7 +76,7 @@ def _swing(system: TraceSystem, ball: int) -> dict[str, float | None] | None:
 
 
 def _pairs(system: TraceSystem) -> Iterator[dict[str, Any]]:
-    """The neighbours with their coefficients of restitution; on a closed trace the seam's last."""
+    """Yield the pairs with their coefficients of restitution, that across a seam last."""
     number = len(system.bodies)
     for left, k in enumerate(system.restitution):
         right = (left + 1) % number
@@ -89,7 +89,7 @@ def _pairs(system: TraceSystem) -> Iterator[dict[str, Any]]:
 
 
 def _contacts(system: TraceSystem, left: int, right: int) -> Iterator[dict[str, float]]:
-    """How far apart two bodies touch on each piece, with the papers' ratios on an arc."""
+    """Yield the separation of two touching bodies on each piece, and the papers' ratios on arcs."""
     one, other = (system.bodies[number].radius for number in (left, right))
     for piece in system.trace.pieces:
         arc, apart = piece.index + 1, contact_angle(piece, one, other)
@@ -101,7 +101,7 @@ def _contacts(system: TraceSystem, left: int, right: int) -> Iterator[dict[str, 
 
 
 def understood_lines(found: dict[str, Any]) -> Iterator[str]:
-    """Return what was understood, as text."""
+    """Yield the result of `understood` as lines of text."""
     scenario, trace = found["scenario"], found["trace"]
     kind = "closed" if trace["closed"] else "open"
     yield f"{found['name']}: valid"
@@ -146,7 +146,7 @@ def _moving_line(body: dict[str, Any]) -> str:
 
 
 def _swing_line(swing: dict[str, float | None]) -> str:
-    """The constants of a swing: B (50)-(51), period of small swings and of its own."""
+    """Return the constants of a swing as text: B (50)-(51), small and actual period."""
     modulus, period = swing["modulus"], swing["period"]
     own = "none, it leaves its arc" if period is None else f"{period:.9g} s"
     shown = "∞" if modulus is None else f"{modulus:.9g}"
@@ -157,7 +157,7 @@ def _swing_line(swing: dict[str, float | None]) -> str:
 
 
 def _contact_line(contact: dict[str, float]) -> str:
-    """How far apart two bodies touch on a piece: A (6), B (48)-(49)."""
+    """Return the separation of two touching bodies on a piece as text: A (6), B (48)-(49)."""
     if "beta" not in contact:
         return f"          arc {contact['arc']}  in contact {contact['distance']:.9g} m apart"
     return (

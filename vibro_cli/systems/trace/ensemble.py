@@ -1,4 +1,4 @@
-"""Many runs of one system one after another, compiled: what grids are solved with."""
+"""Many compiled runs of one system in sequence, for grids."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from vibro_cli.systems.trace import SYSTEM
 from vibro_cli.systems.trace.world import initial_flight, make_world, pairs_of
 
 _STACKED = records_of(Stack)
-"""The records of a world of which a stack has those of each system, and what they are there."""
+"""The structs of those records of a world that a stack holds for each system."""
 _NO_STACK = Stack(
     **{name: zeros(0, cls) for name, cls in _STACKED.items()},
     of_runs=np.zeros(0, dtype=np.int64),  # type: ignore[arg-type]
@@ -33,11 +33,11 @@ _NO_STACK = Stack(
 
 
 class Batch:
-    """Runs of one system in one thread.
+    """Runs of one system in one thread; they may differ in masses and initial states.
 
-    They may differ in masses and initial states. A batch of as many bodies `beside` it, in the same
-    thread, shares its logs. Runs whose impacts are not kept may go `in_lanes` (see
-    ``kernels.ensemble.lanes``) where they can: that takes less time and gives the same bits.
+    The batch shares the logs of `beside`, a batch with as many bodies in the same thread. With
+    `in_lanes`, runs whose impacts are not kept use SIMD lanes where possible (see
+    ``kernels.ensemble.lanes``), which is faster and gives the same bits.
     """
 
     def __init__(
@@ -46,17 +46,17 @@ class Batch:
         self._overrides = SYSTEM.overrides(system)
         logs_of = None if beside is None else beside.world
         self.world: World = compiled_world(SYSTEM.loop, make_world(system), logs_of)
-        """The records of the system; bodies, pairs, flights and clock are those of the last run."""
+        """Records of the system; bodies, pairs, flights and clock belong to the last run."""
         copies: Any = {name: np.array(getattr(self.world, name)) for name in SYSTEM.loop.state}
         self._fresh = self.world._replace(**copies)
         two = len(system.bodies) == 2 and not system.trace.closed
         free = system.turning is None and system.surface == "two-sided"
         self._group = lane_group() if in_lanes and two and free else None
         self.impacts_in_lanes = 0
-        """Impacts that were made in lanes, of all runs so far."""
+        """Number of impacts computed in lanes, over all runs so far."""
 
     def _suits_lanes(self, points: Points) -> bool:
-        """Set lanes up for the arc where the first point starts; tell whether they can be."""
+        """Set up lanes for the arc where the first point starts; return whether they apply."""
         starts: Any = points.starts
         world: Any = self.world
         group = self._group
@@ -73,9 +73,9 @@ class Batch:
         return bool(valley and world.contacts[piece]["normal_a"] > 0.0)
 
     def run_all(self, points: Points, results: Results, stack: Stack | None = None) -> Results:
-        """Run all points; return the results, with more room for impacts if they needed it.
+        """Run all points; return the results, enlarged if the impacts needed more room.
 
-        Points of a ``stack`` have each its own system, of the same shapes, bodies and laws.
+        With a ``stack`` each point has its own system, with equal shapes, bodies and laws.
         """
         point, count, rows = 0, len(points.own), 0
         given = self.world, self._fresh, points
@@ -98,8 +98,8 @@ class Batch:
     ) -> Any:
         """Run all points and follow their tangent maps; impacts are not kept.
 
-        `scales` [point] are of time (s), see ``systems.trace.tangents.time_scale``. Returns [point,
-        direction] logarithms of the growth of a frame's vectors.
+        `scales` [point] are the time scales (s), see ``systems.trace.tangents.time_scale``. Returns
+        the logarithms [point, direction] of the growth of a frame's vectors.
         """
         size = 2 * len(self.world.bodies)
         states = zeros(len(points.own) + 1, TangentState)
@@ -124,12 +124,12 @@ def lane_group() -> LaneGroup:
 
 
 def same_in_every_lane(cls: type) -> list[str]:
-    """Return the fields of a record of lanes that are one number for all of them."""
+    """Return the fields of a record of lanes that hold one number for all lanes."""
     return [name for name in dtype(cls).names or () if dtype(cls)[name].shape == ()]
 
 
 def in_whole_lines(count: int, cls: type) -> Any:
-    """Return records of lanes that begin where a line of the processor's cache does."""
+    """Return records of lanes aligned to the processor's cache lines."""
     kind = engine.dtype(cls)
     room = np.zeros(count * kind.itemsize + 64, dtype=np.uint8)
     offset = -room.ctypes.data % 64
@@ -139,7 +139,7 @@ def in_whole_lines(count: int, cls: type) -> Any:
 def make_points(
     stop_t: Any, stop_collisions: Any, piece: Any, s: Any, c: Any, p: Any, mass: Any, k: Any
 ) -> Points:
-    """Return the points of a batch from arrays: [point], then [point, ball], then [point, pair]."""
+    """Return the points of a batch from arrays indexed [point], [point, ball] and [point, pair]."""
     own = zeros(len(stop_t), PointData)
     own["stop_t"], own["stop_collisions"] = stop_t, stop_collisions
     starts = zeros(piece.size, StartData)
@@ -150,7 +150,7 @@ def make_points(
 
 
 def empty_results(points: int, bodies: int, impact_rows: int) -> Results:
-    """Return room for the results of some points."""
+    """Allocate the results of a number of points."""
     return Results(
         outcomes=zeros(points, Outcome),
         finals=zeros(points * bodies, FinalState),
@@ -160,9 +160,9 @@ def empty_results(points: int, bodies: int, impact_rows: int) -> Results:
 
 
 def stack_of(system: TraceSystem, count: int, of_runs: Any) -> Stack:
-    """Return the records of ``count`` systems, whose numbers are arrays.
+    """Return the records of ``count`` systems, given as one system with arrays for numbers.
 
-    ``of_runs`` tells the number of the system of each run.
+    ``of_runs`` is the index of each run's system.
     """
     world = make_world(system, far_apart=False)
     records = {name: _rows(getattr(world, name), cls, count) for name, cls in _STACKED.items()}
@@ -171,13 +171,13 @@ def stack_of(system: TraceSystem, count: int, of_runs: Any) -> Stack:
 
 
 def own_records(world: World) -> World:
-    """Return a compiled world whose records are its own where those of a stack are installed."""
+    """Return a compiled world with copies of the records that a stack overwrites."""
     changed: Any = {name: getattr(world, name).copy() for name in _STACKED}
     return world._replace(**changed)
 
 
 def _rows(records: Sequence[Any], cls: type, count: int) -> Any:
-    """Records with arrays of ``count`` numbers as rows of plain records, system by system."""
+    """Convert records with arrays of ``count`` numbers to rows of plain records, by system."""
     rows = np.zeros((count, len(records)), dtype=dtype(cls))
     for place, one in enumerate(records):
         for name in rows.dtype.names or ():
@@ -186,7 +186,7 @@ def _rows(records: Sequence[Any], cls: type, count: int) -> Any:
 
 
 def points_of(system: TraceSystem, count: int, impacts: int) -> Points:
-    """Return so many points of a system, all with its own starts and so many impacts each."""
+    """Return ``count`` equal points with the initial states of a system and a stop by impacts."""
     flights = [initial_flight(system, number) for number in range(len(system.bodies))]
     pairs = [system.restitution_of(number) for number in range(len(pairs_of(system)))] or [1.0]
 

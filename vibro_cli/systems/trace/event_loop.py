@@ -1,8 +1,8 @@
-"""The event loop of a trace, as the driver of every system calls it, and its stretches.
+"""The event loop of a trace, in the form that the driver of all systems needs, and its stretches.
 
-Here are the ways from the interpreter into the compiled kernels of a trace. What the bodies are on
-goes on from one stretch to the next: in front of the flights that have begun in a stretch stand
-those that were under way before, one for each body, so that a stretch can be understood by itself.
+A stretch must be self-contained, though flights continue from one stretch to the next. Each stretch
+therefore begins with the flights in progress at its start, one per body, followed by those that
+start in it.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from vibro_cli.systems.trace.motion import last_of_each
 
 
 def enter_advance(world: World, overrides: Overrides | None) -> int:
-    """Run on a compiled world (see ``kernels.events.event_loop.advance``)."""
+    """Run the loop on a compiled world (see ``kernels.events.event_loop.advance``)."""
     settings: Any = world.settings[0]
     open_ends = settings["closed"] == 0 and settings["one_sided"] == 0
     if overrides is None and settings["bodies"] == 2 and open_ends:
@@ -77,7 +77,7 @@ class TraceStretches(Stretches):
         return self._stretch(logs)._replace(known=known)
 
     def _ended(self) -> Stretch:
-        """Flights under way, which the end of the run still has to be told of."""
+        """Return the flights in progress, which the end of the run completes."""
         return self._stretch(self._carried)._replace(known=len(self._carried["log"]))
 
     def _stretch(self, logs: Mapping[str, Any]) -> Stretch:
@@ -86,7 +86,7 @@ class TraceStretches(Stretches):
 
 
 def under_way(logs: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the last flight of each body and their segments, for the logs to begin with."""
+    """Return the last flight of each body and its segments, with which the next logs begin."""
     log, segments = logs["log"], logs["segments"]
     rows = last_of_each(log).tolist()
     kept = [
@@ -100,7 +100,7 @@ def under_way(logs: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def earliest_unlogged(pairs: Any) -> float:
-    """Return when the first lasting contact began or ended that is not logged yet (s)."""
+    """Return the earliest time (s) of a beginning or end of lasting contact not yet logged."""
     if isinstance(pairs, np.ndarray):
         open_ones = pairs[pairs["held"] != pairs["logged"]]
         times = (open_ones["change_t"] + open_ones["delay"]).tolist()

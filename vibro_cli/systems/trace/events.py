@@ -1,4 +1,4 @@
-"""The table of events: everything but impacts that happens at an instant."""
+"""The table of events: all instantaneous events but impacts."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ from vibro_cli.systems.trace.motion import Paths
 NAMES = (
     "crossing", "wall", "contact_closed", "contact_opened", "lift_off", "turning", "slip", "end",
 )  # fmt: skip
-# At one instant they stand in this order, likewise those of one sort body by body.
+# Order of the names above at one instant; equal ones are ordered by body.
 _SORTS = (0, 0, 1, 1, 2, 3, 4, 5)
-# Names by the kinds of passages.
+# Indices of names by kind of passage.
 _PASSED = np.array([NAMES.index(name) for name in ("turning", "lift_off", "slip")])
 ROW = np.dtype(
     [
@@ -39,23 +39,23 @@ ROW = np.dtype(
         ("value", np.float64), ("sort", np.int64), ("place", np.int64),
     ]
 )  # fmt: skip
-"""A row of the table; a ball or arc of 0 and a value of nan are null."""
+"""Row of the table; a ball or arc of 0 and a value of nan stand for null."""
 OPEN = np.dtype(
     [
         ("told", dtype(Span)["told"]),
         *((name, np.int64) for name in ("begun", "lift_end", "slip_end")),
     ]
 )
-"""Of each body: the passages found so far on the flight under way, whether its start is told of,
-and on which side of its limits the flight before it ended."""
-# Passages that are found at once.
+"""State of a body between stretches: the passages found so far on the flight in progress, whether
+its start has been reported, and on which side of each limit the flight before it ended."""
+# Passages that one call of the kernel can return.
 _ROOM = 1024
 
 Rows = Any
 
 
 class Events:
-    """The events of a run, stretch by stretch; what is asked for: see ``OutputRequest``."""
+    """Finds the events of a run, stretch by stretch, as requested by ``OutputRequest``."""
 
     def __init__(self, bodies: int, wanted: OutputRequest) -> None:
         self._wanted = wanted
@@ -64,14 +64,14 @@ class Events:
         self._placed = 0
 
     def take(self, paths: Paths) -> Rows:
-        """Return the rows of a stretch that no later one can come before, in order of time.
+        """Return the rows that no later row can precede, in order of time.
 
-        At the end of the run those are all that are left.
+        At the end of the run these are all that remain.
         """
         stretch = paths.stretch
         rows = joined([self._waiting, self._rows(paths)])
         if stretch.cause == RUNNING:
-            # A flight that goes on is asked until now, a segment across pieces once it has ended.
+            # A flight in progress is searched up to now, a segment across pieces once it has ended.
             until = paths.log["t"] + np.where(_is_segment(paths.log), 0.0, paths.duration)
             ready = rows["t"] < min(float(until[paths.last].min()), stretch.settled)
             self._waiting = chosen(rows, ~ready)
@@ -79,7 +79,7 @@ class Events:
         ball = int(stretch.clock["last_ball"])
         if stretch.cause in (END_OF_TRACE, END_LIFT_OFF) and ball >= 0:
             last = _end(paths, ball)
-            # The normal force that vanishes at the end of the run is this event and no other.
+            # A normal force that vanishes at the end of the run gives this event only.
             rows = joined([chosen(rows, rows["name"] != last["name"]), last])
         return _in_order(rows)
 
@@ -96,10 +96,10 @@ class Events:
         return joined(parts)
 
     def _passages(self, paths: Paths) -> Any:
-        """Return the passages of all flights, as records of ``Passage`` by rows of paths."""
+        """Return the passages of all flights as records of ``Passage``, with rows of `paths`."""
         ended = paths.stretch.cause != RUNNING
         spans, found = self._find(paths, self._spans(paths, ended))
-        # Of several launches at one instant only the last one lasts.
+        # Of several launches at one instant only the last counts: the others have no duration.
         counted = (paths.duration != 0.0) | (paths.last & ended)
         counted &= (paths.log["grouped"] == 0) | (paths.duration > 0.0)
         counted &= (spans["ended"] == 1) | ~_is_segment(paths.log)
@@ -108,8 +108,8 @@ class Events:
         return joined([found, *begun])
 
     def _find(self, paths: Paths, spans: Any) -> tuple[Any, Any]:
-        """Have the kernel find passages; return the spans as it has filled them in, and those."""
-        # In order of the log: bodies in contact stand together there.
+        """Return the spans as completed by the kernel, and the passages that it found."""
+        # The kernel needs the order of the log, where bodies in contact are adjacent.
         order = np.empty_like(paths.number)
         order[paths.number] = np.arange(len(order))
         progress: Any = zeros(1, Progress)
@@ -128,7 +128,7 @@ class Events:
         return np.asarray(search.spans).take(paths.number), passages
 
     def _spans(self, paths: Paths, ended: bool) -> Any:
-        """The flights of a stretch, with what was found on those under way before."""
+        """Return the flights of a stretch, with what was found earlier on those in progress."""
         spans = zeros(len(paths.log), Span)
         spans["row"], spans["duration"] = paths.number, paths.duration
         spans["ended"] = np.where(paths.last, ended, 1)
@@ -138,12 +138,12 @@ class Events:
         return spans
 
     def _begun_beyond(self, paths: Paths, spans: Any, counted: Any, kind: int) -> Any:
-        """Return the starts of flights beyond a limit, where the flight before did not end so."""
+        """Return the starts of flights beyond a limit whose predecessor ended within it."""
         name = "lift" if kind == LIFT_OFF else "slip"
         beyond = (spans[f"{name}_start"] == 1) & (spans["begun"] == 0) & counted
         begun = np.flatnonzero(beyond)
         if len(begun):
-            # The flight before it that counts, or what is remembered of the one before the stretch.
+            # The previous flight that counts, or the state kept from the stretch before.
             places = np.where(counted, np.arange(len(counted)), -1)
             last = np.append(-1, np.maximum.accumulate(places))[begun]
             body = paths.body[begun]
@@ -158,9 +158,9 @@ class Events:
         return found
 
     def _keep_open(self, paths: Paths, spans: Any, counted: Any) -> None:
-        """Remember what the flights under way go on from."""
+        """Keep the state of the flights in progress for the next stretch."""
         over = np.flatnonzero(counted & (spans["ended"] == 1))
-        # Of several rows of a body the last one stays.
+        # The last row of each body wins.
         for name in ("lift_end", "slip_end"):
             self._open[name][paths.body[over]] = spans[name][over]
         last = np.flatnonzero(paths.last)
@@ -178,7 +178,7 @@ def _in_order(rows: Rows) -> Rows:
 
 
 def event_columns(rows: Rows) -> dict[str, Any]:
-    """Return the columns of ``events.parquet``, events by their numbers in `NAMES`."""
+    """Return the columns of ``events.parquet``, with events as indices into `NAMES`."""
     table: dict[str, Any] = {"t": rows["t"].copy(), "event": rows["name"].copy()}
     for name in ("ball", "other", "arc_from", "arc_to"):
         values = rows[name].copy()
@@ -193,13 +193,13 @@ def _rows(count: int) -> Rows:
 
 
 def _boundaries(paths: Paths) -> Rows:
-    """Crossings and walls, from the starts of flights that begin in this stretch."""
+    """Return crossings and impacts on walls, from the flights that start in this stretch."""
     log, places = paths.log, paths.places
     caused = (log["cause"] == CROSSING) | (log["cause"] == WALL)
     caused &= paths.number >= paths.stretch.known
-    # A group is launched anew as a whole: only the body that came to an end of its piece counts.
+    # A whole group is launched again; only the body that reached an end of its piece counts.
     moved = np.append(False, paths.piece[1:] != paths.piece[:-1]) | (log["cause"] == WALL)
-    # A whole turn, at the seam of a circle that is one piece, turns half-angle variables by half.
+    # At the seam of a circle of one piece, a full turn reverses the sign of (S, C).
     moved |= log["s"] * log["before_s"] + log["c"] * log["before_c"] < 0.0
     at = np.flatnonzero(caused & moved)
     body, piece, before = paths.body[at], paths.piece[at], paths.piece[at - 1]
@@ -217,7 +217,7 @@ def _boundaries(paths: Paths) -> Rows:
 
 
 def _contacts(paths: Paths) -> Rows:
-    """Lasting contacts that close (``value``: duration of the accumulation, s) or open."""
+    """Return lasting contacts that close (``value``: duration of the accumulation, s) or open."""
     places, touches = paths.places, paths.stretch.logs["touches"]
     rows = _rows(len(touches))
     opened = touches["opened"] == 1
@@ -234,7 +234,7 @@ def _contacts(paths: Paths) -> Rows:
 
 
 def _events_of(paths: Paths, passages: Any, friction: float | None) -> Rows:
-    """Turning points, lift-off and slip: what happens during flights."""
+    """Return turning points, lift-off and slip, the events during flights."""
     at, places = passages["span"], paths.places
     body, piece = paths.body[at], paths.piece[at]
     position = places.position(piece, passages["s"], passages["c"])
@@ -256,7 +256,7 @@ def _events_of(paths: Paths, passages: Any, friction: float | None) -> Rows:
 
 
 def _is_segment(log: Any) -> Any:
-    """Flags of the flights that are short segments of a motion in contact across pieces."""
+    """Return flags of flights that are short segments of motion in contact across pieces."""
     grouped = log["grouped"] == 1
     if not grouped.any():
         return grouped
@@ -265,7 +265,7 @@ def _is_segment(log: Any) -> Any:
 
 
 def _at(paths: Paths, rows: Any, after: Any) -> Any:
-    """Records of ``Passage`` at times (s) of flights."""
+    """Return records of ``Passage`` at times (s) after the starts of flights."""
     found = zeros(len(rows), Passage)
     found["span"], found["after"] = rows, after
     if len(rows):
@@ -276,7 +276,7 @@ def _at(paths: Paths, rows: Any, after: Any) -> Any:
 
 
 def _end(paths: Paths, ball: int) -> Rows:
-    """The event that ended the run: the end of the trace, or lift-off from a one-sided one."""
+    """Return the event that ended the run: end of the trace, or lift-off from a one-sided one."""
     row = np.flatnonzero((paths.body == ball) & paths.last)[:1]
     passage = _at(paths, row, paths.duration[row])
     passage["kind"], passage["normal"] = LIFT_OFF, np.nan

@@ -1,4 +1,4 @@
-"""Every kind of figure of a run on a trace, and what a film of it shows."""
+"""The kinds of figure of a run on a trace, and the frames of its film."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ from vibro_cli.mechanics.system import Body, TraceSystem
 from vibro_cli.mechanics.trace import Trace
 
 _FILM_WALL = 0.06
-"""Height of a wall at an end of the trace, as a share of half the width."""
+"""Height of a wall at an end of the trace, as a fraction of half the width."""
 
 
 def film(run: Any, times: Array) -> Frames:
     """Return the states of all bodies at the times of frames (s).
 
-    Nothing is interpolated: each state is that of its flight in closed form. On a closed trace the
-    bodies must not run half of it from frame to frame, or their turning is not right.
+    Each state is exact, from the closed form of its flight. On a closed trace the rotation of the
+    bodies is right only if they travel less than half of it between frames.
     """
     bodies, times = run.system.bodies, np.asarray(times)
     motion = run.sample(times)
@@ -74,9 +74,9 @@ def _ground(run: Recorded) -> Ground:
 
 
 def _small_periods(system: TraceSystem) -> list[float]:
-    """Return the periods (s) of small oscillations on the arcs, shorter where the trace rotates.
+    """Return the periods (s) of small oscillations on the arcs, shorter if the trace rotates.
 
-    Without an arc that of a pendulum as long as the trace.
+    Without an arc, return the period of a pendulum as long as the trace.
     """
     turning = 0.0 if system.turning is None else system.turning.square
     rates = [
@@ -89,7 +89,7 @@ def _small_periods(system: TraceSystem) -> list[float]:
 
 
 def _turned(trace: Trace, body: Body, arc: Any, s: Array) -> Array:
-    """Return how far a body has turned (rad): the way of its centre through its radius."""
+    """Return the rotation of a body (rad): the path length of its centre over its radius."""
     if body.slides:
         return np.zeros(len(s))
     scales = np.array(

@@ -1,4 +1,4 @@
-"""Points of a grid over a trace, many solved at a time: summaries, and columns of impacts."""
+"""Solve the points of a grid on a trace in batches: summaries, and columns of impacts."""
 
 from __future__ import annotations
 
@@ -57,27 +57,27 @@ _ROWS_AT_LEAST = 1 << 14
 
 @dataclass(frozen=True)
 class Logged:
-    """Impacts of some points that share a template, as the solver has logged them."""
+    """Logged impacts of points that share a template."""
 
     system: TraceSystem
     world: World
     """The records of the system, of either engine."""
     points: Array
-    """Numbers of the points, from 0 in the grid, ascending."""
+    """Indices of the points in the grid, from 0, ascending."""
     counts: Array
-    """How many impacts each has."""
+    """Number of impacts of each point."""
     log: Any
     """The impacts, point by point."""
     masses: Array | None = None
-    """[point, ball] (kg); those of the system for None."""
+    """[point, ball] (kg); None for the masses of the system."""
     stack: Stack | None = None
     """The systems of the points, if there are several."""
 
 
 class LogSpace:
-    """Room for the logs of a stretch, one after another; used again for the next stretch.
+    """A buffer for the logs of a chunk, one after another; reused for the next chunk.
 
-    Memory that is written to for the first time costs more than what is written.
+    The first write to fresh memory costs more than the data.
     """
 
     def __init__(self) -> None:
@@ -85,19 +85,19 @@ class LogSpace:
         self._used = 0
 
     def clear(self) -> None:
-        """Take all logs for done with."""
+        """Release all logs."""
         self._used = 0
 
     def take(self, rows: int) -> Any:
-        """Return a log with room for at least some rows."""
+        """Return a log with room for at least `rows` rows."""
         if len(self._rows) - self._used < rows:
-            # Logs that are in use keep what was there before.
+            # Logs in use keep the old buffer.
             self._rows = zeros(max(rows + rows // 4, _ROWS_AT_LEAST), ImpactRow)
             self._used = 0
         return self._rows[self._used :]
 
     def keep(self, log: Any, rows: int) -> Any:
-        """Return the first rows of the log that was taken last, perhaps grown; they are kept."""
+        """Reserve and return the first rows of the last log taken, which may have been enlarged."""
         if not np.shares_memory(log, self._rows):
             self._rows, self._used = log, 0
         self._used += rows
@@ -105,9 +105,9 @@ class LogSpace:
 
 
 def impact_columns(table: Table, logged: Sequence[Logged], points: Array) -> dict[str, Any]:
-    """Return the columns of a table of impacts, all `logged` of some points, in order of these.
+    """Return the columns of the table of all `logged` impacts, in the order of `points`.
 
-    `points` are their numbers, from 0, one after another.
+    `points` are the consecutive indices of the points, from 0 in the grid.
     """
     counts = np.zeros(len(points), dtype=np.int64)
     for one in logged:
@@ -124,28 +124,28 @@ def impact_columns(table: Table, logged: Sequence[Logged], points: Array) -> dic
     return columns
 
 
-# Settings whose records are kept ready; a grid seldom needs many at once.
+# Size of the cache of templates; a grid seldom needs many at once.
 _READY = 1024
 _ROWS_AT_FIRST = 1 << 12
 
 
 @dataclass(frozen=True)
 class Task:
-    """Points for a batch: how they start, and of which systems they are."""
+    """Points for a batch, with their initial data and systems."""
 
     starts: Starts
     system: TraceSystem
-    """One system, or several as one of arrays."""
+    """A single system, or several systems with arrays for numbers."""
     of_points: Array | None
-    """Then the number of the system of each point."""
+    """For several systems: the index of each point's system."""
     stack: Stack | None
-    """And the records of the systems."""
+    """For several systems: their records."""
     points: Array
-    """Numbers of the points, from 0 in the grid."""
+    """Indices of the points in the grid, from 0."""
 
     @staticmethod
     def of(starts: Starts, systems: Systems, points: Array) -> Task:
-        """Return the task of those points whose starts are sure."""
+        """Return the task of the points that are certainly valid."""
         sure, of_points, stack = starts.sure, systems.of_points, None
         if of_points is not None:
             of_points = of_points[sure]
@@ -153,7 +153,7 @@ class Task:
         return Task(starts.at(sure), systems.system, of_points, stack, points[sure])
 
     def entries(self) -> Points:
-        """Return what a batch starts with."""
+        """Return the initial data as records for a batch."""
         starts = self.starts
         return make_points(
             starts.stop_t, starts.stop_collisions, starts.piece, starts.s, starts.c, starts.p,
@@ -161,7 +161,7 @@ class Task:
         )  # fmt: skip
 
     def time_scales(self) -> Any:
-        """Return the scale of time (s) of the tangent map of each point."""
+        """Return the time scale (s) of the tangent map: a number for all points, or an array."""
         scales = time_scale(self.system)
         return scales if self.of_points is None or np.ndim(scales) == 0 else scales[self.of_points]
 
@@ -171,9 +171,9 @@ class Task:
 
 
 class TraceSolver:
-    """Solves stretches of a grid's points, in one thread.
+    """Solves chunks of a grid's points, in one thread.
 
-    With the engine ``"python"`` every point by itself, interpreted, to the same bits.
+    The engine ``"python"`` solves each point on its own, interpreted, with the same bits.
     """
 
     def __init__(self, grid: Grid, engine: str = "compiled") -> None:
@@ -190,14 +190,14 @@ class TraceSolver:
         self._reader = Reader(grid.base)
         self._indices: Array = np.zeros(0, dtype=np.int64)
         self._summaries: list[tuple[Array, Columns]] = []
-        """Each with the points it is of (from 0 in the stretch)."""
+        """Each with the indices of its points (from 0 in the chunk)."""
         self._logged: list[Logged] = []
         paths = grid.design.paths
         self._of_systems = [path for path in paths if is_of_system(path)]
         self._slow = [path for path in paths if not is_quick(path) and not is_of_system(path)]
 
     def solve(self, indices: Array) -> Solved:
-        """Solve some points, given by their numbers from 0."""
+        """Solve the points with these indices, from 0."""
         self._indices, self._summaries, self._logged = indices, [], []
         self._logs.clear()
         values = self._grid.design.columns(indices)
@@ -207,7 +207,7 @@ class TraceSolver:
         impacts = int(np.ma.filled(summary["collisions"], 0).sum())
         if self._table is None:
             return Solved(summary, impacts, {})
-        logged, self._logged = self._logged, []  # those of long runs are not held any longer
+        logged, self._logged = self._logged, []  # release the logs of long runs
         columns = impact_columns(self._table, logged, indices)
         kept = {"collisions": record_batch(self._table, columns)}
         return Solved(summary, impacts, kept)
@@ -215,7 +215,7 @@ class TraceSolver:
     def _groups(
         self, values: dict[KeyPath, Array], count: int
     ) -> list[tuple[tuple[Any, ...], Array]]:
-        """The points of each template: what they have in common, and their rows."""
+        """Group the points by template: the values that they share, and their rows."""
         if not self._slow:
             return [((), np.arange(count))]
         groups: dict[tuple[Any, ...], list[int]] = {}
@@ -231,7 +231,7 @@ class TraceSolver:
             return
         at = 0
         while key not in self._templates and at < len(rows):
-            # The first point that is valid shows the template.
+            # The first valid point gives the template.
             point = self._reader.read(_taken(values, int(at)))
             if isinstance(point, SystemTemplate):
                 self._remember(key, point)
@@ -251,12 +251,12 @@ class TraceSolver:
     def _solve_template(
         self, key: tuple[Any, ...], rows: Array, values: dict[KeyPath, Array]
     ) -> None:
-        """Solve points of a known template: first all that are surely valid, then the others."""
+        """Solve points of a known template: first the certainly valid ones, then the others."""
         template = self._templates[key]
         systems = template.systems(values, len(rows))
         sure = np.zeros(len(rows), dtype=bool)
         if len(systems.points):
-            # What the points have in common is in the template's scenario.
+            # The template's scenario has the values that the points share.
             own_values = {path: one for path, one in values.items() if path not in self._slow}
             starts = template.starts(_taken(own_values, systems.points), systems)
             sure[systems.points] = starts.sure
@@ -269,14 +269,14 @@ class TraceSolver:
             if isinstance(point, str):
                 self._solve_alone(rows[at], point)
             else:
-                # Systems of which nothing was known before are made one by one.
+                # Group points of other systems by system.
                 own = (*key, *(one[path].item() for path in self._of_systems))
                 found.setdefault(own, []).append((rows[at], point))
         for own, points in found.items():
             self._solve_read(own, points)
 
     def _solve_read(self, key: tuple[Any, ...], points: list[tuple[int, SystemTemplate]]) -> None:
-        """Solve valid points of one system that were read alone."""
+        """Solve valid points of one system that were read one by one."""
         if key not in self._templates:
             self._remember(key, points[0][1])
         template = self._templates[key]
@@ -298,7 +298,7 @@ class TraceSolver:
                 task.entries(), results, task.time_scales(), task.stack
             )
         outcomes: Any = results.outcomes
-        # What a batch leaves out: runs too long for its logs.
+        # A batch leaves out runs that are too long for its logs.
         whole = outcomes["end_cause"] != LOG_FULL
         rows = rows[starts.sure]
         if whole.any():
@@ -310,20 +310,20 @@ class TraceSolver:
     def _run(self, batch: Batch, task: Task) -> Results:
         count, bodies = task.starts.piece.shape
         points = task.entries()
-        # A little more room than the points before have needed.
+        # A little more room than earlier points needed.
         results = empty_results(count, bodies, 0)
         if self._grid.keep.collisions:
             rows = int(self._room * count) + _ROWS_AT_FIRST
             results = results._replace(impacts=self._logs.take(rows))
         if self._wanted.lyapunov and not self._grid.keep.collisions:
-            return results  # they come with the tangent maps
+            return results  # filled in with the tangent maps
         results = batch.run_all(points, results, task.stack)
         taken: Any = results.outcomes
         self._room = max(self._room, 1.1 * float(np.mean(taken["kept"])))
         return results
 
     def _take(self, task: Task, rows: Array, whole: Array, results: Results, world: World) -> None:
-        """Turn results of a batch into columns."""
+        """Store the results of a batch as columns."""
         starts, bodies = task.starts, task.starts.piece.shape[1]
         every: Any = results.outcomes
         states: Any = results.finals
@@ -350,7 +350,7 @@ class TraceSolver:
         )
 
     def _solve_alone(self, number: int, point: SystemTemplate | str) -> None:
-        """Solve one point by itself, or take down why it cannot be solved."""
+        """Solve one point on its own, or record why it cannot be solved."""
         row = np.array([number])
         table = SYSTEM.summary(ball_count(self._grid), self._wanted.lyapunov)
         if isinstance(point, str):
@@ -381,8 +381,8 @@ def _taken(values: dict[KeyPath, Array], at: Any) -> dict[KeyPath, Array]:
 
 
 def _in_order(parts: list[tuple[Array, Columns]], count: int) -> Columns:
-    """One summary for all points, in their order."""
-    if len(parts) == 1:  # which has all of them
+    """Join summaries into one for all points, in their order."""
+    if len(parts) == 1:  # complete and in order
         return parts[0][1]
     rows = np.concatenate([rows for rows, _ in parts])
     order = np.empty(count, dtype=np.int64)

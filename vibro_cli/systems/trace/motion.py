@@ -1,8 +1,7 @@
-"""The motion in a run on a trace: flights from its log, and places and speeds from half-angles.
+"""The motion in a run on a trace: flights from its log, positions and speeds from half-angles.
 
-Of a run that is too long to be kept, only where and when every flight begins and ends is at hand.
-The rows of the log, which the states on a flight are made from, are gathered in one more pass, of
-the flights that are asked for.
+Of a run that is too long to be kept, only the start and the end of each flight are stored. States
+during requested flights need rows of the log, which are collected by solving the run once more.
 """
 
 from __future__ import annotations
@@ -30,9 +29,9 @@ from vibro_cli.systems.trace.world import make_world, turns_of
 class Places:
     """Geometry of every body on every piece, as arrays indexed ``[body, piece]`` or ``[piece]``.
 
-    The numbers of the system may be arrays (see ``numerics.elementwise``), of several systems.
-    `of_rows` is then the system of each row of a table of runs, from 0; the arrays have a last axis
-    for the rows, and pieces are to be given for each.
+    Numbers of the system may be arrays over several systems (see ``numerics.elementwise``). Then
+    `of_rows` is the index of each row's system, from 0, for the rows of a table of runs; the arrays
+    have a last axis for the rows, and methods need a piece for each row.
     """
 
     def __init__(self, system: TraceSystem, of_rows: Any = None) -> None:
@@ -55,7 +54,7 @@ class Places:
         self.system = system
 
     def of_rows(self, numbers: Any) -> Any:
-        """Return a number of the system, or that of the system of each row."""
+        """Return a number of the system, or for several systems its value for each row."""
         return numbers if np.ndim(numbers) == 0 else numbers[self._of_rows]
 
     def _numbers(self, values: Sequence[Any]) -> Floats:
@@ -63,7 +62,7 @@ class Places:
 
     @staticmethod
     def _at(table: Floats, *index: Any) -> Any:
-        """Entries of a table; of one with an axis for rows, those of each row."""
+        """Return entries of a table, row by row if it has an axis for the rows."""
         if table.ndim == len(index):
             return table[index]
         return table[(*index, np.arange(table.shape[-1]))]
@@ -74,23 +73,23 @@ class Places:
         return self.frequency(*np.indices(self.path_radius.shape))
 
     def position(self, piece: Any, s: Floats, c: Floats) -> Floats:
-        """Angle phi or psi (rad) on arcs, distance from the left end (m) on lines."""
+        """Return the angle phi or psi (rad) on arcs, distance from the left end (m) on lines."""
         sign = self.sign[piece]
         hump = sign < 0.0
         half = angles_of(np.where(hump, -c, s), np.where(hump, s, c))
         angle = 2.0 * half + self._at(self.turn, piece)
         ends = self._at(self.angle_start, piece), self._at(self.angle_end, piece)
-        # Half an angle is known but for whole turns: at the ends of a circle a rounding decides.
+        # A half-angle leaves whole turns open: at the ends of a circle rounding would decide.
         beyond = np.rint((angle - 0.5 * (ends[0] + ends[1])) / (2.0 * math.tau))
         angle = np.clip(angle - 2.0 * math.tau * beyond, *ends)
         return np.where(sign == 0.0, s, angle)
 
     def angle(self, piece: Any, position: Floats) -> Floats:
-        """Angle phi or psi (rad) of a position, nan on lines."""
+        """Return the angle phi or psi (rad) of a position, nan on lines."""
         return np.where(self.sign[piece] == 0.0, np.nan, position)
 
     def arc_length(self, piece: Any, position: Floats) -> Floats:
-        """Arc length (m) of the contact point from the left end of the trace."""
+        """Return the arc length (m) from the left end of the trace to the contact point."""
         begin = self._at(self.angle_start, piece)
         along = self._at(self.radius, piece) * (position - begin)
         start = self._at(self.start_s, piece)
@@ -98,7 +97,7 @@ class Places:
         return s
 
     def centre(self, body: Any, piece: Any, s: Floats, c: Floats) -> tuple[Floats, Floats]:
-        """Centre (m) of bodies at ``(S, C)``."""
+        """Return the coordinates (m) of the centres of bodies at ``(S, C)``."""
         rho = self.path_radius[body, piece]
         x = self.centre_x[piece] + self.sign[piece] * rho * (2.0 * s * c)
         y = self.centre_y[piece] - rho * ((c - s) * (c + s))
@@ -112,25 +111,26 @@ class Places:
         return x, y
 
     def frequency(self, body: Any, piece: Any) -> Floats:
-        """``w = sqrt(g/(kappa rho))`` (rad/s), 0 on lines."""
+        """Return ``w = sqrt(g/(kappa rho))`` (rad/s), 0 on lines."""
         rho = self._at(self.path_radius, body, piece)
         with np.errstate(divide="ignore"):
             return np.where(rho > 0.0, natural_rate(self.gravity, self.kappa[body], rho), 0.0)
 
     def speed_factor(self, body: Any, piece: Any) -> Floats:
-        """``v/P``: ``2 w rho`` on arcs, 1 on lines."""
+        """Return ``v/P``: ``2 w rho`` on arcs, 1 on lines."""
         rho = self._at(self.path_radius, body, piece)
         return np.where(rho > 0.0, 2.0 * self.frequency(body, piece) * rho, 1.0)
 
 
 CAUSES = ("cause_start", "cause_end")
-"""Columns of flights: why each begins and ends."""
+"""Columns of flights with the causes of their start and end."""
 
 
 def states_at(world: World, rows: Any, after: Floats, overrides: Overrides | None) -> Any:
-    """Return records of ``Sample``: flights, rows of the log, a time (s) after each has begun.
+    """Return the states of flights, rows of the log, at times (s) after their starts.
 
-    ``world`` has the log, interpreted or compiled, and ``overrides`` is that of its kernels.
+    The states are records of ``Sample``. ``world`` has the log, interpreted or compiled, and
+    ``overrides`` belongs to its kernels.
     """
     order = np.argsort(rows, kind="stable")
     samples = zeros(len(rows), Sample)
@@ -142,9 +142,9 @@ def states_at(world: World, rows: Any, after: Floats, overrides: Overrides | Non
 
 
 def places_and_rates(places: Places, body: int, piece: int, states: Any) -> tuple[Floats, Floats]:
-    """Return angles (rad) and their rates (rad/s) of records of ``Sample`` of a body on a piece.
+    """Return the angles (rad) and rates (rad/s) of a body on a piece from records of ``Sample``.
 
-    On a line positions (m) and speeds (m/s).
+    On a line: positions (m) and speeds (m/s).
     """
     position = places.position(np.full(len(states), piece), states["s"], states["c"])
     frequency = places.frequencies[body, piece]
@@ -152,7 +152,7 @@ def places_and_rates(places: Places, body: int, piece: int, states: Any) -> tupl
 
 
 class InWords:
-    """Causes in words, of rows that are asked for; all of them as an array of numpy."""
+    """Causes in words, converted on indexing; ``np.asarray`` converts all of them."""
 
     def __init__(self, numbers: Any) -> None:
         self._numbers = numbers
@@ -169,7 +169,7 @@ class InWords:
 
 
 class _Sorted:
-    """Columns of records in another order, each put into it when it is asked for."""
+    """Columns of records in another order; each is sorted on first use."""
 
     def __init__(self, records: Any, order: Any) -> None:
         self._records = records
@@ -186,7 +186,7 @@ class _Sorted:
 
 
 class Paths:
-    """All flights of a stretch of a run, body by body in order of time, each with its end.
+    """All flights of a stretch of a run with their ends, by body and then by time.
 
     `world` has the records of the run, of either engine, with the logs of the stretch.
     """
@@ -212,7 +212,7 @@ class Paths:
         self.duration = (self.t_end - self.log["t"]) + (self.t_end_low - self.log["t_low"])
 
     def states(self, rows: Any, after: Any) -> Any:
-        """Return records of ``Sample``: flights of these paths a time (s) after their starts."""
+        """Return the states (records of ``Sample``) of flights at times (s) after their starts."""
         return states_at(self.world, self.number[rows], after, self.overrides)
 
     def table(self) -> dict[str, Any]:
@@ -221,7 +221,7 @@ class Paths:
         return columns | {name: InWords(columns[name])[:] for name in CAUSES}
 
     def columns(self) -> dict[str, Any]:
-        """Return the flights as columns, the causes as numbers."""
+        """Return the flights as columns, with integer codes for the causes."""
         following = np.minimum(np.arange(len(self.log)) + 1, len(self.log) - 1)
         ends = {name: self.log[f"before_{name}"][following] for name in "scp"}
         last = np.flatnonzero(self.last)
@@ -242,16 +242,16 @@ class Paths:
         }
 
     def _rate(self, p: Floats) -> Floats:
-        """Rate of the angle (rad/s) from ``P``; on a line the speed (m/s)."""
+        """Return the rate of the angle (rad/s) from ``P``, or the speed (m/s) on a line."""
         frequency = self.places.frequency(self.body, self.piece)
         return np.where(frequency > 0.0, 2.0 * frequency * p, p)
 
     def curve(
         self, index: int, count: int, lasts: float = math.inf
     ) -> tuple[Floats, Floats, Floats]:
-        """Return times, positions and rates at ``count`` points along one flight, exactly.
+        """Return exact times, positions and rates at ``count`` points along a flight.
 
-        ``lasts`` is how much of it is wanted, s.
+        ``lasts`` limits the curve's duration (s).
         """
         start = float(self.log["t"][index])
         after = np.linspace(0.0, min(float(self.duration[index]), lasts), count)
@@ -273,7 +273,7 @@ class Paths:
     def _motion(self, times: Floats, chosen: Any) -> dict[str, Any]:
         ages = (times - self.log["t"][chosen]) - self.log["t_low"][chosen]
         body, piece = self.body[chosen], self.piece[chosen]
-        # Before the start of the run the first flight is followed backwards.
+        # Before the start of the run the first flight is extended backwards.
         states = self.states(chosen, np.where(times < 0.0, ages, np.maximum(ages, 0.0)))
         s, c, p = (states[name] for name in "scp")
         position = self.places.position(piece, s, c)
@@ -292,17 +292,17 @@ class Paths:
 
 
 MOST_FLIGHTS = 200_000
-"""Of a run with more flights than this no log is kept for figures and reports."""
+"""Logs of runs with more flights than this are not kept for figures and reports."""
 
 
-# Columns that are gathered with those of the flights.
+# Auxiliary columns that are gathered with those of the flights.
 _NUMBER, _LASTS = "number", "lasts"
 
 
 class LongMotion:
-    """The motion of a run on a trace, solved by machine code, of which no log is kept.
+    """The motion of a compiled run on a trace whose log is not kept.
 
-    It has so many flights; where it was interrupted, it ended when so many had begun.
+    The run has `flights` flights; if it was interrupted, it ended when this many had begun.
     """
 
     def __init__(
@@ -315,17 +315,17 @@ class LongMotion:
         self._overrides = SYSTEM.overrides(system)
         self._world = make_world(system)
         self.state: dict[str, Any] = {}
-        """All that changes in the run, after its last event."""
+        """Complete state of the run after its last event."""
         self._table, self._numbers, self._durations = self._gathered(flights)
         self._asked: Any = np.zeros(0, dtype=np.int64)
         self._near: World | None = None
 
     def flights(self) -> dict[str, Any]:
-        """Return every flight of every body: where and when it starts and ends, and why."""
+        """Return all flights of all bodies: start, end and why each one ended."""
         return self._table
 
     def look_at(self, rows: Any) -> None:
-        """Gather what the motion on some flights, rows of the table, is made from."""
+        """Collect the rows of the log for flights, given as rows of their table."""
         numbers = np.unique(self._numbers[np.asarray(rows, dtype=np.int64)])
         if np.all(np.isin(numbers, self._asked)):
             return
@@ -336,7 +336,7 @@ class LongMotion:
     def flight_curve(
         self, index: int, count: int, lasts: float = math.inf
     ) -> tuple[Floats, Floats, Floats]:
-        """Return times, angles (places) and rates along a flight, see ``systems.run.Run``."""
+        """Return times, angles (positions) and rates along a flight, see ``systems.run.Run``."""
         if self._numbers[index] not in self._asked:
             self.look_at([index])
         assert self._near is not None
@@ -348,7 +348,7 @@ class LongMotion:
         return start + after, *places_and_rates(self._places, body, piece, states)
 
     def sample(self, times: Any, side: str = "after", extrapolate: bool = False) -> dict[str, Any]:
-        """Return the motion of every body at given times, see ``systems.run.Run``."""
+        """Return the columns of the motion table at times (s), see ``systems.run.Run``."""
         end = float(np.max(self._table["t_end"]))
         instants = within_run(times, end, extrapolate)
         order = np.argsort(instants, kind="stable")
@@ -359,7 +359,7 @@ class LongMotion:
             told = len(waiting)
             if stretch.cause == RUNNING:
                 told = int(np.searchsorted(waiting, until, "left" if side == "after" else "right"))
-            if told or not parts:  # of no time at all there are columns too
+            if told or not parts:  # empty columns if there are no times
                 parts.append(self._paths(stretch).sample(waiting[:told], side))
             waiting = waiting[told:]
             if not len(waiting):
@@ -367,7 +367,7 @@ class LongMotion:
         return self._in_order(parts, order)
 
     def _in_order(self, parts: list[dict[str, Any]], order: Any) -> dict[str, Any]:
-        """Put the rows of samples, those of all bodies at each time, into an order of the times."""
+        """Join samples and restore the original order of the times (all bodies at each time)."""
         bodies = np.arange(len(self.system.bodies))
         rows = np.empty(len(order) * len(bodies), dtype=np.int64)
         rows[(order[:, None] * len(bodies) + bodies).ravel()] = np.arange(len(rows))
@@ -383,13 +383,13 @@ class LongMotion:
         return Paths(self._places, self._world, stretch)
 
     def _gathered(self, flights: int) -> tuple[dict[str, Any], Any, Any]:
-        """Go through the run: the table of flights, their rows in the log, how long they last."""
+        """Solve the run; return its table of flights, their rows in the log and durations (s)."""
         columns: dict[str, Any] = {}
         bodies, edges, told = np.arange(len(self.system.bodies) + 1), [], 0
         for stretch, own in _numbered(self._stretches()):
             paths = self._paths(stretch)
             over = np.flatnonzero(~paths.last if stretch.cause == RUNNING else paths.last)
-            over = over[: flights - told]  # another run may have more: its state tells it
+            over = over[: flights - told]  # a different run may have more; its state reveals it
             table = paths.columns() | {_NUMBER: own[paths.number], _LASTS: paths.duration}
             columns = columns or self._room(table, flights)
             for name, values in table.items():
@@ -397,7 +397,7 @@ class LongMotion:
             edges.append((told + np.searchsorted(paths.body[over], bodies)).tolist())
             told += len(over)
         self.state = self._solved.state
-        # Every stretch has its flights body by body.
+        # Flights are sorted by body within each stretch: sort them by body over the whole run.
         order = [slice(*each[body : body + 2]) for body in bodies[:-1] for each in edges]
         for name in list(columns):
             columns[name] = np.concatenate([columns[name][rows] for rows in order])
@@ -405,7 +405,7 @@ class LongMotion:
         return columns | {name: InWords(columns[name]) for name in CAUSES}, numbers, durations
 
     def _room(self, table: dict[str, Any], flights: int) -> dict[str, Any]:
-        """Return columns for so many flights, those of small numbers in few bytes."""
+        """Allocate columns for `flights` flights, with small types for small integers."""
         greatest = {
             "ball": len(self.system.bodies),
             "arc": len(self.system.trace.pieces),
@@ -416,7 +416,7 @@ class LongMotion:
         return {n: np.empty(flights, types.get(n, values.dtype)) for n, values in table.items()}
 
     def _rows_of(self, wanted: Any) -> tuple[dict[str, Any], Any]:
-        """The rows of some flights, by their ascending numbers, as logs of their own."""
+        """Return logs of some flights only, given by their ascending numbers."""
         flights, segments = [], []
         for stretch, own in _numbered(self._stretches()):
             rows = np.flatnonzero(np.isin(own, wanted) & (np.arange(len(own)) >= stretch.known))
@@ -432,7 +432,7 @@ class LongMotion:
 
 
 def _numbered(stretches: Iterator[Stretch]) -> Iterator[tuple[Stretch, Any]]:
-    """Yield stretches, each with the numbers of its flights in the log of the whole run."""
+    """Yield stretches, each with the row numbers of its flights in the log of the whole run."""
     told, carried = 0, np.zeros(0, dtype=np.int64)
     for stretch in stretches:
         log = stretch.logs["log"]
@@ -444,7 +444,7 @@ def _numbered(stretches: Iterator[Stretch]) -> Iterator[tuple[Stretch, Any]]:
 
 
 def last_of_each(log: Any) -> Any:
-    """Return the last row of each body in the log of flights."""
+    """Return the index of each body's last row in the log of flights."""
     last = np.empty(int(log["body"].max()) + 1, dtype=np.int64)
-    last[log["body"]] = np.arange(len(log))  # of equal ones the last
+    last[log["body"]] = np.arange(len(log))  # the last assignment wins
     return last

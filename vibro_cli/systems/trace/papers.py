@@ -1,4 +1,4 @@
-"""What runs on a trace show of the papers, for `vibro help papers`."""
+"""What runs on a trace reproduce from the papers, for `vibro help papers`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Portraits of the bodies on a trace without a run, and their singular points as text."""
+"""Phase portraits of the bodies on a trace, without a run, and their singular points as text."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.progress import WORK
 
 _LONGEST_NAME = 240
-"""Characters of a file's name for the numbers of bodies; file systems take 255 in all."""
+"""Longest list of body numbers in a file name; file systems allow 255 characters in all."""
 
 
 def portrait(
     system: TraceSystem, width: str, drawn: Collection[int]
 ) -> tuple[dict[str, Any], dict[str, Figure]]:
-    """Return the singular points of each body, and figures of those `drawn` (from 1).
+    """Return the singular points of all bodies, and figures of the bodies `drawn` (from 1).
 
-    Equal bodies share theirs.
+    Equal bodies share a figure.
     """
     portraits = [portrait_of(Landscape.of(system, n + 1)) for n in range(len(system.bodies))]
     groups: dict[tuple[float, float], list[int]] = {}
@@ -56,11 +56,11 @@ def point_lines(body: dict[str, Any]) -> Iterator[str]:
 
 
 def family_type(system: TraceSystem, ball: int) -> str:
-    """Return the type of a body's portrait (from 1)."""
+    """Return the type of the portrait of a body (from 1)."""
     return portrait_of(Landscape.of(system, ball)).type
 
 
 def family_figure(members: Sequence[tuple[str, TraceSystem]], ball: int, width: str) -> Figure:
-    """Return the portraits of a body (from 1) in some systems, each under its title."""
+    """Draw the portraits of a body (from 1) in several systems, each under its title."""
     portraits = [(title, portrait_of(Landscape.of(one, ball))) for title, one in members]
     return family(portraits, width)

@@ -1,11 +1,11 @@
-"""From the values of a point to what the solver starts with, for many points at once.
+"""Initial data of many grid points at once, computed from the values of the points.
 
-Points that share trace, radii, laws and ends share a template: it is built once by the ordinary
-reader, and what its points differ in (starts, masses, k, stops) is worked out for all of them at
-once, as are systems that differ in numbers only. The checks are those of `assemble`, of arrays of
-numbers. What they refuse goes through the ordinary reader alone: something is wrong with it, which
-is then told, or telling takes a search, or a body starts at a junction. Where such points differ in
-numbers only, a good part of the reader's work is the same for all of them.
+Points that share trace, radii, laws and ends share a template, which the ordinary reader builds
+once. The quantities in which they differ (starts, masses, k, stops) are computed as arrays, and so
+are systems that differ in numbers only. The checks are those of `assemble`, applied to arrays. A
+point that they refuse is read on its own by the ordinary reader: it is invalid and needs a message,
+or its check needs a search, or a body starts at a junction. The reader shares its work between
+such points that differ in numbers only.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ _OF_THE_TRACE = ("radius", "length", "end_slope")
 
 
 def is_of_system(path: KeyPath) -> bool:
-    """Tell whether a path leads to a number of the system that belongs to no start of a run."""
+    """Return whether a path leads to a number of the system, not of the initial state."""
     if path[0] == "balls":
         return len(path) == 3 and path[2] in _OF_A_BALL
     if path[:2] == ("trace", "arcs"):
@@ -60,38 +60,38 @@ def is_of_system(path: KeyPath) -> bool:
 
 
 def _moves_contacts(path: KeyPath) -> bool:
-    """Tell whether what touches, and where, depends on the number at a path."""
+    """Return whether contacts at the start depend on the number at a path."""
     return path[0] == "trace" or path[-1] in ("radius", "angle", "position")
 
 
 Values = Mapping[KeyPath, Any]
-"""A number, or an array of numbers, for each path."""
+"""A number or an array of numbers for each path."""
 
 
 class Validity(Problems):
-    """Which of many scenarios, whose numbers are arrays, have nothing wrong; no words are made."""
+    """Flags of the valid ones among many scenarios, given as arrays; makes no messages."""
 
     def __init__(self, scenario: Scenario, count: int) -> None:
         super().__init__(scenario)
         self.sound: Array = np.ones(count, dtype=bool)
 
     def refuse(self, wrong: Any) -> bool:
-        """Keep where something is wrong: there is nothing to be added."""
+        """Clear the flags where something is wrong; return False, as no message is needed."""
         self.sound &= np.logical_not(wrong)
         return False
 
     def add(self, path: str, found: str, expected: str) -> None:
-        """Keep that something is wrong with all of them."""
+        """Clear all flags."""
         self.sound[:] = False
 
     def check_values(self, values: Values) -> None:
-        """Check that each value is one that its key allows."""
+        """Check that the key of each value allows it."""
         for path, column in values.items():
             self.refuse(np.logical_not(is_allowed(path, column)))
 
 
 def is_allowed(path: KeyPath, value: Any) -> Any:
-    """Tell whether a number is one that its key allows for bodies that can meet others."""
+    """Return whether a key allows a number; radii must be positive, as bodies may meet others."""
     kind = kind_of(path)
     assert isinstance(kind, kinds.Quantity | kinds.Count)
     return kind.allows(value) & (path[-1] != "radius" or value > 0.0)
@@ -99,10 +99,10 @@ def is_allowed(path: KeyPath, value: Any) -> Any:
 
 @dataclass(frozen=True)
 class Starts:
-    """What the solver starts some points with; rows of points that are not sure mean nothing."""
+    """Initial data of some points; rows of points that are not `sure` have no meaning."""
 
     sure: Array
-    """Whether a point is known to be a valid scenario."""
+    """Whether a point is certainly a valid scenario."""
     piece: Array
     """[point, ball]"""
     s: Array
@@ -112,25 +112,25 @@ class Starts:
     restitution: Array
     """[point, pair]"""
     stop_t: Array
-    """s; `NEVER` without a stop."""
+    """Time of the stop (s), `NEVER` without one."""
     stop_collisions: Array
-    """`UNLIMITED` without a stop."""
+    """Number of impacts at the stop, `UNLIMITED` without one."""
 
     def at(self, rows: Any) -> Starts:
-        """Return the starts of some of the points."""
+        """Return the initial data of some of the points."""
         return Starts(*(getattr(self, one.name)[rows] for one in fields(self)))
 
 
 @dataclass(frozen=True)
 class Systems:
-    """The systems of some points, as far as they are surely sound."""
+    """The systems of those points whose system is certainly valid."""
 
     points: Array
-    """Which points these are, of those that were asked for."""
+    """Indices of these points among those requested."""
     system: TraceSystem
-    """One system, or several as one of arrays."""
+    """A single system, or several systems with arrays for numbers."""
     of_points: Array | None
-    """Then the number of the system of each of these points, from 0."""
+    """For several systems: the index of each point's system, from 0."""
 
     @property
     def count(self) -> int:
@@ -140,14 +140,14 @@ class Systems:
 
 @dataclass(frozen=True)
 class SystemTemplate:
-    """A template, known from one valid point of it."""
+    """A template, built from one of its valid points."""
 
     scenario: Scenario
     system: TraceSystem
 
     @cached_property
     def _placed(self) -> Scenario:
-        """The scenario with places for the bodies that start in contact."""
+        """The scenario with explicit positions for the bodies that start in contact."""
         places: dict[KeyPath, Any] = {}
         for number, state in enumerate(self.system.initial):
             if self.scenario.balls[number].touching:
@@ -157,7 +157,7 @@ class SystemTemplate:
         return changed(self.scenario, places)
 
     def systems(self, values: Values, count: int) -> Systems:
-        """Return the systems of points with these values (a column for each path of an axis)."""
+        """Return the systems of points with these values (one column per path of an axis)."""
         touching = any(ball.touching for ball in self.scenario.balls)
         if touching and any(map(_moves_contacts, values)):
             return Systems(np.arange(0), self.system, None)
@@ -173,14 +173,14 @@ class SystemTemplate:
         return Systems(points, system, renumbered[of_points.reshape(-1)[points]])
 
     def _sound_systems(self, values: Values, count: int) -> tuple[Array, TraceSystem]:
-        """Which systems with these numbers are sound, and these as one system of arrays."""
+        """Return flags of the valid systems with these numbers, and those as a system of arrays."""
         scenario, on_new_trace = changed(self._placed, values), any(p[0] == "trace" for p in values)
         numbers = Validity(scenario, count)
         numbers.check_values(values)
         if on_new_trace:
             _check_slopes(scenario, numbers)
         if self.system.turning is not None or (on_new_trace and scenario.trace.closed):
-            numbers.sound[:] = False  # no arrays of these are made
+            numbers.sound[:] = False  # arrays do not support these
         at = np.flatnonzero(numbers.sound)
         if not len(at):
             return numbers.sound, self.system
@@ -201,7 +201,7 @@ class SystemTemplate:
         return numbers.sound, taken(system, shapes.sound)
 
     def starts(self, values: Values, systems: Systems) -> Starts:
-        """Return the starts of the points of some systems, whose values these are."""
+        """Return the initial data of the points of some systems, from their values."""
         scenario, system = changed(self._placed, values), systems.system
         if systems.of_points is not None:
             system = taken(system, systems.of_points)
@@ -213,7 +213,7 @@ class SystemTemplate:
             check_walls(scenario, system.trace, bodies, initial, problems)
             states = tuple(state for state in initial if state is not None)
             for state in states:
-                # On which piece a body at a junction starts depends on its speed.
+                # The first piece of a body at a junction depends on its speed.
                 piece = system.trace.pieces[state.piece]
                 problems.refuse(state.position == piece.angle_start)
                 problems.refuse(state.position == piece.angle_end)
@@ -222,7 +222,7 @@ class SystemTemplate:
             return self._starts(scenario, system, problems.sound)
 
     def allows(self, path: KeyPath, value: Any) -> bool:
-        """Tell whether the key at a path allows a number here, whatever the other ones are."""
+        """Return whether the key at a path allows a number, regardless of the other values."""
         allowed: bool = is_allowed(path, value)
         if path[-1] not in ("angle", "position"):
             return allowed
@@ -231,14 +231,14 @@ class SystemTemplate:
         return allowed and not outside(value, piece.angle_start, piece.angle_end)
 
     def starts_of(self, points: Sequence[SystemTemplate]) -> Starts:
-        """Return the starts of valid points of this template that were read alone."""
+        """Return the initial data of valid points of this template that were read one by one."""
         sure = np.ones(1, dtype=bool)
         each = [self._starts(point.scenario, point.system, sure) for point in points]
         names = [one.name for one in fields(Starts)]
         return Starts(*(np.concatenate([getattr(one, name) for one in each]) for name in names))
 
     def _starts(self, scenario: Scenario, system: TraceSystem, sure: Array) -> Starts:
-        """The starts of as many points as there are flags, from a system with initial states."""
+        """Return the initial data of the flagged points, from a system with initial states."""
         count, pairs = len(sure), len(pairs_of(system))
         flights = [initial_flight(system, n) for n in range(len(system.bodies))]
         time, most = scenario.stop.time, scenario.stop.collisions
@@ -257,14 +257,14 @@ class SystemTemplate:
 
 
 def _table(columns: Sequence[Any], count: int) -> Array:
-    """Numbers and arrays as the columns of one table."""
+    """Stack numbers and arrays as columns."""
     if not columns:
         return np.zeros((count, 0))
     return np.stack([np.broadcast_to(column, count) for column in columns], axis=1)
 
 
 def _check_slopes(scenario: Scenario, problems: Validity) -> None:
-    """Check that the slopes of a trace make a chain."""
+    """Check that the slope of each arc rises or falls as its shape demands."""
     slope = scenario.trace.start_slope
     for arc in scenario.trace.arcs:
         if arc.end_slope is not None:
@@ -273,7 +273,7 @@ def _check_slopes(scenario: Scenario, problems: Validity) -> None:
 
 
 def changed(known: Scenario, values: Values) -> Scenario:
-    """Return a scenario with other numbers, each of which its key allows, or arrays of numbers."""
+    """Return a scenario with other numbers, or arrays of numbers, which are not checked."""
     for path, value in values.items():
         of_all_pairs = path == ("collision", "k")
         given = (value,) * len(known.collision.k) if of_all_pairs else value
@@ -282,7 +282,7 @@ def changed(known: Scenario, values: Values) -> Scenario:
 
 
 def _with(known: Any, path: KeyPath, value: Any) -> Any:
-    """A table, list or value with another value at a path."""
+    """Return a table, list or value with another value at a path."""
     if not path:
         return value
     key: Any = path[0]
@@ -291,26 +291,26 @@ def _with(known: Any, path: KeyPath, value: Any) -> Any:
     return known.model_copy(update={key: _with(getattr(known, key), path[1:], value)})
 
 
-# What points of one template may differ in.
+# Keys of a body whose values may differ within a template.
 _OF_A_START = ("angle", "position", "rate", "omega", "speed", "density", "mass")
-# Reasons that are kept ready.
+# Size of the cache of reasons.
 _MOST_REASONS = 10_000
 
 
 def is_quick(path: KeyPath) -> bool:
-    """Tell whether points may differ in the value at a path and still share a template."""
+    """Return whether points with different values at a path may share a template."""
     if path[0] == "balls":
         return len(path) == 3 and path[2] in _OF_A_START
     return path[:2] == ("collision", "k") or path in (("stop", "time"), ("stop", "collisions"))
 
 
 def is_number(path: KeyPath) -> bool:
-    """Tell whether another value at a path leaves all else of a scenario as it is."""
+    """Return whether the value at a path can be replaced in a scenario that has been read."""
     return is_quick(path) or (path[0] in ("balls", "gravity") and is_of_system(path))
 
 
 class Reader:
-    """Reads points of one grid, scenarios that differ from its base in numbers only."""
+    """Reads single points of a grid; reuses a valid point where only numbers differ."""
 
     def __init__(self, base: Document) -> None:
         self._base = base
@@ -318,10 +318,10 @@ class Reader:
         self._reasons: dict[tuple[tuple[KeyPath, Any], ...], str] = {}
 
     def read(self, values: Values) -> SystemTemplate | str:
-        """Return one point as the ordinary reader finds it: its template, or what is wrong with it.
+        """Read a point as the ordinary reader does; return its template, or the reason of refusal.
 
-        A number that its key does not allow is told before anything else is looked at, so that
-        the reason is the same for every point that has it.
+        Numbers that their keys do not allow are reported before any other fault, so all points with
+        the same such numbers have the same reason.
         """
         given = {path: plain(value) for path, value in values.items()}
         known = self._known

@@ -58,12 +58,12 @@ from vibro_cli.systems.trace.motion import Paths, Places
 from vibro_cli.systems.trace.tangents import TangentMap
 from vibro_cli.systems.trace.world import make_world
 
-# A greater coefficient is that of a normal force which vanishes but for rounding: none suffices.
+# A greater coefficient means a normal force of zero up to rounding: no coefficient suffices.
 _MOST_FRICTION = 1.0e12
 
 
 def _pair(name: str, unit: str, text: str, nullable: bool = False) -> list[Column]:
-    """The same quantity of both bodies of an impact."""
+    """Return the columns of a quantity of both bodies of an impact."""
     return [number(f"{name}_{end}", unit, f"{text} of body {end}", nullable) for end in "ab"]
 
 
@@ -89,7 +89,7 @@ SIDE = count("side", "side on which the bodies meet: 1, or −1 when body 2 is m
 
 
 def collisions(sided: bool = False) -> Table:
-    """The table of impacts; `sided` for two bodies on a closed trace, which may meet two ways."""
+    """Return the table of impacts; `sided` for two bodies on a closed trace."""
     columns = [
         *impact_head(),
         count("ball_a", "left body of the pair, from 1"),
@@ -187,7 +187,7 @@ SUMMARY = Table(
 
 
 def final_state(ball: int | str) -> tuple[Column, ...]:
-    """The columns of a body's final state; `ball` counts from 1."""
+    """Return the columns of a body's final state; `ball` counts from 1."""
     return (
         count(f"arc_{ball}", f"piece of the trace body {ball} ends on, from 1", True),
         number(f"angle_{ball}", "rad", f"final angle of body {ball} (null on a line)", True),
@@ -200,10 +200,7 @@ IN_ORDER = tuple(column.name for column in collisions(sided=True).columns)
 
 
 class ImpactTable:
-    """Room for so many impacts of some runs, which are filled in in any order.
-
-    Columns that are `wanted` are kept.
-    """
+    """The `wanted` columns of a number of impacts of several runs, filled in in any order."""
 
     def __init__(self, rows: int, wanted: Collection[str]) -> None:
         self._rows = rows
@@ -214,10 +211,10 @@ class ImpactTable:
         self._columns = Columns(numbers, integers, flags, numbers_at, integers_at, flags_at)
 
     def _room(self, names: tuple[str, ...], kind: type) -> tuple[Any, Any]:
-        """An array with a row for each wanted column, and one for all others; which has which."""
+        """Return an array with a row per wanted column and one for all others, and row indices."""
         kept = [name for name in names if name in self._wanted]
         places = [kept.index(name) if name in kept else len(kept) for name in names]
-        # An odd number of cache lines apart: else all columns would share the same few of them.
+        # An odd stride in cache lines: otherwise all columns would compete for the same few lines.
         lines = -(-self._rows * np.dtype(kind).itemsize // 64) | 1
         shape = len(kept) + 1, lines * 64 // np.dtype(kind).itemsize
         return np.empty(shape, kind), np.array(places)
@@ -230,10 +227,10 @@ class ImpactTable:
         around: float,
         stack: Stack | None = None,
     ) -> None:
-        """Fill in some runs of one system, whose records are those of `world`, of either engine.
+        """Fill in some runs of one system, whose records `world` has, of either engine.
 
-        Of a stack of systems they are of arrays, and change. For the others see
-        ``kernels.statistics.impact_columns``.
+        With a stack of systems, `world` must be compiled and is modified. For the other arguments
+        see ``kernels.statistics.impact_columns``.
         """
         if stack is not None:
             compiled(fill_stacked)(world, log, runs, self._columns, around, stack)
@@ -241,7 +238,7 @@ class ImpactTable:
             called(fill_columns, None, world, log, runs, self._columns, around)
 
     def columns(self) -> dict[str, Any]:
-        """Return the columns that are wanted, in order; laws are numbers, a side of 0 is none."""
+        """Return the wanted columns in order; words are integer codes, and a side of 0 is null."""
         found: dict[str, Any] = {}
         columns = self._columns
         for names, room, places in (
@@ -256,7 +253,7 @@ class ImpactTable:
 
 
 def sidedness(system: TraceSystem) -> float:
-    """Length (m) of a closed trace with two bodies, which may meet on two sides; else 0."""
+    """Return the length (m) of a closed trace whose two bodies can meet on both sides, else 0."""
     two_ways = system.trace.closed and len(system.bodies) == 2
     return system.trace.length if two_ways else 0.0
 
@@ -264,7 +261,7 @@ def sidedness(system: TraceSystem) -> float:
 def runs_of(
     system: TraceSystem, numbers: Any, counts: Any, firsts: Any, masses: Any = None
 ) -> Runs:
-    """Return the runs of a log; those of a single one have the masses of the system."""
+    """Return the runs of a log; without `masses`, each has the masses of the system."""
     if masses is None:
         masses = np.array([[body.mass for body in system.bodies]])
     columns: list[Any] = [np.asarray(one, dtype=np.int64) for one in (numbers, counts, firsts)]
@@ -273,7 +270,7 @@ def runs_of(
 
 
 class Impacts:
-    """The columns of ``collisions.parquet`` of one run, stretch by stretch; laws are numbers."""
+    """Makes the columns of ``collisions.parquet`` of a run, stretch by stretch."""
 
     def __init__(self, system: TraceSystem) -> None:
         self._system = system
@@ -283,7 +280,7 @@ class Impacts:
         self._before: tuple[float, float] | None = None
 
     def take(self, world: World, log: Any) -> dict[str, Any]:
-        """Return the columns of some more impacts (see :meth:`ImpactTable.fill`)."""
+        """Return the columns of further impacts (see :meth:`ImpactTable.fill`)."""
         table = ImpactTable(len(log), self._names)
         runs = runs_of(self._system, [0], [len(log)], [0])
         table.fill(world, log, runs, self._around)
@@ -299,9 +296,9 @@ class Impacts:
 
 
 class Tables:
-    """What the tables of a run say, stretch by stretch: see ``System.table_maker``."""
+    """Makes the tables of a run, stretch by stretch, see ``System.table_maker``."""
 
-    motion: Gathered | None = None  # a million impacts are solved again in a second
+    motion: Gathered | None = None  # solving a million impacts again takes a second
 
     def __init__(
         self, system: TraceSystem, wanted: OutputRequest, names: Collection[str], sink: Sink
@@ -326,7 +323,7 @@ class Tables:
         self._waiting: dict[str, Any] = {}
 
     def take(self, stretch: Stretch) -> None:
-        """Tell of a stretch."""
+        """Pass the rows of a stretch to the sink."""
         logs, known = stretch.logs, stretch.known
         loop = SYSTEM.loop
         self._world = world = with_logs(loop, self._world, stretch.engine, logs, stretch.clock)
@@ -356,7 +353,7 @@ class Tables:
                 self._sink("motion", paths.sample(instants))
 
     def _tell(self, columns: dict[str, Any]) -> None:
-        """Tell of the impacts before these, from which it follows whether the last are smooth."""
+        """Pass on the previous impacts, now that simultaneous ones (not smooth) are known."""
         before, self._waiting = self._waiting, columns
         if not before:
             return
@@ -374,7 +371,7 @@ class Tables:
 
 
 def trajectory_of(system: TraceSystem, stretch: Stretch) -> Paths:
-    """Return the motion in a stretch of a run, which knows what is under way at its start."""
+    """Return the motion in a stretch of a run, which begins with the flights in progress."""
     told = stretch.engine, stretch.logs, stretch.clock
     return Paths(Places(system), with_logs(SYSTEM.loop, make_world(system), *told), stretch)
 
@@ -382,9 +379,9 @@ def trajectory_of(system: TraceSystem, stretch: Stretch) -> Paths:
 def conserves_energy(
     places: Places, restitution: Floats, outcomes: Any
 ) -> np.ndarray[Any, np.dtype[np.bool_]]:
-    """Tell whether the law of each run keeps the energy of rolling.
+    """Return whether the impacts of each run conserve the energy of rolling.
 
-    ``restitution`` has a row for each run, with the k of each pair.
+    ``restitution`` has one row per run, with the k of each pair.
     """
     system = places.system
     ends = (system.left_end, system.right_end)
@@ -401,16 +398,16 @@ def summary_columns(
 ) -> dict[str, Any]:
     """Return the columns of ``summary.parquet`` for runs of one system.
 
-    Initial states and masses may differ from run to run. `restitution` has the k of each pair,
-    `outcomes` and `finals` are those of ``kernels.statistics.run_statistics``: a row for each run,
-    and in `finals` one for each of its bodies.
+    Initial states and masses may differ between runs. `restitution` has one row per run, with the k
+    of each pair. `outcomes` (one row per run) and `finals` (one row per run and body) come from
+    ``kernels.statistics.run_statistics``.
     """
     count = len(outcomes)
     finals = finals.reshape(count, -1)
     start, end = _total(finals["start_energy"]), _total(finals["end_energy"])
     kept = conserves_energy(places, restitution, outcomes) & (start > 0.0)
     demand = outcomes["most_demand"]
-    # A particle slides: it neither needs friction nor tells of any.
+    # A particle slides: it needs no friction.
     rolls = np.any(places.kappa > 1.0, axis=0)
     some = outcomes["collisions"] > 0
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -443,7 +440,7 @@ def summary_columns(
 
 
 def skipped(clock: Mapping[str, Any], wanted: OutputRequest, end: float) -> tuple[str, ...]:
-    """Say what was not computed of a run with this clock and end (s), and why."""
+    """Return which outputs a run with this clock and end (s) lacks, and why."""
     notes = []
     apart, searches = int(clock["skipped_apart"]), int(clock["searches"])
     if apart:
@@ -460,7 +457,7 @@ def skipped(clock: Mapping[str, Any], wanted: OutputRequest, end: float) -> tupl
 
 
 def _total(energies: Floats) -> Floats:
-    """Sum over the bodies of each run, rounded once."""
+    """Sum energies over the bodies of each run, with a single rounding."""
     if energies.shape[1] <= 2:
         total: Floats = np.sum(energies, axis=1)
         return total
@@ -468,7 +465,7 @@ def _total(energies: Floats) -> Floats:
 
 
 def _final_states(places: Places, finals: Any) -> dict[str, Any]:
-    """``arc_i, angle_i, s_i, speed_i`` of every body at the end."""
+    """Return ``arc_i, angle_i, s_i, speed_i`` of every body at the end."""
     columns: dict[str, Any] = {}
     for body in range(finals.shape[1]):
         state = finals[:, body]

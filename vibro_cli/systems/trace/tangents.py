@@ -1,7 +1,7 @@
-"""The tangent map of a run, stretch by stretch: how a small change of its start has grown.
+"""The tangent map of a run on a trace: the growth of a small perturbation of its start.
 
-Equations: docs/tangent.md. The state of a body is the way along the path of its centre (m) and its
-speed (m/s); both are continuous at junctions.
+Equations: docs/tangent.md. The state of a body is the displacement along the path of its centre (m)
+and its speed (m/s); both are continuous at junctions.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ from vibro_cli.systems.trace.world import make_world
 
 
 def time_scale(system: TraceSystem) -> Any:
-    """Time (s) by which speeds are compared with ways: √(κρ/g) of body 1 on the widest arc.
+    """Return the time scale (s) of tangent maps: √(κρ/g) of body 1 on the widest arc.
 
-    On lines alone, ρ is ten of its radii. Of a system of arrays, an array.
+    On lines alone, ρ is ten times its radius. For a system of arrays the scale is an array.
     """
     body = system.bodies[0]
     arcs = [piece for piece in system.trace.pieces if not piece.is_line]
@@ -41,44 +41,46 @@ def time_scale(system: TraceSystem) -> Any:
 class TangentMap(tangents.TangentMap):
     """The tangent map of a run on a trace in progress.
 
-    Derivatives of the impacts' `times` are told where they are wanted.
+    With `times`, the derivatives of the times of impacts are computed too.
     """
 
     def __init__(self, system: TraceSystem, times: bool = False) -> None:
         super().__init__(SYSTEM, system, float(time_scale(system)), times)
 
     def take(self, world: World, stretch: Stretch) -> Columns:
-        """Go on through a stretch whose logs a world has, see `systems.tangents.TangentMap`."""
+        """Follow a stretch whose logs `world` has, see `systems.tangents.TangentMap.go_on`."""
         instants = stretch.logs["impacts"]["t"]
         return self.go_on(world, stretch.known, stretch, instants, zeros(1, Flight))
 
 
 @dataclass(frozen=True)
 class TangentRun:
-    """The tangent map of a run that is over."""
+    """The tangent map of a finished run."""
 
     end_time: float
-    """s"""
+    """Time of the end (s)."""
     amplification: Floats
     smooth: NDArray[np.bool_]
     times: Floats
-    """[impact, 2 body + 0 or 1]: derivatives of their times (s) to ways and speeds (m, m/s)"""
+    """[impact, 2 body + 0 or 1]: derivatives of the times of impacts (s) with respect to initial
+    displacements and speeds (m, m/s)."""
     matrix: Floats
-    """Derivative of ways and speeds of all bodies at the end to those at the start"""
+    """Derivative of the displacements and speeds of all bodies at the end with respect to those at
+    the start."""
     sums: Floats
-    """Logarithms of the growth of an orthonormal frame's vectors until the end"""
+    """Logarithms of the growth of an orthonormal frame's vectors until the end."""
     growth: Growth
 
 
 def matrix_of(run: Run) -> Floats:
-    """Derivative of ways and speeds (m, m/s) of all bodies at a run's end to those at its start."""
+    """Return the tangent map of a whole run, in displacements (m) and speeds (m/s)."""
     followed = TangentMap(run.system)
     _take_whole(followed, run.system, run.whole)
     return followed.matrix()
 
 
 def _take_whole(followed: TangentMap, system: TraceSystem, whole: Stretch) -> Columns:
-    """Follow a run that is one stretch; the columns of its impacts."""
+    """Follow a run that is one stretch; return the columns of its impacts."""
     world = make_world(system)
     return followed.take(
         with_logs(SYSTEM.loop, world, whole.engine, whole.logs, whole.clock), whole
@@ -91,7 +93,7 @@ def follow_system(
     stop_collisions: int | None,
     engine_name: str = "compiled",
 ) -> TangentRun:
-    """Solve a system and its tangent map; arguments as of ``systems.trace.simulate_system``."""
+    """Solve a system and its tangent map; arguments as for ``systems.trace.simulate_system``."""
     followed = TangentMap(system, times=True)
     limits = Limits(stop_time, stop_collisions)
     whole, _ = begun(SYSTEM, system, limits, engine_name).whole()

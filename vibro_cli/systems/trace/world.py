@@ -1,7 +1,7 @@
-"""From a system to the records of the kernels, and to the kernels that solve it.
+"""Convert a system to the records of the kernels.
 
-Those of a rotating trace hold its potential, crests and bounds on each piece. Systems that differ
-in numbers only are made into a stack (``kernels.ensemble.points``).
+Records of a rotating trace hold the potential, crests and bounds of each piece. Systems that differ
+in numbers only can be converted together, for a stack (``kernels.ensemble.points``).
 """
 
 from __future__ import annotations
@@ -47,12 +47,12 @@ from vibro_cli.numerics import elementwise
 from vibro_cli.systems.driver import body_record, law_and_stops
 from vibro_cli.systems.request import NO_LIMITS, Limits
 
-# Bounds are kept above the rounding of what they bound.
+# Factor that keeps bounds above rounding errors.
 CAUTION = 1.0 + 1.0e-12
 
 
 def set_turning(world: World, system: TraceSystem, turning: Turning) -> None:
-    """Complete the records of a system on a rotating trace."""
+    """Add what rotation needs to the records of a system."""
     settings = world.settings[0]
     settings.axis_x = turning.x
     settings.turning_square = turning.square
@@ -72,7 +72,7 @@ def set_turning(world: World, system: TraceSystem, turning: Turning) -> None:
 def _set_line(
     system: TraceSystem, turning: Turning, number: int, piece: Piece, track: TrackData
 ) -> float:
-    """A line; returns the least potential height (m) on it, from the lowest place at rest."""
+    """Set the track of a line; return its least potential (m), from the lowest place at rest."""
     kappa = system.bodies[number].kappa
     tangent = math.cos(piece.start_slope)
     away = track.line_x - turning.x
@@ -85,7 +85,7 @@ def _set_line(
     square = track.line_growth * track.line_growth
     ends = (track.left_s, track.right_s)
     track.gravity_rate = max(abs(track.line_acceleration + square * s) for s in ends)
-    # The potential is concave along a line: its least value is at an end, whatever wall is there.
+    # The potential is concave along a line: its least value is at an end, even if a wall is there.
     factor = kappa / system.gravity
     heights = [
         -factor * (track.line_acceleration + 0.5 * square * s) * s for s in (0.0, piece.length)
@@ -96,7 +96,7 @@ def _set_line(
 def _set_arc(
     system: TraceSystem, turning: Turning, number: int, piece: Piece, track: TrackData
 ) -> float:
-    """An arc; returns the least potential height (m) on it, from the lowest place at rest."""
+    """Set the track of an arc; return its least potential (m), from the lowest place at rest."""
     pull = Pull.on_arc(piece, system.bodies[number].radius, turning, system.gravity)
     track.tilt, track.spread = pull.tilt, pull.spread
     away = piece.centre[0] - turning.x
@@ -111,20 +111,20 @@ def _set_arc(
 
 
 def _span(left: tuple[float, float], right: tuple[float, float]) -> tuple[float, float]:
-    """Angles f (rad) between two places ``(S, C)``."""
+    """Return the interval of angles f (rad) between two positions ``(S, C)``."""
     low, high = 2.0 * math.atan2(*left), 2.0 * math.atan2(*right)
     return (low, high) if low <= high else (low - 2.0 * math.tau, high)
 
 
 def _lowest_potential(pull: Pull, equilibria: list[float], low: float, high: float) -> float:
-    """The least potential between two angles f (rad)."""
+    """Return the least potential between two angles f (rad)."""
     return min(pull.potential(angle) for angle in [low, high, *inside(equilibria, low, high)])
 
 
 def _set_bounds(
     track: TrackData, pull: Pull, equilibria: list[float], span: tuple[float, float]
 ) -> None:
-    """Crests between two angles f (rad), and bounds of what pulls a body there."""
+    """Set the crests between two angles f (rad), and bounds of the acceleration there."""
     low, high = span
     track.highest_potential = max(pull.potential(angle) for angle in equilibria)
     w2 = track.frequency * track.frequency
@@ -145,7 +145,7 @@ def _set_bounds(
 def _set_force_bounds(
     track: TrackData, pull: Pull, sign: float, kappa: float, span: tuple[float, float]
 ) -> None:
-    """Where the normal force is stationary between two angles f (rad), and its least values."""
+    """Set where the normal force is stationary between two angles f (rad), and its least values."""
     places = inside(force_extremes(pull, kappa), *span)
     track.extreme_count = len(places)
     for index, angle in enumerate(places):
@@ -161,13 +161,13 @@ def _set_force_bounds(
 
 
 def _press(sign: float, pull: Pull, angle: float) -> float:
-    """``N/(m g)`` of a body at rest at an angle f (rad)."""
+    """Return ``N/(m g)`` of a body at rest at an angle f (rad)."""
     sine = math.sin(angle)
     return sign * (math.cos(angle) + sine * (pull.tilt + pull.spread * sine))
 
 
 def force_extremes(pull: Pull, kappa: float) -> list[float]:
-    """Angles f (rad) at which the normal force of the trace is stationary, whatever the energy.
+    """Return the angles f (rad) at which the normal force is stationary, for any energy.
 
     ``N/(m g) = sign (cos f + tilt sin f + spread sin^2 f + (4/kappa) P^2)``.
     """
@@ -179,7 +179,7 @@ NO_WALL = -1.0
 
 
 def turns_of(piece: Piece) -> int:
-    """Whole turns between the papers' angle of an arc and the angle whose half is computed with."""
+    """Return the whole turns between the papers' angle of an arc and twice its half-angle."""
     if piece.is_line:
         return 0
     turns: int = elementwise.nearest((piece.angle_start + piece.angle_end) / (2.0 * math.tau))
@@ -187,7 +187,7 @@ def turns_of(piece: Piece) -> int:
 
 
 def half_angle(piece: Piece, position: float) -> tuple[float, float]:
-    """Return ``(S, C)`` at an angle phi or psi of an arc; on a line ``(position, 1)``."""
+    """Return ``(S, C)`` at an angle phi or psi of an arc, or ``(position, 1)`` on a line."""
     if piece.is_line:
         return position, 1.0
     sine, cosine = sine_cosine(0.5 * position)
@@ -205,7 +205,7 @@ def pairs_of(system: TraceSystem) -> list[tuple[int, int, int]]:
 
 
 def make_world(system: TraceSystem, limits: Limits = NO_LIMITS, far_apart: bool = True) -> World:
-    """Return the records of a run, its bodies at their initial states, its logs without rows.
+    """Return the records of a run with its bodies in their initial states and empty logs.
 
     Without ``far_apart`` it is not asked where bodies may meet: it is for the solver alone.
     The numbers of the system may be arrays, and those of the records are then
@@ -331,7 +331,7 @@ def _track_data(
 
 
 def _ends(system: TraceSystem, piece: Piece, number: int) -> tuple[float, float]:
-    """The places at which a body leaves a piece: its ends, or where it touches a wall there."""
+    """Return where a body leaves a piece: at its ends, or where it touches a wall there."""
     left, right = piece.angle_start, piece.angle_end
     if system.trace.closed:
         return left, right
@@ -344,9 +344,9 @@ def _ends(system: TraceSystem, piece: Piece, number: int) -> tuple[float, float]
 
 
 def _at_wall(piece: Piece, radius: float, right: bool) -> float:
-    """Where a body touches a wall; the end of the piece for one that does not fit there.
+    """Return where a body touches a wall, or the end of the piece if it does not fit there.
 
-    That is an inner one (see ``assemble.check_walls``), which never comes to a wall.
+    Only an inner body may not fit (see ``assemble.check_walls``); it never reaches a wall.
     """
     end = piece.angle_end if right else piece.angle_start
     place = wall_position(piece, radius, right)
@@ -359,7 +359,7 @@ def _pair_data(system: TraceSystem, a: int, b: int, seam: int, number: int) -> P
     pair.a = a
     pair.b = b
     pair.seam = seam
-    # Two bodies on a closed trace meet on either side with the same k.
+    # Two bodies on a closed trace have the same k on both sides.
     pair.restitution = system.restitution_of(number)
     pair.law = LAW_NAMES.index(system.law)
     pair.distance = system.bodies[a].radius + system.bodies[b].radius
@@ -369,7 +369,7 @@ def _pair_data(system: TraceSystem, a: int, b: int, seam: int, number: int) -> P
 
 
 def _pair_track(piece: Piece, body_a: Body, body_b: Body) -> PairTrack:
-    """Constants of the contact of a pair on one piece (A (6), B (48); C section 3 on a line)."""
+    """Return the contact constants of a pair on a piece (A (6), B (48); C section 3 on a line)."""
     contact = PairTrack()
     total = body_a.radius + body_b.radius
     product = body_a.radius * body_b.radius
@@ -378,7 +378,7 @@ def _pair_track(piece: Piece, body_a: Body, body_b: Body) -> PairTrack:
         contact.normal_a = contact.normal_b = contact.sine / total
         return contact
     rho_a, rho_b = piece.path_radius(body_a.radius), piece.path_radius(body_b.radius)
-    # Two bodies that never stand in this valley side by side are always in contact there.
+    # Two bodies too large to lie side by side in this valley are always in contact there.
     beside = contact_angle(piece, body_a.radius, body_b.radius) < math.inf
     sine = elementwise.square_root(product / (rho_a * rho_b))
     contact.sine = elementwise.choose(beside, sine, 1.0)
@@ -391,7 +391,7 @@ def _pair_track(piece: Piece, body_a: Body, body_b: Body) -> PairTrack:
 
 
 def initial_flight(system: TraceSystem, number: int) -> Flight:
-    """Return a body before its first flight: its piece, place and motion."""
+    """Return the flight record of a body at its initial state: piece, position and speed."""
     state = system.initial[number]
     body = system.bodies[number]
     piece = system.trace.pieces[state.piece]
