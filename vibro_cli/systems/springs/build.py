@@ -1,4 +1,4 @@
-"""From the scenario of springs to the system that is solved, with all that is wrong at once."""
+"""Build the system from a scenario of springs, and report all its faults together."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from vibro_cli.systems.springs.system import InitialState, Spring, SpringsSystem
 
 
 def build(scenario: SpringsScenario) -> SpringsSystem:
-    """Return the system of a scenario, checked against the mechanics.
+    """Return the system of a scenario, after checking its mechanics.
 
-    Raises ScenarioError with every problem: masses that doubles cannot compute with, bodies that
-    start out of order or overlap, or that could touch over a small one between them.
+    Raises ScenarioError with every problem: masses too extreme for doubles, bodies that start out
+    of order or overlap, and bodies that could touch over a small one between them.
     """
     problems = Problems(scenario)
     bodies = bodies_of(scenario.balls, problems)
@@ -33,7 +33,7 @@ def build(scenario: SpringsScenario) -> SpringsSystem:
 def _initial(
     scenario: SpringsScenario, bodies: tuple[Body, ...], problems: Problems
 ) -> tuple[InitialState, ...]:
-    """Where each body starts; bodies out of order or overlapping are problems."""
+    """Return the initial states; report bodies that are out of order or overlap."""
     states: list[InitialState] = []
     for number, (ball, body) in enumerate(zip(scenario.balls, bodies, strict=True), 1):
         position = ball.position

@@ -1,7 +1,7 @@
-"""Every kind of figure of a run of bodies on springs, and what a film of it shows.
+"""The kinds of figure of a run of bodies on springs, and the frames of its film.
 
 The scene at the start and at the first impacts (C fig. 5a), and charts over time: energies with
-their jumps, places.
+their jumps, positions.
 """
 
 from __future__ import annotations
@@ -54,9 +54,9 @@ from vibro_cli.systems.springs.phase_plane import SpringsLandscape
 from vibro_cli.systems.springs.portrait import Motions, motions, springs_portrait
 
 _BEAM = 0.02
-"""Half of what a spring hangs from, and how far its coils swing, as shares of half the width."""
+"""Half the width of a spring's support, and of its coils, as a fraction of half the width."""
 _ROOM = 0.04
-"""Around what is shown, as a share of its width."""
+"""Margin, as a fraction of the width of the scene."""
 
 
 def film(run: Any, times: Array) -> Frames:
@@ -70,7 +70,7 @@ def film(run: Any, times: Array) -> Frames:
 
 
 def _ground(run: Any, x: Array) -> Ground:
-    """Return the feet, the line on which the centres move, and the plane of speed against place."""
+    """Return the feet, the line of the centres, and the plane of speed against position."""
     radii = tuple(body.radius for body in run.system.bodies)
     springs = run.system.springs
     low = np.array([min(np.min(x - radii), *(one.foot for one in springs)), -max(radii)])
@@ -93,30 +93,30 @@ def _ground(run: Any, x: Array) -> Ground:
 
 
 _EACH = 64
-"""Points of the shortest period."""
+"""Points per shortest period."""
 _AT_ONCE = 1 << 14
-"""Times at which the motion is sampled together."""
+"""Number of times that are sampled together."""
 FOOT = "foot of the spring"
 
 
 def springs_energies(run: Run, width: str = "single") -> Figure:
-    """Return the energy of each body and of all against time, and what the impacts lose."""
+    """Draw the energy of each body and of all against time, and the losses of the impacts."""
     every, lost = motions(run), losses_of(run.collisions)
     times = _calm(run, every), run.end_time
     return energy_chart(run, springs_energy, lost, _contacts(every), times, width)
 
 
 def springs_impact_map(run: Run, width: str = "single") -> Figure | None:
-    """Return approach speed against place of every impact, None with fewer than two."""
+    """Draw approach speed against position of every impact; None with fewer than two impacts."""
     if len(run.collisions["n"]) < 2:
         return None
     return speed_map(run.collisions, "x_a", ("$x$ of the left body", "m"), 0.5, width)
 
 
 def springs_energy(run: Run, ball: int, until: float) -> tuple[Array, Array]:
-    """Return times (s) up to one and the energy (J) of a body (from 1) then.
+    """Return times (s) up to `until` and the energies (J) of a body (from 1) at these times.
 
-    Constant between impacts, but for lasting contact; at a jump a time stands twice.
+    Energy is constant between impacts except in lasting contact; jumps have two equal times.
     """
     found, hills = motions(run)[ball - 1], SpringsLandscape.of(run.system, ball - 1, ball - 1)
     shown = found.some(found.start <= until)
@@ -140,9 +140,9 @@ def springs_energy(run: Run, ball: int, until: float) -> tuple[Array, Array]:
 
 @kept
 def _in_contact(run: Run, until: float) -> tuple[Array, Array, Array]:
-    """Return times (s) up to one in lasting contacts, and all energies (J) before and after them.
+    """Return times (s) in lasting contacts up to `until`, and energies (J) before and after events.
 
-    Energies are of shape (times, bodies).
+    Energies have the shape (times, bodies).
     """
     spans = [(start, min(end, until)) for start, end in _contacts(motions(run)) if start <= until]
     times = _instants_in(run, spans, until)
@@ -150,9 +150,9 @@ def _in_contact(run: Run, until: float) -> tuple[Array, Array, Array]:
 
 
 def _instants_in(run: Run, spans: list[tuple[float, float]], until: float) -> Array:
-    """Return times (s) in spans of a chart up to one: events, and points in all periods."""
+    """Return times (s) in `spans` of a chart up to `until`: events, and points in every period."""
     fastest = max(run.system.frequencies)
-    # Nearer ones are many in the width of a line.
+    # Closer points would fall within the width of a line.
     step = max(2.0 * math.pi / (_EACH * fastest), until / MOST_VECTOR_POINTS)
     events: Any = run.trajectory.times  # type: ignore[attr-defined]
     parts = [np.zeros(0)]
@@ -164,26 +164,26 @@ def _instants_in(run: Run, spans: list[tuple[float, float]], until: float) -> Ar
 
 def _column(run: Run, times: Array, name: str, side: str = "after") -> Array:
     """Return a column of the motion at times (s), of shape (times, bodies)."""
-    parts = np.array_split(times, 1 + len(times) // _AT_ONCE)  # of all columns one is kept
+    parts = np.array_split(times, 1 + len(times) // _AT_ONCE)  # to save memory
     found = np.concatenate([run.trajectory.sample(part, side)[name] for part in parts])
     return found.reshape(len(times), len(run.system.bodies))
 
 
 def _calm(run: Run, every: list[Motions]) -> float:
-    """Return until when (s) energies are drawn: lasting contact at the end for some periods."""
+    """Return the time (s) up to which energies are drawn: some periods of a final contact."""
     contacts = [float(each.start[-1]) for each in every if each.contact[-1]]
     last = max(float(each.start[-1]) for each in every)
     return min(run.end_time, last + _periods(run)) if contacts else run.end_time
 
 
 def _periods(run: Run) -> float:
-    """Return the time (s) of as many small oscillations as can be told apart."""
+    """Return the duration (s) of the most oscillations that can be distinguished in a chart."""
     slowest: float = min(run.system.frequencies)
     return MOST_PERIODS * 2.0 * math.pi / slowest
 
 
 def _contacts(every: list[Motions]) -> list[tuple[float, float]]:
-    """Return from when to when (s) bodies are in lasting contact."""
+    """Return the time spans (s) in which bodies are in lasting contact."""
     spans = [
         span
         for each in every
@@ -195,9 +195,9 @@ def _contacts(every: list[Motions]) -> list[tuple[float, float]]:
 
 
 def springs_places(run: Run, width: str = "single") -> Figure:
-    """Return the place of every body along the line against time, with the impacts and the feet.
+    """Draw the position of every body along the line against time, with impacts and feet.
 
-    Of a long run, the first part only.
+    For a long run only the first part is drawn.
     """
     every = motions(run)
     starts = np.sort(np.concatenate([each.start for each in every]))
@@ -232,31 +232,31 @@ _RIGHT, _TITLE, _BOTTOM, _GAP = 3.0, 5.0, 8.5, 1.5
 _HIGHEST = 45.0
 _COILS = 9
 _APART = 3.6
-"""Distance of the heights of springs whose feet are at one place (mm)."""
+"""Distance between the height lines of springs with the same foot (mm)."""
 _LEAST = 0.5
-"""Least radius of a body that is drawn (mm)."""
+"""Least radius of a body in the drawing (mm)."""
 _LINE = line(style.BLACK, 0.8)
 _FOOT = line(style.BLACK, 1.2)
 _LONGEST = 4.0
-"""How far the longest arrow reaches out of a body (mm)."""
+"""Length of the longest arrow outside a body (mm)."""
 _HEAD, _HEADED = 7.0, 4.0
-"""Size of the head of an arrow, at most and for each mm of its length."""
+"""Size of an arrow's head: maximum, and per mm of its length."""
 _RING = ring(90)
 
 
 @dataclass(frozen=True)
 class Instant:
-    """Where the bodies are, and their speeds after what happens then."""
+    """Positions of the bodies at an instant, and their speeds after its events."""
 
     title: str
     places: Array
-    """Of the centres along the line (m)."""
+    """Positions of the centres along the line (m)."""
     speeds: Array
-    """m/s"""
+    """Speeds (m/s)."""
 
 
 def springs_scene(run: Run, width: str = "single") -> Figure:
-    """Return bodies, springs and feet to scale, at the start and at the first impacts.
+    """Draw bodies, springs and feet to scale, at the start and at the first impacts.
 
     Raises ValueError for a width that is neither `single` nor `double`.
     """
@@ -294,7 +294,7 @@ def _instants(run: Run) -> list[Instant]:
 
 
 def _title(run: Run, row: int) -> str:
-    """Return what stands over an impact: when it is, and how far apart the centres are."""
+    """Return the title of an impact: its time, and the distance of the centres."""
     one, other = (int(run.collisions[f"ball_{end}"][row]) for end in "ab")
     apart = touching_distance(*(run.system.bodies[number - 1] for number in (one, other)))
     names = rf"$x_{{{other}}}-x_{{{one}}}=2\sqrt{{r_{{{one}}}r_{{{other}}}}}$"
@@ -303,7 +303,7 @@ def _title(run: Run, row: int) -> str:
 
 
 def _extent(run: Run, shown: list[Instant]) -> tuple[Array, Array]:
-    """Return the corners of what is drawn (m); heights are above the line of the centres."""
+    """Return the corners of the drawing (m); heights are measured from the line of centres."""
     radius = max(body.radius for body in run.system.bodies)
     feet = [spring.foot for spring in run.system.springs]
     along = np.concatenate([*(one.places for one in shown), feet])
@@ -315,9 +315,9 @@ def _extent(run: Run, shown: list[Instant]) -> tuple[Array, Array]:
 
 
 def _draw(axes: Axes, run: Run, one: Instant, scale: float, each: float) -> None:
-    """Draw the trace, the bodies, their springs with feet and heights, and name them.
+    """Draw and label the bodies, the line, and the springs with their feet and heights.
 
-    `scale` is the length (mm) of 1 m, and `each` that of the arrow of 1 m/s (m).
+    `scale` is the length of 1 m (mm), `each` the length of the arrow of 1 m/s (m).
     """
     named: list[Named] = []
     drawn = [np.zeros((0, 2))]
@@ -359,14 +359,14 @@ def _draw(axes: Axes, run: Run, one: Instant, scale: float, each: float) -> None
 
 
 def _aside(run: Run, index: int) -> float:
-    """Return how far aside of its foot the height of a spring is drawn (mm): at one place apart."""
+    """Return the offset (mm) of a spring's height line, which separates springs of equal feet."""
     feet = [spring.foot for spring in run.system.springs]
     alike = [number for number, foot in enumerate(feet) if foot == feet[index]]
     return _APART * (alike.index(index) - 0.5 * (len(alike) - 1))
 
 
 def coil_shape(wide: float) -> Array:
-    """Return the shape of a spring: shares of its length, and how far aside of it (m)."""
+    """Return the shape of a coil spring: fractions of its length, and lateral offsets (m)."""
     share = np.linspace(0.14, 0.86, 2 * _COILS + 1)
     swing = np.where(np.arange(len(share)) % 2 == 0, wide, -wide)
     swing[[0, -1]] = 0.0

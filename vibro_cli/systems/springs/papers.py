@@ -1,4 +1,4 @@
-"""What bodies on springs show of the papers, for `vibro help papers`."""
+"""What runs of bodies on springs reproduce from the papers, for `vibro help papers`."""
 
 from __future__ import annotations
 

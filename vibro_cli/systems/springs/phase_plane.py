@@ -1,7 +1,7 @@
 """The phase plane of bodies on springs: singular points, separatrix, periods, level curves.
 
-Of bodies in lasting contact the place of the first gives those of the others, so that they too are
-one point in a potential: U(q) = Σ c/2 (√(b² + (q + d)²) - l)² / Σ κ m, and v² = 2 (E - U) (C (4)).
+Bodies in lasting contact move as one, so their motion is that of one point q, the displacement of
+the first, in a potential: U(q) = Σ c/2 (√(b² + (q + d)²) - l)² / Σ κ m, and v² = 2 (E - U) (C (4)).
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ from vibro_cli.systems.springs.system import (
 )
 
 TYPES = {1: "one centre", 3: "saddle between two centres (trigger)"}
-"""By the number of singular points (C, part 3)."""
+"""Types of portraits by number of singular points (C, part 3)."""
 
 
 def point_names(system: SpringsSystem, index: int) -> tuple[str, ...]:
-    """Return the names of the singular points of a body (from 0), each kind from the left."""
+    """Return the names of a body's (from 0) singular points, numbered by kind from the left."""
     kinds = [kind for _, kind in singular_points(system.springs[index])]
     return tuple(
         f"{'S' if kind == 'saddle' else 'C'}{kinds[: place + 1].count(kind)}"
@@ -37,10 +37,10 @@ def point_names(system: SpringsSystem, index: int) -> tuple[str, ...]:
 
 
 def springs_record(system: SpringsSystem, index: int) -> dict[str, Any]:
-    """Return type and singular points of a body (from 0) as plain values.
+    """Return the type and the singular points of a body's portrait (from 0) as plain values.
 
-    Places are in m along the line and from the spring's foot, energies of the spring in J; the
-    greatest speed on the separatrix, over the centres, in m/s, where there is one.
+    Positions are in m along the line and from the spring's foot, energies of the spring in J. The
+    greatest speed on the separatrix (m/s), reached at the centres, is None without a separatrix.
     """
     spring, body = system.springs[index], system.bodies[index]
     points = singular_points(spring)
@@ -71,33 +71,33 @@ def springs_record(system: SpringsSystem, index: int) -> dict[str, Any]:
 Array = NDArray[np.float64]
 
 _SCANNED = 4096
-"""Intervals in which places without force are looked for, where springs act together."""
+"""Intervals in which equilibria of several springs together are searched."""
 _QUADRATURE = 128
-"""Points of the sum that gives a time to a few percent."""
+"""Points of a quadrature that gives times to a few percent."""
 
 
 class Level(NamedTuple):
-    """The energy of motions by one state of each, since differences of energies lose small ones."""
+    """Energy levels, each given by a state: differences of energies would lose digits."""
 
     place: Array
-    """A displacement (m)."""
+    """Displacement (m)."""
     square: Array
-    """The square of the speed there (m²/s²)."""
+    """Square of the speed there (m²/s²)."""
 
 
 @dataclass(frozen=True)
 class SpringsLandscape:
-    """The potential of bodies that move as one, over the displacement q (m) of the first."""
+    """Potential of bodies that move as one, over the displacement q (m) of the first."""
 
     springs: tuple[Spring, ...]
     offsets: tuple[float, ...]
-    """Displacement of each body from the foot of its spring, less that of the first (m)."""
+    """Displacement of each body from its spring's foot, minus that of the first (m)."""
     mass: float
     """Σ κ m (kg)."""
 
     @staticmethod
     def of(system: SpringsSystem, first: int, last: int) -> SpringsLandscape:
-        """Return the potential of bodies in contact, from one to another (from 0)."""
+        """Return the potential of the bodies `first` to `last` (from 0) in contact."""
         members = range(first, last + 1)
         bodies = [system.bodies[n] for n in members]
         springs = tuple(system.springs[n] for n in members)
@@ -112,7 +112,7 @@ class SpringsLandscape:
         return SpringsLandscape(springs, offsets, mass)
 
     def potential(self, q: Array) -> Array:
-        """Return U(q), the energy of the springs over the mass (m²/s²)."""
+        """Return U(q), the energy of the springs divided by the mass (m²/s²)."""
         total = np.zeros(np.shape(q))
         for spring, offset in zip(self.springs, self.offsets, strict=True):
             stretch = np.hypot(spring.height, q + offset) - spring.length
@@ -120,7 +120,7 @@ class SpringsLandscape:
         return total
 
     def slope(self, q: float) -> float:
-        """Return dU/dq at a place (m/s²)."""
+        """Return dU/dq (m/s²)."""
         total = 0.0
         for spring, offset in zip(self.springs, self.offsets, strict=True):
             length = math.hypot(spring.height, q + offset)
@@ -130,7 +130,7 @@ class SpringsLandscape:
 
     @cached_property
     def level_places(self) -> Array:
-        """Places without force, from left to right: least and greatest potential by turns."""
+        """Equilibria from left to right: minima and maxima of the potential alternate."""
         own = [
             [place - offset for place, _ in singular_points(spring)]
             for spring, offset in zip(self.springs, self.offsets, strict=True)
@@ -139,7 +139,7 @@ class SpringsLandscape:
             return np.array(own[0])
         from scipy.optimize import brentq
 
-        # To the left of all that each spring has alone every one of them pulls to the right.
+        # Left of all equilibria of the single springs, every spring pulls to the right.
         low, high = min(map(min, own)), max(map(max, own))
         size = abs(low) + abs(high) + self.springs[0].height
         room, least = 1e-9 * size, 1e-16 * size
@@ -150,15 +150,15 @@ class SpringsLandscape:
 
     @property
     def crests(self) -> Array:
-        """Places of the greatest potential between two of the least."""
+        """Maxima of the potential between two minima."""
         return self.level_places[1::2]
 
     def energy(self, q: Array, speed: Array) -> Array:
-        """Return the energy over the mass, v²/2 + U (m²/s²)."""
+        """Return the energy divided by the mass, v²/2 + U (m²/s²)."""
         return 0.5 * speed**2 + self.potential(q)
 
     def square(self, q: Array, level: Level) -> Array:
-        """Return v² at places (m²/s²), negative where motions of an energy do not come.
+        """Return v² (m²/s²) at displacements, negative where the energy does not suffice.
 
         v² = v₀² − Σ c/Σκm (s − s₀)(s + s₀ − 2 l), where s − s₀ = (q − q₀)(q + q₀ + 2 d)/(s + s₀).
         """
@@ -172,12 +172,12 @@ class SpringsLandscape:
         return total
 
     def reaches(self, q: Array, level: Level) -> tuple[Array, Array]:
-        """Return the turning points to the left and to the right of places, at given energies."""
+        """Return the turning points to the left and right of displacements, at given energies."""
         left, right = (self._turning(q, level, side) for side in (-1.0, 1.0))
         return np.minimum(left, q), np.maximum(right, q)
 
     def _turning(self, q: Array, level: Level, side: float) -> Array:
-        """Return where bodies that go to one side (-1 left, 1 right) from places turn."""
+        """Return the turning points of bodies that move to one side (-1 left, 1 right)."""
         barred = self._bound(level, side)
         passed = q.copy()
         free = np.ones(len(q), dtype=np.bool_)
@@ -196,7 +196,7 @@ class SpringsLandscape:
             passed, barred = np.where(beyond, passed, middle), np.where(beyond, middle, barred)
 
     def _bound(self, level: Level, side: float) -> Array:
-        """Return a place beyond every turning point: one spring alone would take the energy."""
+        """Return a displacement beyond every turning point: one spring alone absorbs the energy."""
         double = level.square + 2.0 * self.potential(level.place)
         bounds = [
             spring.length + np.sqrt(self.mass / spring.stiffness * double) - side * offset
@@ -206,9 +206,9 @@ class SpringsLandscape:
         return bound
 
     def upper_half(self, energy: float, count: int) -> list[tuple[Array, Array]]:
-        """Return places (m) and speeds (m/s, not negative) of each level curve of an energy.
+        """Return displacements (m) and speeds (m/s, not negative) of each level curve of an energy.
 
-        `count` points in each part between turning points and crests, dense towards their ends.
+        Each part between turning points and crests has `count` points, dense towards its ends.
         """
         bottoms = self.level_places[::2]
         heights = self.potential(bottoms)
@@ -235,12 +235,12 @@ class SpringsLandscape:
     def branches(
         self, start: tuple[Array, Array], end: tuple[Array, Array], duration: Array, count: int
     ) -> tuple[Array, Array]:
-        """Return the phase curves of motions without an impact, from state to state.
+        """Return the phase curves of motions without impacts, from state to state.
 
-        `start` and `end` are displacements (m) and speeds (m/s), each of shape (motions,),
-        `duration` the times between them (s); the result has the shape (motions, count). The energy
-        is constant along each; a motion of several periods gives its closed curve once, and on to
-        its end. An end that is not known is NaN.
+        `start` and `end` are displacements (m) and speeds (m/s), each of shape (motions,), and
+        `duration` the times between them (s). An unknown end is NaN. The result, of shape (motions,
+        count), has constant energy along each curve. A motion of several periods is drawn once
+        around its closed curve and on to its end.
         """
         loops = _Loops.of(self, *start)
         first, sweep = loops.swept(start, end, duration)
@@ -255,19 +255,20 @@ class SpringsLandscape:
 
 @dataclass(frozen=True)
 class _Loops:
-    """Closed level curves, each run through by a phase.
+    """Closed level curves, each parametrised by a phase.
 
-    The upper half from the left turning point to the right one, then the lower half back; the phase
-    grows by 1 from one turning point or crest to the next.
+    The phase runs along the upper half from the left turning point to the right one, then back
+    along the lower half. It grows by 1 from one turning point or crest to the next.
     """
 
     landscape: SpringsLandscape
     level: Level
-    """Of shape (loops, 1) each."""
+    """Arrays of shape (loops, 1)."""
     nodes: Array
-    """Turning points and the crests between them, shape (loops, nodes); others at the ends."""
+    """Turning points and the crests between them, shape (loops, nodes); crests outside a loop are
+    moved to its ends."""
     marks: Array
-    """The phase of each node on the upper half."""
+    """Phase of each node on the upper half."""
 
     @staticmethod
     def of(landscape: SpringsLandscape, q: Array, speed: Array) -> _Loops:
@@ -282,13 +283,13 @@ class _Loops:
 
     @property
     def round(self) -> Array:
-        """The phase of a whole turn."""
+        """Phase of a full turn."""
         return 2.0 * self.marks[:, -1]
 
     def phase(self, q: Array, speed: Array) -> Array:
         """Return the phases of states."""
         part = np.sum(q[:, None] >= self.nodes[:, 1:-1], axis=1)
-        # Nodes at the right end have a place of their own only for the last part that has a length.
+        # Skip empty parts at the right end.
         while True:
             empty = (part > 0) & (self._at(self.nodes, part + 1) <= self._at(self.nodes, part))
             if not np.any(empty):
@@ -297,7 +298,7 @@ class _Loops:
         left, right = self._at(self.nodes, part), self._at(self.nodes, part + 1)
         wide = np.where(right > left, right - left, 1.0)
         share = np.clip((q - left) / wide, 0.0, 1.0)
-        # Half the angle from both sides: near an end the share has lost its digits.
+        # Half the angle, from the distances to both ends: near an end `share` has lost its digits.
         bend = 2.0 * np.arctan2(np.sqrt(share), np.sqrt(np.clip((right - q) / wide, 0.0, 1.0)))
         upper = self._at(self.marks, part) + bend / math.pi
         return np.where(speed >= 0.0, upper, self.round - upper)
@@ -307,7 +308,7 @@ class _Loops:
         return np.take_along_axis(values, part[:, None], axis=1)[:, 0]
 
     def _places(self, phase: Array) -> tuple[Array, Array]:
-        """Return the places at phases of shape (loops, points), and |dq/dphase| there."""
+        """Return displacements q at phases of shape (loops, points), and |dq/dphase|."""
         turn = np.mod(phase, self.round[:, None])
         folded = np.minimum(turn, self.round[:, None] - turn)
         q = np.empty_like(phase)
@@ -323,7 +324,7 @@ class _Loops:
         return q, rate
 
     def states(self, phase: Array) -> tuple[Array, Array]:
-        """Return places (m) and speeds (m/s) at phases of shape (loops, points)."""
+        """Return displacements (m) and speeds (m/s) at phases of shape (loops, points)."""
         q, _ = self._places(phase)
         square = self.landscape.square(q, self.level)
         turn = np.mod(phase, self.round[:, None])
@@ -334,7 +335,7 @@ class _Loops:
     def swept(
         self, start: tuple[Array, Array], end: tuple[Array, Array], duration: Array
     ) -> tuple[Array, Array]:
-        """Return the phases of starts, and by how much they grow in times (s) up to the ends."""
+        """Return the phases at the starts, and their growth up to the ends after `duration` (s)."""
         known = np.isfinite(end[1])
         first = self.phase(*start)
         place, speed = (np.where(known, end[n], start[n]) for n in range(2))
@@ -348,12 +349,12 @@ class _Loops:
 
     @cached_property
     def period(self) -> Array:
-        """The time of a whole turn (s); infinite at rest."""
+        """Time of a full turn (s); infinite at rest."""
         time = self._time(np.zeros(len(self.nodes)), self.round)
         return np.where(time > 0.0, time, math.inf)
 
     def _time(self, first: Array, sweep: Array) -> Array:
-        """Return the time (s) of sweeps of the phase, as exactly as turns are to be counted."""
+        """Return the time (s) of phase intervals, accurate enough to count turns."""
         share = (np.arange(_QUADRATURE) + 0.5) / _QUADRATURE
         q, rate = self._places(first[:, None] + sweep[:, None] * share)
         speed = np.sqrt(np.maximum(self.landscape.square(q, self.level), 0.0))
@@ -363,11 +364,12 @@ class _Loops:
 
 
 def spring_periods(system: SpringsSystem, ball: int) -> tuple[float, float]:
-    """Return periods (s) of a body (from 1) on its spring: of small swings, and of its own.
+    """Return periods (s) of a body (from 1) on its spring: of small and of its own oscillations.
 
-    Small ones about a centre beside the foot: ω₀ √(1 − b²/l²) for l > b, under it ω₀ √(1 − l/b) for
-    l < b; infinite for l = b, where nothing of first order pulls. That of the start is infinite at
-    the saddle and on its separatrix.
+    Small oscillations have the frequency ω₀ √(1 − b²/l²) about a centre beside the foot (l > b), or
+    ω₀ √(1 − l/b) below the foot (l < b). Their period is infinite for l = b, where there is no
+    linear force. The period of the body's own motion is infinite at the saddle and on its
+    separatrix.
     """
     spring, rate = system.springs[ball - 1], system.frequencies[ball - 1]
     b, long = spring.height, spring.length
@@ -382,22 +384,23 @@ def spring_periods(system: SpringsSystem, ball: int) -> tuple[float, float]:
 
 
 _STEP = 0.2
-"""Of the sum for a period, which converges as exp(−π²/step)."""
+"""Step of the sum for a period, whose error falls as exp(−π²/step)."""
 _NOTHING = 1e-300
-"""A share of b that doubles cannot tell from none."""
+"""Fraction of b that counts as zero."""
 
 
 def _period_through(spring: Spring, rate: float, x: float, speed: float) -> float:
     """Return the period (s) of the motion through a displacement (m) with a speed (m/s).
 
-    With L = √(1 + x²), lengths in units of b, the speed is ω₀ √((A − L)(L − B)), A = l + d and
-    B = l − d for the stretch d at which the body turns. Past the foot x = o sin θ, beside it
-    x² = i² cos² θ + o² sin² θ between the turning points i and o. The integrand over θ is greatest
-    at 0, within an angle k that is small next to the separatrix: tan θ = k sinh t leaves it smooth.
+    With L = √(1 + x²), lengths in units of b, the speed is ω₀ √((A − L)(L − B)), where A = l + d,
+    B = l − d, and d is the stretch at the turning points. A motion that passes the foot has
+    x = o sin θ, one beside it x² = i² cos² θ + o² sin² θ, with inner and outer turning points i and
+    o. The integrand over θ has a peak at 0 of width k, narrow near the separatrix; substituting
+    tan θ = k sinh t makes it smooth.
     """
     b = spring.height
     x, speed, excess = x / b, speed / (rate * b), (spring.length - b) / b
-    rise = x * x / (math.hypot(1.0, x) + 1.0)  # of L above 1; nothing cancels
+    rise = x * x / (math.hypot(1.0, x) + 1.0)  # L − 1 without cancellation
     stretch = math.hypot(rise - excess, speed)
     total = stretch + abs(excess)
     less = (speed**2 + rise * (rise - 2.0 * excess)) / total if total > 0.0 else 0.0

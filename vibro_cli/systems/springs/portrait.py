@@ -1,8 +1,8 @@
-"""Phase portrait of a body on a spring, and below it its energies (C fig. 5).
+"""Phase portrait of a body on a spring, with its energies below (C fig. 5).
 
-In the portrait: level curves, separatrix, singular points, the branches of the run between events
-and the jumps at its impacts. Below: the energy of the spring over the same place, and the body's
-total energy, which stays between impacts and jumps with the speed.
+The portrait shows level curves, separatrix, singular points, the branches of the run between events
+and the jumps at impacts. Below it are the energy of the spring over the same displacement, and the
+body's total energy, which is constant between impacts and jumps with the speed.
 """
 
 from __future__ import annotations
@@ -67,18 +67,18 @@ from vibro_cli.systems.springs.system import SpringsSystem, singular_points
 
 @dataclass(frozen=True)
 class Motions:
-    """What a body does between events that it takes part in; arrays of shape (motions,)."""
+    """Motions of a body between the events in which it takes part; arrays of shape (motions,)."""
 
     first: Integers
-    """The leftmost body (from 0) of those that move with it as one."""
+    """Leftmost body (from 0) of the group that moves as one with it."""
     last: Integers
-    """The rightmost."""
+    """Rightmost body of the group."""
     start: Array
     """Time (s)."""
     end: Array
     states: tuple[Array, Array, Array, Array]
-    """Displacement (m) and speed (m/s) at the start, and those at the end; NaN for the end of the
-    run after a period or more."""
+    """Displacement (m) and speed (m/s) at the start and at the end; the last end is NaN if the last
+    motion takes a period or more."""
 
     @cached_property
     def contact(self) -> Flags:
@@ -86,7 +86,7 @@ class Motions:
         return self.last > self.first
 
     def some(self, rows: Any) -> Motions:
-        """Return those in some rows: a slice or an array of truth values."""
+        """Return some of the motions, selected by a slice, indices or a boolean array."""
         x, v, x_end, v_end = (column[rows] for column in self.states)
         start, end = self.start[rows], self.end[rows]
         return Motions(self.first[rows], self.last[rows], start, end, (x, v, x_end, v_end))
@@ -94,9 +94,9 @@ class Motions:
 
 @kept
 def motions(run: Run) -> list[Motions]:
-    """Return what each body does between events, in the order of time."""
+    """Return the motions of each body between events, in order of time."""
     motion: Any = run.trajectory
-    # What an instant of several events leaves; whole rows of all bodies would take great memory.
+    # The last event of each instant, as indices: whole rows of all bodies would need much memory.
     final = np.flatnonzero(np.append(np.diff(motion.times) > 0.0, True))
     times, held = motion.times[final], motion.states["held"][final]
     return [_motions_of(run, body, final, times, held) for body in range(held.shape[1])]
@@ -118,7 +118,7 @@ def _motions_of(run: Run, body: int, final: Integers, times: Array, held: Any) -
 
 
 def _groups(held: Any, body: int) -> tuple[Integers, Integers]:
-    """Return the outermost bodies of those that move with a body as one, after each event."""
+    """Return the outermost bodies of the group that moves as one with a body, after each event."""
     first = np.full(len(held), body)
     last = first.copy()
     together = np.ones(len(held), dtype=np.bool_)
@@ -133,10 +133,10 @@ def _groups(held: Any, body: int) -> tuple[Integers, Integers]:
 
 
 def _arriving(run: Run, times: Array, first: Integers, last: Integers) -> Array:
-    """Return the speed with which a body comes to each time that has an impact of it or its group.
+    """Return the speed of a body before each instant at which it or its group has an impact.
 
-    NaN at other times. Of several impacts at one instant the first has the speed. One that is not
-    made is no event.
+    NaN at other instants. Of several impacts at one instant the first gives the speed. Impacts that
+    were not carried out do not count.
     """
     table = run.collisions
     speeds = np.full(len(first), math.nan)
@@ -151,13 +151,13 @@ def _arriving(run: Run, times: Array, first: Integers, last: Integers) -> Array:
 
 
 def _finished(run: Run, body: int, found: Motions) -> Motions:
-    """Return motions with the state at the end of the run, without those that take no time."""
+    """Return motions without those of no duration, and with the state at the end of the run."""
     x, v, x_end, v_end = found.states
     hills = SpringsLandscape.of(run.system, int(found.first[-1]), int(found.last[-1]))
     shift = hills.offsets[body - int(found.first[-1])]
     x_end[-1] = v_end[-1] = math.nan
     if found.end[-1] - found.start[-1] < float(hills.period(x[-1:] - shift, v[-1:])[0]):
-        final = run.sample([run.end_time])  # after a period it has run through its whole curve
+        final = run.sample([run.end_time])  # longer motions cover their whole curve anyway
         x_end[-1], v_end[-1] = final["displacement"][body], final["speed"][body]
     kept = found.end > found.start
     kept[0] = True
@@ -167,8 +167,8 @@ def _finished(run: Run, body: int, found: Motions) -> Motions:
 def springs_trajectory(run: Run, ball: int) -> Trajectory:
     """Return the phase trajectory of a body (from 1): displacement (m) and speed (m/s).
 
-    Every branch is a curve of constant energy, of the body alone or, in lasting contact, of all
-    that move as one.
+    Every branch is a curve of constant energy: of the body alone or, in lasting contact, of its
+    group.
     """
     body = ball - 1
     all_of = motions(run)[body]
@@ -193,15 +193,15 @@ def springs_trajectory(run: Run, ball: int) -> Trajectory:
 
 _MARGIN = 1.08
 _FAR = 3.0
-"""A separatrix beyond this multiple of the motion is cut off by the frame."""
+"""The frame cuts off a separatrix larger than this multiple of the motion."""
 _ABOVE = 1.35
-"""Without a run level curves go up to this multiple of the saddle's energy."""
+"""Greatest energy of level curves without a run, as a multiple of the saddle's energy."""
 _COUNT = 129
 """Points of a level curve between turning points and crests."""
 
 
 def springs_portrait(run: Run, ball: int, width: str = "single") -> Figure:
-    """Return speed and energies over the displacement of a body (from 1) of a run.
+    """Draw speed and energies against displacement for a body (from 1) of a run.
 
     `width` is `single` (85 mm) or `double` (170 mm).
     """
@@ -210,7 +210,7 @@ def springs_portrait(run: Run, ball: int, width: str = "single") -> Figure:
     hills = SpringsLandscape.of(run.system, ball - 1, ball - 1)
     energies = hills.mass * hills.energy(branches.position, branches.rate)
     highest = float(np.max(energies))
-    if stays_at_rest(path):  # of which nothing has a range: as without a run
+    if stays_at_rest(path):  # no range to show: draw the portrait as without a run
         behind = _at_rest(run.system, ball - 1)
         window = _whole(behind, path.start[1])
         spring = run.system.springs[ball - 1]
@@ -230,9 +230,9 @@ def springs_portrait(run: Run, ball: int, width: str = "single") -> Figure:
 
 
 def springs_structure(system: SpringsSystem, ball: int, width: str = "single") -> Figure:
-    """Return the portrait of a body (from 1) without a run: levels, separatrix, singular points.
+    """Draw the portrait of a body (from 1) without a run: levels, separatrix, singular points.
 
-    Below it the energy of the spring, with those of the singular points.
+    Below it is the energy of the spring, with the energies of the singular points.
     """
     spring = system.springs[ball - 1]
     behind = _at_rest(system, ball - 1)
@@ -255,15 +255,15 @@ def springs_structure(system: SpringsSystem, ball: int, width: str = "single") -
 
 
 def family_type(system: SpringsSystem, ball: int) -> str:
-    """Return the type of a body's portrait (from 1)."""
+    """Return the type of the portrait of a body (from 1)."""
     return str(springs_record(system, ball - 1)["type"])
 
 
 def family_figure(members: Sequence[tuple[str, SpringsSystem]], ball: int, width: str) -> Figure:
-    """Return the portraits of a body (from 1) of a family, each under its title and its type.
+    """Draw the portraits of a body (from 1) of a family, each under its title and type.
 
-    All have one frame, so that the saddle is seen to part from the centre (C, part 3: l ≶ b).
-    `members` are titles and systems; of many an even choice is drawn.
+    All have the same axes, which shows how the saddle splits the centre (C, part 3: l ≶ b).
+    `members` are titles and systems; of many members an even selection is drawn.
     """
     shown = shown_of(members)
     behind = [_at_rest(system, ball - 1) for _, system in shown]
@@ -279,7 +279,7 @@ def family_figure(members: Sequence[tuple[str, SpringsSystem]], ball: int, width
 
 
 def _at_rest(system: SpringsSystem, body: int) -> Background:
-    """Return what stands behind the portrait of a body (from 0) without a run."""
+    """Return the background of the portrait of a body (from 0) without a run."""
     spring = system.springs[body]
     saddles = [spring.energy(at) for at, kind in singular_points(spring) if kind == "saddle"]
     highest = _ABOVE * max([*saddles, spring.energy(1.7 * spring.height)])
@@ -287,19 +287,19 @@ def _at_rest(system: SpringsSystem, body: int) -> Background:
 
 
 def _states(own: Own) -> tuple[Array, Array, Array, Array]:
-    """Return piece, displacement, and speeds before and after impacts of a body."""
+    """Return piece (always 0), displacement, and speeds before and after impacts of a body."""
     place = own("displacement")
     return np.zeros(len(place)), place, own("speed", "_pre"), own("speed", "_post")
 
 
 def springs_background(system: SpringsSystem, body: int, highest: float) -> Background:
-    """Return what stands behind the portrait of a body (from 0) with energies up to one (J)."""
+    """Return the background of a body's portrait (from 0) with energies up to `highest` (J)."""
     hills = SpringsLandscape.of(system, body, body)
     points = tuple(
         SingularPoint(kind, 0, at, 0.0, at, 0.0, system.springs[body].energy(at))
         for at, kind in singular_points(system.springs[body])
     )
-    # The energy at the crest as the curves have it, so that they run just through the saddle.
+    # The crest's energy from the potential of the curves, so that these pass through the saddle.
     through = [hills.mass * float(hills.potential(crest)) for crest in hills.crests]
     levels = level_energies(points, max(highest, *saddle_energies(points), 0.0))
     return Background(levels=_curves(hills, levels), points=points, eights=_curves(hills, through))
@@ -314,7 +314,7 @@ def _curves(hills: SpringsLandscape, energies: Sequence[float]) -> tuple[LevelCu
 
 
 def _around(path: Trajectory, behind: Background) -> Window:
-    """Return the window on the motion and the singular points, with a separatrix not too far."""
+    """Return a window that holds the motion, the singular points and any nearby separatrix."""
     (branches,), reached = path.branches, greatest_rate(path, [0])
     points = [point.position for point in behind.points]
     low = min(float(np.min(branches.position)), *points)
@@ -328,7 +328,7 @@ def _around(path: Trajectory, behind: Background) -> Window:
 
 
 def _whole(behind: Background, *places: float) -> Window:
-    """Return the window on all level curves, and on places beside them."""
+    """Return a window that holds all level curves and the given displacements."""
     curves = (*behind.levels, *behind.eights)
     low = min([*places, *(float(curve.position[0]) for curve in curves)])
     high = max([*places, *(float(curve.position[-1]) for curve in curves)])
@@ -352,7 +352,7 @@ def _draw_spring_energy(lower: Panel, system: SpringsSystem, body: int, window: 
 
 
 def swings(system: SpringsSystem) -> Iterator[dict[str, float | None]]:
-    """Return ω₀ (1/s) of each body and its periods (s), None where there is none."""
+    """Yield ω₀ (1/s) of each body and its periods (s); an infinite period is None."""
     for ball in range(1, len(system.bodies) + 1):
         small, own = (
             period if math.isfinite(period) else None for period in spring_periods(system, ball)
@@ -375,7 +375,7 @@ def swing_line(swing: dict[str, float | None]) -> str:
 def portrait(
     system: SpringsSystem, width: str, drawn: Collection[int]
 ) -> tuple[dict[str, Any], dict[str, Figure]]:
-    """Return the singular points of each body, and a figure of each of those `drawn` (from 1)."""
+    """Return the singular points of all bodies, and figures of the bodies `drawn` (from 1)."""
     bodies = [springs_record(system, body) for body in range(len(system.bodies))]
     figures = {}
     for ball in drawn:

@@ -1,8 +1,8 @@
-"""Bodies on springs: energy kept, motion reversed, losses of accumulations in the balance.
+"""Stress tests of bodies on springs: energy, time reversal, energy balance of accumulations.
 
-With ``u = 1/sqrt(b^2 + x^2)``: ``x' = v, v' = -w^2 (x - l x u), u' = -x v u^3``, by Taylor series
-in whole numbers, and the laws as the papers print them: nothing of the solver is used, nor the
-energy. Bodies in lasting contact have the mean of their accelerations.
+The reference solves ``x' = v, v' = -w^2 (x - l x u), u' = -x v u^3`` with ``u = 1/sqrt(b^2 + x^2)``
+by Taylor series in integer arithmetic, with the laws as printed in the papers. It uses neither the
+solver nor the energy. Bodies in lasting contact share the weighted mean of their accelerations.
 """
 
 from __future__ import annotations
@@ -24,29 +24,29 @@ from vibro_cli.systems.run import Stretch
 from vibro_cli.systems.springs.system import SpringsSystem, singular_points
 
 ORDER = 44
-# A step as a share of the time in which a spring can change much; it is cut where the last term
-# of a series would be above this.
+# Step as a fraction of the time scale of a spring; it is shortened if the last term of a series
+# exceeds `_LEFT_OUT`.
 _SHARE = mp.mpf("0.4")
 _LEFT_OUT = mp.mpf(2) ** -120
-_NEWTON = 6  # steps from a root that is known in doubles
+_NEWTON = 6  # Newton steps from a root accurate to double precision
 
 
 @dataclass(frozen=True)
 class Told:
-    """An impact of the solver's run, or the end of a lasting contact."""
+    """An impact or the end of a lasting contact in the solver's run."""
 
     t: float
-    """Its time (s), as the solver has found it."""
+    """Time (s) found by the solver."""
     pair: int
-    """The left body's number, from 0."""
+    """Index of the left body, from 0."""
     law: str = ""
-    """Of an impact."""
+    """Law of an impact; empty for an end of contact."""
     closes: bool = False
-    """Whether the bodies stay together after it."""
+    """Whether lasting contact begins with it."""
 
 
 def told_of(impacts: Any, states: Any, bodies: int) -> list[Told]:
-    """Return the impacts and ends of contact of a run from its logs, in order."""
+    """Return the impacts and ends of contact from the logs of a run, in order."""
     found, known = [], 0
     for row in states[::bodies]:
         closes = bool(row["cause"] == CONTACT_CLOSED)
@@ -60,16 +60,16 @@ def told_of(impacts: Any, states: Any, bodies: int) -> list[Told]:
 
 
 class _Course(NamedTuple):
-    """Series of one body over a step, in shares of it."""
+    """Series of one body over a step, in fractions of the step."""
 
     x: Series
     v: Series
-    free: Series  # acceleration without its neighbours
-    common: Series  # and with those it stays together with
+    free: Series  # acceleration without contact forces
+    common: Series  # acceleration of its group in lasting contact
 
 
 class ReferenceSolver:
-    """Bodies on springs; a state is ``x, v`` of each, x along the line."""
+    """Reference solver of bodies on springs; a state is ``x, v`` of each, x along the line."""
 
     def __init__(self, system: SpringsSystem) -> None:
         self.radii = [mp.mpf(body.radius) for body in system.bodies]
@@ -85,7 +85,7 @@ class ReferenceSolver:
         self._state: list[list[Any]] = []
 
     def end_of(self, start: Sequence[Any], told: Sequence[Told], end: float) -> list[Any]:
-        """Return the state at a time (s); what is told happens on the way from the start."""
+        """Return the state at a time (s), after the events `told` in between."""
         self._held = set()
         self._state = [
             [start[2 * n] - mp.mpf(spring.foot), start[2 * n + 1]]
@@ -93,7 +93,7 @@ class ReferenceSolver:
         ]
         now, before = mp.zero, None
         for one in told:
-            # Contact that an impact of a neighbour ends is over with it; else its force has gone.
+            # An impact of a neighbour can end a contact; otherwise its force has vanished.
             if one.law or one.t != before:
                 now = self._fly(now, mp.mpf(one.t), one)
             before = one.t
@@ -109,7 +109,7 @@ class ReferenceSolver:
         ]
 
     def _fly(self, now: Any, until: Any, event: Told | None = None) -> Any:
-        """Move to a time, or to an event near it; return when that is."""
+        """Advance to a time, or to an event near it; return the time reached."""
         while True:
             length = self._length()
             courses = self._expand(length)
@@ -127,7 +127,7 @@ class ReferenceSolver:
                 return now
 
     def _length(self) -> Any:
-        """A step (s) that may be too long."""
+        """Return a trial step (s)."""
         longest = mp.inf
         for (x, v), spring, square in zip(self._state, self.springs, self.squares, strict=True):
             size = mp.sqrt(mp.mpf(spring.height) ** 2 + x**2)
@@ -135,7 +135,7 @@ class ReferenceSolver:
         return _SHARE * longest
 
     def _expand(self, length: Any) -> list[_Course]:
-        """Series of all bodies over a step (s)."""
+        """Return the series of all bodies over a step (s)."""
         h = whole(length)
         bodies = [
             _Body(h, x, v, spring, square)
@@ -161,7 +161,7 @@ class ReferenceSolver:
         ]
 
     def _groups(self) -> list[list[int]]:
-        """Numbers of the bodies that stay together."""
+        """Return the indices of the bodies of each group in lasting contact."""
         found = [[0]]
         for n in range(1, len(self.radii)):
             if n - 1 in self._held:
@@ -171,7 +171,7 @@ class ReferenceSolver:
         return found
 
     def _root(self, courses: list[_Course], event: Told, place: Whole) -> Whole:
-        """Where in a step a gap, or the force in a contact, is zero."""
+        """Return the fraction of a step at which a gap, or the force in a contact, vanishes."""
         series = self._gap(courses, event.pair) if event.law else self._force(courses, event.pair)
         slope = [k * value for k, value in enumerate(series)][1:]
         for _ in range(_NEWTON):
@@ -187,7 +187,7 @@ class ReferenceSolver:
         return series
 
     def _force(self, courses: list[_Course], pair: int) -> Series:
-        """What presses a pair together, over the mass of those to its left."""
+        """Return the contact force of a pair, from the accelerations of the bodies to its left."""
         (group,) = [one for one in self._groups() if pair in one]
         left = [n for n in group if n <= pair]
         return [
@@ -212,7 +212,7 @@ class ReferenceSolver:
 
 
 class _Body:
-    """Series of a body, order by order."""
+    """Series of a body, computed order by order."""
 
     def __init__(self, h: Whole, x: Any, v: Any, spring: Any, square: Any) -> None:
         self.h, self.square, self.length = h, whole(square), whole(mp.mpf(spring.length))
@@ -224,13 +224,13 @@ class _Body:
         self._xv: Series = []
 
     def force(self, k: int) -> Whole:
-        """Coefficient k of the free acceleration."""
+        """Return coefficient k of the free acceleration."""
         stretch = self.x[k] - scaled(self.length, product(self.x, self._u, k))
         self.free.append(-scaled(self.square, stretch))
         return self.free[k]
 
     def advance(self, k: int, acceleration: Whole) -> None:
-        """Coefficient k + 1 of everything that is integrated."""
+        """Compute coefficient k + 1 of all integrated series."""
         self._uu.append(product(self._u, self._u, k))
         self._uuu.append(product(self._uu, self._u, k))
         self._xv.append(product(self.x, self.v, k))
@@ -240,7 +240,7 @@ class _Body:
 
 
 def check(plan: Plan) -> list[Finding]:
-    """Drift of energy at k = 1, time reversal, singular points, balance of accumulations."""
+    """Check energy drift at k = 1, time reversal, singular points, balance of accumulations."""
     return [*_energy(plan), _reversal(plan), _at_rest(plan), _balance(plan)]
 
 
@@ -302,7 +302,7 @@ def _reversal(plan: Plan) -> Finding:
 
 
 def _at_rest(plan: Plan) -> Finding:
-    """In each singular point a body stays."""
+    """Check that a body at rest in a centre stays there."""
     quantity = "distance from the centre after 20 s at rest in it (m)"
     distance = Finding(quantity, "random springs", 1e-14)
     rng = np.random.default_rng([plan.seed, 5])
@@ -318,7 +318,7 @@ def _at_rest(plan: Plan) -> Finding:
 
 
 def _balance(plan: Plan) -> Finding:
-    """With springs that press bodies together: start less end is the sum of the rows' losses."""
+    """Check the energy balance of bodies pressed together: all losses must be in the table."""
     tried = "bodies pressed together, k = 0 ... 0.99"
     missing = Finding("energy lost without a row, relative", tried, 1e-12)
     for k in (0.0, 0.3, 0.6, 0.9, 0.99):
@@ -337,7 +337,7 @@ def _balance(plan: Plan) -> Finding:
 
 
 def drawn(rng: np.random.Generator) -> Document:
-    """A scene at random: two or three bodies, springs of one or three singular points, any law."""
+    """Draw a random scene: two or three bodies, springs with 1 or 3 singular points, any law."""
     balls: list[Document] = []
     restitution: list[float] = []
     for number in range(int(rng.integers(2, 4))):
@@ -357,13 +357,13 @@ def drawn(rng: np.random.Generator) -> Document:
 
 
 def check_tangent(plan: Plan) -> list[Finding]:
-    """Tangent maps of scenes drawn at random against neighbouring motions in 50 digits."""
+    """Compare tangent maps of random scenes with neighbouring motions in 50 digits."""
     tried = "bodies on springs drawn at random, up to 4 impacts, any law, lasting contact"
     return [check_maps(plan, drawn, neighbours, tried)]
 
 
 def neighbours(system: Any, whole: Stretch) -> Any:
-    """Return the start of a run, and what leads from others through the same events."""
+    """Return the start of a run, and a map from nearby starts through the same events."""
     told = told_of(whole.logs["impacts"], whole.logs["states"], len(system.bodies))
     twin = ReferenceSolver(system)
     start = [number for one in system.initial for number in (one.position, one.speed)]

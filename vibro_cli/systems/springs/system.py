@@ -1,4 +1,4 @@
-"""What is solved: bodies on a line with their springs, and the records of the event loop."""
+"""The system of bodies on springs along a line, and the records of its event loop."""
 
 from __future__ import annotations
 
@@ -30,25 +30,25 @@ from vibro_cli.systems.request import NO_LIMITS, Limits
 
 @dataclass(frozen=True)
 class Spring:
-    """A spring between the centre of a body and a foot above the line of the centres."""
+    """A spring between the centre of a body and a foot above the line of centres."""
 
     stiffness: float
     """c (N/m)."""
     length: float
     """Natural length l (m)."""
     height: float
-    """b (m): how far the foot is above the line."""
+    """Height b of the foot above the line (m)."""
     foot: float
-    """Place of the foot along the line (m)."""
+    """Position of the foot along the line (m)."""
 
     def energy(self, displacement: float) -> float:
-        """Return c/2 (√(b² + x²) - l)², J, x measured from the foot's place."""
+        """Return the energy c/2 (√(b² + x²) - l)² (J), with x measured from the foot."""
         return 0.5 * self.stiffness * (math.hypot(self.height, displacement) - self.length) ** 2
 
 
 @dataclass(frozen=True)
 class InitialState:
-    """Where a body starts (m along the line) and how fast (m/s)."""
+    """Initial position along the line (m) and speed (m/s) of a body."""
 
     position: float
     speed: float
@@ -64,7 +64,7 @@ class SpringsSystem(ImpactSystem):
     """k of each pair of neighbours."""
 
     def keeps_energy(self, clock: Mapping[str, Any]) -> bool:
-        """Whether nothing takes energy: no impact, and no lasting contact."""
+        """Return whether energy was conserved: no lasting contact, and no inelastic impact."""
         elastic = all(k == 1.0 for k in self.restitution) and self.law_keeps_energy
         return clock["contacts"] == 0 and (elastic or clock["collisions"] == 0)
 
@@ -76,17 +76,15 @@ class SpringsSystem(ImpactSystem):
 
 
 def time_scale(system: SpringsSystem) -> float:
-    """Return the time (s) by which speeds are compared with ways in the growth of small changes.
-
-    That is 1/ω₀ of the slowest body.
-    """
+    """Return the time scale (s) of tangent maps: 1/ω₀ of the slowest body."""
     return 1.0 / min(system.frequencies)
 
 
 def singular_points(spring: Spring) -> tuple[tuple[float, str], ...]:
-    """Return the singular points of a body's motion (m from the foot's place) and their kinds.
+    """Return the singular points of a body's motion (m from the foot) and their kinds.
 
-    One centre at 0 for l <= b; for l > b a saddle there and centres at ±√(l² - b²) (C, part 3).
+    For l <= b there is one centre at 0; for l > b a saddle at 0 and centres at ±√(l² - b²) (C, part
+    3).
     """
     if spring.length <= spring.height:
         return ((0.0, "centre"),)
@@ -95,9 +93,9 @@ def singular_points(spring: Spring) -> tuple[tuple[float, str], ...]:
 
 
 def separatrix_speed(spring: Spring, frequency: float, displacement: float) -> float:
-    """Return the speed (m/s, not negative) on the separatrix through the saddle; nan off it.
+    """Return the speed (m/s, not negative) on the separatrix through the saddle.
 
-    v² = ω₀² ((b - l)² - (√(b² + x²) - l)²), which is 0 at the saddle.
+    v² = ω₀² ((b - l)² - (√(b² + x²) - l)²), which is 0 at the saddle. NaN beyond the separatrix.
     """
     length = math.hypot(spring.height, displacement)
     square = (length - spring.height) * (2.0 * spring.length - spring.height - length)
@@ -105,7 +103,7 @@ def separatrix_speed(spring: Spring, frequency: float, displacement: float) -> f
 
 
 def _fastest(world: World) -> str:
-    """Return the period of the fastest spring, which steps are parts of, beside the stop."""
+    """Describe the period of the fastest spring, which limits the steps, and the stop."""
     square = float(np.max(record_array(world.springs, SpringBody)["square"]))
     stop = float(record_array(world.settings, Settings)["stop_time"][0])
     period = f"the fastest spring has the period 2 π/ω₀ = {2.0 * math.pi / math.sqrt(square):.3g} s"

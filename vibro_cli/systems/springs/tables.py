@@ -1,4 +1,4 @@
-"""The tables of a run of bodies on springs: their columns, and what these are made of."""
+"""The tables of a run of bodies on springs: their columns, and the sources of the columns."""
 
 from __future__ import annotations
 
@@ -49,11 +49,11 @@ _EIGHT = "side of the figure eight: left loop, right loop, on it, or outside (no
 
 
 class SpringBodies(Bodies):
-    """The bodies and springs of some systems as arrays: [system, body]."""
+    """Properties of bodies and springs of several systems, as arrays [system, body]."""
 
     @cached_property
     def feet(self) -> Any:
-        """Places of the springs' feet (m)."""
+        """Positions of the springs' feet (m)."""
         return np.array([[spring.foot for spring in system.springs] for system in self.systems])
 
     @cached_property
@@ -74,15 +74,15 @@ class Collisions(PairRows):
         return self["pair"] if end == "a" else self["pair"] + 1
 
     def along(self, end: str, when: str) -> Any:
-        """Its speed (m/s), `pre` or `post`."""
+        """Speed (m/s) of that body, `pre` or `post` impact."""
         return self[f"v_{end}_{when}"]
 
     def displacement(self, end: str) -> Any:
-        """From the foot's place (m)."""
+        """Displacement from the foot (m)."""
         return self[f"x_{end}"] - self.of_body(self.bodies.feet, self.body(end))
 
     def omega(self, end: str, when: str) -> Any:
-        """Angular velocity (rad/s), nan of a particle."""
+        """Angular velocity (rad/s), nan for a particle."""
         body = self.body(end)
         turned = self.along(end, when) / self.of_body(self.bodies.radii, body)
         return np.where(self.of_body(self.bodies.slide, body), np.nan, turned)
@@ -99,7 +99,7 @@ class Collisions(PairRows):
         return stored
 
     def energy(self, end: str, when: str) -> Any:
-        """Kinetic energy and that of the spring (J)."""
+        """Kinetic energy plus energy of the spring (J)."""
         return self.kinetic(end, when) + self._stored[end]
 
     def kinetic(self, end: str, when: str) -> Any:
@@ -108,7 +108,7 @@ class Collisions(PairRows):
         return 0.5 * masses * self[f"v_{end}_{when}"] ** 2
 
     def eight(self, end: str, when: str) -> Any:
-        """Numbers in ``EIGHTS``: the saddle is under the foot, where the spring is longer."""
+        """Indices into ``EIGHTS``; a spring longer than its height has a saddle below the foot."""
         springs = self.of_body(self.bodies.springs, self.body(end))
         stiffness, height, length = springs.reshape(-1, 3).T
         saddle, energy = 0.5 * stiffness * (length - height) ** 2, self.energy(end, when)
@@ -158,7 +158,7 @@ COLLISIONS = Table("springs.collisions", "one impact of two neighbours", tuple(_
 
 
 class Contacts:
-    """Rows of the log of states that are beginnings or ends of lasting contact: [event, body]."""
+    """Beginnings and ends of lasting contact in the log of states: [event, body]."""
 
     def __init__(self, states: Any, bodies: int) -> None:
         rows = states.reshape(-1, bodies)
@@ -171,7 +171,7 @@ class Contacts:
 
     @property
     def speed(self) -> Any:
-        """Of the left body of the pair (m/s)."""
+        """Speed of the left body of the pair (m/s)."""
         return self._rows["v"][np.arange(len(self._rows)), self["pair"]]
 
 
@@ -224,7 +224,7 @@ SUMMARY = Table(
 
 
 def final_state(body: int | str) -> Iterator[Column]:
-    """The columns of the summary that are of a body, counted from 1."""
+    """Yield the summary's columns of a body, counted from 1."""
     for name, unit, text in (
         ("x", "m", f"final place of body {body}"),
         ("displacement", "m", f"the same of body {body} from its spring's foot"),
@@ -234,9 +234,9 @@ def final_state(body: int | str) -> Iterator[Column]:
 
 
 class Motion:
-    """States after the start and after every event, an event a row, a body a column.
+    """States at the start and after every event, of shape (events, bodies).
 
-    `before` are the last states before the stretch, from :attr:`last`; None before the first one.
+    `before` is :attr:`last` of the preceding stretch, None for the first one.
     """
 
     def __init__(self, system: SpringsSystem, stretch: Stretch, before: Any = None) -> None:
@@ -252,7 +252,7 @@ class Motion:
         self.times = self.states["t"][:, 0]
 
     def go_on(self, later: Sequence[Motion]) -> None:
-        """Take the motion in the stretches that follow."""
+        """Append the motion in the following stretches."""
         bodies = len(self._system.bodies)
         self._take(joined([self._log, *(motion._log[bodies:] for motion in later)]))
 
@@ -261,7 +261,7 @@ class Motion:
         events, bodies = events_until(self.times, instants, side), len(self._system.bodies)
         samples = zeros(len(instants), Sample)
         samples["row"] = np.maximum(events - 1, 0) * bodies
-        # Before the start the motion is that from it with all speeds reversed, back in time.
+        # Before the start: the motion from the start with all speeds reversed.
         samples["way"] = np.where(instants < 0.0, -1.0, 1.0)
         samples["t"] = np.abs(instants)
         order = np.lexsort((samples["t"], samples["row"], samples["way"]))
@@ -270,7 +270,7 @@ class Motion:
         return _motion_columns(self._system, instants, found)
 
     def _sampled(self, samples: Any) -> Any:
-        """The states at some instants, those of one instant together."""
+        """Return the states at some instants, grouped by instant."""
         bodies = len(self._system.bodies)
         logs = {"impacts": zeros(0, ImpactRow), "states": self._log}
         world = with_logs(LOOP, make_world(self._system), self._engine, logs)
@@ -281,11 +281,11 @@ class Motion:
 
 
 def states_at(system: SpringsSystem, records: Any, time: float) -> dict[str, NDArray[Any]]:
-    """Return the columns of the motion table at one time (s), at which the bodies are."""
+    """Return the columns of the motion table at the time (s) of the records."""
     springs = records["springs"]
     found = np.empty((1, len(springs)), dtype=dtype(Found))
     found["x"], found["v"] = springs["x"], springs["v"]
-    # As `kernels.springs.series.energy_of` has it, to the bit.
+    # The same bits as `kernels.springs.series.energy_of`.
     length = np.sqrt(springs["height"] * springs["height"] + springs["x"] * springs["x"])
     stretch = length - springs["length"]
     square = springs["v"] * springs["v"] + springs["square"] * stretch * stretch
@@ -294,7 +294,7 @@ def states_at(system: SpringsSystem, records: Any, time: float) -> dict[str, NDA
 
 
 def _motion_columns(system: SpringsSystem, instants: Floats, found: Any) -> dict[str, NDArray[Any]]:
-    """Columns from states [time, body]."""
+    """Return columns from states [time, body]."""
     feet = np.tile([spring.foot for spring in system.springs], len(instants))
     values = {name: found[name].ravel() for name in ("x", "v", "energy")}
     return MOTION.filled(bodies_at(system, instants) | values | {"foot": feet})

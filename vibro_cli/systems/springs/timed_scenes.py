@@ -1,10 +1,10 @@
-"""Scenes of bodies on springs whose run time `vibro bench` measures."""
+"""Scenes of bodies on springs for `vibro bench`."""
 
 from __future__ import annotations
 
 from vibro_cli.systems.contract import Document, TimedScene
 
-# Motion is solved by series, and an impact takes as long as many elsewhere.
+# Motion is solved by series: an impact takes as long as many impacts of other systems.
 _SHARE = 100
 
 
