@@ -1,4 +1,4 @@
-"""Balls on a table, with a wall or without."""
+"""Balls on a table, with or without a wall."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class BallsOnTable(System):
     papers = ("A", "B", "C")
     exponents = 4
     default_figures = ("plan", "energy")
-    flags = ("-ftree-vectorize",)  # of loops over all balls, `sift` in their names
+    flags = ("-ftree-vectorize",)  # for the loops over all balls, named `sift...`
 
     @property
     def kernels(self) -> tuple[Kernel, ...]:

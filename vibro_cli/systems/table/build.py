@@ -1,4 +1,4 @@
-"""From the scenario of a table to the system that is solved, with all that is wrong at once."""
+"""Build the system from a scenario of a table, and report all its faults together."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from vibro_cli.systems.table.system import InitialState, Point, TableSystem, Wal
 
 
 def build(scenario: TableScenario) -> TableSystem:
-    """Return the system of a scenario, checked against the mechanics.
+    """Return the system of a scenario, after checking its mechanics.
 
-    Raises ScenarioError with every problem: masses that doubles cannot compute with, a polygon
-    that meets itself, balls that do not fit the wall, reach into it, or overlap.
+    Raises ScenarioError with every problem: masses too extreme for doubles, a polygon that
+    intersects itself, and balls that do not fit the wall, reach into it, or overlap.
     """
     problems = Problems(scenario)
     bodies = bodies_of(scenario.balls, problems)
@@ -39,7 +39,7 @@ def build(scenario: TableScenario) -> TableSystem:
 
 
 def velocity_of(ball: TableBall) -> Point:
-    """Return the velocity a ball starts with, m/s."""
+    """Return the initial velocity of a ball (m/s)."""
     if ball.speed is not None and ball.direction is not None:
         return ball.speed * math.cos(ball.direction), ball.speed * math.sin(ball.direction)
     return ball.velocity_x or 0.0, ball.velocity_y or 0.0
@@ -71,7 +71,7 @@ def _wall(table: WallTable | None, problems: Problems) -> Wall | None:
 def _check_wall(
     scenario: TableScenario, wall: Wall, bodies: tuple[Body, ...], problems: Problems
 ) -> None:
-    """Check that every ball fits the wall and starts free of it."""
+    """Check that every ball fits the wall and does not overlap it at the start."""
     for number, (ball, body) in enumerate(zip(scenario.balls, bodies, strict=True), 1):
         limit = system.largest_radius(wall)
         if body.radius >= limit:
@@ -95,7 +95,7 @@ def _check_overlaps(scenario: TableScenario, bodies: tuple[Body, ...], problems:
 def _overlaps(
     scenario: TableScenario, bodies: tuple[Body, ...]
 ) -> Iterator[tuple[int, int, float, float]]:
-    """Pairs of balls that overlap, the later first; their distance of touching and their own."""
+    """Yield pairs of overlapping balls, the later first, their contact and actual distances."""
     places = [(ball.x, ball.y) for ball in scenario.balls]
     width = 2.0 * max(body.radius for body in bodies)
     order = sorted(range(len(places)), key=places.__getitem__)
@@ -104,7 +104,7 @@ def _overlaps(
         for second in map(order.__getitem__, range(at + 1, len(order))):
             x, y = places[second]
             if x - left > width:
-                break  # nor do those that are farther along x
+                break  # the remaining balls lie even farther along x
             if abs(y - level) > width:
                 continue
             a, b = min(first, second), max(first, second)

@@ -1,4 +1,4 @@
-"""Every kind of figure of a run on a table, and what a film of it shows."""
+"""The kinds of figure of a run on a table, and the frames of its film."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ _COLUMNS = (0.0, 17.0)
 _AROUND = 2.9
 """Half the height of a panel, in radii of the larger ball."""
 _LONGEST, _TURNING = 1.7, 1.0
-"""Lengths of the longest arrows of velocity and of angular velocity, in the same radii."""
+"""Greatest lengths of arrows of velocity and angular velocity, in radii of the larger ball."""
 _APART = 0.1
 _LEAST = math.radians(1.0)
 _LEAST_ASIDE = math.radians(3.0)
@@ -74,22 +74,22 @@ _RING = ring(90)
 
 @dataclass(frozen=True)
 class Arriving:
-    """A ball at an impact; pairs are before and after, places and velocities of shape (2,)."""
+    """A ball at an impact; pairs are (before, after), positions and velocities of shape (2,)."""
 
     number: int
     radius: float
-    """m"""
+    """Radius (m)."""
     centre: Array
     velocity: tuple[Array, Array]
-    """m/s"""
+    """Velocity (m/s)."""
     omega: tuple[float, float]
-    """Angular speed of rolling (rad/s), nan where it slides."""
+    """Angular speed of rolling (rad/s), nan if it slides."""
     angle: tuple[float, float]
     """Arrival and outgoing angle (rad), nan at rest."""
 
     @property
     def speed(self) -> tuple[float, float]:
-        """m/s"""
+        """Speed (m/s)."""
         before, after = (float(np.hypot(*velocity)) for velocity in self.velocity)
         return before, after
 
@@ -101,26 +101,26 @@ class Met:
     title: str
     time: float
     touch: Array
-    """Place of the contact (m), from above."""
+    """Position of the contact (m), seen from above."""
     normal: Array
     balls: tuple[Arriving, ...]
     made: bool = True
-    """Whether it was: not an inadmissible one that ended the run."""
+    """False for an inadmissible impact, which ended the run instead."""
 
     @property
     def largest(self) -> float:
-        """The radius of the greatest ball (m), or what stands for it where all are points."""
+        """Radius of the largest ball (m), or a substitute if all are points."""
         radius = max(ball.radius for ball in self.balls)
         return radius or 0.02 * float(np.max(np.abs(self.touch)))
 
     @property
     def fastest(self) -> float:
-        """The greatest speed (m/s), 1 where all are at rest."""
+        """Greatest speed (m/s), 1 if all are at rest."""
         return max(speed for ball in self.balls for speed in ball.speed) or 1.0
 
 
 def table_velocities(run: Run, width: str = "single") -> Figure | None:
-    """Return velocities, paths and angles before and after the first impacts; None without any.
+    """Draw velocities, paths and angles before and after the first impacts; None without impacts.
 
     Raises ValueError for a width that is neither `single` nor `double`.
     """
@@ -144,7 +144,7 @@ def table_velocities(run: Run, width: str = "single") -> Figure | None:
 
 
 def _first_met(run: Run, most: int) -> list[Met]:
-    """Return the first impacts of two balls, then the first on the wall."""
+    """Return the first impacts of two balls, followed by the first on the wall."""
     pairs, walls = first_of(run.collisions, most), first_of(run.bounces, most)
     return [
         *(
@@ -158,9 +158,10 @@ def _first_met(run: Run, most: int) -> list[Met]:
 def _met(
     run: Run, table: Any, words: str, ends: Sequence[str], row: int, happened: bool = True
 ) -> Met:
-    """Return an impact of the balls at the ends of a pair, or of the one in the table.
+    """Return an impact from a row of a table.
 
-    It happened unless it is inadmissible and ended the run.
+    `ends` are the suffixes of the columns of its balls. `happened` is false for an inadmissible
+    impact that ended the run.
     """
     balls = tuple(_ball(run, table, row, end) for end in ends)
     angle = float(table["normal_angle"][row])
@@ -230,7 +231,7 @@ def _line(middle: Array, along: Array, reach: float) -> Array:
 def _draw_motion(
     axes: Axes, ball: Arriving, when: int, largest: float, fastest: float, spinning: float
 ) -> list[Array]:
-    """Draw the path and the arrows of one ball; return points of what is covered.
+    """Draw the path and the arrows of one ball; return points along them.
 
     The angular velocity lies along the horizontal axis of rolling, to the left of the velocity.
     """
@@ -253,7 +254,7 @@ def _draw_motion(
 def _draw_angle(
     axes: Axes, one: Met, ball: Arriving, when: int, radius: float, colour: str
 ) -> list[Named]:
-    """Draw the angle between the path and the normal as an arc; return its name."""
+    """Draw the angle between the path and the normal as an arc; return its label."""
     angle = ball.angle[when]
     if math.isnan(angle) or angle < _LEAST:
         return []
@@ -288,9 +289,9 @@ def _say(axes: Axes, one: Met, when: int) -> None:
 
 
 def table_contact_points(run: Run, width: str = "single") -> Figure | None:
-    """Return the same of the first impact of two balls, or of a ball on the wall (C figs 2a, 3).
+    """Draw the possible contact points of the first impact, of balls or on the wall (C figs 2a, 3).
 
-    α is then the angle at which each ball arrives, if it does not do so along the normal.
+    α is the arrival angle of each ball, unless it arrives along the normal.
     """
     found = _first_met(run, 1)
     if not found:
@@ -307,13 +308,13 @@ def table_contact_points(run: Run, width: str = "single") -> Figure | None:
 
 
 _ROOM = 0.03
-"""Around what is shown, as a share of its size."""
+"""Margin, as a fraction of the size of the scene."""
 
 
 def film(run: Any, times: Array) -> Frames:
-    """Return the places of all balls at the times of frames (s).
+    """Return the positions of all balls at the times of frames (s).
 
-    Between events paths are straight, so that frames and events are all that a trail needs.
+    Paths are straight between events, so a trail needs points at frames and events only.
     """
     bodies, times = run.system.bodies, np.asarray(times)
     sampled = run.sample(times)
@@ -327,7 +328,7 @@ def film(run: Any, times: Array) -> Frames:
 
 
 def _events(run: Any, ball: int) -> Iterator[States]:
-    """Yield where a ball (from 0) meets others and the wall."""
+    """Yield the positions of a ball (from 0) at its impacts on other balls and on the wall."""
     bounces = run.table("bounces")
     for table, end in ((run.collisions, "_a"), (run.collisions, "_b"), (bounces, "")):
         rows = np.flatnonzero(np.asarray(table[f"ball{end}"]) == ball + 1)
@@ -338,7 +339,7 @@ def _events(run: Any, ball: int) -> Iterator[States]:
 
 
 def _ground(run: Any, x: Array, y: Array) -> Ground:
-    """Return the wall, and without one the part of the table on which the balls are seen."""
+    """Return the wall, or without one the part of the table that the balls visit."""
     wall, radii = run.system.wall, tuple(body.radius for body in run.system.bodies)
     low = np.array([np.min(x - radii), np.min(y - radii)])
     high = np.array([np.max(x + radii), np.max(y + radii)])
@@ -353,9 +354,9 @@ def _ground(run: Any, x: Array, y: Array) -> Ground:
 
 
 def table_energies(run: Run, width: str = "single") -> Figure | None:
-    """Return the energy of each ball and of all against time, and what the impacts lose.
+    """Draw the energy of each ball and of all against time, and the losses of the impacts.
 
-    None where no energy changes.
+    Returns None for a single ball that loses no energy.
     """
     lost = losses_of(run.collisions, run.bounces)
     if len(run.system.bodies) == 1 and not np.any(lost[1] > 0.0):
@@ -365,9 +366,9 @@ def table_energies(run: Run, width: str = "single") -> Figure | None:
 
 
 def _energy(run: Run, ball: int, until: float) -> tuple[Array, Array]:
-    """Return times (s) up to one and the energy (J) of a ball (from 1) then.
+    """Return times (s) up to `until` and the energies (J) of a ball (from 1) at these times.
 
-    At a jump a time stands twice.
+    Jumps have two equal times.
     """
     motion: Any = run.trajectory
     events, body = motion.balls[ball - 1], run.system.bodies[ball - 1]

@@ -1,4 +1,4 @@
-"""What runs on a table show of the papers, for `vibro help papers`."""
+"""What runs on a table reproduce from the papers, for `vibro help papers`."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _A: tuple[PaperRow, ...] = (
      "apart, here 0.098 m", "vibro run scenarios/table/skew_impact.toml --set balls[1].y=0.0975 "
      "--set balls[2].velocity_y=0 -o outputs/parallel", "an impact; none with 0.099"),
 )  # fmt: skip
-# With what C says beside it of bodies of every kind, in the order of the paper.
+# Includes what C says about all kinds of bodies, in the order of the paper.
 _C: tuple[PaperRow, ...] = (
     ("C fig. 1", "path of a ball inside an elliptic wall, angular velocities before and after",
      _RUN_WALL, "`plan`, `velocities`; `bounces`: `omega_pre`, `omega_post`"),

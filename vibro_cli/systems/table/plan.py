@@ -26,33 +26,32 @@ from vibro_cli.systems.run import Run
 from vibro_cli.systems.table.system import POLYGON, Wall
 
 MOST_ARROWS = 40
-"""Events up to which the velocities before and after each are drawn."""
+"""Greatest number of impacts for which velocities before and after are drawn."""
 MOST_LINES = 600
-"""Flights of all balls together after which paths end, before they are a stain in one colour."""
+"""Total number of flights after which paths end, as more would merge into a blot."""
 _FLIGHTS = 2
-"""Flights that a ball has on average before they end, however many balls there are."""
+"""Flights per ball, on average, that are drawn in any case."""
 MOST_NUMBERS = 100
-"""Balls up to which each has its number beside it."""
+"""Greatest number of balls that are drawn with their numbers."""
 _MANY = 150
-"""Of a ball with more flights than this the lines are thin and faint."""
+"""Number of flights of a ball above which its lines are thin and faint."""
 _ARROW, _BETWEEN = 0.09, 1.5
-"""Length of the arrow of the fastest ball, as a share of the figure's width; of very many arrows
-as a multiple of the way from one to the next, if they stood in a square.
-"""
+"""Length of the longest velocity arrow, as a fraction of the figure's width; for very many arrows,
+as a multiple of their spacing if they were arranged in a square."""
 _HEAD = {"before": "white", "after": style.BLACK, "at the start": style.BLACK}
-"""Colours of the heads of arrows of velocity, by when it is."""
+"""Colours of the heads of velocity arrows, by the time of the velocity."""
 _SIDE = {"before": "pre", "after": "post"}
 _RIGHT, _TOP, _BOTTOM = 2.5, 5.0, 8.5
-"""Room beside, over and under the panel (mm)."""
+"""Margins to the right of, above and below the panel (mm)."""
 _SHAPES = (0.25, 1.35)
-"""Height over width of the flattest panel and of the tallest: a journal takes 234 mm at most."""
+"""Least and greatest ratio of height to width of the panel: journals allow 234 mm."""
 
 
 def table_plan(run: Run, width: str = "single") -> Figure:
-    """Return the plan of a run: the wall, each ball's path, arrows of velocity at its events.
+    """Draw the plan of a run: the wall, the path of each ball, velocity arrows at its events.
 
-    The balls are drawn where they start (filled) and where they collide (outlined). `width` is
-    `single` (85 mm) or `double` (170 mm).
+    The balls are drawn at the start (filled) and at their impacts (outlined). `width` is `single`
+    (85 mm) or `double` (170 mm).
     """
     until = _shown_until(run)
     paths = [_path(run, ball, until) for ball in range(len(run.system.bodies))]
@@ -83,7 +82,7 @@ def table_plan(run: Run, width: str = "single") -> Figure:
 
 
 def _fitted(low: Floats, high: Floats) -> tuple[Floats, Floats]:
-    """Return the corners of a panel around what is drawn, neither too flat nor too tall."""
+    """Return the corners of a panel around the drawing, neither too flat nor too tall."""
     extent = high - low
     shape = np.clip(extent[1] / extent[0], *_SHAPES)
     wanted = np.maximum(extent, [extent[1] / shape, extent[0] * shape])
@@ -92,7 +91,7 @@ def _fitted(low: Floats, high: Floats) -> tuple[Floats, Floats]:
 
 
 def _shown_until(run: Run) -> float:
-    """Return the time (s) up to which paths are drawn: the end, or when they have many flights."""
+    """Return the time (s) up to which paths are drawn: the end, or earlier for many flights."""
     motion: Any = run.trajectory
     starts = np.sort(np.concatenate([events["t"] for events in motion.balls]))
     most = max(MOST_LINES, _FLIGHTS * len(motion.balls))
@@ -100,7 +99,7 @@ def _shown_until(run: Run) -> float:
 
 
 def _path(run: Run, ball: int, until: float) -> Floats:
-    """Places of a ball at its start, its events up to a time (s) and then, a row each."""
+    """Return the positions (n, 2) of a ball at the start, at its events and at `until` (s)."""
     motion: Any = run.trajectory
     events, last = motion.balls[ball], motion.at(ball, np.array([until]))
     shown = events["t"] <= until
@@ -109,7 +108,7 @@ def _path(run: Run, ball: int, until: float) -> Floats:
 
 
 def _extent(run: Run, paths: list[Floats]) -> tuple[Floats, Floats]:
-    """The corners of what is drawn."""
+    """Return the corners of the drawing."""
     radii = [body.radius for body in run.system.bodies]
     low = np.min([path.min(axis=0) - r for path, r in zip(paths, radii, strict=True)], axis=0)
     high = np.max([path.max(axis=0) + r for path, r in zip(paths, radii, strict=True)], axis=0)
@@ -119,7 +118,7 @@ def _extent(run: Run, paths: list[Floats]) -> tuple[Floats, Floats]:
 
 
 def with_wall(wall: Wall | None, low: Floats, high: Floats) -> tuple[Floats, Floats]:
-    """Return the corners (m), lower left and upper right, of a box widened to hold the wall."""
+    """Return the lower left and upper right corners (m) of a box, enlarged to hold the wall."""
     if wall is None:
         return low, high
     points, axes = np.array(wall.points), np.array(wall.semi_axes)
@@ -140,7 +139,7 @@ def draw_wall(axes: Axes, wall: Wall) -> None:
 def _draw_path(axes: Axes, ball: int, path: Floats) -> None:
     color, dashes = _colour(ball), body_look(ball + 1)["linestyle"]
     look: dict[str, Any] = {"colors": color, "zorder": 2.0, "rasterized": len(path) > 2000}
-    if len(path) > _MANY:  # where flights lie dense is seen as denser
+    if len(path) > _MANY:  # translucent lines show the density of flights
         each = list(np.stack([path[:-1], path[1:]], axis=1))
         lines = LineCollection(each, linewidths=0.3, alpha=layers.fainter(len(path)), **look)
     else:
@@ -149,7 +148,7 @@ def _draw_path(axes: Axes, ball: int, path: Floats) -> None:
 
 
 def _draw_starts(axes: Axes, run: Run, places: list[Floats]) -> None:
-    """Draw the balls where they start, with their centres: thousands of them in two artists."""
+    """Draw the balls at the start, with their centres, in two artists for any number of balls."""
     colours = [_colour(ball) for ball in range(len(places))]
     balls = zip(places, run.system.bodies, strict=True)
     discs = [Circle((float(x), float(y)), body.radius) for (x, y), body in balls]
@@ -160,12 +159,12 @@ def _draw_starts(axes: Axes, run: Run, places: list[Floats]) -> None:
 
 
 def _colour(ball: int) -> str:
-    """Return the colour of a ball (from 0), that of its energy too."""
+    """Return the colour of a ball (from 0), the same as in charts of energy."""
     return str(body_look(ball + 1)["color"])
 
 
 def _draw_numbers(axes: Axes, run: Run, paths: list[Floats], covered: Floats) -> None:
-    """Write each ball's number beside its start, where it covers least, also of other points."""
+    """Write each ball's number beside its start, where it overlaps least with other parts."""
     passed = [_points_along(path) for path in paths]
     discs = np.concatenate([share * ring(24) for share in (0.25, 0.5, 0.75, 1.0)])
     circles = [
@@ -176,7 +175,7 @@ def _draw_numbers(axes: Axes, run: Run, paths: list[Floats], covered: Floats) ->
 
 
 def _points_along(path: Floats) -> Floats:
-    """Points of the first flights of a path, close enough for numbers to keep clear of them."""
+    """Return points along the first flights of a path, dense enough for labels to avoid them."""
     first = path[:MOST_ARROWS]
     share = np.linspace(0.0, 1.0, 60)[:, None]
     pieces = [a + share * (b - a) for a, b in pairwise(first)]
@@ -184,7 +183,7 @@ def _points_along(path: Floats) -> Floats:
 
 
 def _draw_impacts(axes: Axes, run: Run, until: float) -> None:
-    """The balls where they touch one another or the wall, up to a time (s)."""
+    """Draw the balls where they touch one another or the wall, up to a time (s)."""
     sides = ((run.collisions, "_a"), (run.collisions, "_b"), (run.bounces, ""))
     for table, end in sides:
         for row in range(min(_within(table, until), MOST_ARROWS)):
@@ -195,10 +194,10 @@ def _draw_impacts(axes: Axes, run: Run, until: float) -> None:
 
 
 def _draw_velocities(axes: Axes, arrows: list[Arrow], extent: float) -> Floats:
-    """Draw the velocity at the start and before (open) and after (full) each impact as arrows.
+    """Draw arrows of velocity at the start and before (open) and after (full) each impact.
 
-    They are black, for paths have the colours of the balls; `extent` (m) is the panel's width.
-    Returns points along them, shape (n, 2).
+    They are black to stand out from the paths; `extent` (m) is the panel's width. Returns points
+    along them, shape (n, 2).
     """
     covered = [np.zeros((0, 2))]
     if not arrows:
@@ -222,7 +221,7 @@ def _draw_velocities(axes: Axes, arrows: list[Arrow], extent: float) -> Floats:
 
 
 def _legend(arrows: list[Arrow]) -> list[Entry]:
-    """What the arrows of velocity mean; those at the start look as those after impacts."""
+    """Return the legend of the velocity arrows; "after" includes the equal ones at the start."""
     seen = {when for _, _, when in arrows}
     if "after" in seen:
         seen.discard("at the start")
@@ -238,7 +237,7 @@ Arrow = tuple[tuple[float, float], tuple[float, float], str]
 
 
 def _arrows(run: Run) -> list[Arrow]:
-    """Place and velocity of balls at the start and at each impact, and when it is."""
+    """Return positions and velocities of balls at the start and at impacts, and when they apply."""
     found: list[Arrow] = []
     for state in run.system.initial:
         if state.velocity != (0.0, 0.0):
@@ -277,5 +276,5 @@ def _title(run: Run, until: float) -> str:
 
 
 def _within(table: Any, until: float) -> int:
-    """Return how many rows of a table of impacts are not later than a time (s)."""
+    """Return the number of rows of a table of impacts up to a time (s)."""
     return int(np.searchsorted(table["t"], until, side="right"))

@@ -1,14 +1,15 @@
-"""Phase portrait of a ball's bounces on a curved wall around it: place and direction of each.
+"""Phase portrait of a ball's bounces on a curved wall around it: normal and direction of each.
 
-A ball of radius r inside an ellipse with semi-axes a, b moves to and fro along either axis. Its
-centre meets a curve with the radius of curvature R there (``b^2/a - r`` at the ends of the x axis)
-after chords of the length L (``2 (a - r)``): by the symmetry of both ends one bounce turns small
-deviations with the trace ``2 (L/R - 1)``, so the orbit is a centre for L < 2 R and a saddle for
-L > 2 R. At r = 0 and k = 1 the product of the angular momenta about the foci is kept.
+A ball of radius r inside an ellipse with semi-axes a, b can move to and fro along either axis.
+Along x, say, its centre moves on a chord of length L = ``2 (a - r)`` whose ends lie on a curve with
+the radius of curvature R = ``b^2/a - r``. As both ends are symmetric, the linear map of small
+deviations over one bounce has the trace ``2 (L/R - 1)``, so the orbit is a centre for L < 2 R and a
+saddle for L > 2 R. At r = 0 and k = 1 the product of the angular momenta about the foci is
+conserved.
 
-Every dot is a bounce of one of a number of motions at k = 1: the direction of the wall's normal
-there, and the component of the unit velocity along the wall. At r = 0 the dots lie on the level
-curves of the product of the angular momenta about the foci, which are drawn behind them.
+Every dot is a bounce of one of several motions at k = 1: the direction of the wall's normal, and
+the component of the unit velocity along the wall. At r = 0 the dots lie on the level curves of the
+product of the angular momenta about the foci, which are drawn behind them.
 """
 
 from __future__ import annotations
@@ -41,22 +42,22 @@ class TwoBounce(NamedTuple):
     kind: str
     """centre, saddle or degenerate."""
     length: float
-    """L of the chord of the ball's centre, m."""
+    """Length L of the chord of the ball's centre (m)."""
     curvature_radius: float
-    """R of the curve of the centres at its ends, m."""
+    """Radius of curvature R of the curve of centres at its ends (m)."""
     trace: float
-    """Of one bounce, 2 (L/R - 1)."""
+    """Trace 2 (L/R - 1) of the linear map of one bounce."""
     normal: float
-    """Direction of the wall's normal at one end, rad from the x axis."""
+    """Direction of the wall's normal at one end (rad, from the x axis)."""
 
 
 def has_wall_portrait(wall: Wall | None) -> bool:
-    """Return whether bounces on a wall have a portrait: on an ellipse or circle around the ball."""
+    """Return whether a wall has a portrait: an ellipse or a circle around the balls."""
     return wall is not None and wall.inside and wall.shape in (CIRCLE, ELLIPSE)
 
 
 def two_bounce_orbits(wall: Wall, radius: float) -> tuple[TwoBounce, ...]:
-    """Return the motions along both axes of a ball (radius in m); on a circle all are alike."""
+    """Return the motions of a ball (radius in m) along both axes; on a circle they are alike."""
     (a, b), found = wall.semi_axes, []
     for axis, along, across, normal in (("x", a, b, 0.0), ("y", b, a, 0.5 * math.pi)):
         length = 2.0 * (along - radius)
@@ -68,7 +69,7 @@ def two_bounce_orbits(wall: Wall, radius: float) -> tuple[TwoBounce, ...]:
 
 
 def multiplier(orbit: TwoBounce) -> float | None:
-    """Return by what a small deviation grows at each bounce of a saddle; None for others."""
+    """Return the growth factor of small deviations per bounce of a saddle, None for others."""
     if orbit.kind != "saddle":
         return None
     half = 0.5 * abs(orbit.trace)
@@ -76,7 +77,7 @@ def multiplier(orbit: TwoBounce) -> float | None:
 
 
 def focal_product(wall: Wall, normal: Any, share: Any) -> Floats:
-    """Return the product of the angular momenta about the foci over v^2 (m^2), at r = 0.
+    """Return the product of the angular momenta about the foci divided by v^2 (m^2), at r = 0.
 
     `normal` is the direction of the wall's outer normal (rad), `share` the component of the unit
     velocity along the wall, anticlockwise.
@@ -96,7 +97,7 @@ def focal_product(wall: Wall, normal: Any, share: Any) -> Floats:
 
 
 def wall_record(wall: Wall, radius: float) -> dict[str, Any]:
-    """Return the singular points of the map of bounces as plain values."""
+    """Return the singular points of the bounce map as plain values."""
     orbits = two_bounce_orbits(wall, radius)
     kinds = sorted({orbit.kind for orbit in orbits})
     names = {"degenerate": "diameters, all alike"}
@@ -112,11 +113,11 @@ BOUNCES = 240
 _LEVELS = 13
 _HIGH = {"single": 70.0, "double": 95.0}
 _LEFT, _RIGHT, _TOP, _BOTTOM = 12.0, 3.0, 5.0, 9.0
-"""Room around the panel (mm)."""
+"""Margins of the panel (mm)."""
 
 
 def wall_portrait(system: TableSystem, ball: int, width: str = "single") -> Figure:
-    """Return the portrait of the bounces of a ball (from 1), alone on the table.
+    """Draw the portrait of the bounces of a ball (from 1), alone on the table.
 
     `width` is `single` (85 mm) or `double` (170 mm). The wall must be an ellipse or a circle around
     the balls.
@@ -148,10 +149,10 @@ def wall_portrait(system: TableSystem, ball: int, width: str = "single") -> Figu
 
 
 def _motions(system: TableSystem, index: int) -> list[tuple[Floats, Floats]]:
-    """Normals (rad) and components along the wall at the bounces of each motion."""
+    """Return the normals (rad) and components along the wall at the bounces of each motion."""
     found = []
     for number in range(MOTIONS):
-        # Across the regions around the axes of the wall, and on both senses of going round.
+        # Cover the regions around both axes of the wall, and both directions of rotation.
         share = -0.97 + 1.94 * number / (MOTIONS - 1)
         start = _start(system, index, 0.5 * math.pi * (number % 2) + 0.013, share)
         rows = simulate(SYSTEM, start, Limits(bounces=BOUNCES), "python").bounces
@@ -160,13 +161,13 @@ def _motions(system: TableSystem, index: int) -> list[tuple[Floats, Floats]]:
 
 
 def _start(system: TableSystem, index: int, normal: float, share: float) -> TableSystem:
-    """The ball alone, at the wall, with a unit velocity."""
+    """Return a system of the ball alone, at the wall, with a unit velocity."""
     wall, body = system.wall, system.bodies[index]
     assert wall is not None
     nx, ny = math.cos(normal), math.sin(normal)
     a, b = wall.semi_axes
     height = math.hypot(a * nx, b * ny)
-    # A little inside, so that rounding does not put the ball into the wall.
+    # Slightly off the wall, so that rounding cannot make the ball overlap it.
     away = body.radius + 1e-9 * min(a, b)
     place = (
         wall.centre[0] + a * a * nx / height - away * nx,
@@ -193,7 +194,7 @@ def _draw_levels(axes: Axes, wall: Wall) -> None:
 
 
 def _draw_singular(axes: Axes, wall: Wall, radius: float) -> str:
-    """Mark the bounces of the motions to and fro along the axes; return what the marks mean."""
+    """Mark the bounces of the motions to and fro along the axes; return a legend of the marks."""
     kinds = {orbit.kind for orbit in two_bounce_orbits(wall, radius)}
     for orbit in two_bounce_orbits(wall, radius):
         if orbit.kind == "degenerate":
@@ -210,9 +211,9 @@ def _draw_singular(axes: Axes, wall: Wall, radius: float) -> str:
 def portrait(
     system: TableSystem, width: str, drawn: Collection[int]
 ) -> tuple[dict[str, Any], dict[str, Figure]]:
-    """Return the orbits to and fro of each ball, and a figure for each radius of those `drawn`.
+    """Return the orbits to and fro of all balls, and a figure per radius of the balls `drawn`.
 
-    Raises `NoPortrait` for a table without one.
+    Raises `NoPortrait` if the wall has no portrait.
     """
     wall = system.wall
     if wall is None or not has_wall_portrait(wall):

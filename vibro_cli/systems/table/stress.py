@@ -1,6 +1,6 @@
-"""Balls on a table: walls met exactly, nobody escapes, laws to rounding, energy kept.
+"""Stress tests of balls on a table: contacts with walls, escapes, impact laws, energy.
 
-From Cartesian equations and the laws as the papers print them: nothing of the solver is used.
+The reference uses Cartesian equations and the laws as printed in the papers, not the solver.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from vibro_cli.systems.table.system import POLYGON, TableSystem, on_left
 
 @dataclass(frozen=True)
 class Told:
-    """An impact of the solver's run: of two balls, or of one on the wall."""
+    """An impact in the solver's run, of two balls or of one on the wall."""
 
     t: float
-    """Its time (s), as the solver has found it."""
+    """Time (s) found by the solver."""
     balls: tuple[int, ...]
-    """From 0."""
+    """Indices of the balls, from 0."""
     normal: float
     """Direction of the normal (rad), from the first ball to the other or to the wall."""
     law: str = ""
@@ -35,7 +35,7 @@ class Told:
 
 
 def told_of(pairs: Any, bounces: Any) -> list[Told]:
-    """Return the impacts of a run from its logs, in order."""
+    """Return the impacts from the logs of a run, in order."""
     found: list[tuple[int, Told]] = []
     for row in pairs:
         normal = math.atan2(row["normal_y"], row["normal_x"])
@@ -50,7 +50,7 @@ def told_of(pairs: Any, bounces: Any) -> list[Told]:
 
 
 class ReferenceSolver:
-    """Balls on a table."""
+    """Reference solver of balls on a table."""
 
     def __init__(self, system: TableSystem) -> None:
         self.system = system
@@ -59,9 +59,9 @@ class ReferenceSolver:
         self.rolling = [mp.mpf(body.kappa) * body.mass for body in system.bodies]
 
     def end_of(self, start: Sequence[Any], told: Sequence[Told], end: float) -> list[Any]:
-        """Return the state ``x, y, vx, vy`` of each ball at a time (s), ball after ball.
+        """Return the state at a time (s), after the impacts `told` in between.
 
-        The impacts that are told happen on the way, from a state of the same form.
+        States are ``x, y, vx, vy`` of each ball, ball by ball.
         """
         state = [list(start[4 * n : 4 * n + 4]) for n in range(len(self.radii))]
         now = mp.zero
@@ -83,7 +83,7 @@ class ReferenceSolver:
         ]  # fmt: skip
 
     def contact(self, state: list[list[Any]], now: Any, one: Told) -> tuple[Any, Any]:
-        """Return how long until an impact (s), and the normal of the wall there."""
+        """Return the time until an impact (s), and the normal of the wall there."""
         if len(one.balls) == 2:
             a, b = one.balls
             touch = 2 * mp.sqrt(self.radii[a] * self.radii[b])
@@ -108,7 +108,7 @@ class ReferenceSolver:
         return step, self._unit(x - px - step * vx, y - py - step * vy)
 
     def _fall(self, way: Sequence[Any], distance: Any) -> Any:
-        """When the length of ``(x, y) + (vx, vy) t`` falls to a distance (s)."""
+        """Return the time (s) when the length of ``(x, y) + (vx, vy) t`` falls to a distance."""
         x, y, vx, vy = way
         square, along = vx**2 + vy**2, x * vx + y * vy
         beyond = x**2 + y**2 - distance**2
@@ -119,7 +119,7 @@ class ReferenceSolver:
         return x / size, y / size
 
     def _curved(self, ball: list[Any], r: Any, guess: Any, one: Told) -> tuple[Any, Any]:
-        """Time to and normal of a contact with a conic, by Newton from where it was found."""
+        """Return time (s) and normal of a contact with a conic, by Newton from the solver's."""
         wall = self.system.wall
         assert wall is not None
         a, b = (mp.mpf(axis) for axis in wall.semi_axes)
@@ -166,7 +166,7 @@ Generator = np.random.Generator
 
 
 def check(plan: Plan) -> list[Finding]:
-    """Elliptic walls, skew impacts, the break of a rack, and many balls in a box."""
+    """Check elliptic walls, skew impacts, the break of a rack, and many balls in a box."""
     return [*_foci(plan), _contact(plan), *_skew(plan), _rack(plan), *_gas(plan)]
 
 
@@ -185,7 +185,7 @@ def _ellipse(rng: Generator, side: str = "inside") -> Document:
 
 
 def _foci(plan: Plan) -> list[Finding]:
-    """The product of the angular momenta about the foci at r = 0, k = 1; who gets out."""
+    """Check the product of angular momenta about the foci (r = 0, k = 1), and that none escapes."""
     bounces, far = plan.amount(10_000, 100_000), plan.amount(50_000, 1_000_000)
     product = Finding(
         "product of angular momenta about the foci, change over that of their largest",
@@ -211,7 +211,10 @@ def _foci(plan: Plan) -> list[Finding]:
 
 
 def _product_drift(run: Run, wall: Document) -> float:
-    """Change of the product over that of both largest: the product itself may be nearly 0."""
+    """Return the change of the product relative to that of the largest momenta.
+
+    The product itself may be nearly 0.
+    """
     a, b = wall["semi_axis_x"], wall["semi_axis_y"]
     c = math.sqrt(abs((a - b) * (a + b)))
     fx, fy = (c, 0.0) if a > b else (0.0, c)
@@ -236,7 +239,7 @@ def _beyond(run: Run, wall: Document, radius: float) -> float:
 
 
 def _contact(plan: Plan) -> Finding:
-    """Time of the first contact with the offset curve, against 50 digits, also when it grazes."""
+    """Check times of first contacts with elliptic walls, also grazing ones, against 50 digits."""
     quantity = "time of contact with an elliptic wall, error over 3 m"
     error = Finding(quantity, "inside and outside, r up to 0.25, against 50 digits", 1e-14)
     rng = np.random.default_rng([plan.seed, 2])
@@ -256,7 +259,7 @@ def _contact(plan: Plan) -> Finding:
 
 
 def _skew(plan: Plan) -> list[Finding]:
-    """Components of skew impacts: tangential ones stay, equal balls part at a right angle."""
+    """Check skew impacts: tangential components persist, equal balls part at a right angle."""
     tried = "random skew impacts at speeds up to 1 m/s"
     stays = Finding("change of a tangential component (m/s)", tried, 1e-15)
     angle = Finding(
@@ -293,7 +296,7 @@ def _skew(plan: Plan) -> list[Finding]:
 
 
 def _rack(plan: Plan) -> Finding:
-    """A ball breaks a triangle of touching balls along its axis: distance from a mirror image."""
+    """Check the mirror symmetry of a triangle of touching balls broken along its axis."""
     tried = "3 to 15 touching balls, simultaneous impacts, k = 1 or random"
     distance = Finding("break of a rack, distance from its mirror image", tried, 0.0)
     rng = np.random.default_rng([plan.seed, 5])
@@ -319,7 +322,7 @@ _MIRRORED = {"x": -1.0, "y": 1.0, "velocity_x": -1.0, "velocity_y": 1.0}
 
 
 def _gas(plan: Plan) -> list[Finding]:
-    """Many balls in a box: energy, gaps at impacts."""
+    """Check energy and gaps at impacts for many balls in a box."""
     impacts = plan.amount(2_000, 100_000)
     tried = f"2, 7, 30 balls in a box, k = 1, {impacts} impacts"
     drift = Finding("relative drift of energy", tried, 1e-12)
@@ -347,7 +350,7 @@ _NOTCHED = [[-1.2, -1.0], [1.2, -1.0], [1.2, 1.1], [0.2, 1.0], [0.0, 0.6], [-0.2
 
 
 def drawn(rng: Generator) -> Document:
-    """A scene at random: one to three balls, any law, k from 0.2 to 1, any wall or none."""
+    """Draw a random scene: one to three balls, any law, k from 0.2 to 1, a wall of any shape."""
     radii = [float(rng.uniform(0.05, 0.15)) for _ in range(int(rng.integers(1, 4)))]
     balls = []
     for number, radius in enumerate(radii):
@@ -369,13 +372,13 @@ def drawn(rng: Generator) -> Document:
 
 
 def check_tangent(plan: Plan) -> list[Finding]:
-    """Tangent maps of scenes drawn at random against neighbouring motions in 50 digits."""
+    """Compare tangent maps of random scenes with neighbouring motions in 50 digits."""
     tried = "tables drawn at random, up to 3 impacts of balls, 8 on walls of every shape, any law"
     return [check_maps(plan, drawn, neighbours, tried)]
 
 
 def neighbours(system: Any, whole: Stretch) -> Any:
-    """Return the start of a run, and what leads from others through the same events."""
+    """Return the start of a run, and a map from nearby starts through the same events."""
     told = told_of(whole.logs["pair_log"], whole.logs["bounce_log"])
     twin = ReferenceSolver(system)
     start = [number for one in system.initial for number in (*one.place, *one.velocity)]

@@ -1,4 +1,4 @@
-"""What is solved on the table: balls and the wall that they fit; the records of the event loop."""
+"""The system of balls on a table with its wall, and the records of its event loop."""
 
 from __future__ import annotations
 
@@ -31,39 +31,39 @@ ELLIPSE = "ellipse"
 CIRCLE = "circle"
 POLYGON = "polygon"
 _KINDS = {ELLIPSE: CONIC, CIRCLE: CONIC, POLYGON: POLYGON_KIND}
-"""By what the kernels meet a wall of a shape."""
+"""Kind of wall in the kernels, by shape."""
 
 Point = tuple[float, float]
 
 
 @dataclass(frozen=True)
 class Wall:
-    """A vertical wall; a ball meets it where its centre is at the distance of its radius."""
+    """A vertical wall; a ball touches it when its centre is one radius away."""
 
     shape: str
     """`ellipse` (axes along x and y), `circle` or `polygon`."""
     inside: bool
     """Whether the balls are inside."""
     restitution: float
-    """k of the component across the wall."""
+    """k of the normal component of velocity."""
     centre: Point = (0.0, 0.0)
-    """Of an ellipse or a circle, m."""
+    """Centre of an ellipse or a circle (m)."""
     semi_axes: Point = (0.0, 0.0)
-    """Along x and y, m; equal for a circle, unused for a polygon."""
+    """Semi-axes along x and y (m); equal for a circle, unused for a polygon."""
     corners: tuple[Point, ...] = ()
-    """Of a polygon, m, in order around it."""
+    """Corners of a polygon (m), in order around it."""
     named: str = ""
-    """The scenario's word for the shape, where it is another."""
+    """The scenario's name of the shape, if it differs."""
 
     @property
     def points(self) -> tuple[Point, ...]:
-        """Points (m) around which it extends as far as its semi-axes: its corners or its centre."""
+        """Points (m) that with the semi-axes around them bound the wall: its corners or centre."""
         return self.corners or (self.centre,)
 
 
 @dataclass(frozen=True)
 class InitialState:
-    """Where a ball starts and how fast."""
+    """Initial position (m) and velocity (m/s) of a ball."""
 
     place: Point
     velocity: Point
@@ -79,14 +79,14 @@ class TableSystem(ImpactSystem):
     """k of every pair."""
 
     def keeps_energy(self, clock: Mapping[str, Any]) -> bool:
-        """Whether nothing takes energy: neither the wall nor, of two balls or more, an impact."""
+        """Return whether energy was conserved by all impacts, of balls and on the wall."""
         kept = self.wall is None or self.wall.restitution == 1.0 or clock["bounces"] == 0
         if clock["collisions"] > 0:
             kept = kept and self.restitution == 1.0 and self.law_keeps_energy
         return bool(kept)
 
 
-# A side ends in a corner that no ball can touch; met a little beyond, it has no way through there.
+# Relative length by which sides extend beyond corners that no ball can touch, to leave no gap.
 BEYOND = 1.0e-9
 
 LOOP = EventLoop(
@@ -94,7 +94,7 @@ LOOP = EventLoop(
     follow=follow_balls,
     records=records_of(World),
     logs={"pair_log": "pair_rows", "bounce_log": "bounce_rows"},
-    state=("clock", "balls", "meetings"),  # the tournament follows from them
+    state=("clock", "balls", "meetings"),  # determine the tournament tree
     quiet_log=("bounce_log", "impacts on the wall"),
     other_stops={"stop_time": NEVER, "stop_bounces": UNLIMITED},
 )
@@ -119,7 +119,7 @@ def make_world(system: TableSystem, limits: Limits) -> World:
         bodies=[body_record(body) for body in system.bodies],
         balls=[_ball(state) for state in system.initial],
         meetings=[Meeting() for _ in system.bodies],
-        tree=[leaves] * leaves,  # no ball where none has played
+        tree=[leaves] * leaves,  # `leaves` stands for no ball
         partners=[-1] * len(system.bodies),
         stale=[0] * len(system.bodies),
         radii=[body.radius for body in system.bodies],
@@ -133,10 +133,10 @@ def make_world(system: TableSystem, limits: Limits) -> World:
 
 
 def time_scale(system: TableSystem) -> float:
-    """Return the time (s) by which speeds are compared with ways in the growth of small changes.
+    """Return the time scale (s) of tangent maps.
 
-    In it the fastest ball of the start goes half the greater extent of the wall, or without one of
-    the places of the balls; 1 m if all are at one place, 1 s if none moves.
+    It is the time in which the initially fastest ball travels half the greater extent of the wall,
+    or without a wall of the initial positions (1 m if all coincide). It is 1 s if no ball moves.
     """
     points, axes = tuple(state.place for state in system.initial), (0.0, 0.0)
     if system.wall is not None:
@@ -150,10 +150,10 @@ def time_scale(system: TableSystem) -> float:
 
 
 def most_touches(balls: int) -> int:
-    """Return how many pairs of balls can touch at once.
+    """Return an upper bound of the number of pairs of balls that touch at once.
 
-    The mean number of spheres that touch one of a packing, whatever their radii, is below
-    8 + 4 sqrt(3) (Kuperberg and Schramm 1994), so there are fewer than 7.5 pairs for each.
+    In a packing of spheres of any radii the mean number of contacts of a sphere is below
+    8 + 4 sqrt(3) (Kuperberg and Schramm 1994), so there are fewer than 7.5 pairs per ball.
     """
     return max(1, min(balls * (balls - 1) // 2, 8 * balls))
 
@@ -168,7 +168,7 @@ def _ball(start: InitialState) -> Ball:
 
 
 def wall_records(wall: Wall) -> tuple[WallData, list[Edge]]:
-    """Return the wall as a whole, and its sides if it is a polygon."""
+    """Return the record of a wall, and those of its sides if it is a polygon."""
     data = WallData()
     data.kind = _KINDS[wall.shape]
     data.side = 1.0 if wall.inside else -1.0
@@ -180,7 +180,7 @@ def wall_records(wall: Wall) -> tuple[WallData, list[Edge]]:
     left = on_left(wall)
     edges = [_edge(*ends, left) for ends in _sides(wall.corners)]
     for before, edge in zip(edges[-1:] + edges[:-1], edges, strict=True):
-        # The corners that a ball can touch are those that point at it.
+        # A ball can touch only corners that point towards the balls.
         turn = before.along_x * edge.along_y - before.along_y * edge.along_x
         edge.corner = 1 if turn * left < 0.0 else 0
         if not edge.corner:
@@ -190,7 +190,7 @@ def wall_records(wall: Wall) -> tuple[WallData, list[Edge]]:
 
 
 def _edge(start: tuple[float, float], end: tuple[float, float], left: float) -> Edge:
-    """A side of a polygon; the balls are on the left of the way along it (1) or right (-1)."""
+    """Return the record of a polygon's side; the balls are on its left (`left` 1) or right (-1)."""
     edge = Edge()
     edge.x, edge.y = start
     dx, dy = end[0] - start[0], end[1] - start[1]
@@ -201,10 +201,10 @@ def _edge(start: tuple[float, float], end: tuple[float, float], left: float) -> 
 
 
 def largest_radius(wall: Wall) -> float:
-    """Return the radius (m) up to which balls touch a wall at one place at a time.
+    """Return the radius (m) below which a ball touches a curved wall at one point at a time.
 
-    Inside an ellipse the least radius of curvature, b^2/a; a greater ball would touch it at both
-    sides of an end of the long axis. Elsewhere every radius, if there is room.
+    Inside an ellipse it is the least radius of curvature, b^2/a: a larger ball would touch it on
+    both sides of an end of the long axis. Otherwise any radius is allowed.
     """
     if wall.shape == POLYGON or not wall.inside:
         return math.inf
@@ -213,13 +213,13 @@ def largest_radius(wall: Wall) -> float:
 
 
 def rounding(wall: Wall, place: Point) -> float:
-    """Return what of a distance from the wall (m) may be rounding."""
+    """Return the rounding error (m) that a distance from the wall may have."""
     sizes = [*wall.semi_axes, *place, *(x for point in wall.points for x in point)]
     return 1e-14 * max(map(abs, sizes))
 
 
 def distance_to_wall(wall: Wall, place: Point) -> float:
-    """Return the distance (m) of a place from the wall, negative on the side without balls."""
+    """Return the distance (m) of a point from the wall, negative on the side without balls."""
     if wall.shape == POLYGON:
         distance = min(_to_side(place, *side) for side in _sides(wall.corners))
         return distance if _is_within(wall, place) == wall.inside else -distance
@@ -240,7 +240,7 @@ def _to_side(place: Point, start: Point, end: Point) -> float:
 
 
 def _is_within(wall: Wall, place: Point) -> bool:
-    """Whether a place is within a polygon: a ray from it crosses an odd number of sides."""
+    """Return whether a point is within a polygon: a ray from it crosses an odd number of sides."""
     within = False
     for (x, y), (ex, ey) in _sides(wall.corners):
         if (y > place[1]) != (ey > place[1]):
@@ -250,7 +250,7 @@ def _is_within(wall: Wall, place: Point) -> bool:
 
 
 def _into_ellipse(a: float, b: float, x: float, y: float) -> float:
-    """Distance of a place in the first quadrant from an ellipse, positive within it.
+    """Return the distance of a point in the first quadrant from an ellipse, positive inside.
 
     The nearest point ``(a^2 x/(s + a^2), b^2 y/(s + b^2))`` has the greatest root s of
     ``(a x/(s + a^2))^2 + (b y/(s + b^2))^2 = 1``, found by bisection.
@@ -267,7 +267,7 @@ def _into_ellipse(a: float, b: float, x: float, y: float) -> float:
         value = _term(a, x, s) + _term(b, y, s)
         low, high = (s, high) if value > 1.0 else (low, s)
     nearest_x, nearest_y = a * a * x / (high + a * a), b * b * y / (high + b * b)
-    if high + b * b <= 1e-12 * b * b:  # the place is on the long axis, nearer the centre than foci
+    if high + b * b <= 1e-12 * b * b:  # the point is on the long axis, near the centre
         nearest_x = a * a * x / (a * a - b * b) if a > b else 0.0
         nearest_y = b * math.sqrt(max(1.0 - (nearest_x / a) ** 2, 0.0))
     distance = math.hypot(nearest_x - x, nearest_y - y)
@@ -279,15 +279,15 @@ def _term(axis: float, place: float, s: float) -> float:
 
 
 def on_left(wall: Wall) -> float:
-    """Return 1 if the balls are on the left of the way around a polygon by its corners, else -1."""
-    x, y = wall.corners[0]  # from which the area keeps its sign far from the origin
+    """Return 1 if the balls are on the left when following a polygon's corners, else -1."""
+    x, y = wall.corners[0]  # relative to it, the sign of the area is right far from the origin
     corners = tuple((px - x, py - y) for px, py in wall.corners)
     twice = sum(px * qy - qx * py for (px, py), (qx, qy) in _sides(corners))
     return math.copysign(1.0, twice if wall.inside else -twice)
 
 
 def wrong_with_polygon(corners: tuple[Point, ...]) -> str:
-    """Return why corners make no polygon, empty if they do."""
+    """Return why corners do not form a polygon, or an empty string if they do."""
     count = len(corners)
     sides = _sides(corners)
     for number, (start, end) in enumerate(sides, 1):
@@ -298,14 +298,14 @@ def wrong_with_polygon(corners: tuple[Point, ...]) -> str:
 
 
 def _meeting(sides: Sequence[tuple[Point, Point]]) -> Iterator[tuple[int, int]]:
-    """Pairs of sides that meet, of those that overlap along x."""
+    """Yield the pairs of sides that meet, by a sweep along x."""
     left = [min(start[0], end[0]) for start, end in sides]
     order = sorted(range(len(sides)), key=left.__getitem__)
     for at, one in enumerate(order):
         right = max(sides[one][0][0], sides[one][1][0])
         for other in map(order.__getitem__, range(at + 1, len(order))):
             if left[other] > right:
-                break  # nor do those that are farther along x
+                break  # the remaining sides lie even farther along x
             first, second = min(one, other), max(one, other)
             neighbours = second - first in (1, len(sides) - 1)
             if _meet(sides[first], sides[second], neighbours):
@@ -313,7 +313,7 @@ def _meeting(sides: Sequence[tuple[Point, Point]]) -> Iterator[tuple[int, int]]:
 
 
 def _meet(one: tuple[Point, Point], other: tuple[Point, Point], neighbours: bool) -> bool:
-    """Whether two sides meet, neighbours elsewhere than at their common corner."""
+    """Return whether two sides meet; for neighbours, elsewhere than at their common corner."""
     (p, q), (r, s) = one, other
     if neighbours:
         common, before, after = (q, p, s) if q == r else (p, q, r)
@@ -321,7 +321,7 @@ def _meet(one: tuple[Point, Point], other: tuple[Point, Point], neighbours: bool
         ahead = (common[0] - before[0]) * (after[0] - common[0])
         ahead += (common[1] - before[1]) * (after[1] - common[1])
         return turn == 0.0 and ahead <= 0.0
-    # Sides in one line, as the tops of a U, meet only where the boxes around them do.
+    # Collinear sides, such as the tops of a U, meet only if their bounding boxes do.
     for axis in (0, 1):
         if max(p[axis], q[axis]) < min(r[axis], s[axis]):
             return False

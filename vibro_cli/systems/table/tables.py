@@ -1,4 +1,4 @@
-"""The tables of a run on the table: their columns, and what these are made of."""
+"""The tables of a run on the table: their columns, and the sources of the columns."""
 
 from __future__ import annotations
 
@@ -39,18 +39,18 @@ from vibro_cli.systems.tables import Bodies, ImpactRows, PairRows, bodies_at, ev
 _AXES = ("x", "y")
 _ANGLES = {"pre": "arrival", "post": "outgoing"}
 _SKEW = 1e-12
-"""Least share of the component across the line of centres that makes an impact skew."""
+"""An impact is skew if the component across the line of centres exceeds this fraction of speed."""
 
 
 def _rolling(rows: ImpactRows, ball: Any, vx: Any, vy: Any) -> Any:
-    """Return |v|/r (rad/s) of the ball of each row, nan where it slides."""
+    """Return |v|/r (rad/s) of each row's ball, nan if it slides."""
     radii, speed = rows.of_body(rows.bodies.radii, ball), _size(vx, vy)
     omega = np.divide(speed, radii, out=np.zeros_like(speed), where=radii > 0.0)
     return np.where(rows.of_body(rows.bodies.slide, ball), np.nan, omega)
 
 
 def _size(x: Any, y: Any) -> Any:
-    """Return the lengths of vectors, rounded alike on every processor: the C library's are not."""
+    """Return the lengths of vectors, rounded equally on every processor, unlike C's hypot."""
     return np.sqrt(x * x + y * y)
 
 
@@ -68,25 +68,25 @@ class Collisions(PairRows):
         return self[end]
 
     def along(self, end: str, when: str) -> Any:
-        """Its component along the line of centres (m/s), `pre` or `post`."""
+        """Velocity component along the line of centres (m/s), `pre` or `post` impact."""
         return self[f"normal_{end}_{when}"]
 
     def tangential_speed(self, ball: str) -> Any:
-        """Across the line of centres (m/s), of ball `a` or `b`."""
+        """Velocity component across the line of centres (m/s), of ball `a` or `b`."""
         across = self[f"vy_{ball}_pre"] * self["normal_x"]
         return across - self[f"vx_{ball}_pre"] * self["normal_y"]
 
     def omega(self, ball: str, when: str) -> Any:
-        """Angular speed of rolling (rad/s) of ball `a` or `b`, nan of a particle."""
+        """Angular speed of rolling (rad/s) of ball `a` or `b`, nan for a particle."""
         return _rolling(self, self[ball], self[f"vx_{ball}_{when}"], self[f"vy_{ball}_{when}"])
 
     def angle(self, ball: str, when: str) -> Any:
-        """Between the path and the line of centres (rad, 0 to π/2), nan at rest."""
+        """Angle between the path and the line of centres (rad, 0 to π/2), nan at rest."""
         return inclination_of(self.along(ball, when), self.tangential_speed(ball))
 
     @property
     def central(self) -> Any:
-        """Whether both velocities before lie along the line of centres."""
+        """Whether both velocities before the impact lie along the line of centres."""
         return ~(self._skew("a") | self._skew("b"))
 
     def _skew(self, ball: str) -> Any:
@@ -104,24 +104,24 @@ class Bounces(ImpactRows):
 
     @property
     def edge(self) -> Any:
-        """Straight side, from 1; none of a curve, whose numbers in the log are negative."""
+        """Number of the straight side, from 1; null for a curve, which is negative in the log."""
         return np.ma.MaskedArray(self["edge"] + 1, mask=self["edge"] < 0)
 
     def along(self, when: str) -> Any:
-        """Towards the wall (m/s), `pre` or `post`."""
+        """Velocity component towards the wall (m/s), `pre` or `post` impact."""
         return self[f"vx_{when}"] * self["normal_x"] + self[f"vy_{when}"] * self["normal_y"]
 
     def omega(self, when: str) -> Any:
-        """Angular speed of rolling (rad/s), nan of a particle."""
+        """Angular speed of rolling (rad/s), nan for a particle."""
         return _rolling(self, self["ball"], self[f"vx_{when}"], self[f"vy_{when}"])
 
     def angle(self, when: str) -> Any:
-        """Between the path and the normal of the wall (rad, 0 to π/2)."""
+        """Angle between the path and the wall's normal (rad, 0 to π/2)."""
         return inclination_of(self.along(when), self.tangential_speed)
 
     @property
     def tangential_speed(self) -> Any:
-        """Along the wall (m/s)."""
+        """Velocity component along the wall (m/s)."""
         return self["vy_pre"] * self["normal_x"] - self["vx_pre"] * self["normal_y"]
 
 
@@ -136,7 +136,7 @@ def _normal_angle(rows: Any) -> Any:
 def _of_ends(
     name: str, unit: str, text: str, method: str, nullable: bool = False
 ) -> Iterator[Column]:
-    """A quantity of both balls, before and after the impact, for which the text has places."""
+    """Yield a quantity of both balls before and after the impact; `text` has fields for these."""
     for ball, when, words in ENDS:
         what, value = text.format(ball, words), methodcaller(method, ball, when)
         yield number(f"{name}_{ball}_{when}", unit, what, nullable, value)
@@ -248,7 +248,7 @@ SUMMARY = Table(
 
 
 def final_state(ball: int | str) -> Iterator[Column]:
-    """The columns of the summary that are of a ball, counted from 1."""
+    """Yield the summary's columns of a ball, counted from 1."""
     for axis in _AXES:
         text = f"final place of ball {ball}"
         yield number(f"{axis}_{ball}", "m", text, True, of_last(axis, ball))
@@ -261,10 +261,9 @@ _NAMES = ("t", "t_low", "x", "y", "vx", "vy")
 
 
 class Motion:
-    """Every ball's places and velocities at its events, in order of time.
+    """Positions and velocities of every ball at its events, in order of time.
 
-    `before` has the last event of each ball before the stretch, from :attr:`last`; None before the
-    first one.
+    `before` is :attr:`last` of the preceding stretch, None for the first one.
     """
 
     def __init__(self, system: TableSystem, stretch: Stretch, before: Floats | None = None) -> None:
@@ -280,7 +279,7 @@ class Motion:
         rows = rows[order]
         firsts = np.searchsorted(balls[order], np.arange(number + 1))
         self.last: Floats = rows[firsts[1:] - 1]
-        """The last event of each ball: a row for each."""
+        """The last event of each ball, one row per ball."""
         columns = np.ascontiguousarray(rows.T[1:])
         self.balls: list[dict[str, Floats]] = [
             dict(zip(_NAMES, columns[:, low:high], strict=True))
@@ -289,17 +288,17 @@ class Motion:
         """Events of each ball, from its start: `t`, `t_low` (s), `x`, `y` (m), `vx`, `vy` (m/s)."""
 
     def go_on(self, later: Sequence[Motion]) -> None:
-        """Take the motion in the stretches that follow."""
+        """Append the motion in the following stretches."""
         for ball, events in enumerate(self.balls):
             for name, own in events.items():
                 more = (motion.balls[ball][name][1:] for motion in later)
                 events[name] = np.concatenate([own, *more])
 
     def at(self, ball: int, times: Floats, side: str = "after") -> dict[str, Floats]:
-        """Return columns x, y (m), vx, vy (m/s) of a ball at some times.
+        """Return columns x, y (m), vx, vy (m/s) of a ball at some times (s).
 
-        `side` is "after" or "before" an event that happens at just such an instant.
-        Raises ValueError for another side.
+        `side`, "after" or "before", selects the state at the very instant of an event. Raises
+        ValueError for another side.
         """
         events = self.balls[ball]
         row = np.maximum(events_until(events["t"], times, side) - 1, 0)
@@ -319,7 +318,7 @@ class Motion:
 
 
 def states_at(system: TableSystem, records: Any, time: float) -> dict[str, NDArray[Any]]:
-    """Return the columns of the motion table at one time (s), from the balls' last events."""
+    """Return the columns of the motion table at a time (s), from the last events of the balls."""
     balls = records["balls"]
     past = time - balls["t"] - balls["t_low"]
     x, y = (balls[axis] + past * balls[f"v{axis}"] for axis in "xy")
@@ -335,7 +334,7 @@ def _motion_columns(
 
 
 def _events(pairs: Any, bounces: Any) -> tuple[Any, Floats]:
-    """The balls to which something happens, and their states after it, a row for each."""
+    """Return the balls that take part in events, and their states after these, one per row."""
     # An inadmissible impact under `stop` changes nothing.
     made = pairs[(pairs["admissible"] == 1) | (pairs["substituted"] == 1)]
     balls, parts = [made["a"], made["b"], bounces["ball"]], []

@@ -1,4 +1,4 @@
-"""Scenes on the table whose run time `vibro bench` measures."""
+"""Scenes on the table for `vibro bench`."""
 
 from __future__ import annotations
 
