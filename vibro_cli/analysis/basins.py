@@ -1,4 +1,4 @@
-"""Basins: which outcome each start of a grid leads to, and how finely the outcomes are mixed.
+"""Basins: the outcome of each start of a grid, and measures of how finely outcomes are mixed.
 
 Basin entropy: A. Daza, A. Wagemakers, B. Georgeot, D. Guéry-Odelin, M. A. F. Sanjuán, "Basin
 entropy: a new tool to analyze uncertainty in dynamical systems", *Scientific Reports* 6 (2016)
@@ -23,21 +23,21 @@ Codes = NDArray[np.int64]
 BOX = 5
 """Cells along an edge of the boxes of the basin entropy, as in its source."""
 FEWEST = 32
-"""Values of an axis from which on three distances, a factor 2 apart, can be compared."""
+"""Least number of values of an axis, which allows three distances with ratios of 2."""
 
 
 class NoBasins(VibroError, ValueError):
-    """Basins of a grid cannot be told; the message says why."""
+    """The basins of a grid cannot be determined; the message says why."""
 
 
 @dataclass(frozen=True)
 class Outcomes:
-    """Which outcome each of some points has."""
+    """Outcomes of points."""
 
     names: tuple[str, ...]
-    """In words, the most frequent first"""
+    """Outcomes in words, the most frequent first."""
     code: Codes
-    """Index of the outcome of each point"""
+    """Index of each point's outcome."""
 
 
 @dataclass(frozen=True)
@@ -46,38 +46,38 @@ class Estimate:
 
     value: float
     error: float | None
-    """None of one box alone"""
+    """Standard error; None for a single box."""
 
     def __str__(self) -> str:
-        """Return it with four decimals, and its error if there is one."""
+        """Return the number with four decimals, and its error if known."""
         error = "" if self.error is None else f" ± {self.error:.4f}"
         return f"{self.value:.4f}{error}"
 
 
 @dataclass(frozen=True)
 class Basins:
-    """How finely the outcomes of a grid over one or two axes are mixed."""
+    """Measures of how finely the outcomes of a grid over one or two axes are mixed."""
 
     outcomes: tuple[str, ...]
-    """In words, the most frequent first"""
+    """Outcomes in words, the most frequent first."""
     shares: Floats
-    """Of the points, by outcome"""
+    """Fraction of the points, by outcome."""
     cells: Codes
-    """Index of the outcome, by cell; the last axis is the first of the lattice"""
+    """Index of the outcome of each cell; the last axis is the first of the lattice."""
     entropy: Estimate
-    """Basin entropy, nats: the mean of ``-sum p ln p`` over boxes of 5 cells a side"""
+    """Basin entropy (nats): the mean of ``-sum p ln p`` over boxes of 5 cells a side."""
     boundary_entropy: Estimate | None
-    """The same over boxes with more than one outcome; above ln 2 a sign of a fractal boundary"""
+    """Mean over boxes with more than one outcome; above ln 2 it suggests a fractal boundary."""
     distances: Floats
-    """Cells"""
+    """Distances in cells."""
     uncertain: Floats
-    """Share of the cells with another outcome within each distance, along the axes and across"""
+    """Fraction of cells with a different outcome within each distance, diagonals included."""
     exponent: Estimate | None
-    """Uncertainty exponent: the share grows as the distance to this power; 1 if smooth"""
+    """Uncertainty exponent: the fraction grows as this power of the distance; 1 if smooth."""
 
     @property
     def fractal(self) -> bool:
-        """Whether the boundary basin entropy is a sign of a fractal boundary, by two errors."""
+        """Whether the boundary basin entropy exceeds ln 2 by two errors (fractal boundary)."""
         one = self.boundary_entropy
         if one is None or one.error is None:
             return False
@@ -85,15 +85,14 @@ class Basins:
 
     @property
     def boundary_dimension(self) -> float | None:
-        """Box-counting dimension of the boundaries: that of the plane less the exponent."""
+        """Box-counting dimension of the boundaries: number of axes minus the exponent."""
         return None if self.exponent is None else self.cells.ndim - self.exponent.value
 
 
 def outcomes_of(summary: Mapping[str, Any], names: Sequence[str], rows: Codes) -> Outcomes:
-    """Return what some rows of a summary say in some of its columns, as one outcome each.
+    """Return the outcomes of rows of a summary: combinations of values of the named columns.
 
-    Raises `NoBasins` for a name that is no column, a column of numbers that are not whole, and one
-    without a value.
+    Raises `NoBasins` for an unknown column, and for one with non-integer numbers or without values.
     """
     if not names:
         raise NoBasins("expected at least one column that tells an outcome")
@@ -103,7 +102,7 @@ def outcomes_of(summary: Mapping[str, Any], names: Sequence[str], rows: Codes) -
             known = ", ".join(one for one in results if _is_outcome(summary[one]))
             raise NoBasins(f"found the outcome {name!r}, expected one of {known}")
     columns = [np.asarray(summary[name])[rows] for name in names]
-    # Words are made once for each combination of values.
+    # Compose words once per combination of values.
     combination = combined([codes_of(values) for values in columns])
     first = np.unique(combination, return_index=True)[1]
     texts = [_texts(name, values[first]) for name, values in zip(names, columns, strict=True)]
@@ -115,7 +114,7 @@ def outcomes_of(summary: Mapping[str, Any], names: Sequence[str], rows: Codes) -
 
 
 def codes_of(values: NDArray[Any]) -> Codes:
-    """Which of its different values a column has in each row, as numbers from 0."""
+    """Return integer codes, from 0, of the distinct values of a column."""
     if values.dtype != object:
         return np.unique(values, return_inverse=True)[1]
     known: dict[Any, int] = {}
@@ -123,7 +122,7 @@ def codes_of(values: NDArray[Any]) -> Codes:
 
 
 def combined(columns: Sequence[Codes]) -> Codes:
-    """Which of the combinations of the codes of some columns each row has, as numbers from 0."""
+    """Return integer codes, from 0, of the distinct combinations of the codes of columns."""
     found = np.zeros_like(columns[0])
     for code in columns:
         pair = found * (code.max(initial=0) + 1) + code
@@ -140,7 +139,7 @@ def _is_outcome(column: Any) -> bool:
 
 
 def _texts(name: str, values: NDArray[Any]) -> list[str]:
-    """The values in words, empty where there is none: words as they are, numbers by name."""
+    """Return values in words, numbers with the column's name; a missing value is empty."""
     if values.dtype == object:
         return ["" if one is None else str(one).replace("_", " ") for one in values]
     what, _, body = name.rpartition("_")
@@ -154,11 +153,9 @@ def basins_of(outcomes: Outcomes, cells: Codes) -> Basins:
     Parameters
     ----------
     outcomes
-        Those of all points.
+        Outcomes of all points.
     cells
-        Index of the outcome, by cell.
-
-    An axis needs `FEWEST` values.
+        Index of the outcome of each cell; an axis needs at least `FEWEST` values.
     """
     number = len(outcomes.names)
     shares = np.bincount(cells.ravel(), minlength=number) / cells.size
@@ -179,7 +176,7 @@ def basins_of(outcomes: Outcomes, cells: Codes) -> Basins:
 
 
 def _entropies(cells: Codes, number: int) -> Floats:
-    """The entropy of each box; what is left at the far edges makes no box."""
+    """Return the entropy of each box, without incomplete boxes at the far edges."""
     whole = tuple(slice(0, size - size % BOX) for size in cells.shape)
     boxed = cells[whole]
     counts = np.stack([_in_boxes(boxed == code) for code in range(number)])
@@ -196,8 +193,8 @@ def _in_boxes(which: NDArray[np.bool_]) -> NDArray[np.int64]:
 
 
 def _uncertain(cells: Codes, reach: int) -> float:
-    """Share of the cells with another outcome among those up to a number of cells away."""
-    # Here, since the figures of every run import this module, and this takes 0.2 s.
+    """Return the fraction of cells with a different outcome at most `reach` cells away."""
+    # Imported here: it takes 0.2 s, and the figures of every run import this module.
     from scipy.ndimage import maximum_filter, minimum_filter
 
     inner = tuple(slice(reach, size - reach) for size in cells.shape)
@@ -212,7 +209,7 @@ def _mean(values: Floats) -> Estimate:
 
 
 def _slope(x: Floats, y: Floats) -> Estimate:
-    """The slope of a line through points, and its standard error."""
+    """Return the slope of the regression line through points, and its standard error."""
     around = x - x.mean()
     slope = float(around @ y / (around @ around))
     residual = y - y.mean() - slope * around

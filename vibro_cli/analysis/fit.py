@@ -1,12 +1,12 @@
-"""Numbers of a scenario fitted to measured instants of impacts: least squares, exact derivatives.
+"""Fit numbers of a scenario to measured times of impacts: least squares with exact derivatives.
 
-Minimised is the sum of squares of ``(T_n(p) - t_n)/sigma_n`` over the measured impacts, by the
-trust-region method of ``scipy.optimize.least_squares`` with the derivatives of
-``analysis.impact_times``. The first impacts are fitted first, then twice as many and so on: a start
-that is good for some of them only is enough. The covariance of the numbers is ``(J^T J)^-1`` of the
-solution, times the variance of the residuals where the noise is not known.
+The sum of squares of ``(T_n(p) - t_n)/sigma_n`` over the measured impacts is minimised by the
+trust-region method of ``scipy.optimize.least_squares``, with the derivatives of
+``analysis.impact_times``. Fits use the first impacts, then twice as many and so on, so that the
+initial values need to be good for the first impacts only. The covariance of the numbers is
+``(J^T J)^-1`` at the solution, times the variance of the residuals if the noise is unknown.
 
-The instants come from a table of a file or of Python.
+Measured times come from a file or from a table in Python.
 """
 
 from __future__ import annotations
@@ -37,27 +37,27 @@ COLUMNS = ("t", "n", "error", *_BODIES)
 
 
 class NotMeasured(VibroError, ValueError):
-    """A table that does not tell of instants of impacts; the message says which row and why."""
+    """A table without valid times of impacts; the message says which row and why."""
 
 
 @dataclass(frozen=True)
 class Measured:
-    """Measured instants of impacts."""
+    """Measured times of impacts."""
 
     number: NDArray[np.int64]
-    """Which impact of the motion each is, from 1"""
+    """Number of each impact in the motion, from 1."""
     t: Floats
-    """s"""
+    """Times (s)."""
     error: Floats | None = None
-    """Standard deviation of each, s"""
+    """Standard deviation of each time (s)."""
     pairs: NDArray[np.int64] | None = None
-    """[row, 2] numbers of the bodies, from 1, if they are known"""
+    """[row, 2] numbers of the bodies, from 1, if known."""
 
 
 def read_measured(file: str | Path) -> Measured:
-    """Return the measured instants in a CSV or parquet file, told by its suffix.
+    """Return the measured times in a CSV or Parquet file, distinguished by its suffix.
 
-    Columns as of :func:`measured_of`; a run's own ``collisions.parquet`` is such a file.
+    Columns as for :func:`measured_of`; the ``collisions.parquet`` of a run is such a file.
 
     Raises
     ------
@@ -90,14 +90,14 @@ def read_measured(file: str | Path) -> Measured:
 
 
 def measured_of(columns: Mapping[str, Any]) -> Measured:
-    """Return the measured instants of a table.
+    """Return the measured times in a table.
 
     Parameters
     ----------
     columns
-        ``t`` (s), growing; if not every impact was measured ``n``, which one each is, from 1; if
-        their errors differ ``error``, the standard deviation (s); if the bodies are known
-        ``ball_a`` and ``ball_b``, their numbers from 1.
+        ``t``, ascending times (s). Optional: ``n``, the number of each impact from 1, if not all
+        were measured; ``error``, the standard deviation of each time (s); ``ball_a`` and
+        ``ball_b``, the numbers of the bodies from 1.
 
     Raises
     ------
@@ -167,22 +167,22 @@ def _check_growing(values: Any, name: str) -> None:
     _check(right, values, name, "one greater than in the row before")
 
 
-# An impact is waited for as many times longer than it took.
+# Computed impacts may occur up to this many times later than measured.
 PATIENCE = 10.0
-# Of columns scaled to length 1: what is below this share of the largest singular value is rounding.
+# Relative singular values of the normalised Jacobian below this are rounding.
 LEAST_INDEPENDENT = 1.0e-9
-# Relative steps and changes of the sum of squares at which the method has arrived.
+# Relative step, and relative change of the sum of squares, at convergence.
 TOLERANCE = 1.0e-12
 CONFIDENCE = 0.95
 
 
 class NoFit(VibroError, ValueError):
-    """Numbers cannot be fitted to these instants; the message says why."""
+    """Numbers cannot be fitted to these times; the message says why."""
 
 
 @dataclass(frozen=True)
 class Free:
-    """A number that is fitted."""
+    """A number to be fitted."""
 
     path: KeyPath
     low: float = -math.inf
@@ -190,9 +190,9 @@ class Free:
 
     @staticmethod
     def of(path: str, low: float = -math.inf, high: float = math.inf) -> Free:
-        """Return a number by its path as text, such as ``collision.k``, counted from 1.
+        """Return a number given by its path, such as ``collision.k`` or ``balls[1].mass``.
 
-        Raises ``ValueError`` if the text is no path or there is nothing between the bounds.
+        Raises ``ValueError`` if the text is not a path or the bounds leave no interval.
         """
         if not (_is_number(low) and _is_number(high) and low < high):
             raise ValueError(f"{path}: found {low!r} to {high!r}, expected bounds that grow")
@@ -203,12 +203,12 @@ class Free:
 
     @property
     def name(self) -> str:
-        """Its path as text."""
+        """Path as text."""
         return path_text(self.path)
 
     @property
     def bounds(self) -> tuple[float, float]:
-        """Its bounds; restitution is not beyond 0 and 1, and may be either."""
+        """Bounds; those of a coefficient of restitution are limited to 0 and 1, inclusive."""
         if self.path[:2] == ("collision", "k") or self.path[-1] == "wall":
             return max(self.low, 0.0), min(self.high, 1.0)
         return self.low, self.high
@@ -216,28 +216,28 @@ class Free:
 
 @dataclass(frozen=True)
 class Fit:
-    """Fitted numbers and how sure they are."""
+    """Fitted numbers and their uncertainty."""
 
     scenario: Scenario
-    """With the fitted numbers"""
+    """Scenario with the fitted numbers."""
     free: tuple[Free, ...]
     start: Floats
-    """The numbers before"""
+    """Initial values of the numbers."""
     values: Floats
-    """In SI units"""
+    """Fitted values, in SI units."""
     covariance: Floats
     measured: Measured
     first: Floats
-    """[row] measured less computed instants (s) before; NaN where the motion had no such impact"""
+    """[row] initial residuals, measured minus computed times (s); NaN for impacts not computed."""
     residuals: Floats
-    """[row] measured less computed instants (s)"""
+    """[row] residuals, measured minus computed times (s)."""
     noise: Floats
-    """[row] their standard deviation (s), as it was given or as the residuals tell"""
+    """[row] standard deviation of the times (s), given or estimated from the residuals."""
     noise_known: bool
     word: tuple[str, ...]
-    """What happens until the last measured impact, see ``ImpactTimes``"""
+    """Sequence of events up to the last measured impact, see ``ImpactTimes``."""
     same_events: bool
-    """Whether the same happens within the confidence region: else the errors are for this order"""
+    """Whether this sequence holds in the confidence region; else the errors assume it."""
     evaluations: int
 
     def __repr__(self) -> str:
@@ -253,37 +253,37 @@ class Fit:
 
     @property
     def correlation(self) -> Floats:
-        """Of the numbers with one another."""
+        """Correlation matrix of the numbers."""
         found: Floats = self.covariance / np.outer(self.errors, self.errors)
         return found
 
     @property
     def freedom(self) -> int:
-        """Instants less numbers."""
+        """Degrees of freedom: number of times minus number of fitted numbers."""
         return len(self.residuals) - len(self.free)
 
     @property
     def interval(self) -> Floats:
-        """[number, end] of the intervals of 95 %."""
+        """[number, end] of the 95 % confidence intervals."""
         level = 0.5 + 0.5 * CONFIDENCE
         width = stdtrit(math.inf if self.noise_known else self.freedom, level) * self.errors
         return np.stack([self.values - width, self.values + width], axis=1)
 
     @property
     def chi_square(self) -> float:
-        """Sum of squares of the residuals in units of their noise."""
+        """Sum of squares of the residuals, each divided by its noise."""
         return float(np.sum((self.residuals / self.noise) ** 2))
 
     @property
     def likelihood(self) -> float | None:
-        """Probability of so large a sum of squares or larger; None if the noise is not known."""
+        """Probability of a sum of squares at least as large; None if the noise is unknown."""
         if not self.noise_known or self.freedom < 1:
             return None
         return float(chdtrc(self.freedom, self.chi_square))
 
     @property
     def misplaced(self) -> int:
-        """How many computed instants are nearer to another measured impact than to their own."""
+        """Number of computed times that are nearer to another measured impact than to their own."""
         measured = self.measured.t
         middles = 0.5 * (measured[1:] + measured[:-1])
         nearest = np.searchsorted(middles, measured - self.residuals)
@@ -293,27 +293,27 @@ class Fit:
 def fit_impacts(
     scenario: Scenario, measured: Measured, free: Sequence[Free], noise: float | None = None
 ) -> Fit:
-    """Fit numbers of a scenario of a trace at rest to measured instants of its impacts.
+    """Fit numbers of a scenario of a trace at rest to measured times of its impacts.
 
     Parameters
     ----------
     scenario
-        With the values to begin with; its ``stop`` does not count.
+        Scenario with the initial values; its ``stop`` is ignored.
     measured
-        Instants of impacts.
+        Measured times of impacts.
     free
-        Which numbers, and between which bounds.
+        Numbers to fit, with their bounds.
     noise
-        Standard deviation (s) of every instant that has none of its own; without it the residuals
-        tell of it.
+        Standard deviation (s) of the times, unless they have their own; by default it is estimated
+        from the residuals.
 
     Raises
     ------
     NoFit
-        If there are fewer instants than numbers, if the motion has not the measured impacts, if
-        the instants do not tell of a number or of two apart, or if the method does not arrive.
+        If there are fewer times than numbers, if the motion lacks a measured impact, if the times
+        do not determine a number or all numbers independently, or without convergence.
     ValueError
-        For a noise that is no time greater than 0.
+        If the noise is not greater than 0.
     """
     check_noise("noise", noise)
     problem = _Problem(scenario, measured, tuple(free), noise)
@@ -327,13 +327,13 @@ def fit_impacts(
 
 
 def check_noise(name: str, noise: Any) -> None:
-    """Raise ``ValueError``, with the name it is given by, for a noise that is none: s, or None."""
+    """Raise ``ValueError``, naming the argument, unless a noise (s) is positive or None."""
     if noise is not None and not (_is_number(noise) and 0.0 < noise < math.inf):
         raise ValueError(f"{name}: found {noise!r}, expected seconds, greater than 0")
 
 
 def _independent(jacobian: Floats) -> NDArray[np.int64]:
-    """Of the numbers those that instants tell apart, from the one that shows most on."""
+    """Return the indices of numbers that the times determine independently, by pivoted QR."""
     sizes = np.linalg.norm(jacobian, axis=0)
     shown = np.flatnonzero(sizes > 0.0)
     if not len(shown):
@@ -357,7 +357,7 @@ class _Problem:
         self.evaluations = 0
 
     def check(self) -> None:
-        """Raise what can be told before anything is solved."""
+        """Raise ``NoFit`` for faults that are known without solving anything."""
         rows, free = len(self._measured.t), len(self._free)
         lost = np.flatnonzero(self._noise < EPSILON * self._measured.t)
         if self._known and len(lost):
@@ -377,7 +377,7 @@ class _Problem:
             raise NoFit(f"found {rows} instants for {free} free numbers, expected {least}")
 
     def values_at_start(self) -> Floats:
-        """The numbers that the scenario gives."""
+        """Return the values of the numbers in the scenario."""
         try:
             found = np.array([number_at(self._scenario, one.path) for one in self._free])
         except NoDerivative as error:
@@ -389,7 +389,7 @@ class _Problem:
         return found
 
     def stages(self) -> list[int]:
-        """How many rows are fitted, one after another."""
+        """Return the numbers of rows to fit in successive stages."""
         rows, found = 2 * len(self._free) + 2, []
         while rows < len(self._measured.t):
             found.append(rows)
@@ -401,9 +401,9 @@ class _Problem:
         return self._scenario.replace({one.name: float(value) for one, value in pairs})
 
     def motion(self, values: Floats, rows: int) -> ImpactTimes:
-        """Impacts up to that of a row.
+        """Return the computed impacts up to that of the last of `rows` rows.
 
-        Raises ``NoFit`` if the motion has not these, or no derivative.
+        Raises ``NoFit`` if the motion lacks some of them or has no derivative.
         """
         key = (rows, *values)
         if self._last is not None and self._last[0] == key:
@@ -461,7 +461,7 @@ class _Problem:
         return jacobian
 
     def _unresolved(self, row: int, number: int, by: str) -> NoFit:
-        """What is said where rounding a number moves an impact by more than it may."""
+        """Return the error for an impact that moves too far when a number is rounded."""
         return NoFit(
             f"impact {self._measured.number[row]} moves by more than {by} when "
             f"{self._free[number].name} is rounded to a double: it tells nothing, expected only "
@@ -469,7 +469,10 @@ class _Problem:
         )
 
     def first_residuals(self, start: Floats) -> Floats:
-        """Residuals of the motion to begin with, as far as it goes; it has to have the first."""
+        """Return the initial residuals, NaN beyond the computed motion.
+
+        Raises ``NoFit`` if the motion lacks impacts of the first stage.
+        """
         rows = len(self._measured.t)
         found = np.full(rows, np.nan)
         least = self.stages()[0]
@@ -483,14 +486,14 @@ class _Problem:
                 rows = max(rows // 2, least)
 
     def solved(self, values: Floats, rows: int) -> Floats:
-        """The numbers that suit the first rows best; those that do not show there stay."""
+        """Return the numbers fitted to the first rows; undetermined ones keep their values."""
         try:
             jacobian = self._jacobian(values, rows)
         except NoFit as error:
             raise NoFit(f"{error}; the impacts before led to {self._in_words(values)}") from error
         last = rows == len(self._measured.t)
         if last:
-            self._covariance(jacobian)  # there is none where a number does not show
+            self._covariance(jacobian)  # raises if a number is undetermined
         shown = np.arange(len(values)) if last else _independent(jacobian)
         if not len(shown):
             return values
@@ -510,7 +513,7 @@ class _Problem:
         return ", ".join(f"{one.name} = {value:.4g}" for one, value in pairs)
 
     def _least(self, values: Floats, shown: NDArray[np.int64], rows: int, tolerance: float) -> Any:
-        """The least sum of squares of the first rows over the numbers that show there."""
+        """Minimise the sum of squares of the first rows over the numbers `shown`."""
         free = [self._free[n] for n in shown]
         ends = np.array([one.bounds for one in free]).T
         beyond = False
@@ -529,7 +532,7 @@ class _Problem:
             except NoFit:  # the step is made shorter
                 return np.full(rows, np.nan)
 
-        # Where no step is tried beyond 0 and 1, restitution need not be held there.
+        # The bounds 0 and 1 of restitution apply only if a step without them violates them.
         for bounds in (np.array([(one.low, one.high) for one in free]).T, ends):
             found = least_squares(
                 late, values[shown], jac=lambda some: self._jacobian(whole(some), rows)[:, shown],
@@ -541,15 +544,15 @@ class _Problem:
         return found
 
     def _covariance(self, jacobian: Floats) -> Floats:
-        """``(J^T J)^-1``, from ``J`` itself: the product would lose twice the digits.
+        """Return ``(J^T J)^-1``, computed from ``J`` as the product would lose twice the digits.
 
-        Raises ``NoFit`` if a number, or a combination of them, does not show in the instants.
+        Raises ``NoFit`` if the times do not determine a number or a combination of numbers.
         """
         sizes = np.linalg.norm(jacobian, axis=0)
         for one, size in zip(self._free, sizes, strict=True):
             if size == 0.0:
                 raise NoFit(f"{one.name}: the measured instants do not depend on it")
-        # Only of fewer instants than numbers are there directions without a share.
+        # With fewer times than numbers some directions have no singular value.
         few = len(jacobian) < len(sizes)
         _, shares, directions = np.linalg.svd(jacobian / sizes, full_matrices=few)
         if len(shares) < len(sizes) or shares[-1] < LEAST_INDEPENDENT * shares[0]:
@@ -561,7 +564,7 @@ class _Problem:
         return covariance
 
     def _check_resolved(self, values: Floats, jacobian: Floats) -> None:
-        """Raise ``NoFit`` where rounding a number moves an impact by more than its noise."""
+        """Raise ``NoFit`` if rounding a number moves an impact by more than its noise."""
         lost = np.argwhere(EPSILON * np.abs(jacobian * values) > 1.0)
         if self._known and len(lost):
             row, number = lost[0]

@@ -1,15 +1,15 @@
-"""Derivatives of the instants of impacts with respect to numbers of a scenario of a trace at rest.
+"""Derivatives of the times of impacts with respect to numbers of a scenario, for a trace at rest.
 
-Each event begins new flights at an instant T with a place x and a speed v, all of which depend on
-the numbers p. A flight of length t from (T0, x0, v0) gives at a fixed time
+Each event starts new flights at a time T with a position x and a speed v, which depend on the
+numbers p. For a flight of duration t from (T0, x0, v0), at a fixed time
 
 ``dx = J (dx0, dv0) - xdot dT0 + (dx/dw) dw``,  ``x(t) = X(w t; x0, v0/w)`` on an arc, so that
 ``dx/dw = (xdot t - J12 v0)/w,   dv/dw = (v + t vdot - J22 v0)/w``,
 
-with the closed form J of ``kernels.tangent``. An event with g(x, p) = 0 is at ``dT = -dg/gdot``,
-and x and v there change by ``xdot dT`` and ``vdot dT`` more. Gap, law, wall and junction are
-evaluated with numbers that carry their derivatives (``numerics.elementwise``), as is the system
-that is built from the scenario: nothing is differenced.
+with the closed form J of ``kernels.tangent``. The time of an event with g(x, p) = 0 changes by
+``dT = -dg/gdot``, which adds ``xdot dT`` and ``vdot dT`` to the changes of x and v. The system, and
+gaps, laws, walls and junctions are evaluated with numbers that carry their derivatives
+(``numerics.elementwise``); no finite differences are used.
 """
 
 from __future__ import annotations
@@ -47,19 +47,19 @@ from vibro_cli.systems.trace.world import make_world
 
 
 class NoDerivative(VibroError, ValueError):
-    """Instants that have no derivative to a number, or none that is known; the message says why."""
+    """Times of impacts have no derivative, or none is known; the message says why."""
 
 
 @dataclass(frozen=True)
 class ImpactTimes:
-    """Impacts of a motion, as far as they were asked for."""
+    """The requested impacts of a motion."""
 
     t: Floats
-    """[impact] s"""
+    """[impact] times (s)."""
     pairs: NDArray[np.int64]
     """[impact, 2] numbers of the bodies, from 1"""
     word: tuple[str, ...]
-    """What happened until the last of them: ``12`` (impact), ``1>``, ``1<`` (junction), ``1|``"""
+    """Events up to the last impact: ``12`` (impact), ``1>``, ``1<`` (junction), ``1|`` (wall)."""
     end_cause: str
     _walk: _Walk = field(repr=False)
 
@@ -75,7 +75,7 @@ def number_at(scenario: Scenario, path: KeyPath) -> float:
     Raises
     ------
     NoDerivative
-        If there is none, with the nearest key, or several unequal ones.
+        If there is none (the message names the nearest key), or if there are unequal ones.
     """
     found: Any = scenario
     try:
@@ -123,22 +123,22 @@ def differentiated(scenario: Scenario, paths: Sequence[KeyPath], more: int = 0) 
 def impact_times(
     scenario: Scenario, system: TraceSystem, paths: Sequence[KeyPath], count: int, stop_time: float
 ) -> ImpactTimes:
-    """Return the first impacts of a motion, and how their instants change with some numbers.
+    """Return the first impacts of a motion, and the derivatives of their times.
 
     Parameters
     ----------
     scenario, system
-        What is solved, and what was built of it.
+        The scenario, and the system built from it.
     paths
-        Of the numbers.
+        Paths of the numbers with respect to which times are differentiated.
     count, stop_time
-        How many impacts are wanted, and the time (s) after which none is waited for.
+        Number of impacts, and the time (s) at which the motion stops in any case.
 
     Raises
     ------
     NoDerivative
-        At lasting contact, at impacts of one body with two others at one instant, at passing
-        touches, where a body stops at a junction, and for a rotating trace.
+        For lasting contact, simultaneous impacts of one body with two others, grazing contacts,
+        bodies that stop at a junction, and a rotating trace.
     """
     if system.turning is not None:
         raise NoDerivative("found a trace that turns, expected one at rest")
@@ -233,11 +233,11 @@ class _State:
 
     piece: int
     begun: Any
-    """Instant (s)"""
+    """Time (s)."""
     place: Any
-    """Angle (rad) on an arc, distance (m) on a line"""
+    """Angle (rad) on an arc, distance (m) on a line."""
     speed: Any
-    """m/s"""
+    """Speed (m/s)."""
 
 
 class _Walk:
@@ -306,7 +306,7 @@ class _Walk:
         return Dual(place, turned), rho * Dual(rate, spun)
 
     def _moved(self, body: int, place: Any, speed: Any, arrival: Any, delay: Floats) -> Any:
-        """Place and speed at an instant that changes."""
+        """Return position and speed corrected for the derivative `delay` of the event's time."""
         piece = self._system.trace.pieces[self._states[body].piece]
         scale = value_of(piece.path_scale(self._radius(body)))
         place = place + Dual(0.0, arrival["speed"] / scale * delay)
@@ -335,7 +335,7 @@ class _Walk:
         self._begin(body, row, Dual(float(row["t"]), delay), end, speed)
 
     def _begin(self, body: int, row: Any, instant: Dual, place: Any, speed: Any) -> None:
-        """Begin a flight, on another piece if there the row is."""
+        """Start a flight, on the piece of its row."""
         before, pieces = self._states[body].piece, self._system.trace.pieces
         after = int(row["piece"])
         if after != before:
@@ -389,7 +389,7 @@ class _Walk:
     def _law(
         self, struck: Any, bodies: tuple[int, int], normals: list[Any], speeds: list[Any]
     ) -> list[Any]:
-        """Speeds after an impact, see ``kernels.impact.laws``."""
+        """Return the speeds after an impact, see ``kernels.impact.laws``."""
         system, law = self._system, int(struck["law"])
         (qa, ha), (qb, hb) = (
             weight_and_response(law, self._records[body], normal)

@@ -1,6 +1,6 @@
 """The potential of a body along the trace, and level curves of its energy, in closed form.
 
-A branch of a phase trajectory is what a body runs through in free flight between two events.
+A branch of a phase trajectory is the path of a body in free flight between two events.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ _ROUNDING = 64.0 * EPSILON
 class Landscape:
     """Potential energy of one body on the whole trace.
 
-    A position is φ in a valley, ψ on a hump (rad) and the distance from the left end on a line (m);
-    the rate is φ̇, ψ̇ (rad/s) or, on a line, the speed (m/s).
+    Positions are φ in a valley, ψ on a hump (rad) and the distance from the left end on a line (m);
+    rates are φ̇, ψ̇ (rad/s) or, on a line, the speed (m/s).
     """
 
     trace: Trace
@@ -36,43 +36,42 @@ class Landscape:
     gravity: float
     """g (m/s²)."""
     lowest: float
-    """Height y (m) of the lowest place the body's centre can have; the potential is 0 there."""
+    """Height y (m) of the lowest position of the body's centre, where the potential is 0."""
     turning: Turning | None = None
-    """On a rotating trace a height is y − Ω² (x − x₀)²/2g, whose weight is the potential."""
+    """Rotation of the trace; heights are then y − Ω² (x − x₀)²/2g (effective potential)."""
 
     @staticmethod
     def of(system: TraceSystem, ball: int) -> Landscape:
-        """Return the potential of a body of a system, counted from 1."""
+        """Return the potential of a body (from 1) of a system."""
         body = system.bodies[ball - 1]
         raw = Landscape(system.trace, body, system.gravity, 0.0, system.turning)
         return replace(raw, lowest=_lowest_height(raw))
 
     @property
     def weight(self) -> float:
-        """Weight of the body m g (N)."""
+        """Weight m g of the body (N)."""
         return self.body.mass * self.gravity
 
     def height(self, piece: Piece, position: float) -> float:
-        """Return the height (m) of the body's centre above its lowest place."""
+        """Return the height (m) of the body's centre above its lowest position."""
         x, y = piece.body_centre(position, self.body.radius)
         if self.turning is not None:
             y -= 0.5 * self.turning.square / self.gravity * (x - self.turning.x) ** 2
         return y - self.lowest
 
     def pull(self, piece: Piece) -> Pull:
-        """Return the pull on an arc of a rotating trace."""
+        """Return the pull of gravity and rotation on an arc of a rotating trace."""
         assert self.turning is not None
         return Pull.on_arc(piece, self.body.radius, self.turning, self.gravity)
 
     def stiffness(self, piece: Piece, position: float) -> float:
-        """Return how the pull changes with the angle there, on an arc of a rotating trace."""
+        """Return the derivative of the pull with respect to the angle, on an arc that rotates."""
         return self.pull(piece).stiffness(position + centre_of(piece))
 
     def _rise(self, piece: Piece, place: Array) -> Array:
-        """Rise (m) of the height from position 0 on.
+        """Return the height (m) relative to position 0.
 
-        By 2ρ sin²(φ/2) from the bottom of a valley; it falls by 2ρ sin²(ψ/2) from the crest of a
-        hump.
+        It is 2ρ sin²(φ/2) from the bottom of a valley, −2ρ sin²(ψ/2) from the crest of a hump.
         """
         rho = self.path_scale(piece)
         if piece.is_line:
@@ -86,15 +85,15 @@ class Landscape:
         return rise - self.turning.square / self.gravity * along * (x + 0.5 * along)
 
     def path_scale(self, piece: Piece) -> float:
-        """Return speed over rate, see :meth:`Piece.path_scale`."""
+        """Return the ratio of speed to rate, see :meth:`Piece.path_scale`."""
         return piece.path_scale(self.body.radius)
 
     def natural_rate(self, piece: Piece) -> float:
-        """Return w = √(g/κρ) (rad/s) on an arc: of small oscillations in a valley."""
+        """Return w = √(g/κρ) (rad/s) of an arc, the frequency of small oscillations in a valley."""
         return self.body.natural_rate(self.gravity, self.path_scale(piece))
 
     def potential(self, piece: Piece, position: ArrayLike) -> Array:
-        """Return the potential energy m g (y_C − lowest) (J) at positions on one piece."""
+        """Return the potential energy m g (y_C − lowest) (J) at positions on a piece."""
         place = np.asarray(position, dtype=np.float64)
         return self.datum(piece) + self.weight * self._rise(piece, place)
 
@@ -103,15 +102,15 @@ class Landscape:
         return self.weight * self.height(piece, 0.0)
 
     def energy(self, piece: Piece, position: ArrayLike, rate: ArrayLike) -> Array:
-        """Return ½ κ m v² + m g (y_C − lowest) (J) at positions and rates on one piece."""
+        """Return the energy ½ κ m v² + m g (y_C − lowest) (J) at positions and rates on a piece."""
         speed = self.path_scale(piece) * np.asarray(rate, dtype=np.float64)
         kinetic = 0.5 * self.body.rolling_mass * speed**2
         return kinetic + self.potential(piece, position)
 
     def rate(self, piece: Piece, position: ArrayLike, energy: float) -> Array:
-        """Return the rate, not negative, that an energy (J) leaves at positions on one piece.
+        """Return the rate (not negative) of a body with an energy (J) at positions on a piece.
 
-        NaN where the energy does not reach. rate² = 2(E − V)/(κ m ρ²), on an arc
+        NaN where the energy does not suffice. rate² = 2(E − V)/(κ m ρ²), which on an arc is
         c ∓ 4w² sin²(φ/2) with c its value at the bottom or crest: A (5), B (33), D (2).
         """
         place, datum = np.asarray(position, dtype=np.float64), self.datum(piece)
@@ -124,7 +123,7 @@ class Landscape:
 
 
 def centre_of(piece: Piece) -> float:
-    """Return the angle of the centre of an arc's full circle: φ = 0 or ψ = π.
+    """Return the angle of the singular point at the bottom of an arc's circle: φ = 0 or ψ = π.
 
     The angle f from it is φ in a valley, ψ + π or ψ − π on a hump.
     """
@@ -132,7 +131,7 @@ def centre_of(piece: Piece) -> float:
 
 
 def level_positions(piece: Piece) -> list[float]:
-    """Return the angles (rad) strictly within an arc where its tangent is level: multiples of π."""
+    """Return the angles (rad) strictly within an arc at which it is level: multiples of π."""
     first = math.floor(piece.angle_start / math.pi)
     last = math.ceil(piece.angle_end / math.pi)
     candidates = (turn * math.pi for turn in range(first, last + 1))
@@ -151,7 +150,7 @@ def same_angle(one: float, other: float) -> bool:
 
 
 def half_turn(slope: float) -> int | None:
-    """Return n of a slope (rad) that is nπ, which is to say level; None of any other slope."""
+    """Return n if a slope (rad) is level, that is, nπ; None for any other slope."""
     turn = round(slope / math.pi)
     return turn if same_angle(slope, turn * math.pi) else None
 
@@ -161,13 +160,13 @@ def _sine(slope: float) -> float:
 
 
 _AT_END = 1e-12
-"""A place closer to an end of a piece than this fraction of the trace's length may be at it."""
+"""Fraction of the trace's length within which a position counts as the end of a piece."""
 
 
 def equilibria(landscape: Landscape, piece: Piece) -> list[float]:
-    """Return the positions on a piece of a rotating trace, and at its ends, at which nothing pulls.
+    """Return the equilibrium positions on a piece of a rotating trace, including its ends.
 
-    What is at an end but for rounding may be found beyond it.
+    Rounding may put an equilibrium at an end slightly beyond it.
     """
     assert landscape.turning is not None
     near = end_width(landscape, piece)
@@ -192,9 +191,9 @@ def _line_terms(landscape: Landscape, piece: Piece) -> tuple[float, float, float
 
 
 def end_width(landscape: Landscape, piece: Piece) -> float:
-    """Return how far from an end of a piece (rad, m on a line) a place may be said to be at it.
+    """Return the distance (rad, m on a line) within which a position counts as a piece's end.
 
-    On an arc no further than a turn, where places come again.
+    On an arc it is at most a full turn, after which positions repeat.
     """
     width = _AT_END * landscape.trace.length
     return width if piece.is_line else min(width / piece.radius, math.tau)
@@ -214,14 +213,14 @@ def _lowest_height(landscape: Landscape) -> float:
 
 
 _POINTS = 121
-"""Of a level curve on one piece."""
+"""Points of a level curve on one piece."""
 _JOINED = 1e-9
-"""Parts of a curve join where they are closer than this fraction of the trace's length."""
+"""Parts of a curve closer than this fraction of the trace's length are joined."""
 
 
 @dataclass(frozen=True)
 class Reach:
-    """A part of one piece that an energy reaches."""
+    """A part of a piece that is accessible with an energy."""
 
     piece: Piece
     low: float
@@ -229,9 +228,9 @@ class Reach:
     high: float
     """Rightmost position."""
     turns_low: bool
-    """Whether the body turns back at the left, rather than rolling on to the next piece."""
+    """Whether the body turns back at the left end instead of rolling on to the next piece."""
     turns_high: bool
-    """Whether the body turns back at the right."""
+    """Whether the body turns back at the right end."""
 
     @property
     def left_s(self) -> float:
@@ -249,7 +248,7 @@ class LevelCurve:
     """The upper half of a level curve on one piece; the lower half is its mirror image."""
 
     piece: int
-    """Index of the piece, from 0; 0 of one along the whole trace."""
+    """Index of the piece, from 0; 0 for a curve along the whole trace."""
     position: Array
     """φ or ψ (rad), distance on a line, arc length along the trace (m); shape (n,), rising."""
     rate: Array
@@ -257,11 +256,11 @@ class LevelCurve:
 
 
 def reaches(landscape: Landscape, piece: Piece, energy: float) -> tuple[Reach, ...]:
-    """Return the parts of a piece that a body of the given energy (J) reaches, from left to right.
+    """Return the parts of a piece accessible to a body with an energy (J), from left to right.
 
-    On an arc the body turns where sin²(f/2) = q, with f the angle from the nearest centre (φ from
-    the bottom of a valley, ψ − π from the underside of a hump) and q its energy from there in units
-    of 2 m g ρ; a saddle's own energy reaches through the saddle.
+    On an arc the body turns where sin²(f/2) = q. Here f is the angle from the nearest centre (φ
+    from the bottom of a valley, ψ − π from the underside of a hump), and q the energy above it in
+    units of 2 m g ρ. A part with the energy of a saddle extends through it.
     """
     if landscape.turning is not None:
         return _turning_reaches(landscape, piece, energy)
@@ -280,7 +279,10 @@ def reaches(landscape: Landscape, piece: Piece, energy: float) -> tuple[Reach, .
 
 
 def _turning_reaches(landscape: Landscape, piece: Piece, energy: float) -> tuple[Reach, ...]:
-    """On a rotating trace: between the zeros of E − V, a trigonometric polynomial of degree 2."""
+    """Return the accessible parts on a rotating trace, between the zeros of E − V.
+
+    On an arc this is a trigonometric polynomial of degree 2.
+    """
     low, high = piece.angle_start, piece.angle_end
     cuts = [low, *_turning_zeros(landscape, piece, energy), high]
     tolerance = _ROUNDING * (abs(energy) + abs(landscape.datum(piece)))
@@ -291,7 +293,7 @@ def _turning_reaches(landscape: Landscape, piece: Piece, energy: float) -> tuple
         middle = float(landscape.potential(piece, 0.5 * (left + right)))
         if middle > energy + tolerance or left == right:
             continue
-        if parts and parts[-1].high == left:  # through a saddle of just this energy
+        if parts and parts[-1].high == left:  # a saddle with exactly this energy
             parts[-1] = Reach(piece, parts[-1].low, right, parts[-1].turns_low, right < high)
         else:
             parts.append(Reach(piece, left, right, left > low, right < high))
@@ -299,14 +301,14 @@ def _turning_reaches(landscape: Landscape, piece: Piece, energy: float) -> tuple
 
 
 def _turning_zeros(landscape: Landscape, piece: Piece, energy: float) -> list[float]:
-    """Positions within a piece at which a body of an energy (J) has no speed."""
+    """Return the positions within a piece at which a body with an energy (J) has no speed."""
     weight = landscape.weight
     above = energy / weight - landscape.height(piece, 0.0)
     if piece.is_line:
         return _line_zeros(landscape, piece, above)
     offset = centre_of(piece)
     pull, rho = landscape.pull(piece), landscape.path_scale(piece)
-    # In units of 2 rho: E less V from f = 0, whose V is 0; position 0 of a hump is f = pi.
+    # E - V in units of 2 rho, with V = 0 at f = 0; position 0 of a hump is f = pi.
     level = 0.5 * above / rho + pull.potential(offset)
     constant = level - 0.5 + 0.125 * pull.spread
     angles = zeros(constant, 0.25 * complex(1.0, -pull.tilt), -0.0625 * pull.spread + 0j)
@@ -327,7 +329,7 @@ def _line_zeros(landscape: Landscape, piece: Piece, above: float) -> list[float]
 
 
 def _swings(piece: Piece, swing: float) -> tuple[Reach, ...]:
-    """Return the intervals of half-width `swing` about the centres of an arc that lie on it."""
+    """Return the parts of an arc within the angle `swing` of its centres."""
     offset = centre_of(piece)
     full = 2.0 * math.pi
     first = math.floor((piece.angle_start - offset) / full)
@@ -360,7 +362,7 @@ def _line_reaches(landscape: Landscape, piece: Piece, energy: float) -> tuple[Re
 def level_curves(landscape: Landscape, piece: Piece, energy: float) -> tuple[LevelCurve, ...]:
     """Return the level curves of an energy (J) on one piece.
 
-    The points are dense towards both ends, where a curve turns or passes near a saddle.
+    Points are dense towards both ends, where a curve turns or passes near a saddle.
     """
     return tuple(
         LevelCurve(piece.index, *_sampled(landscape, part, energy))
@@ -369,11 +371,11 @@ def level_curves(landscape: Landscape, piece: Piece, energy: float) -> tuple[Lev
 
 
 def arc_separatrix(landscape: Landscape, piece: Piece) -> LevelCurve | None:
-    """Return the separatrix of an arc's own equation of motion, within the arc; None on a line.
+    """Return the separatrix of an arc's own equation of motion, within the arc.
 
     In a valley φ̇ = 2w cos(φ/2), through φ = ±π; on a hump ψ̇ = 2w sin(ψ/2), through the crest;
-    w² = g/κρ. It belongs to the saddle of the full circle, whether the arc reaches it or not. None
-    on a rotating trace.
+    w² = g/κρ. It belongs to the saddle of the full circle, whether or not the arc reaches it. None
+    on a line and on a rotating trace.
     """
     if piece.is_line or landscape.turning is not None:
         return None
@@ -388,11 +390,11 @@ def arc_separatrix(landscape: Landscape, piece: Piece) -> LevelCurve | None:
 def connected_reaches(
     landscape: Landscape, energy: float, saddles: Sequence[float] | None = None
 ) -> list[list[Reach]]:
-    """Return the parts of the trace that an energy (J) reaches, those joined at junctions together.
+    """Return the accessible parts of the trace at an energy (J), grouped across junctions.
 
-    On a closed trace a part that runs over the seam is found at both ends of the list, unjoined.
-    With the arc lengths (m) of `saddles` only those parts that hold one: elsewhere the energy of a
-    saddle is that of a common level curve.
+    On a closed trace a part across the seam appears at both ends of the list, unjoined. Given the
+    arc lengths (m) of `saddles`, only groups that contain one are returned: the others are ordinary
+    level curves with the same energy.
     """
     parts = [part for piece in landscape.trace.pieces for part in reaches(landscape, piece, energy)]
     tolerance = _JOINED * landscape.trace.length
@@ -408,7 +410,7 @@ def connected_reaches(
     spans = [(run[0].left_s - tolerance, run[-1].right_s + tolerance) for run in runs]
     found = [any(low <= s <= high for s in saddles) for low, high in spans]
     ends = [low <= 0.0 or high >= landscape.trace.length for low, high in spans]
-    seam = [landscape.trace.closed and at_end for at_end in ends]  # what runs over it is one part
+    seam = [landscape.trace.closed and at_end for at_end in ends]  # parts joined across the seam
     over = any(one and other for one, other in zip(found, seam, strict=True))
     kept = [one or (over and other) for one, other in zip(found, seam, strict=True)]
     return [run for run, is_one in zip(runs, kept, strict=True) if is_one]
@@ -417,7 +419,7 @@ def connected_reaches(
 def separatrix_curves(
     landscape: Landscape, energy: float, saddles: Sequence[float]
 ) -> tuple[LevelCurve, ...]:
-    """Return the level curves of an energy (J) through saddles at arc lengths (m), by pieces."""
+    """Return the level curves of an energy (J) through saddles at arc lengths (m), by piece."""
     return tuple(
         LevelCurve(part.piece.index, *_sampled(landscape, part, energy))
         for run in connected_reaches(landscape, energy, saddles)
@@ -428,10 +430,10 @@ def separatrix_curves(
 def speed_curves(
     landscape: Landscape, count: int, energy: float, saddles: Sequence[float] | None = None
 ) -> tuple[LevelCurve, ...]:
-    """Return the level curves of an energy (J) along the whole trace, `count` points on each piece.
+    """Return the level curves of an energy (J) along the whole trace, `count` points per piece.
 
-    The centre's speed against the arc length of the contact point; continuous at the junctions.
-    `saddles` as of `connected_reaches`.
+    They give the centre's speed against the arc length of the contact point, continuous at
+    junctions. `saddles` as in `connected_reaches`.
     """
     runs = connected_reaches(landscape, energy, saddles)
     return tuple(_along(landscape, run, energy, count) for run in runs)
@@ -461,7 +463,7 @@ def _sampled(
 
 
 _NO_TURN = 1e-6
-"""A sweep within this (rad) of none or a whole turn is the one for which the time is right."""
+"""A sweep within this angle (rad) of 0 or a full turn is decided by the duration."""
 
 
 def free_branches(
@@ -474,11 +476,11 @@ def free_branches(
 ) -> tuple[Array, Array]:
     """Return the phase curves of free flights on one piece, from state to state.
 
-    `start` and `end` are positions and rates, each of shape (flights,), `duration` the times (s)
-    between them; the result is positions and rates of shape (flights, count). Energy is constant
-    along each; a flight of several periods gives its closed curve once, and on to its end.
-    On an arc the curve is part of the circle S² + P² = q with S = sin(f/2), P = ḟ/2w, f the angle
-    from the centre about which the body oscillates, or a curve without turning (q ≥ 1).
+    `start` and `end` are positions and rates, each of shape (flights,), and `duration` the times
+    (s) between them. The result is positions and rates of shape (flights, count), with constant
+    energy along each curve. A flight of several periods is drawn once around its closed curve and
+    on to its end. On an arc the curve is part of the circle S² + P² = q with S = sin(f/2),
+    P = ḟ/2w, f the angle from the centre of the oscillation, or a curve without turning (q ≥ 1).
     """
     fraction = np.linspace(0.0, 1.0, count)
     if piece.is_line:
@@ -503,14 +505,14 @@ def _on_arc(
 ) -> tuple[Array, Array]:
     position = start[0][:, None] + (end[0] - start[0])[:, None] * fraction
     w = landscape.natural_rate(piece)
-    # Without a turning point the body goes on in the direction it started in.
+    # Without a turning point the body keeps its direction.
     fall, from_start = (2.0 * w * np.sin(0.5 * angle) for angle in (position, start[0]))
     square = (start[1] ** 2 + piece.sign * from_start**2)[:, None] - piece.sign * fall**2
     rate = np.copysign(np.sqrt(np.maximum(square, 0.0)), start[1][:, None])
     offset = centre_of(piece)
     centre = offset + 2.0 * math.pi * np.round((start[0] - offset) / (2.0 * math.pi))
     q = np.sin(0.5 * (start[0] - centre)) ** 2 + (0.5 / w * start[1]) ** 2
-    # Which flights oscillate; on the separatrix their ends decide, not q.
+    # Flags of flights that oscillate; on the separatrix their ends decide, not q.
     turned = start[1] * end[1] < 0.0
     passed = np.abs(end[0] - centre) > math.pi
     swings = ((q < 1.0) & ~passed) | turned
@@ -527,7 +529,7 @@ def _oscillation(
     duration: Array,
     fraction: Array,
 ) -> tuple[Array, Array]:
-    """Return angles and rates about a centre: S = √q sin θ, P = √q cos θ, with θ growing."""
+    """Return angles and rates about a centre: S = √q sin θ, P = √q cos θ, with increasing θ."""
     s_start, p_start = np.sin(0.5 * start[0]), 0.5 / w * start[1]
     s_end, p_end = np.sin(0.5 * end[0]), 0.5 / w * end[1]
     theta = np.arctan2(s_start, p_start)
@@ -544,7 +546,7 @@ def _oscillation(
 
 
 def _period(w: float, modulus: Array) -> Array:
-    """Return the periods (s) of oscillations of modulus k: 4K(k)/w, by the mean of Gauss."""
+    """Return the periods (s) of oscillations of modulus k: 4K(k)/w, by Gauss's mean."""
     upper = np.ones_like(modulus)
     lower = np.sqrt(np.maximum((1.0 - modulus) * (1.0 + modulus), 0.0))
     for _ in range(8):

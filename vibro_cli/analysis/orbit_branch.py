@@ -1,7 +1,7 @@
-"""A family of periodic orbits over a number of the scenario: pseudo-arclength continuation.
+"""Families of periodic orbits over a parameter of the scenario, by pseudo-arclength continuation.
 
-A point of the branch is (state, period, value). Along it the energy is held where the value is not
-the energy itself. H. B. Keller, "Numerical solution of bifurcation and nonlinear eigenvalue
+A point of the branch is (state, period, value). The energy is constant along the branch unless it
+is the parameter itself. H. B. Keller, "Numerical solution of bifurcation and nonlinear eigenvalue
 problems", in *Applications of Bifurcation Theory* (Academic Press 1977); E. Doedel, *Congressus
 Numerantium* 30 (1981) 265.
 """
@@ -49,44 +49,44 @@ from vibro_cli.scenario.problems import ScenarioError, parsed_path
 from vibro_cli.systems.trace.tangents import time_scale
 
 ENERGY = "energy"
-"""Stands for a path where the energy is the number that changes."""
+"""Stands for the path if the parameter is the energy."""
 FIRST_STEP = 0.01
-"""Share of the range that the first steps are long."""
+"""Length of the first step, as a fraction of the range."""
 LONGEST_STEP = 0.04
 LEAST_STEP = 1.0e-7
-# In one step a family turns by no more (rad), nor do its multipliers pass 1 or -1 farther, by the
-# arctangent of their distance from it. Where they jump, a step is cut to this and then taken.
+# Limits for one step: turn of the family (rad), and change of the arctangent of the multipliers'
+# distance from 1 or -1. Where multipliers jump, the step is cut to the last number and accepted.
 _TURN, _PASSING, _CUT = 0.2, 0.4, 5.0e-4
 MOST_POINTS = 2000
 MOST_PERIODS = 30.0
-"""A family is followed no further where its orbits last so many times as long as the first."""
-# An impact that is to vanish has less than this share of the usual speeds.
+"""A family ends where its orbits are this many times as long as the first."""
+# An impact about to vanish is slower than this fraction of the usual speeds.
 GRAZING = 0.02
-# Multipliers grow as one over it: they hide the grazing motions ahead below this share of that.
+# Multipliers grow as 1/speed: below this fraction of a grazing speed they hide grazing motions.
 _NEARLY_GRAZING = 1.0e-3
-# Change of the value, as a share of the range, for its derivative.
+# Change of the value for its derivative, as a fraction of the range.
 _CHANGE = 1.0e-7
-# Of the range: what is nearer to an end of it is there.
+# Values closer to an end of the range than this fraction of it count as the end.
 _ROUNDING = 1.0e-12
-# Less of a direction than this share may be rounding, of differences over the change above.
+# A smaller part of a direction may be the rounding of differences over `_CHANGE`.
 _LEAST_CHANGE = 1.0e-3
-# Orbits tried to see whether multipliers pass a number between two points and come back.
+# Number of orbits tried between points to find whether multipliers pass a number and return.
 _DIPS = 12
-# An orbit that nearer to it has a part of its period, as a share of its size, has it.
+# Relative gap over part of its period below which an orbit has this shorter period.
 _PART = 1.0e-7
-# Shares of the way back from where a period halves at which the orbits tell where that is.
+# Fractions of the way back from a halving of the period, of the orbits that locate it.
 _NEARING = (0.2, 0.4, 0.6, 0.8)
-# Shares of a step from a doubling on at which unstable orbits are found too.
+# Fractions of a step from a doubling at which further unstable orbits are computed.
 _APPROACH = (1.0 / 64.0, 1.0 / 16.0, 1.0 / 4.0)
-# Orbits tried for where a family turns back.
+# Number of orbits tried to locate a fold.
 _TRIED = 9
 _JUMP = "the multipliers jump, as where an impact passes a junction"
 _NOT_ONE = "no multiplier comes to 1"
-# The multipliers of what closes worse, as of motions that have nearly come to rest, are rounding.
+# Orbits that close worse, such as motions nearly at rest, have meaningless multipliers.
 _CLOSED_WELL = 10.0 * CLOSED
 
 SystemAt = Callable[[float], TraceSystem]
-"""The system at a value."""
+"""Returns the system at a value of the parameter."""
 
 
 @dataclass(frozen=True)
@@ -96,19 +96,19 @@ class Point:
     value: float
     orbit: Orbit
     along: Floats = field(repr=False)
-    """(state, period, value), each in metres or shares of the range"""
+    """(state, period, value), scaled to comparable lengths."""
 
 
 @dataclass(frozen=True)
 class Special:
-    """Where a branch changes its stability, turns back or ends."""
+    """A point at which a branch changes its stability, turns back or ends."""
 
-    kind: str  # fold, doubling, exchange, torus, or how it ends: bound, halving, grazing, …
+    kind: str  # fold, doubling, exchange, torus, or the cause of an end: bound, halving, grazing, …
     point: Point
     after: int
-    """Index of the last point of the branch that does not lie beyond it"""
+    """Index of the last point of the branch that does not lie beyond it."""
     fault: str = ""
-    """Why `point` is only the nearest orbit found and not the very place; empty if it is that"""
+    """Why `point` is only the nearest orbit found; empty if it is accurate."""
 
 
 @dataclass(frozen=True)
@@ -117,25 +117,26 @@ class Branch:
 
     points: list[Point]
     special: list[Special]
-    """In their order along the branch, its ends too"""
+    """Special points in order along the branch, including its ends."""
 
 
 def family_of(scenario: Scenario, found: Orbit, path: str, low: float, high: float) -> Branch:
-    """Return the family of an orbit over a number of its scenario.
+    """Return the family of an orbit over a parameter of its scenario.
 
     Parameters
     ----------
     scenario
-        Whose orbit `found` is.
+        The scenario to which the orbit `found` belongs.
     path, low, high
-        Of the number, SI units and radians, which is followed at constant energy; or `ENERGY` (J).
+        Path of the parameter and its range (SI units, radians), which is followed at constant
+        energy; or `ENERGY` as the path, and its range (J).
 
     Raises
     ------
     NoOrbit
-        If the scenario has no such number, or it lies outside of the range.
+        If the scenario has no such number, or its value is outside the range.
     ScenarioError, ValueError
-        If an end of the range makes no sound scenario; for a text that is no path.
+        If the scenario is invalid at an end of the range; if the text is not a path.
     """
 
     @lru_cache(maxsize=64)
@@ -148,7 +149,7 @@ def family_of(scenario: Scenario, found: Orbit, path: str, low: float, high: flo
         raise NoOrbit(str(error)) from error
     if not low <= here <= high:
         raise NoOrbit(f"{path}: found {here:.6g}, expected a number in the range {low:g}:{high:g}")
-    # What is wrong with the ends of the range is told before anything is followed.
+    # Report faults at the ends of the range first.
     if path != ENERGY and _restitutions(at(low)) != _restitutions(at(high)):
         expected = "another number: periodic orbits have 1"
         raise NoOrbit(f"{path}: found a coefficient of restitution, expected {expected}")
@@ -159,22 +160,22 @@ def family_of(scenario: Scenario, found: Orbit, path: str, low: float, high: flo
 
 
 def _restitutions(system: TraceSystem) -> tuple[float | None, ...]:
-    """Those of all pairs, and of the walls where there are any."""
+    """Return the coefficients of restitution of all pairs and of both walls, if any."""
     walls = (system.left_end, system.right_end)
     return (*system.restitution, *(None if wall is None else wall.restitution for wall in walls))
 
 
 class Family:
-    """Orbits over a number.
+    """A family of orbits over a parameter.
 
     Parameters
     ----------
     system_at
-        The system at a value of the number; None where the number is the energy.
+        Returns the system at a value of the parameter; None if the parameter is the energy.
     first
-        The orbit that it begins with, and the value it belongs to.
+        The first orbit.
     value, low, high
-        That value, and the range that is followed.
+        Value of the parameter for the first orbit, and the range to follow.
     """
 
     def __init__(
@@ -190,11 +191,11 @@ class Family:
         self._units = np.concatenate(
             [scale, [unit, size_of(first.system, first.state) / self._range]]
         )
-        self._across = np.eye(len(self._units))[-1]  # the plane of equal values
+        self._across = np.eye(len(self._units))[-1]  # normal of the plane of equal values
         first = begun_between(first)
         self._first = self._point(value, first)
-        # In a narrow range a direction would be that of the value nearly alone, and two families
-        # that cross have the same: the value counts no more than what changes with it.
+        # In a narrow range tangents would be dominated by the value and equal for two families
+        # that cross. The value is therefore weighted no more than the quantities that change.
         tangent = self._tangent(self._first, self._across)
         changes = float(np.linalg.norm(tangent[:-1]))
         self._share = changes / max(changes, abs(tangent[-1])) if changes > _LEAST_CHANGE else 1.0
@@ -218,7 +219,7 @@ class Family:
         return value if self._system_at is None else self._energy
 
     def follow(self) -> Branch:
-        """Follow the branch both ways from its first orbit, to the ends of the range or its own."""
+        """Follow the branch in both directions from its first orbit, up to its ends."""
         tangent = self._tangent(self._first, self._across)
         back, start = self._one_way(-tangent)
         ahead, end = self._one_way(tangent)
@@ -228,7 +229,7 @@ class Family:
         special = [*self._passed(points), *self._out_of_the_circle(points)]
         folds = {one.after for one in special if one.kind == "fold"}
         for n, three in enumerate(zip(points, points[1:], points[2:], strict=False), 1):
-            if _turn(*three) and not folds & {n - 1, n}:  # those at folds are known
+            if _turn(*three) and not folds & {n - 1, n}:  # a fold not found so far
                 special.append(self._turning(n, *three))
         special.sort(key=lambda one: (one.after, _apart(one.point, points[one.after])))
         points, special = self._with_approaches(points, special)
@@ -237,12 +238,12 @@ class Family:
         return Branch(points, [ends[0], *special, ends[1]])
 
     def _one_way(self, tangent: Floats) -> tuple[list[Point], str]:
-        """Points from the first one on, and how the branch ends there."""
+        """Follow the branch in one direction; return its points, and the cause of its end."""
         size = self._units[-1] * self._range
         points: list[Point] = []
         here, step = self._first, FIRST_STEP
         while len(points) < MOST_POINTS:
-            # So that orbits that last ever longer are not gone through second by second.
+            # Steps grow with the period, so that ever longer orbits need few steps.
             longer = here.orbit.period / self._first.orbit.period
             if longer > MOST_PERIODS:
                 return points, "period"
@@ -264,7 +265,7 @@ class Family:
             if bound != new.value:
                 return [*points, self._at_value(here, new, bound)], "bound"
             excess = self._excess(here, new, tangent, turned)
-            # Where a phase is free at the first value alone, the first step leaves it at once.
+            # If a phase is free at the first value only, the first step must leave this value.
             leaves = not points and abs(tangent[-1]) == 1.0
             if excess > 2.0 and step > _CUT and not leaves:
                 step *= 0.5
@@ -279,9 +280,9 @@ class Family:
         return points, "points"
 
     def _ahead(self, here: Point, change: Floats, tangent: Floats) -> tuple[Floats, Floats]:
-        """A guess beyond a point, and what is across the plane in which the orbit is looked for.
+        """Return a guess beyond a point, and the normal of the plane in which to correct it.
 
-        Beyond an end of the range a scenario may have no such value: there, that of the end.
+        The value is limited to the range, as the scenario may be invalid beyond it.
         """
         value = here.value + float(change[-1] / self._units[-1])
         bound = min(max(value, self._low), self._high)
@@ -290,7 +291,7 @@ class Family:
         return here.along + (bound - here.value) / (value - here.value) * change, self._across
 
     def _corrected(self, guess: Floats, tangent: Floats) -> Point:
-        """The orbit next to a guess in the plane across a tangent (Newton's method)."""
+        """Return the orbit near a guess in the plane normal to a tangent (Newton's method)."""
         along, residual = guess, np.inf
         for _ in range(MOST_STEPS):
             state, (period, value) = (along / self._units)[:-2], (along / self._units)[-2:]
@@ -312,7 +313,7 @@ class Family:
                 if min(map(np.linalg.norm, gaps), default=np.inf) < _PART * size_of(system, state):
                     raise NoOrbit("the orbits come to have a part of their period")
                 return self._point(value, found)
-            # Near a fold a step may leave more than rounding, and the next one nothing.
+            # Near a fold a step may increase the residual before the next one converges.
             if residual > 4.0 * max(before, 100.0 * NEARLY_CLOSED) or residual > 1.0:
                 break
             rows, right = equations(system, shot, state, energy)
@@ -324,15 +325,15 @@ class Family:
         raise NoOrbit("Newton's method does not converge")
 
     def _without_rounding(self, value: float) -> float:
-        """A value, or the end of the range that it is but for rounding."""
+        """Return a value, or the end of the range that it equals up to rounding."""
         ends = (self._low, self._high)
         return next((end for end in ends if abs(value - end) < _ROUNDING * self._range), value)
 
     def _by_value(self, state: Floats, period: float, value: float, right: Floats) -> Floats:
-        """Derivative of the equations' left sides to the value, by a difference in the range.
+        """Return the derivative of the equations with respect to the value, by a difference.
 
-        Across the value, where both sides allow it: a difference to one side is off by a share
-        that grows as the greatest multiplier, and tangents then lie aside of their family.
+        The difference is central where possible: the error of a one-sided one grows with the
+        greatest multiplier, and tangents would then deviate from the family.
         """
         beside = []
         for at in (value + _CHANGE * self._range, value - _CHANGE * self._range):
@@ -348,10 +349,10 @@ class Family:
         return derivative
 
     def _tangent(self, point: Point, side: Floats) -> Floats:
-        """The direction of the branch at a point, to the same side as another direction.
+        """Return the tangent of the branch at a point, on the same side as the direction `side`.
 
-        A chord would not show that a step has come onto another branch, where two of them cross.
-        Where a phase is free there are many: the nearest one, or the other itself across them all.
+        Unlike a chord, it shows that a step has led to another branch where two cross. With a free
+        phase there are many tangents: the nearest one is taken, or `side` if it is normal to all.
         """
         orbit, energy = point.orbit, self._energy_of(point.value)
         rows, right = equations(orbit.system, orbit.shot, orbit.state, energy)
@@ -365,10 +366,10 @@ class Family:
         return tangent / np.linalg.norm(tangent)
 
     def _excess(self, here: Point, new: Point, tangent: Floats, turned: Floats) -> float:
-        """How much more a step changes than it may: the greater of its turn and its passing.
+        """Return the change over a step relative to its limit, by turn and by multipliers.
 
-        It turns from its tangent to its chord, but for how far the start has moved along the
-        orbit, and on to the tangent at its end: more where it has come onto another branch.
+        The turn is that from the first tangent to the chord (without its part along the orbit) and
+        on to the last tangent; it is large if the step has led to another branch.
         """
         orbit, chord = here.orbit, new.along - here.along
         flow = np.append(velocity(orbit.system, orbit.state), [0.0, 0.0]) * self._units
@@ -376,7 +377,7 @@ class Family:
         chord /= np.linalg.norm(chord)
         cosines = np.array([tangent @ chord, chord @ turned])
         turn = float(np.sum(np.arccos(np.minimum(cosines, 1.0)))) / _TURN
-        # Of an arc the chord lies midway, and this is a quarter of the square of its turn.
+        # For a circular arc, whose chord lies midway, this is a quarter of its turn squared.
         aside = float(np.linalg.norm(tangent + turned - 2.0 * chord))
         turn = max(turn, aside / (0.5 * _TURN**2))
         for at in (-1.0, 1.0):
@@ -385,16 +386,16 @@ class Family:
         return turn
 
     def _at_value(self, one: Point, other: Point, value: float) -> Point:
-        """The orbit at a value between those of two points."""
+        """Return the orbit at a value between those of two points."""
         share = (value - one.value) / (other.value - one.value)
         return self._corrected(one.along + share * (other.along - one.along), self._across)
 
     def _halved(self, one: Point, other: Point) -> Point:
-        """The orbit of half the period between two others or just ahead, gone through twice.
+        """Return the orbit of half the period between two others or just ahead, traversed twice.
 
-        Beyond it the family has the same orbits again, begun half a period later, where the half
-        gap is the opposite one: so value, period and the mean of both starts are functions of its
-        square, and are taken from the polynomial through four orbits.
+        Beyond it the family has the same orbits again, started half a period later, with the
+        opposite gap over half the period. Value, period and the mean of both starts are therefore
+        functions of the square of this gap, and are extrapolated from four orbits by a polynomial.
         """
         whole = 1.0 / (1.0 - _share_left(one, other))
         near = [self._between(one, other, whole * (1.0 - share)) for share in _NEARING]
@@ -413,28 +414,28 @@ class Family:
         return self._point(value, over_period(half, 2.0 * half.period))
 
     def _passed(self, points: list[Point]) -> list[Special]:
-        """Where multipliers pass -1 or 1; at a fold one passes 1."""
+        """Return the points at which multipliers pass -1 or 1, including folds (1)."""
         found: list[Special] = []
         for kind, at in (("doubling", -1.0), ("exchange", 1.0)):
-            # Of multipliers that stay there the sign is chance.
+            # The sign of multipliers that stay at this number is random.
             distances = [_distance(point.orbit, at) for point in points]
             known = [n for n, one in enumerate(distances) if abs(one) > PARTED**2]
             for n, m in pairwise(known):
                 if distances[n] * distances[m] < 0.0:
                     one = self._change(kind, points, n, m, partial(_distance, at=at))
                     turns = _turn(points[n], one.point, points[m]) and kind == "exchange"
-                    # Of an orbit at a fold but for rounding they may seem to do so on both sides.
+                    # At an orbit that is nearly a fold, both sides may seem to change.
                     again = turns and found and found[-1].after == n - 1
                     if not (again and _turn(found[-1].point, points[n], one.point)):
                         found.append(replace(one, kind="fold") if turns else one)
         return found
 
     def _turning(self, n: int, before: Point, here: Point, after: Point) -> Special:
-        """Where the family turns back within three orbits, of which the middle one is number n.
+        """Return the fold within three orbits, of which the middle one is number n.
 
-        A multiplier comes to 1 there and does not pass it: the orbit is its own reversal in time
-        or its own mirror image, and the family goes on as those of its orbits. Next to it Newton's
-        method needs a start as near as the polynomial through the orbits has it.
+        A multiplier reaches 1 there without passing it: the orbit is its own time reversal or
+        mirror image, and the family continues with the reversals or images of its orbits. Near the
+        fold Newton's method needs a good start, from a polynomial through the orbits.
         """
         chord = (after.along - before.along) / _apart(after, before)
         known, fault = [before, after, here], _NOT_ONE
@@ -457,7 +458,7 @@ class Family:
     def _with_approaches(
         self, points: list[Point], special: list[Special]
     ) -> tuple[list[Point], list[Special]]:
-        """All points, and unstable ones nearer to doublings: multipliers part as the root there."""
+        """Add unstable points near doublings, where multipliers split as a square root."""
         found, moved = points[:1], []
         for n, (one, other) in enumerate(pairwise(points)):
             here = [change for change in special if change.after == n]
@@ -471,7 +472,7 @@ class Family:
         return found, moved
 
     def _nearer(self, change: Point, unstable: Point) -> list[Point]:
-        """Orbits from a change of stability on to one beside it, none if that one is stable."""
+        """Return orbits between a change of stability and an unstable point beside it, if any."""
         shares = () if unstable.orbit.stable else _APPROACH
         found = []
         with suppress(NoOrbit):
@@ -480,18 +481,18 @@ class Family:
         return found
 
     def _with_dips(self, points: list[Point], at: float) -> list[Point]:
-        """All points, and one wherever multipliers pass a number and come back between two."""
+        """Add points where multipliers pass a number and return between two points."""
         found = points[:1]
         for before, here, after in zip(points, points[1:], points[2:], strict=False):
             sides = [_distance(one.orbit, at) for one in (before, here, after)]
             least = min(map(abs, sides))
-            # One that is farther away does not come there in a step.
+            # A more distant multiplier cannot reach the number in one step.
             near = PARTED**2 < least == abs(sides[1]) < 1.0 and min(sides) * max(sides) > 0.0
             found += self._dip(before, here, after, at) if near else [here]
         return [*found, points[-1]] if len(points) > 1 else found
 
     def _dip(self, before: Point, here: Point, after: Point, at: float) -> list[Point]:
-        """The middle one of three orbits on one side of a number, and one on its other side."""
+        """Return the middle of three points and, if found, one beyond the number beside it."""
         sign = np.sign(_distance(here.orbit, at))
         known = {0.0: here}
 
@@ -499,7 +500,7 @@ class Family:
             known[share] = self._between(here, after if share > 0.0 else before, abs(share))
             return float(sign * _distance(known[share].orbit, at))
 
-        # Where a try fails there is no other side within reach.
+        # If a trial fails, the other side is out of reach.
         with suppress(NoOrbit):
             minimize_scalar(
                 tested, bounds=(-1.0, 1.0), method="bounded", options={"maxiter": _DIPS}
@@ -510,7 +511,7 @@ class Family:
         return [known[one] for one in sorted({0.0, share})] if passed else [here]
 
     def _is_on(self, here: Point, near: Point) -> bool:
-        """Whether an orbit near another one is of its branch, not of one that crosses it."""
+        """Return whether an orbit near another one is on its branch, not on one that crosses it."""
         side = near.along - here.along
         try:
             one, other = self._tangent(here, side), self._tangent(near, side)
@@ -519,7 +520,7 @@ class Family:
         return self._excess(here, near, one, other) <= 2.0
 
     def _out_of_the_circle(self, points: list[Point]) -> list[Special]:
-        """Where a pair of multipliers that are not real leaves the unit circle."""
+        """Return the points at which a complex pair of multipliers leaves the unit circle."""
         found = []
         for n, (one, other) in enumerate(pairwise(points)):
             inner, outer = sorted((one.orbit, other.orbit), key=lambda orbit: orbit.outside)
@@ -531,14 +532,14 @@ class Family:
         return found
 
     def _between(self, one: Point, other: Point, share: float) -> Point:
-        """The orbit at a share of the way from one to another."""
+        """Return the orbit at a fraction of the way from one point to another."""
         chord = other.along - one.along
         return self._corrected(one.along + share * chord, chord / np.linalg.norm(chord))
 
     def _change(
         self, kind: str, points: list[Point], n: int, m: int, test: Callable[[Orbit], float]
     ) -> Special:
-        """Where a number of the orbits passes zero between two of them (Brent's method)."""
+        """Return the point at which `test` passes zero between two orbits (Brent's method)."""
         one, other, fault = points[n], points[m], ""
         known = {0.0: one, 1.0: other}
 
@@ -558,7 +559,7 @@ class Family:
         return Special(kind, nearest, m - 1, fault)
 
     def _ending(self, here: Point, tangent: Floats, size: float, cause: str) -> str:
-        """Why a branch cannot be followed beyond a point: what the next motion has otherwise."""
+        """Return why a branch cannot be followed beyond a point, from the next motions."""
         scale = float(time_scale(here.orbit.system))
         by_normal = here.orbit.system.law == "normal-impulse"
         slow = GRAZING * size_of(here.orbit.system, here.orbit.state) / scale
@@ -585,25 +586,25 @@ class Family:
                 return "junction"
         if here.orbit.shot.approach < _NEARLY_GRAZING * slow:
             return "grazing"
-        # Rounding grows by the greatest multiplier before the orbit closes.
+        # Over a period rounding grows by the greatest multiplier.
         grown = EPSILON * abs(here.orbit.multipliers[0])
         return "rounding" if grown > 0.1 * NEARLY_CLOSED else cause
 
 
 def _share_left(one: Point, other: Point) -> float:
-    """What the other's gap to half the period is of the one's: below 0 if that lies between."""
+    """Return the ratio of two gaps over half the period; negative if one vanishes in between."""
     none = np.ones(1)
     gap, left = (point.orbit.part_gaps.get(2, none) for point in (one, other))
     return float(gap @ left / (gap @ gap))
 
 
 def _turn(before: Point, here: Point, after: Point) -> bool:
-    """Whether the family turns back at a point between two others."""
+    """Return whether the family turns back at a point between two others."""
     return (here.value - before.value) * (after.value - here.value) < 0.0
 
 
 def _beyond(place: int, orbit: Orbit) -> float:
-    # Less may be rounding.
+    # The last term allows for rounding.
     return float(abs(orbit.multipliers[place])) - 1.0 - ROUNDING
 
 
@@ -612,14 +613,14 @@ def _apart(one: Point, other: Point) -> float:
 
 
 def _comes_to_one(orbit: Orbit) -> bool:
-    """Whether a multiplier is at 1, as nearly as that can be known.
+    """Return whether a multiplier is at 1 up to rounding.
 
-    Next to there the start is off by the residual over the distance, and the distance by as much.
+    Near 1 the start has an error of residual/distance, and so does the distance.
     """
     return _distance(orbit, 1.0) ** 2 <= max(PARTED**4, orbit.residual)
 
 
 def _distance(orbit: Orbit, at: float) -> float:
-    """Product of the distances of all multipliers from a number; real, changes sign at it."""
+    """Return the product of all multipliers' differences from a number; it changes sign there."""
     matrix = orbit.reduced
     return float(np.linalg.det(matrix - at * np.eye(len(matrix))))

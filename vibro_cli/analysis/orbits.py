@@ -1,9 +1,10 @@
 """Periodic orbits by Newton's method with the exact tangent map, and their multipliers.
 
-An orbit is a start z (ways along the paths of the centres and speeds, m and m/s) and a period T
-with ``Phi_T(z) = z``. Each step solves ``(M - 1) dz + f dT = z - Phi_T(z)`` with the tangent map M
-and the velocity f of the state, together with what belongs to a family and does not change, in the
-sense of least squares: the shift along the orbit (``f dz = 0``), and the energy where it is kept.
+An orbit is a start z (displacements along the paths of the centres and speeds, m and m/s) and a
+period T with ``Phi_T(z) = z``. Each step solves ``(M - 1) dz + f dT = z - Phi_T(z)`` by least
+squares, with the tangent map M and the velocity f of the state. Further equations fix the free
+parameters of a family of solutions: the shift along the orbit (``f dz = 0``), and the energy if it
+is prescribed.
 """
 
 from __future__ import annotations
@@ -29,33 +30,33 @@ from vibro_cli.systems.trace.tangents import matrix_of, time_scale
 if TYPE_CHECKING:
     from vibro_cli.scenario.models import Scenario
 
-# An orbit has been found when it closes up to this share of the size of its state.
+# Residuals are relative to the size of the state. An orbit has converged at this residual.
 CLOSED = 1.0e-13
-# Rounding of a long or unstable orbit leaves more; beyond this it is none.
+# Rounding leaves more in a long or unstable orbit; a larger residual is rejected.
 NEARLY_CLOSED = 1.0e-10
-# Multipliers that coincide, at 1 or -1, part by the root of the error of the map, which is up to
-# about 1e-8 for an orbit that is nearly closed.
+# Multipliers that coincide, at 1 or -1, are split by the square root of the map's error, which is
+# up to about 1e-8 for an orbit that is nearly closed.
 PARTED = 1.0e-4
-# Others have an error of the size of the map's.
+# Other multipliers have an error of the order of the map's.
 ROUNDING = 1.0e-6
 MOST_STEPS = 40
-# A motion that has so many in a period is followed no further.
+# A motion is abandoned after this many impacts in a period.
 MOST_IMPACTS = 10_000
 _LOSSY = "impacts take energy: found a coefficient of restitution of {:g}, expected 1"
-# A period below this share of the first guess is none: in no time every motion closes.
+# Periods below this fraction of the first guess are rejected: over a time of 0 any motion closes.
 LEAST_PERIOD = 1.0e-6
-# Shares of Newton's step that are tried in turn, and penalties of long steps, as shares of the
+# Fractions of Newton's step to be tried in turn, and penalties of long steps relative to the
 # largest singular value.
 SHARES = tuple(2.0**-power for power in range(13))
 PENALTIES = tuple(10.0**power for power in range(-8, 1))
-# Singular values below this share of the largest one are of directions in which how a motion closes
-# hardly changes. Motions that nearly close are a curve along them, which a straight step leaves by
-# its square; a second step, of the others alone, leads back to it.
+# Along directions with singular values below this fraction of the largest, the residual hardly
+# changes: nearly closed motions form a curve. A straight step leaves it by an amount of second
+# order; a second step, without these directions, leads back to it.
 STIFF = 1.0e-3
 
 
 class NoOrbit(VibroError):
-    """There is no orbit as it was asked for; the message says why."""
+    """There is no such orbit; the message says why."""
 
 
 @dataclass(frozen=True)
@@ -63,21 +64,21 @@ class Shot:
     """A motion from a start over a period."""
 
     end: Floats
-    """Ways and speeds at its end"""
+    """Displacements (m) and speeds (m/s) at the end."""
     matrix: Floats
-    """The tangent map"""
+    """Tangent map."""
     word: tuple[str, ...]
-    """What happened, see :func:`events_of`"""
+    """Sequence of events, see :func:`events_of`."""
     times: tuple[float, ...]
-    """When, s"""
+    """Times of the events (s)."""
     jumps: tuple[tuple[str, ...], ...]
-    """Of each body the events that a family keeps, in their order: the motion changes smoothly
-    where two that share no body come to one instant, and where one crosses a junction; but on a
-    closed trace it may be the seam"""
+    """For each body the sequence of events that is constant in a family. Events without a common
+    body may change their order, and crossings may appear, as the motion then changes smoothly; on a
+    closed trace crossings count too, as one may be that of the seam."""
     instants: tuple[float, ...]
-    """When, of all bodies, s"""
+    """Times of the events in `jumps`, over all bodies (s)."""
     approach: float
-    """Least normal speed of its impacts and at walls, m/s; infinite without any"""
+    """Least normal speed at impacts and walls (m/s); infinite without any."""
 
 
 @dataclass(frozen=True)
@@ -85,20 +86,20 @@ class Orbit:
     """A periodic orbit."""
 
     system: TraceSystem
-    """With its start"""
+    """The system, with the start of the orbit."""
     period: float
-    """s"""
+    """Period (s)."""
     state: Floats
-    """Ways and speeds at its start"""
+    """Displacements (m) and speeds (m/s) at the start."""
     shot: Shot
     residual: float
-    """Distance of its end from its start, as a share of the size of the state"""
+    """Distance between end and start, relative to the size of the state."""
     energy: float
-    """That impacts keep, see `energy_of`: J, from the level of the trace's left end"""
+    """Energy conserved by impacts (J), see `energy_of`."""
 
     @property
     def reduced(self) -> Floats:
-        """The tangent map across the orbit, on its level of energy."""
+        """Tangent map transverse to the orbit, within its energy level."""
         flow = velocity(self.system, self.state)
         gradient = energy_gradient(self.system, self.state)
         scale = scale_of(self.system)
@@ -109,15 +110,16 @@ class Orbit:
 
     @cached_property
     def multipliers(self) -> NDArray[np.complex128]:
-        """Of the map across the orbit on its level of energy, the largest first."""
+        """Multipliers of the reduced map, the largest first."""
         values = np.linalg.eigvals(self.reduced).astype(np.complex128)
         return values[np.argsort(-np.abs(values), kind="stable")]
 
     @cached_property
     def part_gaps(self) -> dict[int, Floats]:
-        """How far (m) the orbit is from having a half, a third, … of its period, by that number.
+        """Gaps (m) of the orbit over 1/n of its period, by n = 2, 3, ….
 
-        From each middle between two jumps, as its start, to the same one so much later.
+        They are the differences between states midway between two events, and the corresponding
+        states 1/n of the period later.
         """
         instants, jumps = self.shot.instants, self.shot.jumps
         repeated = [
@@ -139,27 +141,28 @@ class Orbit:
 
     @property
     def stable(self) -> bool:
-        """Whether no small change grows as a power of a number."""
+        """Whether no small perturbation grows exponentially."""
         return self.outside == 0
 
     @property
     def outside(self) -> int:
-        """How many multipliers are out of the unit circle, of which the first so many are."""
+        """Number of multipliers outside the unit circle; these come first in `multipliers`."""
         error = np.where(self._at_one, PARTED, ROUNDING)
         return int(np.sum(~(np.abs(self.multipliers) < 1.0 + error)))
 
     @property
     def verdict(self) -> str:
-        """``stable``, ``unstable`` or ``neutral``.
+        """Stability: ``stable``, ``unstable`` or ``neutral``.
 
-        Neutral with multipliers at 1 or -1: a small change can grow as the number of periods.
+        A neutral orbit has multipliers at 1 or -1: a small perturbation can grow linearly with the
+        number of periods.
         """
         if not self.stable:
             return "unstable"
         return "neutral" if np.any(self._at_one) else "stable"
 
     def as_start(self, scenario: Scenario) -> Scenario:
-        """Return the scenario of which it is an orbit, begun on it."""
+        """Return the scenario with the start of the orbit."""
         return with_start_of(scenario, self.system)
 
     def __repr__(self) -> str:
@@ -167,31 +170,34 @@ class Orbit:
 
     @property
     def _at_one(self) -> NDArray[np.bool_]:
-        """Which multipliers are at 1 or -1."""
+        """Flags of multipliers at 1 or -1."""
         apart = np.minimum(np.abs(self.multipliers - 1.0), np.abs(self.multipliers + 1.0))
         return apart < PARTED
 
 
 def scale_of(system: TraceSystem) -> Floats:
-    """What one unit of each number of a state is in metres."""
+    """Return the factors that convert the numbers of a state to metres."""
     return np.tile([1.0, float(time_scale(system))], len(system.bodies))
 
 
 def _lengths(system: TraceSystem, body: int) -> list[float]:
-    """Length (m) of the path of a body's centre on each piece."""
+    """Return the length (m) of the path of a body's centre on each piece."""
     pieces, radius = system.trace.pieces, system.bodies[body].radius
     return [one.path_scale(radius) * (one.angle_end - one.angle_start) for one in pieces]
 
 
 def way_of(system: TraceSystem, body: int, piece: int, position: float) -> float:
-    """Way (m) of a body's centre from the left end of its path."""
+    """Return the displacement (m) of a body's centre from the left end of its path."""
     on = system.trace.pieces[piece]
     along = on.path_scale(system.bodies[body].radius) * (position - on.angle_start)
     return sum(_lengths(system, body)[:piece]) + along
 
 
 def place_of(system: TraceSystem, body: int, way: float) -> tuple[int, float]:
-    """Piece and position on it of a way."""
+    """Return the piece and the position on it at a displacement `way` (m).
+
+    Raises `NoOrbit` if it is off the trace.
+    """
     lengths = _lengths(system, body)
     if system.trace.closed:
         way %= sum(lengths)
@@ -203,30 +209,30 @@ def place_of(system: TraceSystem, body: int, way: float) -> tuple[int, float]:
     if not 0.0 <= way <= lengths[piece]:
         raise NoOrbit(f"body {body + 1} would start off the trace")
     position = on.angle_start + way / on.path_scale(system.bodies[body].radius)
-    return piece, min(position, on.angle_end)  # rounding may lead beyond
+    return piece, min(position, on.angle_end)  # may exceed it by rounding
 
 
 def state_of(system: TraceSystem) -> Floats:
-    """Ways and speeds at the start of a system."""
+    """Return the displacements (m) and speeds (m/s) at the start of a system."""
     starts = enumerate(system.initial)
     return np.ravel([(way_of(system, n, one.piece, one.position), one.speed) for n, one in starts])
 
 
 def started(system: TraceSystem, state: Floats) -> TraceSystem:
-    """Return the system with another start, which may be none for a motion, see `admitted`."""
+    """Return the system with another start, which is not checked, see `admitted`."""
     pairs = enumerate(state.reshape(-1, 2).tolist())
     initial = tuple(InitialState(*place_of(system, n, way), speed) for n, (way, speed) in pairs)
     return replace(system, initial=initial)
 
 
 def admitted(system: TraceSystem, state: Floats) -> TraceSystem:
-    """Return the system with another start that a scenario might have.
+    """Return the system with another start, after checking that it is valid.
 
     Raises
     ------
     NoOrbit
-        If bodies would start off the trace, out of order (as when one has gone over the seam of a
-        closed trace before another), in one another or in a wall.
+        If bodies would start off the trace, out of order (for example because only one of them has
+        crossed the seam of a closed trace), overlapping or in a wall.
     """
     found = started(system, state)
     trace, bodies, initial = found.trace, found.bodies, found.initial
@@ -248,7 +254,7 @@ def admitted(system: TraceSystem, state: Floats) -> TraceSystem:
 
 
 def velocity(system: TraceSystem, state: Floats) -> Floats:
-    """Speeds (m/s) and accelerations (m/s^2) of a state without contact."""
+    """Return the speeds (m/s) and accelerations (m/s^2) of a state without contact."""
     found = []
     for body, start in zip(system.bodies, started(system, state).initial, strict=True):
         piece = system.trace.pieces[start.piece]
@@ -262,18 +268,18 @@ def velocity(system: TraceSystem, state: Floats) -> Floats:
 
 
 def _shares(system: TraceSystem) -> Floats:
-    """What the energy of each body counts in the energy that impacts with k = 1 keep.
+    """Return the weight of each body's energy in the energy conserved by impacts with k = 1.
 
-    The translational law keeps the sum of m v^2, where rolling has that of kappa m v^2. On its
-    path each body keeps its own energy, so that all over their kappa are kept, here times the
-    first body's: for equal kappa this is the energy.
+    The translational law conserves the sum of m v^2, while rolling has the energies kappa m v^2/2.
+    As free motion conserves the energy of each body, the sum of energies over kappa is conserved;
+    it is multiplied by the first body's kappa, to equal the energy if all are equal.
     """
     kappa = np.array([body.kappa for body in system.bodies])
     return kappa[0] / kappa if LAWS[system.law].balances_mass else np.ones(len(kappa))
 
 
 def energy_of(system: TraceSystem, state: Floats) -> float:
-    """Energy (J) that impacts keep (see `_shares`), potential from the trace's left end on."""
+    """Return the energy (J) conserved by impacts, see `_shares`; heights from the left end."""
     total, initial = 0.0, started(system, state).initial
     for body, start, share in zip(system.bodies, initial, _shares(system), strict=True):
         x, height = system.trace.pieces[start.piece].body_centre(start.position, body.radius)
@@ -285,17 +291,17 @@ def energy_of(system: TraceSystem, state: Floats) -> float:
 
 
 def energy_gradient(system: TraceSystem, state: Floats) -> Floats:
-    """Derivative of the energy that impacts keep to ways (J/m) and speeds (J s/m)."""
+    """Return the gradient of `energy_of` for displacements (J/m) and speeds (J s/m)."""
     flow = velocity(system, state)
     inertia = _shares(system) * [body.rolling_mass for body in system.bodies]
     return np.column_stack([-inertia * flow[1::2], inertia * state[1::2]]).ravel()
 
 
 def events_of(run: Run) -> list[tuple[float, str, float]]:
-    """Return time (s), name and normal speed (m/s) of what happens in a run, in order.
+    """Return time (s), name and normal speed (m/s) of the events in a run, in order.
 
-    ``12`` is an impact of bodies 1 and 2, ``1>`` and ``1<`` a crossing to the right or left (its
-    speed is infinite), ``1|`` a wall.
+    ``12`` is an impact of bodies 1 and 2, ``1>`` and ``1<`` a crossing to the right or left (with
+    infinite speed), ``1|`` an impact on a wall.
     """
     events, rows = run.events, run.collisions
     found: list[tuple[float, str, float]] = []
@@ -317,7 +323,8 @@ def shoot(system: TraceSystem, period: float) -> Shot:
     Raises
     ------
     NoOrbit
-        If it ends sooner, meets lasting contact, or has impacts that together keep no energy.
+        If it ends earlier, has lasting contact, or has impacts of laws that conserve different
+        energies.
     """
     if not period > 0.0:
         raise NoOrbit("the period has become zero")
@@ -345,13 +352,13 @@ def shoot(system: TraceSystem, period: float) -> Shot:
 
 
 def by_body(word: Sequence[str], bodies: int) -> tuple[tuple[str, ...], ...]:
-    """Of each body what happens to it, in its order."""
+    """Return the sequence of events of each body."""
     numbers = map(str, range(1, bodies + 1))
     return tuple(tuple(one for one in word if number in one) for number in numbers)
 
 
 def state_at(run: Run, t: Any) -> Floats:
-    """Ways and speeds of a run at an instant (s), or at each of several."""
+    """Return displacements (m) and speeds (m/s) of a run at one instant (s) or several."""
     system, sample = run.system, run.sample(np.atleast_1d(t))
     start = np.array([piece.start_s for piece in system.trace.pieces])
     along = sample["s"] - start[sample["arc"] - 1]
@@ -362,7 +369,7 @@ def state_at(run: Run, t: Any) -> Floats:
 
 
 def gone_through_once(orbit: Orbit) -> Orbit:
-    """Return an orbit over its least period."""
+    """Return an orbit with its least period."""
     for times in range(len(orbit.shot.word), 1, -1):
         if any(one != one[: len(one) // times] * times for one in orbit.shot.jumps):
             continue
@@ -373,24 +380,24 @@ def gone_through_once(orbit: Orbit) -> Orbit:
 
 
 def over_period(orbit: Orbit, period: float) -> Orbit:
-    """Return an orbit gone through in another period (s), which it need not close in."""
+    """Return an orbit with another period (s), in which it need not close."""
     shot = shoot(orbit.system, period)
     residual = residual_of(orbit.system, shot, orbit.state, None)
     return replace(orbit, period=period, shot=shot, residual=residual)
 
 
 def begun_between(orbit: Orbit, longest: bool = False) -> Orbit:
-    """Return an orbit begun in the middle between two jumps: those around its start.
+    """Return an orbit that starts midway between two events: those around its present start.
 
-    So the start of an orbit of a family is one of its places, and no jump comes over it. One so
-    unstable that rounding lets it close from its old start only is returned as it is.
-    ``longest``: between the two events that are farthest apart of those where they are in order:
-    from one that goes over the seam of a closed trace to the other one they are not.
+    In a family the start is thus a well-defined state, and events do not pass it. An orbit so
+    unstable that rounding lets it close from its old start only is returned unchanged. With
+    ``longest`` it starts in the longest interval between events in which the bodies are in order;
+    they are not between two bodies' crossings of the seam of a closed trace.
 
     Raises
     ------
     NoOrbit
-        If the motion from there has other events.
+        If the motion from the new start has other events.
     """
     times, period = orbit.shot.instants, orbit.period
     middles = [0.5 * (times[0] + times[-1] - period)]
@@ -418,7 +425,7 @@ def begun_between(orbit: Orbit, longest: bool = False) -> Orbit:
 
 
 def gap_of(system: TraceSystem, start: Floats, end: Floats) -> Floats:
-    """End of a motion less its start; whole rounds of a closed trace are none."""
+    """Return the end minus the start of a motion, without full turns of a closed trace."""
     gap = end - start
     if system.trace.closed:
         rounds = np.array([sum(_lengths(system, body)) for body in range(len(system.bodies))])
@@ -427,7 +434,7 @@ def gap_of(system: TraceSystem, start: Floats, end: Floats) -> Floats:
 
 
 def size_of(system: TraceSystem, state: Floats) -> float:
-    """Size (m) of a state, against which a residual is held."""
+    """Return the size (m) of a state, to which residuals are relative."""
     return float(np.linalg.norm(state * scale_of(system)))
 
 
@@ -437,16 +444,16 @@ def newton(system: TraceSystem, state: Floats, period: float, energy: float | No
     Parameters
     ----------
     system
-        What moves; its start is not used.
+        The system; its start is not used.
     state, period
-        A guess, whose events the orbit is to have.
+        Initial guess, with the same events as the orbit.
     energy
-        Of the orbit (J); without it that of the guess is kept as nearly as possible.
+        Energy of the orbit (J); without it the orbit nearest to the guess is sought.
 
     Raises
     ------
     NoOrbit
-        If it does not converge, or only to a motion with other events, or to one of no time.
+        If the method does not converge with the events of the guess, or the period tends to 0.
     """
     shot = shoot(admitted(system, state), period)
     walls = [end.restitution for end in (system.left_end, system.right_end) if end is not None]
@@ -471,7 +478,7 @@ def newton(system: TraceSystem, state: Floats, period: float, energy: float | No
 
 
 class _Guess(NamedTuple):
-    """A motion that may become an orbit, and how far it is from closing."""
+    """An iterate of Newton's method, and its residual."""
 
     state: Floats
     period: float
@@ -480,7 +487,7 @@ class _Guess(NamedTuple):
 
 
 Steps = Callable[[Floats, Floats], Iterator[tuple[Floats, float]]]
-"""Steps to be tried in turn, each with the share of the residual of which it is to leave less."""
+"""Yields steps to try in turn, each with the factor by which it must reduce the residual."""
 
 
 def _shares_of_newton(rows: Floats, right: Floats) -> Iterator[tuple[Floats, float]]:
@@ -489,10 +496,10 @@ def _shares_of_newton(rows: Floats, right: Floats) -> Iterator[tuple[Floats, flo
 
 
 def _steps_of_marquardt(rows: Floats, right: Floats) -> Iterator[tuple[Floats, float]]:
-    """Newton's step, then ever shorter ones that turn to steepest descent.
+    """Yield Newton's step, then ever shorter steps that turn towards steepest descent.
 
-    Around a stable orbit many motions nearly close: the rows nearly lose their rank, and Newton's
-    step goes far along what hardly changes how they close, with all of its shares.
+    Near a stable orbit many motions nearly close and the rows nearly lose their rank. All fractions
+    of Newton's step then go far along directions that hardly change the residual.
     """
     left, sizes, across = np.linalg.svd(rows, full_matrices=False)
     told = left.T @ right
@@ -503,12 +510,12 @@ def _steps_of_marquardt(rows: Floats, right: Floats) -> Iterator[tuple[Floats, f
 def _improved(
     system: TraceSystem, guess: _Guess, energy: float | None, steps: Steps, bent: bool
 ) -> _Guess:
-    """The motion to which steps lead that come nearer, each with the same events.
+    """Iterate steps that reduce the residual and keep the events; return the last iterate.
 
-    ``bent``: of a step that comes no nearer the end is taken back across, see `STIFF`.
+    With ``bent`` a step that fails is followed by a correction, see `STIFF`.
     """
     scale, tau = scale_of(system), float(time_scale(system))
-    columns = np.append(1.0 / scale, 1.0 / (system.gravity * tau))  # m/s, by which a period counts
+    columns = np.append(1.0 / scale, 1.0 / (system.gravity * tau))  # scales periods by a speed
     for _ in range(MOST_STEPS):
         rows, right = equations(system, guess.shot, guess.state, energy)
         for step, most in steps(rows * columns, right):
@@ -530,7 +537,7 @@ def _improved(
 def _stepped(
     system: TraceSystem, guess: _Guess, step: Floats, energy: float | None
 ) -> _Guess | None:
-    """The motion a step farther, None without the same events."""
+    """Return the iterate after a step, or None if its events differ."""
     state, period = guess.state + step[:-1], guess.period + float(step[-1])
     try:
         shot = shoot(admitted(system, state), period)
@@ -542,7 +549,7 @@ def _stepped(
 
 
 def residual_of(system: TraceSystem, shot: Shot, state: Floats, energy: float | None) -> float:
-    """How far a motion is from closing (and from the energy), as a share of its size."""
+    """Return the relative residual of a motion: its gap, and its difference from the energy."""
     closing, kept = np.split(equations(system, shot, state, energy)[1], [len(state)])
     return float(np.linalg.norm(closing) + np.sum(np.abs(kept))) / size_of(system, state)
 
@@ -550,7 +557,7 @@ def residual_of(system: TraceSystem, shot: Shot, state: Floats, energy: float | 
 def equations(
     system: TraceSystem, shot: Shot, state: Floats, energy: float | None
 ) -> tuple[Floats, Floats]:
-    """Rows over the changes of state and period, in metres, and their right side."""
+    """Return matrix and right-hand side (m) of the equations for changes of state and period."""
     scale = scale_of(system)
     start_flow = velocity(system, state)
     end_flow = velocity(system, np.where(np.isnan(shot.end), state, shot.end))
@@ -568,12 +575,12 @@ def equations(
 def nearest_return(system: TraceSystem, impacts: int | None, longest: float | None) -> float:
     """Time (s) at which a motion comes nearest to its start, after so many impacts.
 
-    Of the first two dozen numbers of impacts, if none is given, the one with the nearest return.
+    Without a number, numbers up to 23 are tried and the nearest return is taken.
 
     Raises
     ------
     NoOrbit
-        If the motion has not as many impacts.
+        If the motion has too few impacts.
     """
     count = 24 if impacts is None else impacts
     run = simulate_system(system, longest, count + 1)
@@ -593,7 +600,7 @@ def nearest_return(system: TraceSystem, impacts: int | None, longest: float | No
         squares = np.sum(gaps**2, axis=1)
         nearest = int(np.argmin(squares))
         along, instant = float(flow @ gaps[nearest]), float(instants[nearest])
-        if along**2 > 0.5 * squares[nearest] * (flow @ flow):  # a matter of time more than of place
+        if along**2 > 0.5 * squares[nearest] * (flow @ flow):  # the gap lies mostly along the flow
             instant -= along / float(flow @ flow)
         best = min(best, (float(squares[nearest]), instant))
     return best[1]
@@ -605,12 +612,13 @@ def find_orbit(
     period: float | None = None,
     longest: float | None = None,
 ) -> Orbit:
-    """Return the periodic orbit next to the start of a system.
+    """Return the periodic orbit near the start of a system.
 
     Parameters
     ----------
     impacts, period
-        Of the orbit, if known: a guess of the period is then taken from its return.
+        Number of impacts and period (s) of the orbit, if known. Without a period the first guess is
+        the time of the nearest return.
     longest
         How long (s) a return is waited for at most; None for as long as impacts follow.
     """
@@ -623,7 +631,7 @@ def find_orbit(
     orbit = gone_through_once(newton(system, state_of(system), period))
     if not any(word.isdigit() for word in orbit.shot.word):
         raise NoOrbit("the orbit next to this start has no impact")
-    # Bodies at rest come back too: within what an orbit may fail to close by they meet as well.
+    # Bodies at rest also return, and within the tolerance of an orbit may have impacts as well.
     slow = NEARLY_CLOSED * size_of(system, orbit.state) / float(time_scale(system))
     if orbit.shot.approach < slow:
         raise NoOrbit("the orbit next to this start has an impact or a bounce of no speed")

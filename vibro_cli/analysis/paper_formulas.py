@@ -1,11 +1,12 @@
-"""What the papers give in numbers: the central impact in two forms, and a swing on one arc.
+"""Formulas of the papers: the central impact in two forms, and a swing on one arc.
 
-B table 1: whatever holds of two bodies in translation with masses and velocities holds of two
-rolling ones with moments of inertia about their contact points and angular velocities.
+By the analogy of B table 1, formulas for two bodies in translation, with masses and velocities,
+apply to two rolling bodies with moments of inertia about their contact points and angular
+velocities.
 
-ω² = 2g/κρ and Ω² = φ̇₀² + 2ω² sin²(φ₀/2), modulus k = √2 ω/Ω (B (50)–(54)): the time between two
-angles is t = (2/Ω) ∫ du/[√(1 − u²) √(1 − k²u²)] with u = sin(φ/2). For k > 1 the body swings
-between u = ±1/k, for k < 1 it goes round.
+With ω² = 2g/κρ, Ω² = φ̇₀² + 2ω² sin²(φ₀/2) and the modulus k = √2 ω/Ω (B (50)–(54)), the time
+between two angles is t = (2/Ω) ∫ du/[√(1 − u²) √(1 − k²u²)] with u = sin(φ/2). For k > 1 the body
+oscillates between u = ±1/k, for k < 1 it rotates.
 """
 
 from __future__ import annotations
@@ -23,29 +24,29 @@ Pair = tuple[float, float]
 
 @dataclass(frozen=True)
 class CentralImpact:
-    """An impact of two bodies in one of the forms, with coefficient of restitution k."""
+    """An impact of two bodies in translation or rolling, with coefficient of restitution k."""
 
     inertia: Pair
     """Masses m (kg), or moments of inertia J_P about the contact points (kg m²)."""
     before: Pair
-    """Velocities v (m/s), or angular velocities ω (rad/s), before."""
+    """Velocities v (m/s), or angular velocities ω (rad/s), before the impact."""
     restitution: float
     """k, from 0 to 1."""
 
     @property
     def momentum(self) -> float:
-        """What is kept: I_a u_a + I_b u_b (kg m/s, or kg m²/s); B (1), (13)."""
+        """Conserved momentum I_a u_a + I_b u_b (kg m/s, or kg m²/s); B (1), (13)."""
         return sum(one * u for one, u in zip(self.inertia, self.before, strict=True))
 
     @property
     def reduced(self) -> float:
-        """I_a I_b/(I_a + I_b) (kg, or kg m²)."""
+        """Reduced inertia I_a I_b/(I_a + I_b) (kg, or kg m²)."""
         one, other = self.inertia
         return one * other / (one + other)
 
     @property
     def closing(self) -> float:
-        """Relative velocity u_a − u_b before (m/s, or rad/s)."""
+        """Relative velocity u_a − u_b before the impact (m/s, or rad/s)."""
         return self.before[0] - self.before[1]
 
     @property
@@ -55,18 +56,18 @@ class CentralImpact:
 
     @property
     def after(self) -> Pair:
-        """Velocities after: u_a − P/I_a, u_b + P/I_b; B (15)–(16)."""
+        """Velocities after the impact: u_a − P/I_a, u_b + P/I_b; B (15)–(16)."""
         (one, other), impulse = self.inertia, self.impulse
         return self.before[0] - impulse / one, self.before[1] + impulse / other
 
     @property
     def energy_before(self) -> float:
-        """Kinetic energy of both before (J): Σ ½ I u²; B (7), (18)."""
+        """Kinetic energy of both before the impact (J): Σ ½ I u²; B (7), (18)."""
         return sum(0.5 * one * u * u for one, u in zip(self.inertia, self.before, strict=True))
 
     @property
     def energy_after(self) -> float:
-        """The same after (J); B (8), (19)."""
+        """Kinetic energy of both after the impact (J); B (8), (19)."""
         return sum(0.5 * one * u * u for one, u in zip(self.inertia, self.after, strict=True))
 
     @property
@@ -76,21 +77,21 @@ class CentralImpact:
 
     @property
     def carnot(self) -> float:
-        """The same (J) by Carnot's theorem: (1 − k)/(1 + k) Σ ½ I (Δu)², I Δu = ∓P; B (23)."""
-        # Bodies may be so much faster than Δu that the difference of their velocities is rounding.
+        """Loss (J) by Carnot's theorem: (1 − k)/(1 + k) Σ ½ I (Δu)², I Δu = ∓P; B (23)."""
+        # Δu from the impulse: for fast bodies a difference of velocities would be rounding.
         lost = sum(0.5 * self.impulse**2 / inertia for inertia in self.inertia)
         return (1.0 - self.restitution) / (1.0 + self.restitution) * lost
 
 
 PRINTED = 3.0 / (2.0 * 4.0 * 6.0)
-"""The coefficient of k⁴u⁵ as A (8)–(9) and B (58) print it, …"""
+"""Coefficient of k⁴u⁵ as printed in A (8)–(9) and B (58)."""
 CORRECT = 3.0 / (2.0 * 4.0 * 5.0)
-"""… and as it is."""
+"""Correct coefficient of k⁴u⁵."""
 
 
 @dataclass(frozen=True)
 class Swing:
-    """The motion of one body in one valley, from its angle (rad) and rate (rad/s) at an instant."""
+    """The motion of a body in a valley, given by its angle (rad) and rate (rad/s) at an instant."""
 
     square: float
     """ω² = 2g/κρ (1/s²)."""
@@ -104,13 +105,13 @@ class Swing:
 
     @property
     def modulus(self) -> float:
-        """k = √2 ω/Ω; infinite for a body at rest at the bottom."""
+        """Modulus k = √2 ω/Ω; infinite for a body at rest at the bottom."""
         scale = self.scale
         return math.sqrt(2.0 * self.square) / scale if scale > 0.0 else math.inf
 
     @property
     def way(self) -> float:
-        """Whether it begins to the right (1) or to the left (−1); from rest towards the bottom."""
+        """Initial direction, right (1) or left (−1); from rest it is towards the bottom."""
         return math.copysign(1.0, self.rate) if self.rate else -math.copysign(1.0, self.angle)
 
     @property
@@ -120,9 +121,9 @@ class Swing:
 
     @property
     def below(self) -> float:
-        """1 − 1/k² = cos²(φ₀/2) − φ̇₀²/2ω²: how far below the separatrix, negative above it.
+        """Distance below the separatrix: 1 − 1/k² = cos²(φ₀/2) − φ̇₀²/2ω², negative above it.
 
-        0 where doubles cannot tell it from the separatrix. k has no digits for it there.
+        0 if doubles cannot distinguish it from the separatrix, where k would have lost its digits.
         """
         place, motion = math.cos(0.5 * self.angle) ** 2, self.rate**2 / (2.0 * self.square)
         apart = place - motion
@@ -130,12 +131,12 @@ class Swing:
 
     @property
     def amplitude(self) -> float:
-        """Greatest angle (rad); π where the body goes round."""
+        """Greatest angle (rad); π if the body rotates."""
         return 2.0 * math.atan2(1.0 / self.modulus, math.sqrt(max(self.below, 0.0)))
 
     @property
     def period(self) -> float:
-        """Period (s) of this swing, or time once round; infinite on the separatrix."""
+        """Period (s) of the oscillation or rotation; infinite on the separatrix."""
         below = self.below
         if below == 0.0:
             return math.inf
@@ -143,16 +144,16 @@ class Swing:
         return (4.0 if below > 0.0 else 2.0) * quarter / math.sqrt(0.5 * self.square)
 
     def from_bottom(self, u: float) -> float:
-        """Return the time (s) from the bottom to u = sin(φ/2), exactly; odd (DLMF 19.25.5)."""
+        """Return the exact time (s) from the bottom to u = sin(φ/2), odd in u (DLMF 19.25.5)."""
         way = max(-1.0, min(1.0, self.modulus * u))
         beside, left = ((1.0 - one) * (1.0 + one) for one in (way, u))
         return 2.0 / self.scale * u * carlson_rf(beside, left, 1.0)
 
 
 def partial_sums(k: float, u: float, coefficient: float) -> tuple[float, float, float]:
-    """Return the three brackets of A (8), B (58): the papers' series of Ω t/2 from the bottom.
+    """Return the three brackets of A (8), B (58), the papers' series of Ω t/2 from the bottom.
 
-    Both roots are expanded to second order; `coefficient` is that of k⁴u⁵ in the first bracket.
+    Both roots are expanded to second order; `coefficient` multiplies k⁴u⁵ in the first bracket.
     """
     m = k * k
     return (
@@ -163,14 +164,14 @@ def partial_sums(k: float, u: float, coefficient: float) -> tuple[float, float, 
 
 
 def series_time(swing: Swing, u: float) -> float:
-    """Return the time (s) from the bottom to u by the papers' series, its coefficient corrected."""
+    """Return the time (s) from the bottom to u by the papers' series with the right coefficient."""
     return 2.0 / swing.scale * math.fsum(partial_sums(swing.modulus, u, CORRECT))
 
 
 def printed_time(swing: Swing, u: float, first: Swing | None = None) -> float:
-    """Return that time (s) as the papers print it: A (8), or A (9) with the swing of ball 1.
+    """Return the time (s) from the bottom to u as printed: A (8), or A (9) with ball 1's swing.
 
-    A (9) and B (61) take Ω₁ and k₁ of ball 1 in the last bracket of ball 2's time.
+    A (9) and B (61) use Ω₁ and k₁ of ball 1 in the last bracket of ball 2's time.
     """
     last = first or swing
     one, two, _ = partial_sums(swing.modulus, u, PRINTED)
@@ -185,7 +186,7 @@ def squared_rate(system: TraceSystem, ball: int, piece: Piece) -> float:
 
 
 def starting_swing(system: TraceSystem, ball: int) -> Swing | None:
-    """Return the swing of a body (from 1) from its start; None outside a valley at rest."""
+    """Return the first swing of a body (from 1), or None unless it starts in a valley at rest."""
     state = system.initial[ball - 1]
     piece = system.trace.pieces[state.piece]
     if piece.shape != VALLEY or system.turning is not None:
@@ -195,7 +196,7 @@ def starting_swing(system: TraceSystem, ball: int) -> Swing | None:
 
 
 def stays(swing: Swing, piece: Piece, closed: bool) -> bool:
-    """Return whether a swing stays on its arc, or goes round one that is the whole closed trace."""
+    """Return whether a swing stays on its arc, or goes round an arc that is a closed trace."""
     if swing.below <= 0.0:
         return closed
     return piece.angle_start <= -swing.amplitude and swing.amplitude <= piece.angle_end

@@ -1,8 +1,7 @@
-"""Singular points of a body's phase portrait (D), and what kind of portrait it has.
+"""Singular points of a body's phase portrait, and the type of the portrait (D).
 
-A trigger couples singular points: a homoclinic figure eight goes through the saddle among them.
-
-The kind is told by the singular points and by what their separatrices do.
+The type consists of the kinds of the singular points and of their separatrices. A trigger is a set
+of coupled singular points: a saddle between two centres.
 """
 
 from __future__ import annotations
@@ -29,27 +28,27 @@ _ROUNDING = 64.0 * EPSILON
 CENTRE = "centre"
 SADDLE = "saddle"
 DEGENERATE = "degenerate"
-"""A level line, or a junction without pull with a rise on one side and a fall on the other."""
+"""A level line, or a level junction with a rise on one side and a fall on the other."""
 
 
 @dataclass(frozen=True)
 class SingularPoint:
-    """A place where the body can stay at rest."""
+    """A position at which the body can stay at rest."""
 
     kind: str
     """`centre`, `saddle` or `degenerate`."""
     piece: int
-    """Index of its piece, from 0; at a junction that of the left piece."""
+    """Index of its piece, from 0; at a junction the index of the left piece."""
     position: float
-    """φ or ψ (rad); on a level line the distance of its left end, 0."""
+    """φ or ψ (rad); for a level line the distance of its left end, 0."""
     extent: float
     """Length of a level line (m), else 0."""
     s: float
     """Arc length of the contact point from the left end of the trace (m)."""
     slope: float
-    """Slope angle of the trace there (rad), a multiple of π at rest."""
+    """Slope angle of the trace there (rad); a multiple of π if the trace is at rest."""
     energy: float
-    """Energy of the body at rest there (J), from its lowest place on the trace."""
+    """Energy of the body at rest there (J), relative to its lowest position on the trace."""
 
 
 def singular_points(landscape: Landscape) -> tuple[SingularPoint, ...]:
@@ -57,9 +56,9 @@ def singular_points(landscape: Landscape) -> tuple[SingularPoint, ...]:
 
     Bottoms of valleys and undersides of humps are centres; crests and tops of loops (φ = ±π) are
     saddles; a level line is degenerate as a whole. A level junction, or a level end of the trace,
-    is what its sides make it. On a closed trace the seam belongs to the left end. On a trace that
-    turns they are where gravity and turning balance, centres where the potential is least; at
-    junctions and ends likewise.
+    has the kind of its sides, or is degenerate if these differ. On a closed trace the seam belongs
+    to the left end. On a rotating trace singular points are the equilibria of gravity and
+    centrifugal force, with centres at minima of the potential; likewise at junctions and ends.
     """
     found: list[SingularPoint] = []
     for piece in landscape.trace.pieces:
@@ -83,7 +82,7 @@ def _within(landscape: Landscape, piece: Piece) -> list[SingularPoint]:
 
 
 def _balanced_within(landscape: Landscape, piece: Piece) -> list[float]:
-    """Positions within a piece of a rotating trace, without those that are at its junctions."""
+    """Return the equilibria within a piece of a rotating trace, without those at its junctions."""
     near = end_width(landscape, piece)
     low, high = piece.angle_start, piece.angle_end
     after = low + near if _balances(landscape, piece.index) else low
@@ -92,9 +91,9 @@ def _balanced_within(landscape: Landscape, piece: Piece) -> list[float]:
 
 
 def _at_junction(landscape: Landscape, number: int) -> list[SingularPoint]:
-    """The singular point at the left end of a piece, or at the right end of the trace."""
+    """Return the singular point, if any, at a piece's left end, or the trace's right end."""
     sides = _sides(landscape, number)
-    # The point of a level line is the line as a whole: nothing pulls where it ends.
+    # A level line is a singular point as a whole, including its ends.
     on_line = landscape.turning is None and any(piece.is_line for piece, _ in sides)
     if on_line or not _balances(landscape, number):
         return []
@@ -104,7 +103,7 @@ def _at_junction(landscape: Landscape, number: int) -> list[SingularPoint]:
 
 
 def _sides(landscape: Landscape, number: int) -> list[tuple[Piece, float]]:
-    """The pieces that meet at the left end of a piece, or at the right end of the trace."""
+    """Return the pieces that meet at a piece's left end, or at the trace's right end."""
     pieces = landscape.trace.pieces
     left, right = pieces[number - 1], pieces[number % len(pieces)]
     sides = [(left, left.angle_end), (right, right.angle_start)]
@@ -114,10 +113,10 @@ def _sides(landscape: Landscape, number: int) -> list[tuple[Piece, float]]:
 
 
 def _balances(landscape: Landscape, number: int) -> bool:
-    """Whether nothing pulls at the left end of a piece, or at the right end of the trace.
+    """Return whether a piece's left end, or the trace's right end, is an equilibrium.
 
-    On a rotating trace pieces have to agree: beside a junction one of them may still put at it what
-    is within the other.
+    On a rotating trace both pieces must agree: near a junction, one of them may place at it an
+    equilibrium that lies within the other.
     """
     sides = _sides(landscape, number)
     if landscape.turning is None:
@@ -132,12 +131,12 @@ def _balances(landscape: Landscape, number: int) -> bool:
 
 
 def _kind(landscape: Landscape, piece: Piece, position: float) -> str:
-    """Return what a place is at which nothing pulls, by one piece alone."""
+    """Return the kind of an equilibrium, judged by one piece alone."""
     if landscape.turning is None:
         upright = round(piece.slope(position) / math.pi) % 2 == 0
         return CENTRE if upright == (piece.shape == VALLEY) else SADDLE
     if piece.is_line:
-        return SADDLE  # turning drives a body away from where it balances
+        return SADDLE  # the centrifugal force drives a body away from an equilibrium on a line
     stiffness = landscape.stiffness(piece, position)
     return SADDLE if stiffness > 0.0 else CENTRE if stiffness < 0.0 else DEGENERATE
 
@@ -148,7 +147,7 @@ def _point(
     height = landscape.height(piece, position)
     y = piece.body_centre(position, landscape.body.radius)[1]
     if abs(height) <= _ROUNDING * (abs(y) + abs(y - height) + abs(landscape.lowest)):
-        height = 0.0  # the lowest place, or one just as low
+        height = 0.0  # the lowest position, or one equally low
     return SingularPoint(
         kind=kind,
         piece=piece.index,
@@ -161,11 +160,11 @@ def _point(
 
 
 FIGURE_EIGHT = "figure eight"
-"""The separatrix closes on both sides: a homoclinic orbit like the number eight."""
+"""The separatrix closes on both sides: a homoclinic orbit in the shape of an eight."""
 HETEROCLINIC = "heteroclinic"
-"""The separatrix runs to another saddle of the same energy."""
+"""The separatrix runs to another saddle with the same energy."""
 OPEN = "open"
-"""The separatrix leaves the trace, or runs round a closed one."""
+"""The separatrix leaves the trace, or runs around a closed one."""
 
 _OF_TRIGGERS = 4.0 * EPSILON
 _EQUAL = 1e-12
@@ -180,26 +179,26 @@ class Trigger:
     saddle: SingularPoint
     right: SingularPoint
     margin_left: float
-    """Energy (J) of the greatest barrier left of the left centre, less that of the saddle.
+    """Energy (J) of the greatest barrier on the left, minus that of the saddle.
 
     On three arcs m g ((R − r)(1 − cos θ_end) − (R + R₀)(1 − cos J)), J the slope at the junction.
     """
     margin_right: float
-    """The same (J) at the right."""
+    """The same (J) on the right."""
     turning_left: float | None
-    """Arc length s (m) where the separatrix turns at the left; None if it leaves the trace."""
+    """Arc length s (m) of the separatrix's left turning point; None if it leaves the trace."""
     turning_right: float | None
-    """Arc length s (m) where the separatrix turns at the right; None if it leaves the trace."""
+    """Arc length s (m) of the separatrix's right turning point; None if it leaves the trace."""
     orbit: str
     """The separatrix: `figure eight`, `heteroclinic` or `open`."""
 
 
 def triggers(landscape: Landscape) -> tuple[Trigger, ...]:
-    """Return every saddle of the trace that has a centre as next singular point on either side.
+    """Return all saddles whose neighbouring singular points are centres on both sides.
 
-    The energies are those of the singular points; whether the figure eight exists depends on the
-    radius of the body and not on κ. On a closed trace the neighbours are found across the seam, and
-    two different centres are needed.
+    The figure eight is decided by energies of singular points, so it depends on the radius of the
+    body and not on κ. On a closed trace the neighbours are found across the seam too, and must be
+    two different centres.
     """
     points = singular_points(landscape)
     around = (*points[-1:], *points, *points[:1]) if landscape.trace.closed else points
@@ -218,9 +217,9 @@ def _trigger(
     right: SingularPoint,
 ) -> Trigger:
     margins = _margins(landscape, points, saddle)
-    # The margin decides whether the separatrix turns, one of rounding that it does, and not where:
-    # next to a bifurcation, where centres and saddle differ by less than rounding, that is lost
-    # while the barriers stand as high as before.
+    # The margin decides whether the separatrix turns (within rounding, it does), not the turning
+    # point: near a bifurcation, where centres and saddle differ by less than rounding, turning
+    # points are lost while the barriers are still known.
     rounding = _OF_TRIGGERS * (abs(saddle.energy) + landscape.weight * landscape.trace.length)
     closes = [margin >= -rounding for margin in margins]
     turning_left, turning_right = (
@@ -254,10 +253,10 @@ def _meets_another_saddle(
 def _margins(
     landscape: Landscape, points: tuple[SingularPoint, ...], saddle: SingularPoint
 ) -> tuple[float, float]:
-    """Return the greatest barrier on each side, less the saddle's energy (J)."""
+    """Return the greatest barrier on each side, minus the saddle's energy (J)."""
     others = [point for point in points if point.kind != CENTRE and point is not saddle]
     if landscape.trace.closed:
-        # Round a trace without another hill the separatrix comes back to its own saddle.
+        # On a closed trace without another hill the separatrix returns to its own saddle.
         highest = max((point.energy for point in others), default=saddle.energy)
         barrier = highest - saddle.energy
         return barrier, barrier
@@ -270,14 +269,14 @@ def _margins(
 
 
 def _turnings(landscape: Landscape, saddle: SingularPoint) -> tuple[float | None, float | None]:
-    """Return where the separatrix through a saddle turns (s, m), going left and going right.
+    """Return the left and right turning points (s, m) of the separatrix through a saddle.
 
-    None where it is not found to turn.
+    None where no turning point is found.
     """
     runs = connected_reaches(landscape, saddle.energy)
     if not runs:
-        return saddle.s, saddle.s  # all below it is lost in rounding
-    # The run through the saddle; where rounding leaves the saddle itself out, the one beside it.
+        return saddle.s, saddle.s  # everything below it is lost in rounding
+    # The run through the saddle, or the nearest one if rounding excludes the saddle itself.
     run = min(runs, key=lambda run: max(run[0].left_s - saddle.s, saddle.s - run[-1].right_s, 0.0))
     leftmost, rightmost = run[0], run[-1]
     if not landscape.trace.closed:
@@ -304,7 +303,7 @@ def _turning(leftmost: Reach, rightmost: Reach) -> tuple[float | None, float | N
 
 
 _SAME = 1e-13
-"""Energies closer than this share of the highest are told as equal."""
+"""Energies closer than this fraction of the highest are reported as equal."""
 _LETTER = {CENTRE: "C", SADDLE: "S", DEGENERATE: "D"}
 
 
@@ -314,14 +313,14 @@ class Portrait:
 
     landscape: Landscape
     points: tuple[SingularPoint, ...]
-    """From left to right."""
+    """Singular points from left to right."""
     names: tuple[str, ...]
-    """Names of the points: C1, S1, C2, …, each kind counted from the left."""
+    """Names of the points: C1, S1, C2, …, each kind numbered from the left."""
     triggers: tuple[Trigger, ...]
 
     @property
     def type(self) -> str:
-        """The type in words: equal for portraits that can be deformed into one another."""
+        """Type in words; portraits that can be deformed into one another have the same type."""
         kinds = ", ".join(point.kind for point in self.points) or "no singular point"
         orbits = ", ".join(trigger.orbit for trigger in self.triggers)
         return f"{kinds}; {orbits}" if orbits else kinds
@@ -331,9 +330,9 @@ class Portrait:
         return self.names[self.points.index(point)]
 
     def height(self, energy: float) -> float:
-        """Return E/(m g) (m): how high above its lowest place the body can come to rest.
+        """Return E/(m g) (m), the height above its lowest position at which the body is at rest.
 
-        On a rotating trace, the effective potential as a height above its least value.
+        On a rotating trace it is the effective potential as a height above its least value.
         """
         weight = self.landscape.weight
         return energy / weight if weight else 0.0
@@ -351,9 +350,9 @@ def portrait_of(landscape: Landscape) -> Portrait:
 
 
 def condition(portrait: Portrait, trigger: Trigger) -> str:
-    """Return in words what makes the separatrix of a trigger what it is.
+    """Return in words the condition that decides the separatrix of a trigger.
 
-    The figure eight exists while the barrier on either side is at least as high as the saddle,
+    The figure eight exists if the barriers on both sides are at least as high as the saddle:
     (R − r)(1 − cos θ_end) ≥ (R + R₀)(1 − cos J) on three arcs (D).
     """
     left, right = (_barrier(portrait, m) for m in (trigger.margin_left, trigger.margin_right))
@@ -365,7 +364,7 @@ def condition(portrait: Portrait, trigger: Trigger) -> str:
 
 
 def _barrier(portrait: Portrait, margin: float) -> float:
-    """Return a barrier as a height (m); 0 where saddles are equal but for rounding."""
+    """Return a barrier as a height (m), or 0 for saddles equal up to rounding."""
     highest = max(abs(point.energy) for point in portrait.points)
     return portrait.height(margin) if abs(margin) > _SAME * highest else 0.0
 
@@ -411,11 +410,11 @@ def _point_row(portrait: Portrait, name: str, point: SingularPoint) -> dict[str,
 
 
 def rate_near(landscape: Landscape, point: SingularPoint) -> float | None:
-    """Return the frequency of small swings about a centre, or the exponent of a saddle (1/s).
+    """Return the frequency of small oscillations about a centre, or a saddle's exponent (1/s).
 
-    At a junction half of each swing is on either side, for π/w₁ and π/w₂: the frequency is
-    2 w₁w₂/(w₁ + w₂). A saddle there has an exponent if that of both sides is the same. None of
-    lines, ends of the trace and degenerate junctions.
+    At a junction each side has half of the oscillation, which takes π/w₁ and π/w₂, so the frequency
+    is 2 w₁w₂/(w₁ + w₂). A saddle there has an exponent if both sides have the same. None for lines,
+    ends of the trace and degenerate junctions.
     """
     piece = landscape.trace.pieces[point.piece]
     inner = piece.angle_start < point.position < piece.angle_end
@@ -434,9 +433,9 @@ def rate_near(landscape: Landscape, point: SingularPoint) -> float | None:
 
 
 def _rate_on(landscape: Landscape, piece: Piece, position: float) -> float:
-    """The rate (1/s) by which a body swings about a place on an arc, or departs from it.
+    """Return the frequency of a body about a centre on an arc, or a saddle's exponent (1/s).
 
-    w = √(g/κρ); on a rotating trace w √|V″| in units of the potential V of the arc.
+    w = √(g/κρ); on a rotating trace w √|V″| with the dimensionless potential V of the arc.
     """
     w = landscape.natural_rate(piece)
     if landscape.turning is None:
@@ -459,29 +458,29 @@ def _trigger_row(portrait: Portrait, trigger: Trigger) -> dict[str, Any]:
 
 
 IMPOSSIBLE = "impossible"
-"""Type of a member that is no valid scenario."""
+"""Type of a member that is not a valid scenario."""
 _EVENT = 1e-9
-"""Changes closer than this fraction of the parameter are one."""
+"""Changes closer than this fraction of the parameter count as one."""
 
 
 @dataclass(frozen=True)
 class Change:
-    """Where the type of the portrait changes."""
+    """A change of the portrait's type at a value of the parameter."""
 
     low: float
     """Largest value found with the type before."""
     high: float
-    """Least value found with the type after: the next double, or, where the types between are those
-    of the change itself (equal energies, a degenerate point), the end of these."""
+    """Least value found with the type after. It is the next double, unless values in between have a
+    type of the transition itself (equal energies, a degenerate point)."""
     before: str
     after: str
 
 
 def changes(type_of: Callable[[float], str], values: Sequence[float]) -> tuple[Change, ...]:
-    """Return where the type changes between neighbouring values, each place found by bisection.
+    """Return the changes of type between neighbouring values, found by bisection.
 
-    `type_of` gives the type at a parameter value, `IMPOSSIBLE` where there is none; `values` rise.
-    Between two values with different types one change is found, even if there are several.
+    `type_of` gives the type at a parameter value, `IMPOSSIBLE` if there is none; `values` must
+    ascend. Where several changes lie between two values, some may be missed.
     """
     types = [type_of(value) for value in values]
     found: list[Change] = []
@@ -492,9 +491,9 @@ def changes(type_of: Callable[[float], str], values: Sequence[float]) -> tuple[C
 
 
 def _events(found: Sequence[Change]) -> tuple[Change, ...]:
-    """Return changes with those as one between which there is no room for a type of its own.
+    """Merge changes that are too close for a genuine type in between.
 
-    A type that takes equal energies, or vanishing ones, is found where they are so to rounding.
+    Such a type needs equal or vanishing energies, which rounding spreads over a narrow interval.
     """
     joined: list[Change] = []
     for change in found:
@@ -512,7 +511,7 @@ def _events(found: Sequence[Change]) -> tuple[Change, ...]:
 def _bisected(
     type_of: Callable[[float], str], left: tuple[float, str], right: tuple[float, str]
 ) -> list[Change]:
-    """Return the change next to the left value, and what may still come to the right of it."""
+    """Return the first change right of the left value, and any further ones up to the right."""
     (low, before), (high, after) = left, right
     while low < (middle := 0.5 * (low + high)) < high:
         kind = type_of(middle)
