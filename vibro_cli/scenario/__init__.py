@@ -1,4 +1,4 @@
-"""Scenarios: their models, reading them from TOML, JSON and YAML, and what is wrong with them."""
+"""Scenarios: their models, readers for TOML, JSON and YAML, and their faults."""
 
 from vibro_cli.scenario.loading import any_scenario_of, load_any, load_scenario, scenario_of
 from vibro_cli.scenario.models import Scenario

@@ -1,7 +1,7 @@
-"""What scenarios of every system have in common: strict tables, rules between fields, places.
+"""Common parts of the scenarios of all systems: strict tables, rules between fields, places.
 
-What a body is and sampled motion are tables that several share. Which model reads a scenario its
-key `system` tells, and the object of that system has it.
+Several systems share the tables of bodies and of sampled motion. The key `system` of a scenario
+selects the object of its system, which provides the model that reads the scenario.
 """
 
 from __future__ import annotations
@@ -36,28 +36,28 @@ KIND = ("body", "inertia_ratio")
 SAMPLES = ("step", "times")
 
 Rule = dict[str, Any]
-"""A rule between the keys of one table, as JSON Schema says it."""
+"""A rule between the keys of one table, in JSON Schema."""
 
 
 def exactly_one(*keys: str) -> Rule:
-    """Return the rule that a table has one of these keys, and no other of them."""
+    """Return the rule that a table has exactly one of these keys."""
     return {"oneOf": [{"required": [key]} for key in keys]}
 
 
 def at_least_one(*keys: str) -> Rule:
-    """Return the rule that a table has one of these keys, or several."""
+    """Return the rule that a table has at least one of these keys."""
     return {"anyOf": [{"required": [key]} for key in keys]}
 
 
 def at_most_one(*keys: str) -> Rule:
-    """Return the rule that a table has one of these keys, or none."""
+    """Return the rule that a table has at most one of these keys."""
     pairs = [[a, b] for i, a in enumerate(keys) for b in keys[i + 1 :]]
     return {"not": {"anyOf": [{"required": pair} for pair in pairs]}}
 
 
 @dataclass(frozen=True)
 class Listed:
-    """Annotation of a list, which becomes a tuple: what its entries are, and how many."""
+    """Annotation of a list, which becomes a tuple: name and allowed number of its entries."""
 
     entries: str
     least: int = 0
@@ -99,10 +99,10 @@ class Texts(Listed):
 
 
 class Table(BaseModel):
-    """A table of the scenario file: unknown keys are errors, and nothing changes afterwards.
+    """A table of the scenario file: it is immutable, and unknown keys are errors.
 
-    The text below a field describes it (see `fields.descriptions`); it is read from the source
-    when it is asked for, which takes longer than all the rest of declaring the models.
+    The text below a field describes it (see `fields.descriptions`). It is read from the source only
+    on demand, as this takes longer than declaring the models.
     """
 
     model_config = ConfigDict(
@@ -114,11 +114,11 @@ class Table(BaseModel):
     )
 
     rules: ClassVar[tuple[Rule, ...]] = ()
-    """The rules between its keys, as far as JSON Schema can say them."""
+    """The rules between its keys, as far as JSON Schema can express them."""
 
 
 class AnyScenario(Table):
-    """The scenario of some system; its rules between fields are checked with the fields."""
+    """The scenario of a system; rules between fields are checked together with the fields."""
 
     alternatives: ClassVar[tuple[tuple[str, ...], ...]] = ()
     """Keys of one table of which at most one may be given."""
@@ -126,7 +126,7 @@ class AnyScenario(Table):
     name: Annotated[str, kinds.NAME] = "scenario"
     """Name of the scenario and of its folder of results; the file's stem if not given."""
 
-    if TYPE_CHECKING:  # every system declares them in its own way
+    if TYPE_CHECKING:  # each system declares its own types
         system: str
         balls: tuple[Any, ...]
         collision: Any
@@ -138,7 +138,7 @@ class AnyScenario(Table):
     @model_validator(mode="wrap")
     @classmethod
     def _with_rules(cls, data: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
-        """Check the rules between fields in one pass with the fields themselves."""
+        """Check the rules between fields in the same pass as the fields."""
         if isinstance(data, cls):
             return handler(data)
         data = plain(data)
@@ -158,31 +158,31 @@ class AnyScenario(Table):
         return model
 
     def given(self) -> dict[str, Any]:
-        """Return the data the scenario was read from, after all changes, before any default."""
+        """Return the data from which the scenario was read, with all changes and no defaults."""
         return self.resolved() if self._source.data is None else self._source.data
 
     def resolved(self) -> dict[str, Any]:
-        """Return the scenario as plain data, in SI units and with every default.
+        """Return the scenario as plain data, in SI units and with all defaults.
 
-        Keys without a value are left out; reading the data again gives an equal scenario.
+        Keys without a value are omitted; reading the data again gives an equal scenario.
         """
         return self.model_dump(mode="json", exclude_none=True)
 
     @staticmethod
     def from_dict(data: Mapping[str, Any]) -> AnyScenario:
-        """Return the scenario of plain data with the keys of a scenario file.
+        """Return a scenario from plain data with the keys of a scenario file.
 
         Parameters
         ----------
         data
-            Dictionaries, lists, texts and numbers, of Python or numpy. Numbers are in SI units and
-            radians; texts may have units, such as ``"0.4 m"`` and ``"-60 deg"``. The key
-            ``system`` says what is solved, one of ``vibro_cli.systems.NAMES``; without it a trace.
+            Dictionaries, lists, strings and numbers of Python or numpy. Numbers are in SI units and
+            radians; strings may have units, such as ``"0.4 m"`` and ``"-60 deg"``. The key
+            ``system`` is one of ``vibro_cli.systems.NAMES``, by default ``"trace"``.
 
         Raises
         ------
         ScenarioError
-            With everything that is wrong, each with its path.
+            With all faults and their paths.
         """
         from vibro_cli.scenario.loading import any_scenario_of
 
@@ -190,19 +190,19 @@ class AnyScenario(Table):
         return any_scenario_of(data)
 
     def replace(self, changes: Mapping[str, Any]) -> Self:
-        """Return the scenario with other values, as ``--set`` gives them on the command line.
+        """Return the scenario with changed values, as ``--set`` does on the command line.
 
         Parameters
         ----------
         changes
-            Values by their paths, counted from 1: ``{"collision.k": 0.8, "balls[1].angle": "-60
-            deg"}``. Numbers are in SI units and radians. Of keys that exclude one another, such as
-            ``mass`` and ``density``, the new one takes the place of the other.
+            Values by path, counted from 1: ``{"collision.k": 0.8, "balls[1].angle": "-60 deg"}``.
+            Numbers are in SI units and radians. Of keys that exclude one another, such as ``mass``
+            and ``density``, the new one replaces the other.
 
         Raises
         ------
         ScenarioError
-            With every path that does not exist, or with everything that is wrong afterwards.
+            With all unknown paths, and all faults of the changed scenario.
         """
         from vibro_cli.scenario.loading import replaced
 
@@ -210,7 +210,7 @@ class AnyScenario(Table):
         return replaced(self, changes)
 
     def _repr_html_(self) -> str:
-        """Show the resolved scenario in a notebook: each value by its path."""
+        """Return the resolved scenario as a table of paths and values, for notebooks."""
         from html import escape
 
         rows = "".join(
@@ -230,7 +230,7 @@ class AnyScenario(Table):
         return f"{self.name}: {where}{bodies} {'body' if bodies == 1 else 'bodies'}"
 
     def place(self, key_path: str | KeyPath) -> Place:
-        """Return where a key such as `balls[2].radius` was given, or the nearest table to it."""
+        """Return the place of a key such as `balls[2].radius`, or of the nearest table above it."""
         return self._source.place(key_path)
 
     @classmethod
@@ -250,9 +250,9 @@ def plain(value: Any) -> Any:
         return value.model_dump(exclude_none=True)
     if isinstance(value, Mapping):
         return {key: plain(item) for key, item in value.items()}
-    if hasattr(value, "tolist"):  # a number or an array of numpy, which is not imported for this
+    if hasattr(value, "tolist"):  # a number or an array of numpy, without importing numpy
         return value.tolist()
-    if hasattr(value, "__array__"):  # what numpy makes an array of, such as a series of polars
+    if hasattr(value, "__array__"):  # convertible to an array, such as a series of polars
         return value.__array__().tolist()
     if isinstance(value, Sequence) and not isinstance(value, (str, bytes)):
         return [plain(item) for item in value]
@@ -260,7 +260,7 @@ def plain(value: Any) -> Any:
 
 
 def _details(error: ValidationError) -> list[InitErrorDetails]:
-    """Return the errors of a model in the form that makes a new error of them and others."""
+    """Return the errors of a model in the form from which a combined error is made."""
     details: list[InitErrorDetails] = []
     for item in error.errors(include_url=False):
         context = item.get("ctx", {})
@@ -291,24 +291,24 @@ def _flat(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def check_scenario(found: object) -> None:
-    """Raise ``TypeError`` for what is no scenario, such as the name of its file."""
+    """Raise ``TypeError`` unless an argument is a scenario (not, say, the name of its file)."""
     if not isinstance(found, AnyScenario):
         shown = f"{found!r:.60} ({type(found).__name__})"
         raise TypeError(f"found {shown}, expected a scenario: load_scenario(file) reads one")
 
 
 def check_scenarios(found: object) -> None:
-    """Raise ``TypeError`` for what cannot be several scenarios; each is checked when it is used."""
+    """Raise ``TypeError`` unless an argument is iterable; its scenarios are checked when used."""
     none = isinstance(found, (AnyScenario, str, bytes)) or not isinstance(found, Iterable)
     if none or getattr(found, "shape", None) == ():  # an array of numpy without an axis
         raise TypeError(f"scenarios: found {shown(found)}, expected a list of scenarios")
 
 
 def checked(name: str, value: Any, kind: kinds.Kind | Listed) -> Any:
-    """Return an argument of a function as its kind reads it.
+    """Return an argument of a function, validated by a kind.
 
-    Raises ``ValueError``, of what is to be true or false ``TypeError``, with the argument's name,
-    what was found and what was expected.
+    Raises ``ValueError``, or ``TypeError`` for a flag, with the argument's name, what was found and
+    what was expected.
     """
     try:
         return kind.read(plain(value))
@@ -318,7 +318,7 @@ def checked(name: str, value: Any, kind: kinds.Kind | Listed) -> Any:
 
 
 def checked_path(name: str, value: Any, meaning: str = "file") -> Path:
-    """Return an argument of a function that is the path of a file, or of a folder.
+    """Return an argument of a function that must be the path of a file or folder.
 
     Raises ``ValueError`` as :func:`checked`.
     """
@@ -332,7 +332,7 @@ def checked_path(name: str, value: Any, meaning: str = "file") -> Path:
 
 
 def _can_be_a_path(text: str) -> bool:
-    """Tell whether the system takes a text for a path, not an empty one or one with a zero byte."""
+    """Return whether a text can be a path: not empty, encodable and without a zero byte."""
     try:
         return text != "" and b"\0" not in os.fsencode(text)
     except UnicodeEncodeError:
@@ -340,7 +340,10 @@ def _can_be_a_path(text: str) -> bool:
 
 
 def checked_page(name: str, value: Any) -> Path:
-    """Return an argument that is the path of a page; raises ``ValueError`` for other suffixes."""
+    """Return an argument that must be the path of an HTML page.
+
+    Raises ``ValueError`` for other suffixes.
+    """
     path = checked_path(name, value)
     if path.suffix.lower() not in ("", ".htm", ".html"):
         raise ValueError(f"{name}: found {str(value)!r}, expected a file .html")
@@ -348,13 +351,13 @@ def checked_page(name: str, value: Any) -> Path:
 
 
 def system_of(data: Any) -> str:
-    """Return the system of the data of a scenario; without one that there is, `trace`."""
+    """Return the system named in the data of a scenario, `trace` if missing or unknown."""
     system = data.get("system") if isinstance(data, Mapping) else None
     return system if isinstance(system, str) and system in NAMES else "trace"
 
 
 def model_of(data: Any) -> type[AnyScenario]:
-    """Return the model for the data of a scenario; without a system it knows, that of a trace."""
+    """Return the model for the data of a scenario, that of a trace without a known system."""
     return system_named(system_of(data)).model
 
 

@@ -1,6 +1,6 @@
-"""The fields of the models by path, to say what is wrong with one; the JSON Schema of scenarios.
+"""The fields of the models by path, for messages about them, and the JSON Schema of scenarios.
 
-Errors of pydantic are said in the one plain style of this package: found, expected, and the path.
+Errors of pydantic are converted to the style of this package: path, found, expected.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def _models_in(annotation: Any) -> Iterator[Model]:
 
 
 def model_at(path: KeyPath, root: Model) -> Model | None:
-    """Return the model of the table at a path, or None where the path leads to no table.
+    """Return the model of the table at a path, or None if there is no table.
 
     `root` is the model of the whole scenario, here and below.
     """
@@ -50,7 +50,7 @@ def model_at(path: KeyPath, root: Model) -> Model | None:
 
 
 def field_at(path: KeyPath, root: Model) -> FieldInfo | None:
-    """Return the field of the key that a path ends with, or of the list whose entry it leads to."""
+    """Return the field at a path; for an entry of a list, the field of the list."""
     while path and isinstance(path[-1], int):
         path = path[:-1]
     model = model_at(path[:-1], root) if path else None
@@ -58,7 +58,7 @@ def field_at(path: KeyPath, root: Model) -> FieldInfo | None:
 
 
 def kind_at(path: KeyPath, root: Model) -> Kind | None:
-    """Return the kind of the one value at a path; None where a table or a list is, or nothing."""
+    """Return the kind of the single value at a path; None for a table, a list or no field."""
     field = field_at(path, root)
     if field is None:
         return None
@@ -67,26 +67,26 @@ def kind_at(path: KeyPath, root: Model) -> Kind | None:
 
 
 def _kinds_within(annotation: Any) -> Iterator[Any]:
-    """What the annotations of a list's entries, and of theirs, say."""
+    """Yield the metadata in the annotations of a list's entries, at any depth."""
     for part in get_args(annotation):
         yield from getattr(part, "__metadata__", ())
         yield from _kinds_within(part)
 
 
 def unit_at(path: KeyPath, root: Model) -> str:
-    """Return the unit of the number at a path, an empty text where it has none."""
+    """Return the unit of the number at a path, or an empty string."""
     kind = kind_at(path, root)
     return "" if kind is None else kind.unit
 
 
-# Garbage that is collected while Python 3.11 parses may let another thread in, whose parsing spoils
-# this one's count of levels (SystemError).
+# In Python 3.11, garbage collection during parsing may let another thread parse too, which corrupts
+# the recursion depth of the first parser (SystemError).
 _PARSING = RLock()
 
 
 @cache
 def descriptions(model: Model) -> Mapping[str, str]:
-    """Return what the text below each field of a model says."""
+    """Return the descriptions of a model's fields, the texts below them in the source."""
     base = model.__base__
     found = dict(descriptions(base)) if base is not None and issubclass(base, Table) else {}
     with _PARSING:
@@ -99,7 +99,7 @@ def descriptions(model: Model) -> Mapping[str, str]:
 
 
 def description(path: KeyPath, root: Model) -> str:
-    """Return the first sentence that describes a field, or an empty text."""
+    """Return the first part of a field's description, up to a semicolon, or an empty string."""
     model, key = model_at(path[:-1], root), path[-1]
     if model is None or not isinstance(key, str) or key not in model.model_fields:
         return ""
@@ -109,7 +109,7 @@ def description(path: KeyPath, root: Model) -> str:
 
 @lru_cache(maxsize=8)
 def _homes(root: Model) -> dict[str, list[str]]:
-    """Return for each key the tables it belongs to."""
+    """Return the tables that have each key."""
     homes: dict[str, list[str]] = {}
     for table, model in tables(root, ""):
         for key in model.model_fields:
@@ -118,7 +118,7 @@ def _homes(root: Model) -> dict[str, list[str]]:
 
 
 def tables(model: Model, path: str) -> Iterator[tuple[str, Model]]:
-    """Return every table of a scenario by its path, a list's entries without their number."""
+    """Yield all tables of a scenario with their paths, in which lists have no index."""
     yield path, model
     for key, field in model.model_fields.items():
         for below in _models_in(field.annotation):
@@ -126,13 +126,13 @@ def tables(model: Model, path: str) -> Iterator[tuple[str, Model]]:
 
 
 def known_keys(table: KeyPath, root: Model) -> list[str]:
-    """Return the keys a table may have."""
+    """Return the keys that a table may have."""
     model = model_at(table, root)
     return [] if model is None else list(model.model_fields)
 
 
 def hint(table: KeyPath, key: str, root: Model) -> str:
-    """Return the suggestion for an unknown key: a similar one, or the table it belongs to."""
+    """Return the suggestion for an unknown key: a similar key, or a table that has this key."""
     close = suggestion(key, known_keys(table, root))
     if close:
         return close
@@ -150,7 +150,7 @@ _EXPECTED = {
 
 
 def faults(error: ValidationError, root: Model) -> list[Fault]:
-    """Return the faults of a scenario, each once; a mistyped key is not missing as well."""
+    """Return the faults of a scenario, each once; a mistyped key is not reported as missing."""
     details = error.errors(include_url=False)
     found = dict.fromkeys(_fault(item, root) for item in details)
     mistyped = {
@@ -163,7 +163,7 @@ def faults(error: ValidationError, root: Model) -> list[Fault]:
 def _fault(details: ErrorDetails, root: Model) -> Fault:
     context: Mapping[str, Any] = details.get("ctx", {})
     kind, value, given = details["type"], details["input"], details["loc"]
-    # tags of unions, such as "<wall>", are no part of the path; an unknown key may look like one
+    # Tags of unions, such as "<wall>", are not part of the path; an unknown key may look like one.
     loc = tuple(part for part in given if not str(part).startswith("<"))
     if kind == "extra_forbidden":
         loc = (*(part for part in given[:-1] if not str(part).startswith("<")), given[-1])
@@ -185,7 +185,7 @@ def _needed(loc: KeyPath, root: Model) -> str:
 
 
 def unknown_key(loc: KeyPath, root: Model) -> Fault:
-    """Return the fault of a key that no table has, with a suggestion."""
+    """Return the fault of an unknown key, with a suggestion."""
     table, key = loc[:-1], str(loc[-1])
     known = known_keys(table, root)
     expected = f"{listing(known)}{hint(table, key, root)}"
@@ -193,7 +193,7 @@ def unknown_key(loc: KeyPath, root: Model) -> Fault:
 
 
 def settings(root: Model, values: Mapping[str, Any], path: KeyPath = ()) -> str:
-    """Return settings of the table at a path on one line, with units, inner ones in parentheses."""
+    """Return settings of a table on one line with units, inner tables in parentheses."""
     texts = []
     for key, value in values.items():
         if isinstance(value, Mapping):
@@ -211,14 +211,14 @@ def _with_unit(value: Any, unit: str) -> str:
 
 
 def written(unit: str) -> str:
-    """Return a unit as it is written in words: m/s² for m/s^2."""
+    """Return a unit with superscripts: m/s² for m/s^2."""
     return unit.replace("^2", "²").replace("^3", "³")
 
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
-# A JSON file may name its schema, for editors; not among the keys, as it says nothing of the scene.
+# A JSON file may name its schema for editors; `$schema` is not a key of the scenario.
 SCHEMA_KEY: dict[str, Any] = {"patternProperties": {r"^\$schema$": {"type": "string"}}}
 
 
@@ -230,7 +230,7 @@ def identifier(name: str) -> str:
 def json_schema(system: str = "trace") -> dict[str, Any]:
     """Return the JSON Schema (draft 2020-12) of a system's scenarios as plain data."""
     schema = schema_of(system_named(system).model)
-    for key in ("name", "collision"):  # their default depends on the file and on its bodies
+    for key in ("name", "collision"):  # their defaults depend on the file and on its bodies
         schema["properties"][key].pop("default", None)
     head = {"$schema": DIALECT, "$id": identifier(system)}
     return {**head, **schema, **SCHEMA_KEY, "title": "vibro scenario"}
@@ -247,19 +247,19 @@ def schema_of(root: Model) -> dict[str, Any]:
 
 
 def _described(root: Model) -> dict[str, Any]:
-    """Return the schema of a model and those below it, with the descriptions of their fields."""
+    """Return the schema of a model and its inner models, with descriptions of the fields."""
     schema = root.model_json_schema()
     for _, model in tables(root, ""):
         part = schema if model is root else schema["$defs"][model.__name__]
         for key, words in descriptions(model).items():
-            if key in part["properties"]:  # `system` is no key of the trace's own
+            if key in part["properties"]:  # the schema of the trace omits `system`
                 described = {**part["properties"][key], "description": words}
                 part["properties"][key] = dict(sorted(described.items()))
     return schema
 
 
 def _cleaned(value: Any) -> Any:
-    """Return a schema without null, which no key may be, and without the titles of fields."""
+    """Return a schema without titles of fields, and without null, which no key allows."""
     if isinstance(value, list):
         return [_cleaned(item) for item in value if item != {"type": "null"}]
     if not isinstance(value, dict):
@@ -280,9 +280,9 @@ def _cleaned(value: Any) -> Any:
 
 
 def keys_of(schema: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any], bool]]:
-    """Yield the key paths of a JSON Schema with their nodes, and whether they are required.
+    """Yield the key paths of a JSON Schema, their nodes and whether they are required.
 
-    `[i]` stands for any entry of a list, which has a path of its own.
+    `[i]` stands for any entry of a list; entries have their own paths.
     """
     yield from _below(schema, "", schema["$defs"])
 

@@ -1,15 +1,15 @@
-"""The texts of scenarios: their data, the places of keys and values in them, and their limits.
+"""Parsing of scenarios: their data, the places of keys and values in the text, and limits.
 
-Limits are checked before a parser sees the text. Parsers have inputs they cannot bear: `tomllib`
-needs seconds and gigabytes for one dotted key of 40 kB, 100,000 opening brackets end in a
-RecursionError (or the interpreter's end), a few hundred bytes of YAML aliases stand for megabytes.
-A scenario comes nowhere near these limits.
+Limits are checked before parsing, since some inputs overwhelm a parser: `tomllib` needs seconds and
+gigabytes for a dotted key of 40 kB, 100,000 opening brackets raise a RecursionError (or crash the
+interpreter), and a few hundred bytes of YAML aliases stand for megabytes. Real scenarios are far
+below these limits.
 
-TOML is read with `tomllib`, JSON with `json`; where their parts are is found out after an error.
-YAML 1.2 is read by the core schema, without tags, with few aliases and each key once: only the
-scanner and parser of ruamel.yaml are used. They give a stream of events with places, from which
-data and tree are built here; nothing constructs objects, so a tag cannot run anything, and the
-limits are checked while the text is read.
+TOML is read with `tomllib`, JSON with `json`; places in the text are determined only after an
+error. YAML 1.2 is read by the core schema, without tags, with few aliases and without repeated
+keys, using only the scanner and parser of ruamel.yaml. From their stream of events with places the
+data and the tree are built here. No objects are constructed, so a tag cannot run code, and limits
+are checked while reading.
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ MOST_DEPTH = 16
 MOST_KEYS = 100_000
 LONGEST_KEY = 256
 LONGEST_BARE = 400
-"""Characters of a number or another value without quotes."""
+"""Greatest length of a number or another unquoted value, in characters."""
 MOST_ALIASES = 100
 MOST_VALUES = 200_000
-"""Values of a YAML text with its aliases written out."""
+"""Greatest number of values of a YAML text with expanded aliases."""
 
-# A string that does not end is one token, to where it would have to: to look for its end again from
-# each quote in it would take a time that grows with the square of the text.
+# An unterminated string is one token, up to where it would have to end: searching for its end again
+# from each quote in it would take quadratic time.
 _TOML_TOKEN = re.compile(
     r"""(?P<comment>\#[^\n]*)
     |(?P<string>\"{3}(?:\\[\s\S]|[^\\])*?(?:\"{3,5}|\\?\Z)|'{3}[\s\S]*?'{3,5}
@@ -57,7 +57,7 @@ _JSON_TOKEN = re.compile(
 def check_toml(text: str) -> None:
     """Raise a `FormError` if a TOML text is nested too deeply or has too long or too many keys."""
     depth = parts = keys = 0
-    start: int | None = None  # of the dotted key that is being read
+    start: int | None = None  # offset of the present dotted key
     for token in _TOML_TOKEN.finditer(text):
         kind, at = token.lastgroup, token.start()
         if kind in ("bare", "string", "dot"):
@@ -133,7 +133,7 @@ _BARE_VALUE = re.compile(r"[^,\]}#\n]+")
 def read_toml(text: str) -> dict[str, Any]:
     """Return the data of a TOML text.
 
-    Raises `FormError` if the text is not TOML (a key given twice is not), or beyond the limits.
+    Raises `FormError` if the text is not TOML (which excludes repeated keys) or exceeds the limits.
     """
     check_toml(text)
     try:
@@ -160,10 +160,10 @@ def _syntax_error(text: str, message: str) -> FormError:
 
 
 class Scanner:
-    """Walks through valid TOML and notes where each key and value is.
+    """Scans valid TOML and records the places of all keys and values.
 
-    It understands structure only: which text is a key, a table, a list or a single value. On
-    broken text it raises a `FormError`, and `last_key` is the key it got to.
+    It recognises structure only: keys, tables, lists and single values. On broken text it raises a
+    `FormError`, and `last_key` is the last key that it reached.
     """
 
     def __init__(self, text: str) -> None:
@@ -174,7 +174,7 @@ class Scanner:
         self.last_key_offset = 0
 
     def scan(self) -> Node:
-        """Walk through the whole text; return the tree of places."""
+        """Scan the whole text; return the tree of places."""
         table: Node = self.root
         path: KeyPath = ()
         self._skip(_BLANK)
@@ -217,7 +217,7 @@ class Scanner:
             self.at += 1
 
     def _step(self, node: Node, part: str, offset: int, path: KeyPath) -> tuple[Node, KeyPath]:
-        """Go into a table of the name, into the last one if it is a list of tables."""
+        """Enter the table of this name, or the last one if it is a list of tables."""
         node = node.children.setdefault(part, Node(offset, offset))
         path = (*path, part)
         if node.children and isinstance(last := next(reversed(node.children)), int):
@@ -272,7 +272,7 @@ class Scanner:
         return node
 
     def _entries(self, begin: str, end: str) -> Iterator[int]:
-        """Yield the number of each entry of a list or an inline table, where it begins."""
+        """Yield the index of each entry of a list or inline table, positioned at its beginning."""
         self._take(begin)
         self._skip(_BLANK)
         for index in count():
@@ -287,16 +287,16 @@ class Scanner:
 
 
 def read_json(text: str) -> Any:
-    """Return the data of a JSON text; NaN and infinities are left to the fields to refuse.
+    """Return the data of a JSON text; NaN and infinities are rejected later, by the fields.
 
-    Raises `FormError` if the text is not JSON, gives a key twice, or is beyond the limits.
+    Raises `FormError` if the text is not JSON, repeats a key, or exceeds the limits.
     """
     check_json(text)
 
     def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         table = dict(pairs)
         if len(table) < len(pairs):
-            _JsonScanner(text).scan()  # which tells where
+            _JsonScanner(text).scan()  # raises the error with its place
         return table
 
     try:
@@ -307,9 +307,9 @@ def read_json(text: str) -> Any:
 
 
 class _JsonScanner(Scanner):
-    """Walks through valid JSON, whose values are those of TOML but for the keys of tables.
+    """Scans valid JSON, whose values differ from those of TOML only in the keys of tables.
 
-    A key given twice is a `FormError`.
+    A repeated key raises a `FormError`.
     """
 
     def scan(self) -> Node:
@@ -339,7 +339,7 @@ _WORDS: dict[str, Any] = {
 
 
 def plain_scalar(text: str) -> Any:
-    """Return the value of a scalar without quotes by the core schema of YAML 1.2."""
+    """Return the value of an unquoted scalar by the core schema of YAML 1.2."""
     if text in _WORDS:
         return _WORDS[text]
     if _INTEGER.fullmatch(text):
@@ -352,8 +352,7 @@ def plain_scalar(text: str) -> Any:
 def read_yaml(text: str) -> tuple[Any, Node]:
     """Return the data of a YAML text and the tree of its places.
 
-    Raises `FormError` if the text is not YAML, gives a key twice, has a tag, or is beyond the
-    limits.
+    Raises `FormError` if the text is not YAML, repeats a key, has a tag, or exceeds the limits.
     """
     from ruamel.yaml import YAML
     from ruamel.yaml.error import MarkedYAMLError, YAMLError
@@ -376,7 +375,7 @@ class _Anchor:
     value: Any = None
     node: Node = field(default_factory=lambda: Node(0))
     size: int = 0
-    """Values in it with aliases written out; 0 while it is still being read."""
+    """Number of values in it with expanded aliases; 0 while it is being read."""
 
 
 class _Builder:
@@ -476,9 +475,9 @@ class _Builder:
 
 
 def read(text: str, form: str) -> tuple[Any, Node | None]:
-    """Return the data of a text in a form; and the tree of places where reading made it.
+    """Return the data of a text in a format, and the tree of places if reading produced it.
 
-    Raises `FormError` if the text is not of its form, gives a key twice, or is beyond the limits.
+    Raises `FormError` if the text has broken syntax, repeats a key, or exceeds the limits.
     """
     if form == "yaml":
         return read_yaml(text)
@@ -486,14 +485,14 @@ def read(text: str, form: str) -> tuple[Any, Node | None]:
 
 
 def places(text: str, form: str) -> Node:
-    """Return the tree of places of a text that could be read in a form."""
+    """Return the tree of places of a text that is valid in a format."""
     if form == "yaml":
         return read_yaml(text)[1]
     return (Scanner if form == "toml" else _JsonScanner)(text).scan()
 
 
 def line_and_column(text: str, offset: int) -> tuple[int, int]:
-    """Return line and column, counted from 1, of an offset into a text."""
+    """Return line and column, from 1, of an offset into a text."""
     offset = min(max(offset, 0), len(text))
     starts = _line_starts(text)
     line = bisect_right(starts, offset)
@@ -502,26 +501,26 @@ def line_and_column(text: str, offset: int) -> tuple[int, int]:
 
 @lru_cache(maxsize=1)
 def _line_starts(text: str) -> list[int]:
-    """Where the lines of a text begin; kept for the next of its problems."""
+    """Return the offsets of a text's lines, cached for its next problems."""
     return [0, *(match.end() for match in re.finditer("\n", text))]
 
 
 @dataclass(eq=False)
 class Source:
-    """The text a scenario was read from.
+    """The text from which a scenario was read.
 
-    Any two are equal, so that scenarios are equal when their values are, wherever they came from.
+    All sources compare equal, so that scenarios are equal if their values are.
     """
 
     file: str = "<scenario>"
     form: str = ""
     text: str = field(default="", repr=False)
     overrides: tuple[tuple[KeyPath, str], ...] = ()
-    """Paths that were overridden, and what errors call the override."""
+    """Overridden paths, with the names of the overrides in errors."""
     data: dict[str, Any] | None = field(default=None, repr=False)
-    """The data as it was given, after overrides: what further changes start from."""
+    """The data as given, after overrides, to which further changes apply."""
     within: KeyPath = ()
-    """Path of the scenario in the text: not empty where it stands in a grid file."""
+    """Path of the scenario in the text; not empty in a grid file."""
     _tree: Node | None = field(default=None, repr=False)
 
     def __eq__(self, other: object) -> bool:
@@ -531,10 +530,10 @@ class Source:
         return hash(Source)
 
     def place(self, key_path: str | KeyPath, on_key: bool = False) -> Place:
-        """Return where a key was given, or the nearest table to it.
+        """Return the place of a value, or of the nearest table above it.
 
-        `key_path` is `balls[2].radius` counted from 1, or its parts counted from 0; `on_key`, the
-        place of the key is wanted, rather than that of its value.
+        `key_path` is text such as `balls[2].radius`, counted from 1, or its parts counted from 0.
+        With `on_key` return the place of the key, not of its value.
         """
         loc = parsed_path(key_path) if isinstance(key_path, str) else key_path
         for path, override in reversed(self.overrides):
@@ -546,7 +545,7 @@ class Source:
         return Place(self.file, *line_and_column(self.text, offset))
 
     def tree(self) -> Node:
-        """Return the tree of places, made when it is first needed."""
+        """Return the tree of places, made on first use."""
         if self._tree is None:
             self._tree = places(self.text, self.form)
         return self._tree

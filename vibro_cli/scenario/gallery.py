@@ -1,4 +1,4 @@
-"""The gallery: commented scenarios that come with the program."""
+"""The gallery: commented scenarios that are distributed with the program."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _BASE = re.compile(r'^base = "(?:[^"]*/)?([^"/]+)\.toml"', re.MULTILINE)
 
 
 def _folder() -> Traversable:
-    """Return where the scenarios are: in the installed package, or beside it in a checkout."""
+    """Return the folder of the scenarios: in the installed package, or beside it in a checkout."""
     installed = files("vibro_cli") / "gallery"
     return installed if installed.is_dir() else Path(__file__).parents[2] / "scenarios"
 
@@ -33,7 +33,7 @@ def grid_names() -> list[str]:
 
 
 def _entries(*parts: str) -> dict[str, Traversable]:
-    """Return the files of some folders by name; the traces are in the gallery's own."""
+    """Return the files of subfolders by name; traces are in the folder itself, the part ""."""
     folders = [_folder() / part if part else _folder() for part in parts]
     entries = [entry for folder in folders if folder.is_dir() for entry in folder.iterdir()]
     return {e.name.removesuffix(".toml"): e for e in entries if e.name.endswith(".toml")}
@@ -42,8 +42,8 @@ def _entries(*parts: str) -> dict[str, Traversable]:
 def text(name: str) -> str:
     """Return the text (TOML, with comments) of a scenario or grid of the gallery.
 
-    A grid has its scenario beside it, as `base_of` names it. Raises `ScenarioError` if there is
-    none of that name.
+    In the text of a grid the path of its scenario, `base_of`, is that of a file beside the grid.
+    Raises `ScenarioError` for an unknown name.
     """
     entries = _entries("", *NAMES, _GRIDS)
     known = sorted(entries)
@@ -55,7 +55,7 @@ def text(name: str) -> str:
 
 
 def whole() -> dict[str, str]:
-    """Return the texts of the gallery by their paths in its folder, such as ``grids/….toml``."""
+    """Return all texts of the gallery by path in its folder, such as ``grids/….toml``."""
     return {
         f"{part}/{entry.name}" if part else entry.name: entry.read_text(encoding="utf-8")
         for part in ("", *NAMES, _GRIDS)
@@ -64,7 +64,7 @@ def whole() -> dict[str, str]:
 
 
 def title(name: str) -> str:
-    """Return what a scenario or grid of the gallery is: its first comment."""
+    """Return the title of a scenario or grid of the gallery, its first comment."""
     return text(name).partition("\n")[0].lstrip("# ")
 
 
@@ -74,7 +74,7 @@ def system_of(name: str) -> str:
 
 
 def base_of(name: str) -> str:
-    """Return the name of the scenario that a grid of the gallery is over."""
+    """Return the name of the scenario on which a grid of the gallery is based."""
     found = _BASE.search(text(name))
     assert found is not None
     return found[1]

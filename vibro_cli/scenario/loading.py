@@ -1,6 +1,6 @@
-"""From a file, a text or plain data to a scenario, or to everything that is wrong with it.
+"""Read scenarios from files, texts or plain data, and report all their faults.
 
-Values may be overridden on the way, as from the command line: `balls[1].angle=-60 deg`.
+Values can be overridden, as on the command line: `balls[1].angle=-60 deg`.
 """
 
 from __future__ import annotations
@@ -37,19 +37,19 @@ from vibro_cli.scenario.problems import (
     shown,
 )
 
-# Of TOML a number has a digit on both sides of its point; those who type one may leave it out.
+# TOML needs a digit on both sides of a decimal point; overrides may omit one.
 _BARE_POINT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+\.)([eE][-+]?[0-9]+)?", re.ASCII)
 
 Override = tuple[KeyPath, Any]
-"""The path of a value, and the value."""
+"""Path and new value."""
 
 
 def parse(text: str) -> Override:
-    """Return the override of a text `path=value`.
+    """Return the override given by a text `path=value`.
 
-    The value is one of TOML (`0.8`, `"0.4 m"`, `[1, 0.9]`, `{wall = 0.8}`); what is not, is a
-    word or text without quotes (`hedrih`, `-60 deg`); of nothing and of `null` it is None.
-    Raises `Fault` if there is no `=`, or no path before it.
+    The value is in TOML (`0.8`, `"0.4 m"`, `[1, 0.9]`, `{wall = 0.8}`); any other text is taken
+    literally (`hedrih`, `-60 deg`), and an empty one and `null` as None. Raises `Fault` if there is
+    no `=`, or no path before it.
     """
     path, equals, value = text.partition("=")
     if not equals:
@@ -59,16 +59,15 @@ def parse(text: str) -> Override:
 
 
 def given(path: str, value: Any) -> Override:
-    """Return the override of a path by a value of Python: a number, a text, a list, a dictionary.
+    """Return the override of a path by a Python value: a number, string, list or dictionary.
 
-    Numbers and arrays of numpy are taken as those of Python. Raises `Fault` if the text is
-    no path.
+    Numbers and arrays of numpy are converted. Raises `Fault` if `path` is not a path.
     """
     return path_of(str(path)), plain(value)
 
 
 def path_of(text: str) -> KeyPath:
-    """Return the parts of a path, counted from 0; raises `Fault` if the text is no path."""
+    """Return the parts of a path, counted from 0; raises `Fault` if the text is not a path."""
     try:
         return parsed_path(text)
     except ValueError:
@@ -76,7 +75,7 @@ def path_of(text: str) -> KeyPath:
 
 
 def parse_value(text: str) -> Any:
-    """Return the value of a text: one of TOML, a number such as .5 or 2., or the text itself."""
+    """Return the value of a text: a TOML value, a number such as .5 or 2., or the text itself."""
     try:
         check_toml(f"value = {text}")
         table = tomllib.loads(f"value = {text}")
@@ -92,9 +91,9 @@ def apply(
 ) -> dict[str, Any]:
     """Return a copy of a scenario's data with one value changed.
 
-    Tables that are missing on the way are made. Of keys that exclude one another (`density` and
-    `mass`) the new one replaces the other, unless that one is among the paths `given` by overrides
-    too. Raises `Fault` if the path is not one of a scenario, or counts beyond a list.
+    Missing tables are created. Of keys that exclude one another (`density` and `mass`) the new one
+    replaces the other, unless that was also `given` by an override. Raises `Fault` if a scenario
+    has no such path, or the path has an index beyond the end of a list.
     """
     changed = dict(data)  # what the path does not lead through stays shared
     root = model_of(data)
@@ -115,14 +114,14 @@ def apply(
 
 
 def _spread_restitution(data: dict[str, Any], root: type[AnyScenario]) -> None:
-    """Write one k for all pairs as a list, so that the k of one pair can be changed."""
+    """Expand a single k to a list, so that the k of one pair can be changed."""
     spread = root.prepared(data)
     if "collision" in spread:
         data["collision"] = spread["collision"]
 
 
 def _entered(place: Any, path: KeyPath, depth: int, root: type[AnyScenario]) -> Any:
-    """Return the table or list that one step of the path leads to."""
+    """Return the table or list at one step of a path, created if it is a missing table."""
     part, here = path[depth], path[: depth + 1]
     _check_step(place, here, root)
     following = path[depth + 1]
@@ -142,7 +141,7 @@ def _entered(place: Any, path: KeyPath, depth: int, root: type[AnyScenario]) -> 
 
 
 def _check_step(place: Any, path: KeyPath, root: type[AnyScenario]) -> None:
-    """Check that the last part of a path is a key or a number of the place it is in."""
+    """Check that the last part of a path is a key of its table or an index of its list."""
     part = path[-1]
     if isinstance(part, int):
         _check_list(place, path[:-1])
@@ -160,7 +159,7 @@ def _check_list(value: Any, path: KeyPath) -> None:
 
 
 FORMS = {".toml": "toml", ".json": "json", ".yaml": "yaml", ".yml": "yaml"}
-"""The form of a file by its suffix."""
+"""Format of a file, by suffix."""
 
 Changed = TypeVar("Changed", bound=AnyScenario)
 
@@ -169,42 +168,42 @@ _STANDARD_INPUT = "<stdin>"
 
 @dataclass(frozen=True)
 class Document:
-    """A text that was read: its data, and where it came from."""
+    """Data that were read, and their source."""
 
     data: dict[str, Any]
     source: Source = field(default_factory=Source)
     name: str = "scenario"
-    """The name of the scenario if the text gives none."""
+    """Default name of the scenario."""
 
 
 def load_scenario(source: str | Path, overrides: Sequence[str] = ()) -> Scenario:
-    """Read the scenario of a trace from a file in TOML, JSON or YAML, told by its suffix.
+    """Read the scenario of a trace from a TOML, JSON or YAML file, distinguished by its suffix.
 
-    "-" is standard input, where the form is told by the content; overrides are such as
-    "balls[1].angle=-60 deg". Raises `ScenarioError` with everything that is wrong with the
-    scenario, or if it is of another system, and `OSError` if the file cannot be read.
+    The source "-" is standard input, whose format is recognised by its content. Overrides are texts
+    such as "balls[1].angle=-60 deg". Raises `ScenarioError` with all faults of the scenario, or if
+    it is of another system, and `OSError` if the file cannot be read.
     """
     return scenario_of(load_document(source), overrides)
 
 
 def load_any(source: str | Path, overrides: Sequence[str] = ()) -> AnyScenario:
-    """Read a scenario of whatever system; else as :func:`load_scenario`."""
+    """Read a scenario of any system; otherwise as :func:`load_scenario`."""
     return any_scenario_of(load_document(source), overrides)
 
 
 def load_stored(source: str | Path, overrides: Sequence[str] = ()) -> AnyScenario:
-    """Read the scenario that a run keeps in its folder; else as :func:`load_any`.
+    """Read the scenario stored with a run; otherwise as :func:`load_any`.
 
-    It is written out in full, and so may be longer than a text that is given.
+    It has all defaults, so it may exceed the size limit of scenario files.
     """
     text = _decoded(Path(source).read_bytes(), str(source))
     return any_scenario_of(_parsed(text, "json", str(source)), overrides)
 
 
 def scenario_of(document: Document | Mapping[str, Any], overrides: Sequence[str] = ()) -> Scenario:
-    """Return the scenario of a trace; else as :func:`any_scenario_of`.
+    """Return the scenario of a trace; otherwise as :func:`any_scenario_of`.
 
-    Raises `ScenarioError` also if it is of another system.
+    Raises `ScenarioError` also for another system.
     """
     scenario, model = any_scenario_of(document, overrides), Scenario
     if isinstance(scenario, model):
@@ -217,9 +216,9 @@ def scenario_of(document: Document | Mapping[str, Any], overrides: Sequence[str]
 def any_scenario_of(
     document: Document | Mapping[str, Any], overrides: Sequence[str] = ()
 ) -> AnyScenario:
-    """Return the scenario of a document, or of plain data, after overrides.
+    """Return the scenario of a document or of plain data, after overrides.
 
-    Raises `ScenarioError` with everything that is wrong with the scenario.
+    Raises `ScenarioError` with all faults of the scenario and the overrides.
     """
     if not isinstance(document, Document):
         document = Document(plain(dict(document)))
@@ -233,7 +232,7 @@ def any_scenario_of(
 
 
 def replaced(scenario: Changed, changes: Mapping[str, Any]) -> Changed:
-    """Return a scenario with other values by their paths; else as :func:`any_scenario_of`."""
+    """Return a scenario with changed values, given by path; raises as :func:`any_scenario_of`."""
     source = scenario._source
     made = [
         (f"replace {shortened(f'{path}={value!r}')}", partial(given, path, value))
@@ -247,7 +246,7 @@ def replaced(scenario: Changed, changes: Mapping[str, Any]) -> Changed:
 def _validated(
     data: dict[str, Any], source: Source, name: str, problems: list[Problem]
 ) -> AnyScenario:
-    """Return the scenario of data after overrides, or raise all problems of both."""
+    """Return the scenario of data after overrides, or raise the problems of both."""
     source.data = data = {"name": name, **data}
     root = model_of(data)
     try:
@@ -261,14 +260,14 @@ def _validated(
 
 
 def is_grid(data: Mapping[str, Any]) -> bool:
-    """Return whether the data of a file are those of a grid, not of a scenario."""
+    """Return whether data describe a grid, not a scenario."""
     return "axes" in data and ("base" in data or "scenario" in data)
 
 
 def overridden(
     data: dict[str, Any], overrides: Sequence[str]
 ) -> tuple[dict[str, Any], list[tuple[KeyPath, str]], list[Problem]]:
-    """Return data after overrides, the overrides with their paths, and what is wrong with them."""
+    """Return data after overrides, the paths and texts of the overrides, and their problems."""
     return _changed(
         data, [(f"--set {shortened(text)}", partial(parse, text)) for text in overrides]
     )
@@ -277,7 +276,7 @@ def overridden(
 def _changed(
     data: dict[str, Any], overrides: Iterable[tuple[str, Callable[[], Override]]]
 ) -> tuple[dict[str, Any], list[tuple[KeyPath, str]], list[Problem]]:
-    """The same for overrides by what errors call them."""
+    """Do the same for overrides given as pairs of label (for errors) and function."""
     changed = dict(data)
     done: list[tuple[KeyPath, str]] = []
     problems: list[Problem] = []
@@ -308,7 +307,7 @@ def _problem(fault: Fault, place: Place) -> Problem:
 def load_document(source: str | Path) -> Document:
     """Read the data of a file in TOML, JSON or YAML, or of standard input ("-").
 
-    Raises `ScenarioError` if the text is not of its form or beyond the limits, `OSError` if the
+    Raises `ScenarioError` if the text has broken syntax or exceeds the limits, `OSError` if the
     file cannot be read.
     """
     if str(source) == "-":
@@ -333,7 +332,7 @@ def load_document(source: str | Path) -> Document:
 
 
 def _of_the_gallery(name: str) -> str:
-    """How to have the scenario or grid of the gallery that a text names, or nothing."""
+    """Return a hint if a text names a scenario or grid of the gallery, or an empty string."""
     from vibro_cli.scenario import gallery
 
     known = {*gallery.names(), *gallery.grid_names()}
@@ -356,7 +355,7 @@ def _check_size(size: int, unit: str, file: str) -> None:
 
 
 def _bounded(content: bytes, file: str) -> str:
-    """The text of a file that is given."""
+    """Return the text of a file that a user gives, after checking its size."""
     _check_size(len(content), "bytes", file)
     return _decoded(content, file)
 
@@ -373,7 +372,7 @@ def _decoded(content: bytes, file: str) -> str:
 
 
 def form_of(text: str) -> str:
-    """Return the form of a text, told by its first line that says something."""
+    """Return the format of a text, guessed from its first line that is not a comment or blank."""
     for line in text.splitlines():
         line = line.strip()
         if not line or line.startswith("#"):
@@ -390,8 +389,8 @@ def form_of(text: str) -> str:
 def parse_document(text: str, form: str, file: str, name: str = "scenario") -> Document:
     """Return the data of a text in "toml", "json" or "yaml"; errors call it `file`.
 
-    `name` is that of a scenario that gives none. Raises `ScenarioError` if the text is not of its
-    form or beyond the limits, `ValueError` if there is no such form.
+    `name` is the default name of the scenario. Raises `ScenarioError` if the text has broken syntax
+    or exceeds the limits, `ValueError` for an unknown format.
     """
     if form not in FORMS.values():
         raise ValueError(f'form: found "{form}", expected toml, json or yaml')
@@ -400,18 +399,18 @@ def parse_document(text: str, form: str, file: str, name: str = "scenario") -> D
 
 
 def _parsed(text: str, form: str, file: str, name: str = "scenario") -> Document:
-    """The data of a text of any length."""
+    """Return the data of a text of any length."""
     try:
         data, tree = forms.read(text, form)
     except FormError as error:
         place = Place(file, *line_and_column(text, error.offset))
         problem = Problem.at(place, path_text(error.loc), error.found, error.expected)
         raise ScenarioError([problem]) from None
-    except Exception as error:  # what a parser leaks (RecursionError, KeyError, ...)
+    except Exception as error:  # other errors of a parser (RecursionError, KeyError, ...)
         found = f"a text that cannot be read ({type(error).__name__})"
         raise _error(file, found, f"valid {form.upper()}") from error
     if not isinstance(data, dict):
         raise _error(file, shown(data), "a table with the keys of a scenario", Place(file, 1, 1))
-    if isinstance(data.get("$schema"), str):  # what an editor is told, and nobody else
+    if isinstance(data.get("$schema"), str):  # for editors only
         del data["$schema"]
     return Document(data, Source(file, form, text, _tree=tree), name)

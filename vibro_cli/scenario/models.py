@@ -1,9 +1,9 @@
-"""The scenario as pydantic models: names, defaults and descriptions of every field; its rules.
+"""The scenario of a trace as pydantic models: names, defaults, descriptions and rules of fields.
 
-The descriptions also make the JSON Schema and the texts of errors. What one field alone can tell
-is checked by its kind; what needs several fields is told by rules, in the same pass, so that all
-errors of a file come at once. They work on the plain data of a file, before it becomes a model: a
-value that is wrong by itself counts as unknown there, and its field reports it. Paths count from 0.
+The descriptions also appear in the JSON Schema and in errors. A single field is checked by its
+kind, several fields together by rules. Both run in the same pass, so that all errors of a file are
+reported at once. Rules work on the plain data of a file, before it becomes a model; they treat an
+invalid value as unknown, since its field reports it. Paths count from 0.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ AXIS = ("through_arc", "x")
 
 @dataclass(frozen=True)
 class Piece:
-    """What can be told of a piece of the trace; None where it is unknown."""
+    """Properties of a piece of the trace, None where unknown."""
 
     shape: str | None
     start_slope: float | None
@@ -61,7 +61,7 @@ class Piece:
 
 
 def with_bodies(data: Data, default_motion: Callable[[Data], dict[str, float]]) -> dict[str, Any]:
-    """Return the data with the kind and the motion of every body that has none given."""
+    """Return the data with default kinds and motions of the bodies filled in."""
     balls = data.get("balls")
     if not isinstance(balls, list):
         return dict(data)
@@ -76,7 +76,7 @@ def _with_defaults(ball: object, default_motion: Callable[[Data], dict[str, floa
 
 
 def spread_restitution(data: Data) -> dict[str, Any]:
-    """Return the data with one k for all pairs written as a list."""
+    """Return the data with a single k expanded to a list for all pairs."""
     filled = dict(data)
     collision = data.get("collision", {})
     if isinstance(collision, Mapping):
@@ -88,7 +88,7 @@ def spread_restitution(data: Data) -> dict[str, Any]:
 
 
 def pair_count(data: Data) -> int | None:
-    """Return how many pairs of neighbours there are, or None where the bodies are no list."""
+    """Return the number of pairs of neighbours, or None if the bodies are not a list."""
     balls, closed = data.get("balls"), section(data, "trace").get("closed") is True
     if not isinstance(balls, list):
         return None
@@ -96,13 +96,13 @@ def pair_count(data: Data) -> int | None:
 
 
 def section(data: Data, key: str) -> Data:
-    """Return a table of the data, empty where there is none."""
+    """Return a table of the data, empty if missing."""
     value = data.get(key)
     return value if isinstance(value, Mapping) else {}
 
 
 def rows(data: Data, key: str) -> list[tuple[int, Data]]:
-    """Return the tables of a list of the data, with their numbers from 0."""
+    """Return the tables in a list of the data, with their indices."""
     value = data.get(key)
     if not isinstance(value, list):
         return []
@@ -110,7 +110,7 @@ def rows(data: Data, key: str) -> list[tuple[int, Data]]:
 
 
 def _pieces(data: Data) -> list[Piece]:
-    """Return the chain of pieces, as far as the data tell it."""
+    """Return the chain of pieces, as far as the data determine it."""
     trace = section(data, "trace")
     slope = kinds.SLOPE.read_or_none(trace.get("start_slope"))
     arcs = trace.get("arcs")
@@ -134,7 +134,7 @@ def _piece_of(ball: Data, pieces: list[Piece]) -> Piece | None:
 def one_of(
     table: Data, keys: tuple[str, ...], loc: tuple[str | int, ...], needed: bool
 ) -> Iterator[Fault]:
-    """Check that of some keys one is given (or none, where none is needed)."""
+    """Check that exactly one of some keys is given, or at most one unless `needed`."""
     given = [key for key in keys if key in table]
     one = f"one of {listing(keys)}"
     if len(given) > 1:
@@ -209,7 +209,7 @@ def _ball_faults(data: Data) -> Iterator[Fault]:
 def faults_in_row(
     data: Data, index: int, ball: Data, start: tuple[str, ...], motion: tuple[str, ...]
 ) -> Iterator[Fault]:
-    """Check one of the bodies in a row; its keys of `start` end with `touching`."""
+    """Check a body in a row of bodies; the last key of `start` is `touching`."""
     loc = ("balls", index)
     yield from one_of(ball, MASS, loc, needed=True)
     yield from one_of(ball, start, loc, needed=True)
@@ -221,7 +221,7 @@ def faults_in_row(
 
 
 def body_faults(ball: Data, loc: tuple[str | int, ...], lone: bool) -> Iterator[Fault]:
-    """Check what a body is: its mass, its thickness where needed, and a radius of 0."""
+    """Check the properties of a body: mass, thickness if needed, and a radius of 0."""
     if "inertia_ratio" in ball:
         yield from one_of(ball, KIND, loc, needed=False)
         if "density" in ball and "mass" not in ball:
@@ -248,7 +248,7 @@ def body_faults(ball: Data, loc: tuple[str | int, ...], lone: bool) -> Iterator[
 
 
 def _start_faults(ball: Data, loc: tuple[str | int, ...], pieces: list[Piece]) -> Iterator[Fault]:
-    """Check that the body starts on its piece, in the coordinate of that piece."""
+    """Check that a body starts on its piece, given in the coordinate of that piece."""
     index = kinds.COUNT.read_or_none(ball.get("arc"))
     if index is not None and pieces and index > len(pieces):
         yield Fault((*loc, "arc"), str(index), f"a whole number from 1 to {len(pieces)}")
@@ -282,7 +282,7 @@ def _range_faults(ball: Data, loc: tuple[str | int, ...], piece: Piece) -> Itera
 
 
 def collision_faults(data: Data) -> Iterator[Fault]:
-    """Check that there is a coefficient of restitution for each pair of neighbours."""
+    """Check that each pair of neighbours has a coefficient of restitution."""
     pairs = pair_count(data)
     if pairs is None:
         return
@@ -306,7 +306,7 @@ def collision_faults(data: Data) -> Iterator[Fault]:
 
 
 def stop_faults(data: Data, keys: Collection[str] = ("time", "collisions")) -> Iterator[Fault]:
-    """Check that the run has an end."""
+    """Check that the run has a stop."""
     stop = data.get("stop")
     if isinstance(stop, Mapping) and not set(keys) & set(stop):
         found = "neither" if len(keys) == 2 else "none of them"
@@ -347,13 +347,13 @@ Inadmissible = Annotated[_WhatFollows, kinds.Word(get_args(_WhatFollows))]
 
 
 def _not_null(value: object) -> object:
-    if value is None:  # left out is None too, but null in a file is an error
+    if value is None:  # a missing key is fine, but null in a file is an error
         raise kinds.fault("null", "a table")
     return value
 
 
 def _restitutions(value: object) -> object:
-    """Return the coefficients as a tuple, where one number stands for every pair."""
+    """Return the coefficients as a tuple; a single number stands for all pairs."""
     if isinstance(value, (list, tuple)):
         return tuple(value)
     return (kinds.RESTITUTION.read(value),)
@@ -369,7 +369,7 @@ _K_SCHEMA = kinds.RESTITUTION.schema()
 
 
 def _shape(words: list[str], needed: list[str], unfit: list[str]) -> Rule:
-    """Return the rule for the keys of a piece of some shapes."""
+    """Return the rule for the keys of pieces of these shapes."""
     then = {"required": needed, "not": {"anyOf": [{"required": [key]} for key in unfit]}}
     return {"if": {"properties": {"shape": {"enum": words}}}, "then": then}
 
@@ -447,7 +447,7 @@ class Ball(BodyTable):
 
 
 def _without_default(schema: dict[str, Any]) -> None:
-    """Leave out a default that depends on the bodies."""
+    """Remove a default that depends on the bodies."""
     schema.pop("default", None)
 
 

@@ -1,4 +1,4 @@
-"""What is wrong with a scenario, and where in its text: places, problems and the one error."""
+"""Faults of scenarios and their places in the text, and the exception that reports them."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from dataclasses import dataclass, field
 from vibro_cli.errors import VibroError, printable, similar
 
 KeyPath = tuple[str | int, ...]
-"""A path into a scenario; lists are counted from 0 here and from 1 in every text."""
+"""A path into a scenario; lists are counted from 0 here, and from 1 in all texts."""
 
 _LONGEST_SHOWN = 60
 
 
 @dataclass(frozen=True)
 class Place:
-    """A place in a file: its name and, where the form gives them, line and column from 1."""
+    """A place in a file: its name, and line and column from 1 if known."""
 
     file: str
     line: int | None = None
@@ -29,7 +29,7 @@ class Place:
 
 @dataclass(frozen=True)
 class Problem:
-    """One thing that is wrong: the key path, what was found, what was expected, and the place."""
+    """A fault with its place: the key path, what was found and what was expected."""
 
     path: str
     message: str
@@ -58,7 +58,7 @@ def in_order(problems: Iterable[Problem]) -> list[Problem]:
 
 
 class ScenarioError(VibroError):
-    """A scenario that cannot be used; `problems` lists everything that is wrong with it."""
+    """An invalid scenario; `problems` lists all its faults."""
 
     problems: tuple[Problem, ...]
 
@@ -68,19 +68,19 @@ class ScenarioError(VibroError):
 
     @property
     def lines(self) -> list[str]:
-        """A line for each problem."""
+        """One line per problem."""
         return [str(problem) for problem in self.problems]
 
 
 @dataclass(unsafe_hash=True)
 class Fault(Exception):
-    """A problem that does not know its place yet, only the path into the data; told or raised."""
+    """A problem whose place in the text is not known yet, only its path; returned or raised."""
 
     loc: KeyPath
     found: str
     expected: str
     on_key: bool = False
-    """Whether the key is at fault (an unknown one), rather than its value."""
+    """Whether the fault is in the key (an unknown one), not in its value."""
 
     def __str__(self) -> str:
         return f"found {self.found}, expected {self.expected}"
@@ -98,7 +98,7 @@ def path_text(loc: KeyPath) -> str:
 
 
 def shown(value: object) -> str:
-    """Return a value of a file as an error shows it, shortened to one line."""
+    """Return a value of a file for an error message, shortened to one line."""
     if value is None:
         return "null"
     if isinstance(value, bool):
@@ -136,21 +136,21 @@ def listing(words: Iterable[str], last: str = "or") -> str:
 
 
 def suggestion(word: str, known: Iterable[str]) -> str:
-    """Return ` (did you mean "x"?)` for a mistyped word, or an empty text."""
+    """Return ` (did you mean "x"?)` for a mistyped word, or an empty string."""
     close = similar(word, known)
     return "" if close is None else f' (did you mean "{close}"?)'
 
 
 @dataclass
 class Node:
-    """A value in a text: its offset, that of its key, and the values in it."""
+    """A value in a text: its offset, the offset of its key, and its child values."""
 
     offset: int
     key_offset: int | None = None
     children: dict[str | int, Node] = field(default_factory=dict)
 
     def offset_of(self, path: KeyPath, on_key: bool = False) -> int:
-        """Return where the value (or its key) at a path is, or the nearest table above it."""
+        """Return the offset of the value (or its key) at a path, or of the nearest table above."""
         node = self
         for part in path:
             child = node.children.get(part)
@@ -161,7 +161,7 @@ class Node:
 
 
 class FormError(Exception):
-    """A text that is not of its form, or beyond the limits; `offset` is where."""
+    """A text with broken syntax or beyond the limits; `offset` is the position of the fault."""
 
     def __init__(self, offset: int, found: str, expected: str, loc: KeyPath = ()) -> None:
         super().__init__(found)
@@ -172,13 +172,13 @@ class FormError(Exception):
 
 
 A_PATH = "a path such as collision.k or balls[1].angle, counted from 1"
-"""What is expected where a text is no path."""
+"""What messages expect if a text is not a path."""
 
 
 def parsed_path(text: str) -> KeyPath:
     """Return the parts of a path such as `balls[2].radius`, counted from 0.
 
-    Raises `ValueError` if it is no text, or one that is no path.
+    Raises `ValueError` for anything else.
     """
     path: list[str | int] = []
     for part in text.split(".") if isinstance(text, str) else [""]:

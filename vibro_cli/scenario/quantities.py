@@ -1,14 +1,14 @@
-"""The values of a scenario: numbers with a dimension and bounds, counts and words.
+"""Kinds of values in a scenario: numbers with a dimension and bounds, counts and words.
 
-Each kind is an annotation of a pydantic field (`Annotated[float, LENGTH]`) that validates the
-value, says what it expected, and describes itself in the JSON Schema. The same objects read values
-leniently for the rules that compare several fields.
+Each kind annotates a pydantic field (`Annotated[float, LENGTH]`). It validates the value, reports
+what it expected, and describes itself in the JSON Schema. Rules that compare several fields use the
+same objects to read values leniently.
 
 A text with a unit ("60 deg", "7.8 g/cm^3") becomes an SI number that is rounded once. The unit
-libraries (pint, astropy.units, unyt) multiply by a rounded factor, hence round twice, carry pi as a
-double even when they count in fractions, and cost 330-380 ms on import. A scenario needs some
-thirty units and one rounding, so this module keeps a table of exact factors: the value, the factors
-and pi (120 digits) are fractions, and only the result becomes a double.
+libraries (pint, astropy.units, unyt) multiply by a rounded factor, hence round twice, use pi as a
+double even with fractions, and take 330-380 ms to import. A scenario needs some thirty units and
+one rounding, so this module has a table of exact factors: the value, the factors and pi (120
+digits) are fractions, and only the result becomes a double.
 """
 
 from __future__ import annotations
@@ -37,21 +37,21 @@ EXAMPLES = {
     "density": "kg/m^3, g/cm^3",
     "stiffness": "N/m, kN/m",
 }
-"""Units to name in an error for each dimension a value can have, that of SI first."""
+"""Units to name in errors, by dimension, the SI unit first."""
 
 
 def fault(found: str, expected: str) -> PydanticCustomError:
-    """Return the error a field raises, with what was found and what was expected."""
+    """Return the error that a field raises, with what was found and what was expected."""
     context = {"found": found, "expected": expected}
     return PydanticCustomError("vibro", "found {found}, expected {expected}", context)
 
 
 class Kind:
-    """A kind of value: `read` turns what the file holds into the value, or raises."""
+    """A kind of value: `read` converts the content of a file to the value, or raises."""
 
     @property
     def unit(self) -> str:
-        """The SI unit in which its numbers are, an empty text for plain numbers and all else."""
+        """SI unit of its numbers; empty for dimensionless numbers and other values."""
         return ""
 
     def read(self, value: object) -> Any:
@@ -59,7 +59,7 @@ class Kind:
         raise NotImplementedError
 
     def read_or_none(self, value: object) -> Any:
-        """Return the value, or None where there is none: the field itself reports that."""
+        """Return the value, or None if it is invalid, which the field itself reports."""
         try:
             return self.read(value)
         except PydanticCustomError:
@@ -81,16 +81,16 @@ class Kind:
 
 
 SI = {dimension: units.partition(",")[0] for dimension, units in EXAMPLES.items()}
-"""Units of the numbers, by their dimensions."""
+"""SI units by dimension."""
 
 
 @dataclass(frozen=True)
 class Quantity(Kind):
-    """A finite real number, with a dimension (then also a text with its unit) and bounds.
+    """A finite real number with bounds, and a dimension if it may be given as text with a unit.
 
-    `dimension` is a key of `DIMENSIONS` or empty; `above` is an open lower bound, `at_least`
-    and `at_most` are closed ones; `bounds` says them in other words. Numbers other than 0 that
-    are not `within` leave the range of doubles in products and quotients of the mechanics.
+    `dimension` is a key of `DIMENSIONS` or empty. `above` is an open lower bound, `at_least` and
+    `at_most` are closed bounds; `bounds` replaces their wording. Numbers other than 0 must be
+    `within` an interval in which products and quotients of the mechanics cannot over- or underflow.
     """
 
     dimension: str = ""
@@ -102,7 +102,7 @@ class Quantity(Kind):
 
     @property
     def unit(self) -> str:
-        """The SI unit in which its numbers are."""
+        """SI unit of its numbers."""
         return SI[self.dimension] if self.dimension else ""
 
     def read(self, value: object) -> float:
@@ -119,7 +119,7 @@ class Quantity(Kind):
         return number
 
     def allows(self, number: Any) -> Any:
-        """Tell whether an SI value is finite and within the bounds; of an array, which are."""
+        """Return whether an SI value is finite and within the bounds, elementwise for arrays."""
         return self._in_bounds(number) & self._is_computable(number)
 
     def _in_bounds(self, number: Any) -> Any:
@@ -175,7 +175,7 @@ class Quantity(Kind):
         return "" if self.at_least is None else f" of at least {self.at_least:g}"
 
     def schema(self) -> dict[str, Any]:
-        """Return the JSON Schema: a number, or for a dimension also a text with its unit."""
+        """Return the JSON Schema: a number or, with a dimension, also a text with a unit."""
         number: dict[str, Any] = {"type": "number"}
         low, high = self.within
         bounds = {"exclusiveMinimum": self.above, "minimum": self.at_least}
@@ -197,13 +197,13 @@ class Quantity(Kind):
 
 @dataclass(frozen=True)
 class Count(Kind):
-    """A whole number below 2^63, of at least 1 or another least one, of at most another one."""
+    """An integer below 2^63, from `least` up to `most`, if given."""
 
     least: int = 1
     most: int | None = None
 
     def read(self, value: object) -> int:
-        """Return the whole number."""
+        """Return the integer."""
         if isinstance(value, int) and not isinstance(value, bool) and self.allows(value):
             return value
         bounds = f"of at least {self.least}"
@@ -214,13 +214,13 @@ class Count(Kind):
         raise fault(shown(value), f"a whole number {bounds}")
 
     def allows(self, number: Any) -> Any:
-        """Tell whether a whole number is one of these; of an array, which are."""
+        """Return whether an integer is within the bounds, elementwise for arrays."""
         return (number >= self.least) & (
             number < 2**63 if self.most is None else number <= self.most
         )
 
     def schema(self) -> dict[str, Any]:
-        """Return the JSON Schema: an integer from the least to the greatest."""
+        """Return the JSON Schema: an integer with its bounds."""
         bounds = {"minimum": self.least, "maximum": self.most}
         return {"type": "integer", **{word: n for word, n in bounds.items() if n is not None}}
 
@@ -239,7 +239,7 @@ class Word(Kind):
         raise fault(shown(value), listing(f'"{word}"' for word in self.words) + hint)
 
     def schema(self) -> dict[str, Any]:
-        """Return the JSON Schema: a string of the list."""
+        """Return the JSON Schema: one of the words."""
         if len(self.words) == 1:
             return {"const": self.words[0], "type": "string"}
         return {"enum": list(self.words), "type": "string"}
@@ -247,7 +247,7 @@ class Word(Kind):
 
 @dataclass(frozen=True)
 class Text(Kind):
-    """Any text; `meaning` says of what."""
+    """Any text; `meaning` names it in errors."""
 
     meaning: str
 
@@ -264,12 +264,12 @@ class Text(Kind):
 
 @dataclass(frozen=True)
 class Dictionary(Kind):
-    """Values by their names; `meaning` says of what."""
+    """Values by name; `meaning` names them in errors."""
 
     meaning: str
 
     def read(self, value: object) -> Mapping[str, Any]:
-        """Return the dictionary; what is in it is not checked."""
+        """Return the dictionary; its content is not checked."""
         if isinstance(value, Mapping):
             return value
         raise fault(shown(value), f"a dictionary of {self.meaning}")
@@ -302,7 +302,7 @@ class Name(Kind):
         usable = 1 <= len(value) <= 100 and value.isprintable() and not set(value) & set("/\\")
         if not usable or value.strip() != value or value in (".", ".."):
             raise fault(shown(value), expected)
-        # File systems take names of 255 bytes, and names of files in the making have more to them.
+        # File systems allow names of 255 bytes, and temporary files have longer names.
         if len(value.encode()) > 200:
             raise fault(shown(value), "a name of at most 200 bytes in UTF-8")
         return value
@@ -342,7 +342,7 @@ PI = Fraction(
     "3.14159265358979323846264338327950288419716939937510582097494459230781640628620899"
     "8628034825342117067982148086513282306647"
 )
-"""pi to 120 digits: with it no value of at most 60 digits is rounded to a wrong double."""
+"""pi to 120 digits, which rounds every value of at most 60 digits to the right double."""
 
 Dimension = tuple[int, int, int, int]
 """Powers of length, mass, time and angle."""
@@ -414,7 +414,7 @@ UNITS: dict[str, Unit] = {
     **_units((1, 1, -2, 0), {"N": "1", "kN": "1000"}),
     **_units((1, 0, -2, 0), {"g0 gn": "9.80665"}),
 }
-"""Every unit that is understood."""
+"""All known units."""
 
 _QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*", re.ASCII)
 _FACTOR = re.compile(
@@ -428,9 +428,9 @@ _LARGEST_EXPONENT = 400
 
 
 class UnitError(ValueError):
-    """A text that is no value of the wanted dimension.
+    """A text that is not a value of the required dimension.
 
-    `found` says which part of it is wrong, if not the whole; `hint` suggests another unit.
+    `found` is the wrong part, empty if it is the whole text; `hint` suggests another unit.
     """
 
     def __init__(self, found: str = "", hint: str = "") -> None:
@@ -442,11 +442,12 @@ class UnitError(ValueError):
 def exact(text: str, dimension: str) -> Fraction:
     """Return the SI value of a number with a unit, such as "60 deg", "7.8 g/cm^3", "9.81 m s^-2".
 
-    Angles are in radians; exact but for pi, which has 120 digits. Raises `UnitError` if the text
-    is no number with a known unit, or its dimension (a key of `DIMENSIONS`) is another one.
+    Angles are in radians. The value is exact except for pi, which has 120 digits. Raises
+    `UnitError` if the text is not a number with a known unit of this dimension (a key of
+    `DIMENSIONS`).
     """
     match = _QUANTITY.fullmatch(text) if len(text) <= 200 else None
-    if match is None and _PRINTED_MINUS in text:  # as it is copied from a paper, or a report
+    if match is None and _PRINTED_MINUS in text:  # copied from a paper or report
         raise UnitError("the sign − (U+2212)", " with - as minus")
     if match is None:
         raise UnitError
@@ -465,7 +466,7 @@ def exact(text: str, dimension: str) -> Fraction:
 def to_si(text: str, dimension: str) -> float:
     """Return the SI value of a text with a unit, rounded once to the nearest double.
 
-    Parameters and errors are those of `exact`; a value too large for a double is a `UnitError`.
+    Parameters and errors as for `exact`; a value too large for a double raises `UnitError`.
     """
     try:
         return float(exact(text, dimension))
@@ -484,9 +485,9 @@ def _decimal(number: str) -> Fraction:
 
 @lru_cache(maxsize=256)
 def unit_of(text: str) -> Unit:
-    """Return the unit a text names: factors with powers, joined by spaces, `*` or `/`.
+    """Return the unit given by a text: factors with powers, joined by spaces, `*` or `/`.
 
-    As in print, `/` divides by the next factor only: `kg/m/s` and `kg m^-1 s^-1` are the same.
+    `/` divides by the next factor only: `kg/m/s` and `kg m^-1 s^-1` are the same.
     """
     factor, dimension = Fraction(1), (0, 0, 0, 0)
     position = 0
@@ -512,4 +513,4 @@ def unit_of(text: str) -> Unit:
 
 
 DIMENSIONS = {name: unit_of(unit).dimension for name, unit in SI.items()}
-"""The dimensions a value of a scenario can have."""
+"""The dimensions that values of a scenario can have."""
