@@ -1,14 +1,13 @@
 """Vibro-impact dynamics of bodies rolling along curvilinear traces, solved exactly.
 
-The names of the Python interface are loaded when they are first asked for, so that importing the
-package costs nothing::
+Names of the Python interface are loaded on first use, so that importing the package is fast::
 
     from vibro_cli import load_scenario, simulate
 
     run = simulate(load_scenario("scenarios/three_arcs.toml"))
     run.collisions["t"]
 
-Errors that say something about a scenario, a run, a grid or a folder are a `VibroError`.
+Errors about a scenario, a run, a grid or a folder are subclasses of `VibroError`.
 """
 
 from typing import TYPE_CHECKING, Any
@@ -90,19 +89,19 @@ __all__ = ["__version__", *sorted(_MODULES)]
 
 
 def unsupported() -> str | None:
-    """Why the package cannot be used on this system, None where it can."""
+    """Return why the package cannot be used on this operating system, None if it can."""
     import sys
 
-    system: str = sys.platform  # whatever the types are checked on
+    system: str = sys.platform  # `str`, as mypy would otherwise evaluate the test below
     if system != "win32":
         return None
     return "vibro runs on Linux and macOS; on Windows it runs within WSL, as on Linux"
 
 
 def __getattr__(name: str) -> Any:
-    """Load a public name from the module it lives in (PEP 562).
+    """Load a public name from its module (PEP 562).
 
-    Raises `ImportError` on a system on which nothing would work.
+    Raises `ImportError` on an unsupported operating system.
     """
     if name not in _MODULES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
@@ -115,5 +114,5 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    """The public names, loaded or not."""
+    """Return the public names, loaded or not."""
     return sorted(__all__)

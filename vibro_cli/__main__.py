@@ -1,4 +1,4 @@
-"""Entry of the `vibro` program; what needs no library is answered before any is imported."""
+"""Entry point of the program `vibro`; `--version` is answered without importing libraries."""
 
 import contextlib
 import gc
@@ -9,31 +9,31 @@ from vibro_cli import __version__, unsupported
 
 
 def main() -> None:
-    """Run the command line of this process and end it with the command's exit code."""
+    """Run the command line of this process, and exit with the command's exit code."""
     if sys.argv[1:] in (["--version"], ["-V"]):
-        with contextlib.suppress(OSError):  # which comes again below, where it is told
+        with contextlib.suppress(OSError):  # it recurs below, where it is reported
             os.write(1, f"vibro {__version__}\n".encode())
             return
     reason = unsupported()
     if reason is not None:
         sys.exit(reason)
-    # Loading libraries makes hundreds of thousands of objects and no garbage: at Python's own
-    # threshold, looking for it takes a tenth of a short run.
+    # Loading libraries creates hundreds of thousands of objects and no garbage: with Python's
+    # default threshold, garbage collection takes a tenth of a short run.
     gc.set_threshold(100_000, 20, 50)
-    # Looking for plug-ins of pydantic, of which none is wanted, takes another twentieth.
+    # The search for plug-ins of pydantic takes another twentieth; none is used.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
-    # Threads of numpy's linear algebra, one for each core, would spin while the rest is loaded:
-    # short runs side by side on all cores take an eighth longer. No matrix here needs a second.
+    # The threads of numpy's linear algebra, one per core, would spin during loading and make short
+    # parallel runs an eighth slower. The matrices here are too small for a second thread.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    # Figures are files: matplotlib would end the program for a backend that it does not know.
+    # Figures are files; an unknown backend in MPLBACKEND would make matplotlib fail.
     os.environ["MPLBACKEND"] = "agg"
     try:
         from vibro_cli.commands.app import run_command_line
 
         code = run_command_line(sys.argv[1:])
-    except KeyboardInterrupt as end:  # before there was anything to end, or while cleaning up
+    except KeyboardInterrupt as end:  # before a command started, or while cleaning up
         code = getattr(end, "exit_code", 130)
-    gc.freeze()  # nor is there garbage at the end, where looking for it takes a quarter
+    gc.freeze()  # garbage collection at exit would take a quarter of a short run
     sys.exit(code)
 
 

@@ -1,4 +1,4 @@
-"""From a scenario to a finished run, of any system."""
+"""Run scenarios of any system."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ def simulate(
     checkpoint: dict[str, Any] | None = None,
     history: dict[str, Any] | None = None,
 ) -> Run:
-    """Run a scenario to its end, with either engine to the same bits.
+    """Run a scenario to its end; both engines give the same bits.
 
-    It goes on from ``checkpoint()`` and ``history()`` of an earlier run of the scenario with a
-    nearer stop, as one run without a break. Raises ``ScenarioError`` if the scenario is
-    mechanically impossible, with every problem and its place, ``TooQuiet`` as
-    ``systems.run.simulate``, ``CannotContinue`` if the earlier run had ended for good, or is past
+    Given ``checkpoint()`` and ``history()`` of an earlier run of the scenario with an earlier stop,
+    the run continues as if it had not been interrupted. Raises ``ScenarioError``, with all problems
+    and their places, if the scenario is mechanically impossible; ``TooQuiet`` as
+    ``systems.run.simulate``; ``CannotContinue`` if the earlier run had ended for good or is past
     the stop.
     """
     system = build_any(scenario)
@@ -51,11 +51,11 @@ def simulate_streamed(
     figures: bool = False,
     **more: Any,
 ) -> Streamed:
-    """Run a scenario to its end; the rows of its tables are handed over as they come.
+    """Run a scenario to its end, and pass the rows of its tables to a sink as they are computed.
 
-    The sink takes the name of a table and more columns of it, in order of time; `more` is that of
-    ``systems.run.stream``. For `figures` systems that take long to solve keep the motion.
-    Raises ``CannotContinue`` unless the run goes on from where that of the checkpoint stopped.
+    The sink receives the name of a table and further rows of it, in order of time; `more` are
+    arguments of ``systems.run.stream``. With `figures`, systems that are slow to solve keep the
+    motion. Raises ``CannotContinue`` unless a run from the checkpoint can be continued.
     """
     kind = system_named(scenario.system)
     limits = kind.limits(scenario)
@@ -68,13 +68,13 @@ def simulate_streamed(
 
 
 class NotRecalled(Failure):
-    """A run solved again does not end as it did; the message says so."""
+    """A run that was solved again does not end in its stored state."""
 
 
 def recalled(scenario: AnyScenario, checkpoint: Mapping[str, Any]) -> Run:
-    """Return a run that is over, with its motion: solved again from its start, to the same bits.
+    """Return a finished run with its motion, by solving it again from its start to the same bits.
 
-    Raises ``NotRecalled`` where the bits are others: sines may be rounded otherwise on another
+    Raises ``NotRecalled`` if the bits differ, as sines may be rounded differently on another
     machine.
     """
     kind = system_named(scenario.system)
@@ -90,14 +90,14 @@ def recalled(scenario: AnyScenario, checkpoint: Mapping[str, Any]) -> Run:
 
 
 def recalled_motion(scenario: AnyScenario, checkpoint: Mapping[str, Any]) -> Motion:
-    """Return the motion in a run that is over: of a long one no log is kept.
+    """Return the motion of a finished run; otherwise as :func:`recalled`.
 
-    Else as :func:`recalled`.
+    No log is kept for a long run.
     """
     kind, cut = system_named(scenario.system), checkpoint["end_cause"] == "interrupted"
     limits, rows = kind.limits(scenario), checkpoint["rows"]
     motion = kind.long_motion(build_any(scenario), limits, rows, cut)
-    # The interpreter looks more often whether a run is interrupted, so that it may end elsewhere.
+    # The interpreter checks for interruption more often, so its run may have ended elsewhere.
     if motion is None or (cut and motion.state != checkpoint["state"]):
         return recalled(scenario, checkpoint)
     _check_recalled(motion.state, checkpoint)
@@ -105,7 +105,7 @@ def recalled_motion(scenario: AnyScenario, checkpoint: Mapping[str, Any]) -> Mot
 
 
 def _check_recalled(state: Mapping[str, Any], checkpoint: Mapping[str, Any]) -> None:
-    """Raise ``NotRecalled`` unless a run solved again ends in the state of the checkpoint."""
+    """Raise ``NotRecalled`` unless the state at the end equals that of the checkpoint."""
     if state != checkpoint["state"]:
         raise NotRecalled(
             "solved again the run does not end in the state that is stored; expected a run of "

@@ -1,4 +1,4 @@
-"""Progress of long work, reported to whoever waits for it."""
+"""Progress of long computations, reported to listeners."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -7,14 +7,14 @@ from typing import Any
 
 
 class ProgressChannel:
-    """One kind of progress: of what is done in a thread, for a listener of the same thread."""
+    """A channel for one kind of progress, from work in a thread to a listener in its context."""
 
     def __init__(self, name: str) -> None:
         self._listener: ContextVar[Callable[..., None] | None] = ContextVar(name, default=None)
 
     @contextmanager
     def to(self, listener: Callable[..., None]) -> Iterator[None]:
-        """Have a listener called in the block."""
+        """Call a listener for reports made within the block."""
         token = self._listener.set(listener)
         try:
             yield
@@ -22,13 +22,13 @@ class ProgressChannel:
             self._listener.reset(token)
 
     def report(self, *news: Any) -> None:
-        """Call the listener, if there is one."""
+        """Call the listener, if any."""
         listener = self._listener.get()
         if listener is not None:
             listener(*news)
 
 
 WORK = ProgressChannel("work")
-"""What is drawn or measured next, in words."""
+"""Name of what is drawn or measured next."""
 RUN = ProgressChannel("run")
-"""How far a run is, each time a log is full: simulated time (s) and the number of impacts."""
+"""Progress of a run each time its logs are emptied: simulated time (s) and number of impacts."""
