@@ -1,1 +1,1 @@
-"""Tables with units, files written whole or not at all, and where results come from."""
+"""Tables with units, files that are written atomically, and the provenance of results."""

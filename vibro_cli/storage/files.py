@@ -1,11 +1,11 @@
-"""Files and folders that are written whole or not at all, and the manifests that tell of them.
+"""Files and folders that are written atomically, and their manifests.
 
-A file is written beside its place, flushed to the disk and renamed; a folder likewise, so that an
-interruption at any moment leaves what was there before or what was to be there, never a part.
+A file or folder is written beside its target, flushed to the disk and renamed. An interruption at
+any moment therefore leaves either the old or the new content, never a part.
 
-A manifest names the kind of the folder, the program and the libraries it was made with, and every
-file with its size and SHA-256. Nothing of the host or of the time stands in it, so that equal
-input gives an equal manifest.
+A manifest names the kind of the folder, the program and libraries that made it, and every file with
+its size and SHA-256. It contains nothing about the host or the time, so that equal input gives an
+equal manifest.
 """
 
 from __future__ import annotations
@@ -32,18 +32,18 @@ from vibro_cli.errors import VibroError
 
 _AT_FDCWD = -100
 _RENAME_EXCHANGE = 2
-# Files from this size on (bytes) are not kept in memory once they are on the disk: many of them
-# would crowd out everything else, and fresh memory for each takes longer than writing it.
+# Files of at least this size (bytes) are dropped from the page cache once written: many of them
+# would crowd out everything else, and fresh pages for each take longer than writing it.
 _LARGE = 1 << 22
 BLOCK = 4096
-"""Bytes of a block: memory that begins with one can be written without a copy."""
+"""Size of a block (bytes); memory aligned to blocks can be written without a copy."""
 
 
 def write_file(path: Path, content: bytes | memoryview) -> None:
-    """Write a file whole: beside its place, flushed, then renamed, and the folder flushed.
+    """Write a file atomically: write it beside its target, flush it, rename it, flush the folder.
 
-    Raises `OSError` when it cannot be written, or when what is there is no regular file, as a
-    device, which the renaming would remove; then nothing is left behind.
+    Raises `OSError` if it cannot be written, or if the target is not a regular file, such as a
+    device, which renaming would remove. Nothing is left behind then.
     """
     partial = path.with_name(f".{path.name}.partial-{secrets.token_hex(6)}")
     with _errors_name(path):
@@ -59,9 +59,9 @@ def write_file(path: Path, content: bytes | memoryview) -> None:
 
 
 def first_bytes(path: Path, number: int) -> bytes:
-    """Return up to `number` bytes of the beginning of a file; none of what is no regular file.
+    """Return up to `number` bytes of the beginning of a file, none if it is not a regular file.
 
-    Raises `OSError` when it cannot be read.
+    Raises `OSError` if it cannot be read.
     """
     if not path.is_file():
         return b""
@@ -71,7 +71,7 @@ def first_bytes(path: Path, number: int) -> bytes:
 
 @contextlib.contextmanager
 def _errors_name(path: Path) -> Iterator[None]:
-    """Have errors of the system name the file that was to be written, not a part of it, or none."""
+    """Make errors of the system name the target file instead of its temporary file or none."""
     try:
         yield
     except OSError as error:
@@ -79,14 +79,14 @@ def _errors_name(path: Path) -> Iterator[None]:
 
 
 def remove_partial_files(folder: Path) -> None:
-    """Remove what killed processes left of files in the making; nobody may be writing there."""
+    """Remove temporary files of killed processes; no process may be writing to the folder."""
     for partial in folder.glob(".*.partial-*"):
         if partial.is_file():
             partial.unlink(missing_ok=True)
 
 
 def _write_new(path: Path, content: bytes | memoryview) -> None:
-    """Write a file that must not exist yet, and wait until it is on the disk."""
+    """Write a new file, which must not exist yet, and flush it to the disk."""
     with open(path, "xb") as file:
         written = _write_directly(file.fileno(), content) if len(content) >= _LARGE else 0
         file.write(content[written:])
@@ -97,10 +97,10 @@ def _write_new(path: Path, content: bytes | memoryview) -> None:
 
 
 def _write_directly(handle: int, content: bytes | memoryview) -> int:
-    """Write the whole blocks of a file from memory to the disk without a copy by the system.
+    """Write the complete blocks of a file by direct I/O, without a copy by the system.
 
-    Returns how many bytes are written: 0 where the file system cannot, or the memory does not
-    begin with a block.
+    Returns the number of bytes written: 0 if the file system does not support this, or the memory
+    is not aligned to blocks.
     """
     direct = getattr(os, "O_DIRECT", 0)
     if not direct or isinstance(content, bytes) or content.readonly or _address(content) % BLOCK:
@@ -112,7 +112,7 @@ def _write_directly(handle: int, content: bytes | memoryview) -> int:
         while written < blocks and written % BLOCK == 0:
             written += os.write(handle, content[written:blocks])
     except OSError as error:
-        if error.errno != errno.EINVAL:  # which says that this file system has no such way
+        if error.errno != errno.EINVAL:  # the file system has no direct I/O
             raise
     finally:
         fcntl.fcntl(handle, fcntl.F_SETFL, flags)
@@ -124,11 +124,11 @@ def _address(content: memoryview) -> int:
 
 
 def flush_folder(path: Path) -> None:
-    """Wait until the entries of a folder are on the disk, if it can be read."""
+    """Flush the entries of a folder to the disk, if it can be read."""
     with _errors_name(path):
         try:
             handle = os.open(path, os.O_RDONLY)
-        except PermissionError:  # a folder that is only written to, where all is written by now
+        except PermissionError:  # a write-only folder; its files are written by now
             return
         try:
             os.fsync(handle)
@@ -137,35 +137,35 @@ def flush_folder(path: Path) -> None:
 
 
 def make_folder(path: Path) -> None:
-    """Make a folder, and those above it, where there is none; raises `OSError` if it cannot be."""
+    """Create a folder and its parents unless they exist; raises `OSError` if impossible."""
     try:
         path.mkdir(parents=True, exist_ok=True)
-    except FileExistsError as error:  # said of a file, as if what is to be written were there
+    except FileExistsError as error:  # a file is in the way; the error would be misleading
         raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(path)) from error
 
 
 class NewFolder:
-    """A folder in the making; its files come into view together, when it is put in place."""
+    """An unfinished folder, whose files become visible together when it is put in place."""
 
     def __init__(self, path: Path, target: Path) -> None:
         self.path = path
         self.target = target
 
     def write(self, name: str, content: bytes | memoryview) -> None:
-        """Add a file; raises `OSError` when it cannot be written or is there already."""
+        """Add a file; raises `OSError` if it cannot be written or exists already."""
         with _errors_name(self.target / name):
             _write_new(self.path / name, content)
 
     @contextlib.contextmanager
     def growing(self, name: str) -> Iterator[BinaryIO]:
-        """Add a file that the block fills little by little; raises `OSError` as :meth:`write`."""
+        """Add a file that the block fills incrementally; raises `OSError` as :meth:`write`."""
         with open(self.path / name, "xb", buffering=0) as file:
             yield file
             with self.naming(name):
                 os.fsync(file.fileno())
 
     def naming(self, name: str) -> contextlib.AbstractContextManager[None]:
-        """Have errors of the system in the block name a file of this folder."""
+        """Make errors of the system in the block name a file of this folder."""
         return _errors_name(self.target / name)
 
 
@@ -173,12 +173,12 @@ class NewFolder:
 def new_folder(
     target: Path, check: Callable[[Path], None], first: Mapping[str, bytes] | None = None
 ) -> Iterator[NewFolder]:
-    """Make a folder whole: the block fills it, then it takes the place of `target`.
+    """Create a folder atomically: the block fills it, then it replaces `target`.
 
-    `check(target)` raises when an existing `target` must not be replaced; it is asked again at the
-    end. When the block or the replacement fails, `target` is as it was and nothing is left behind.
-    A killed process leaves the part that it has made, until the next one here has its files of
-    `first`, names and contents (see :func:`abandoned_parts`).
+    `check(target)` raises if an existing `target` must not be replaced; it is called again at the
+    end. If the block or the replacement fails, `target` is unchanged and nothing is left behind. A
+    killed process leaves its unfinished folder (see :func:`abandoned_parts`), which the next call
+    removes after writing the files of `first`, names and contents.
     """
     shown, target = target, Path(os.path.realpath(target))
     check(target)
@@ -206,10 +206,10 @@ def new_folder(
 def write_folder(
     kind: str, target: Path, files: Mapping[str, bytes], details: Mapping[str, Any]
 ) -> None:
-    """Write a folder of results of a kind with its manifest, whole or not at all.
+    """Write a folder of results of a kind with its manifest atomically.
 
-    Raises `FolderRefused` when `target` is there and is none of ours, `OSError` when it cannot be
-    written.
+    Raises `FolderRefused` if `target` exists and is not such a folder of vibro, `OSError` if it
+    cannot be written.
     """
     with new_folder(target, lambda there: check_replaceable(there, kind)) as folder:
         for name, content in files.items():
@@ -219,27 +219,27 @@ def write_folder(
 
 
 def _open_partial(target: Path) -> tuple[Path, int]:
-    """A new folder beside `target`, and a handle that holds a lock on it while we live."""
+    """Create a folder beside `target`; return it with a handle that locks it until closed."""
     while True:
         partial = target.with_name(f".{target.name}.partial-{secrets.token_hex(6)}")
         partial.mkdir()
         handle = os.open(partial, os.O_RDONLY)
         fcntl.flock(handle, fcntl.LOCK_EX)
-        if partial.exists():  # else another process took it for abandoned before the lock
+        if partial.exists():  # otherwise another process removed it before the lock
             return partial, handle
         os.close(handle)
 
 
 def abandoned_parts(target: Path) -> list[Path]:
-    """What killed processes left beside `target` of folders in the making, the latest one last."""
+    """Return the unfinished folders of killed processes beside `target`, the latest one last."""
     found = [(changed, part) for part, changed in _abandoned(Path(os.path.realpath(target)))]
     return [part for _, part in sorted(found)]
 
 
 def _abandoned(target: Path) -> Iterator[tuple[Path, int]]:
-    """Partial folders beside `target` that nobody locks, and when they changed (ns).
+    """Yield unlocked partial folders beside `target`, and the times of their last change (ns).
 
-    The lock is held until the next one is asked for.
+    Each is locked until the next one is requested.
     """
     for partial in target.parent.glob(f".{glob.escape(target.name)}.partial-{'[0-9a-f]' * 12}"):
         with contextlib.suppress(OSError):
@@ -252,7 +252,7 @@ def _abandoned(target: Path) -> Iterator[tuple[Path, int]]:
 
 
 def _put_in_place(partial: Path, target: Path) -> None:
-    """Rename a finished folder to `target`; what was there is afterwards at `partial`."""
+    """Rename a finished folder to `target`; an old folder there is moved to `partial`."""
     if not target.exists():
         os.rename(partial, target)
     elif not _exchange(partial, target):
@@ -263,7 +263,7 @@ def _put_in_place(partial: Path, target: Path) -> None:
 
 
 def _exchange(one: Path, other: Path) -> bool:
-    """Exchange two folders in one step; false where the system cannot (Linux: renameat2)."""
+    """Exchange two folders atomically; return False if the system cannot (Linux: renameat2)."""
     rename = getattr(ctypes.CDLL(None, use_errno=True), "renameat2", None)
     if rename is None:
         return False
@@ -282,7 +282,7 @@ class FolderRefused(VibroError):
 
 
 def json_bytes(values: Any) -> bytes:
-    """Plain values as an indented JSON file; numbers read back to the same doubles.
+    """Return plain values as an indented JSON file; numbers read back to the same doubles.
 
     Raises `ValueError` for numbers that are not finite.
     """
@@ -290,17 +290,17 @@ def json_bytes(values: Any) -> bytes:
 
 
 def entry(content: bytes | memoryview) -> dict[str, Any]:
-    """What a manifest says of a file."""
+    """Return the entry of a file in a manifest."""
     return {"bytes": len(content), "sha256": hashlib.sha256(content).hexdigest()}
 
 
 def manifest_of(
     kind: str, entries: Mapping[str, Mapping[str, Any]], details: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """The manifest of a folder of results.
+    """Return the manifest of a folder of results.
 
-    `kind` is what the folder holds ("run"), `entries` are those of its files by their names,
-    `details` what else belongs to the folder's origin.
+    `kind` is the content of the folder ("run"), `entries` are those of its files by name, and
+    `details` is further information on its origin.
     """
     return {
         "schema": f"vibro-{kind}/{_MANIFEST_VERSION}",
@@ -315,13 +315,13 @@ def manifest_of(
 
 
 def _version(library: str) -> str:
-    """The version of an installed library, without reading the whole of its description."""
+    """Return the version of an installed library without parsing all its metadata."""
     described = metadata.distribution(library).read_text("METADATA") or ""
     return described.partition("\nVersion: ")[2].partition("\n")[0]
 
 
 def json_of(path: Path) -> Any:
-    """What a JSON file says, None where it cannot be read."""
+    """Return the content of a JSON file, or None if it cannot be read."""
     try:
         return json.loads(path.read_bytes())
     except (OSError, ValueError, RecursionError):
@@ -329,7 +329,7 @@ def json_of(path: Path) -> Any:
 
 
 def read_manifest(folder: Path) -> dict[str, Any] | None:
-    """The manifest of a folder, or None where there is none of ours, or one in another form."""
+    """Return the manifest of a folder, or None if there is none or it is not valid."""
     found = json_of(folder / MANIFEST_NAME)
     match found:
         case {"schema": str(), "program": {"name": str(), "version": str()}, "files": dict(files)}:
@@ -347,7 +347,7 @@ def read_manifest(folder: Path) -> dict[str, Any] | None:
 
 
 def _is_entry(described: Any) -> bool:
-    """Whether it says of a file what :func:`entry` does."""
+    """Return whether a value has the form of :func:`entry`."""
     match described:
         case {"bytes": int(), "sha256": str()}:
             return True
@@ -355,7 +355,7 @@ def _is_entry(described: Any) -> bool:
 
 
 def differences(before: Any, now: Any, path: str = "") -> list[str]:
-    """Where two pieces of plain data differ, a line each: `path: before -> now`."""
+    """Return the differences of two pieces of plain data, one line each: `path: before -> now`."""
     if isinstance(before, dict) and isinstance(now, dict):
         keys = [*before, *(key for key in now if key not in before)]
         parts = [(before.get(k), now.get(k), f"{path}.{k}" if path else str(k)) for k in keys]
@@ -369,10 +369,7 @@ def differences(before: Any, now: Any, path: str = "") -> list[str]:
 
 
 def refusal(holds: str, found: Sequence[str], hint: str) -> list[str]:
-    """What is said of a folder that holds something else, with the `differences` that were found.
-
-    The `hint` says how to go on.
-    """
+    """Return the message about a folder with other content: `differences`, and a `hint`."""
     return [f"{holds}; found there and wanted now:", *(f"  {line}" for line in found), f"({hint})"]
 
 
@@ -382,9 +379,9 @@ def _short(value: Any) -> str:
 
 
 def check_replaceable(folder: Path, kind: str) -> None:
-    """Raise `FolderRefused` unless `folder` is free, empty, or a folder of this kind of ours.
+    """Raise `FolderRefused` unless `folder` does not exist, is empty, or is vibro's of this kind.
 
-    A folder of ours into which somebody has put other files is refused too: they would be lost.
+    A folder of vibro with other files in it is refused too, since they would be lost.
     """
     if not folder.exists():
         return
@@ -408,7 +405,7 @@ def check_replaceable(folder: Path, kind: str) -> None:
 
 @dataclass(frozen=True)
 class Finding:
-    """One file that is not as it was written."""
+    """A file that is missing, changed or unknown."""
 
     file: str
     state: str
@@ -421,10 +418,10 @@ class Finding:
 
 
 def check_files(folder: Path, described: Mapping[str, Mapping[str, Any]]) -> Iterator[Finding]:
-    """Every file that is missing or not as it was written.
+    """Yield all files that are missing or have changed.
 
-    `described` has what the manifest says of each: its `bytes` and its `sha256`. Raises `OSError`
-    when a file cannot be read.
+    `described` has the entries of the manifest, with `bytes` and `sha256`. Raises `OSError` if a
+    file cannot be read.
     """
     for name, wanted in described.items():
         try:
@@ -443,7 +440,7 @@ def check_files(folder: Path, described: Mapping[str, Mapping[str, Any]]) -> Ite
 
 
 def available_cores() -> int:
-    """Return how many processors this process may use."""
+    """Return the number of processors available to this process."""
     if hasattr(os, "sched_getaffinity"):  # Linux
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1

@@ -1,6 +1,6 @@
-"""The folders of results: of one run, of a fit, of periodic orbits, of a portrait, of figures.
+"""The folders of results: of a run, a fit, periodic orbits, a portrait, basins, figures.
 
-Each has its tables and numbers, the scenario where there is one, and its figures.
+Each holds its tables and numbers, the scenario if any, and figures.
 """
 
 from __future__ import annotations
@@ -59,10 +59,10 @@ BY_OPTIONS = "--force replaces it, -o names another folder"
 def check_run_folder(
     folder: Path, scenario: AnyScenario, force: bool = False, hint: str = BY_OPTIONS
 ) -> None:
-    """Raise `FolderRefused` unless the results of a scenario may take the place of a folder.
+    """Raise `FolderRefused` unless the run of a scenario may replace a folder.
 
-    They may where there is nothing or a run of the same scenario; with `force`, a run of any. The
-    `hint` says how to go on where they may not.
+    It may replace nothing or a run of the same scenario; with `force`, a run of any scenario. The
+    `hint` completes the message with a remedy.
     """
     check_replaceable(folder, "run")
     if force or read_manifest(folder) is None:
@@ -75,12 +75,12 @@ def check_run_folder(
 
 
 def origin_of(scenario: AnyScenario) -> Origin:
-    """Scenario and program version, as they stand in the metadata of every table."""
+    """Return scenario and program version, for the metadata of tables."""
     return Origin(scenario.resolved(), __version__)
 
 
 def arrow_table(name: str, columns: Columns, scenario: AnyScenario) -> pyarrow.Table:
-    """A table of a run ("collisions", "summary", …) in arrow form."""
+    """Return a table of a run ("collisions", "summary", …) as an Arrow table."""
     table = system_named(scenario.system).table(name, columns)
     return to_arrow(table, columns, origin_of(scenario))
 
@@ -92,10 +92,10 @@ def write_run(
     figures: Mapping[str, bytes],
     force: bool = False,
 ) -> None:
-    """Write the folder of a run, whole or not at all; `figures` are files' names and contents.
+    """Write the folder of a run atomically; `figures` maps names of files to contents.
 
-    Raises `FolderRefused` when `target` is there and is no run of ours, or one of another scenario
-    (which `force` allows), and `OSError` when it cannot be written.
+    Raises `FolderRefused` if `target` exists and is not a run of vibro, or is one of another
+    scenario (which `force` allows), and `OSError` if it cannot be written.
     """
     with streamed_folder(scenario, target, force, "force=True replaces it") as folder:
         for table in run.kind.tables():
@@ -106,7 +106,7 @@ def write_run(
 
 
 class StreamedFolder:
-    """The folder of a run in the making, into which the rows of its tables are put as they come."""
+    """The unfinished folder of a run, to which rows of tables are added as they are computed."""
 
     def __init__(self, folder: NewFolder, scenario: AnyScenario) -> None:
         self._folder = folder
@@ -116,7 +116,7 @@ class StreamedFolder:
         self._entries: dict[str, Any] = {}
 
     def add(self, name: str, rows: Columns) -> None:
-        """Add rows to a table; raises `OSError` when they cannot be written."""
+        """Add rows to a table; raises `OSError` if they cannot be written."""
         file = f"{name}.parquet"
         with self._folder.naming(file):
             if name not in self._tables:
@@ -127,7 +127,7 @@ class StreamedFolder:
             self._tables[name][0].add(rows)
 
     def end_tables(self) -> Path:
-        """Write the ends of the tables; return the folder in the making; else as :meth:`add`."""
+        """Finish the tables; return the unfinished folder; raises as :meth:`add`."""
         for name, (table, file) in self._tables.items():
             with self._folder.naming(f"{name}.parquet"):
                 table.finish()
@@ -139,9 +139,10 @@ class StreamedFolder:
     def finish(
         self, run: Streamed | Run, figures: Mapping[str, bytes], undrawn: Sequence[str] = ()
     ) -> None:
-        """Write all that is not written yet; else as :meth:`add`.
+        """Write all remaining files; raises as :meth:`add`.
 
-        `undrawn` are kinds of figures that a signal did not wait for: a continuation draws them.
+        `undrawn` are kinds of figures that were skipped because of a signal; a continuation draws
+        them.
         """
         self.end_tables()
         summary = arrow_table("summary", run.summary, self._scenario)
@@ -153,14 +154,14 @@ class StreamedFolder:
             **figures,
         }
         for name, content in files.items():
-            if name != SCENARIO_NAME:  # there since the start
+            if name != SCENARIO_NAME:  # already written at the start
                 self._folder.write(name, content)
             self._entries[name] = entry(content)
         details = {"engine": run.engine} | ({"undrawn": list(undrawn)} if undrawn else {})
         self._folder.write(MANIFEST_NAME, json_bytes(manifest_of("run", self._entries, details)))
 
     def close(self) -> None:
-        """Close what is open."""
+        """Close all open files."""
         for table, _ in self._tables.values():
             table.abandon()
         self._files.close()
@@ -170,10 +171,10 @@ class StreamedFolder:
 def streamed_folder(
     scenario: AnyScenario, target: Path, force: bool, hint: str = BY_OPTIONS
 ) -> Iterator[StreamedFolder]:
-    """Make the folder of a run, whole or not at all: the block fills it.
+    """Create the folder of a run atomically, filled by the block.
 
-    Raises as :func:`write_run`. The scenario is there first, so that a part that is left of a
-    process that was killed tells what is to be solved.
+    Raises as :func:`write_run`. The scenario is written first, so that the unfinished folder of a
+    killed process says what to solve.
     """
     check = partial(check_run_folder, scenario=scenario, force=force, hint=hint)
     first = {SCENARIO_NAME: json_bytes(scenario.resolved())}
@@ -185,12 +186,12 @@ def streamed_folder(
 
 
 class NotContinuable(VibroError):
-    """A folder holds no run that can be continued; the message says which and why."""
+    """A folder does not hold a run that can be continued; the message says which and why."""
 
 
 @dataclass(frozen=True)
 class EarlierRun:
-    """What a folder keeps of a run for its continuation."""
+    """The stored data of a run that its continuation needs."""
 
     scenario: Path
     """File of the resolved scenario."""
@@ -199,7 +200,7 @@ class EarlierRun:
 
 
 def scenario_of_killed_run(folder: Path) -> Path | None:
-    """The scenario of a run that was killed on its way to a folder, begun after the one there."""
+    """Return the scenario file of a killed run for a folder, if newer than the run in it."""
     there = folder / SCENARIO_NAME
     begun = there.stat().st_mtime_ns if there.is_file() else 0
     for part in reversed(abandoned_parts(folder)):
@@ -210,10 +211,10 @@ def scenario_of_killed_run(folder: Path) -> Path | None:
 
 
 def read_earlier_run(folder: Path) -> EarlierRun:
-    """The run of a folder, to be continued; its files are held to the manifest's checksums.
+    """Read the run in a folder for continuation, and check its files against the manifest.
 
-    Raises `NotContinuable` when the folder is no run of ours, was written by another version of the
-    program, or has changed since; `OSError` when a file cannot be read.
+    Raises `NotContinuable` if the folder is not a run of vibro, was written by another version of
+    the program, or has changed since; `OSError` if a file cannot be read.
     """
     found = read_manifest(folder)
     if not folder.exists():
@@ -251,7 +252,7 @@ RESIDUALS = Table(
 
 
 def orbits(balls: int) -> Table:
-    """The table of periodic orbits of some bodies."""
+    """Return the table of periodic orbits for a number of bodies."""
     states = [
         column
         for ball in range(1, balls + 1)
@@ -290,14 +291,14 @@ def write_results(
     record: Mapping[str, Any] | None = None,
     table: frame.Table | None = None,
 ) -> None:
-    """Write the folder of a fit, orbits, a portrait, basins or figures, whole or not at all.
+    """Write the folder of a fit, orbits, a portrait, basins or figures atomically.
 
-    The `kind` is ``fit``, ``orbit``, ``portrait``, ``basins`` or ``figures``; `figures` are names
-    and contents of its pictures. Beside them there may be the scenario, a record of plain values
-    under the name of the kind, and a table of residuals or orbits.
+    The `kind` is ``fit``, ``orbit``, ``portrait``, ``basins`` or ``figures``; `figures` maps names
+    of files to contents. Optional are the scenario, a `record` of plain values, stored under the
+    name of the kind, and a table of residuals or orbits.
 
-    Raises `FolderRefused` when `target` is there and is none of ours, `OSError` when it cannot be
-    written.
+    Raises `FolderRefused` if `target` exists and is not such a folder of vibro, `OSError` if it
+    cannot be written.
     """
     files = {} if record is None else {f"{kind}.json": json_bytes(record)}
     if scenario is not None:

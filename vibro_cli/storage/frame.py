@@ -1,4 +1,4 @@
-"""Tables for Python: columns as numpy arrays, for libraries that read Arrow, from users' files."""
+"""Tables for Python: columns as numpy arrays, Arrow interface, and reading of users' files."""
 
 from __future__ import annotations
 
@@ -21,17 +21,16 @@ if TYPE_CHECKING:
 
 
 def read_table(path: Path) -> pa.Table:
-    """A user's table from a parquet or CSV file, told by its suffix.
+    """Read a user's table from a Parquet or CSV file, distinguished by its suffix.
 
-    Raises `OSError` for a file that cannot be read, `pyarrow.ArrowException` for one that is no
-    table.
+    Raises `OSError` if the file cannot be read, `pyarrow.ArrowException` if it is not a table.
     """
     from vibro_cli.storage.tables import once_each, read_parquet
 
     suffix = path.suffix.lower()
     if suffix not in (".parquet", ".csv"):
         raise pa.ArrowInvalid(f"found the suffix {path.suffix!r}, expected .csv or .parquet")
-    with path.open("rb") as stream:  # arrow's own errors of opening do not name the file
+    with path.open("rb") as stream:  # errors of Arrow's own open do not name the file
         if suffix == ".parquet":
             return read_parquet(stream)
         from pyarrow import csv
@@ -40,9 +39,9 @@ def read_table(path: Path) -> pa.Table:
 
 
 def read_columns(path: Path) -> dict[str, np.ndarray[Any, np.dtype[Any]]]:
-    """The columns of a parquet or CSV file as arrays; words are objects.
+    """Read the columns of a Parquet or CSV file as arrays; words are objects.
 
-    Raises `ValueError` that says why where it cannot be read, also for missing values.
+    Raises `ValueError`, with the reason, if it cannot be read or has missing values.
     """
     try:
         table = read_table(path)
@@ -65,7 +64,10 @@ def _array(column: pa.ChunkedArray, from_csv: bool) -> np.ndarray[Any, np.dtype[
 
 
 def cell(value: Any) -> Any:
-    """A field of a CSV file: a number where it is one; a word in a column makes words of all."""
+    """Convert a field of a CSV file to a number if possible.
+
+    Arrow reads a column with any word as words.
+    """
     for number in (int, float) if isinstance(value, str) else ():
         with suppress(ValueError):
             return number(value)
@@ -73,27 +75,27 @@ def cell(value: Any) -> Any:
 
 
 _SHOWN = 5
-"""Rows that a notebook shows."""
+"""Number of rows shown in notebooks."""
 
 
 class Table:
-    """The columns of a table by their names, each a numpy array of shape ``(rows,)``.
+    """The columns of a table by name, each a numpy array of shape ``(rows,)``.
 
-    Units and meanings are in ``units`` and ``descriptions``. Where there is no value, numbers are
-    NaN and words are None; a column of whole numbers or truth values is then a masked array. Arrays
-    cannot be written to; ``.copy()`` gives one that can.
+    Units and meanings are in ``units`` and ``descriptions``. Missing values are NaN in numbers and
+    None in words; a column of integers or booleans with missing values is a masked array. Arrays
+    are read-only; ``.copy()`` returns a writable one.
 
-    It is used like a dictionary (``table["t"]``, ``"t" in table``, ``dict(table)``), and has the
-    Arrow PyCapsule interface: polars, pyarrow and duckdb take it as it is, for instance
-    ``polars.DataFrame(run.collisions)``.
+    The table can be used like a dictionary (``table["t"]``, ``"t" in table``, ``dict(table)``). It
+    has the Arrow PyCapsule interface, so that polars, pyarrow and duckdb accept it directly, for
+    instance ``polars.DataFrame(run.collisions)``.
 
     Parameters
     ----------
     name
-        That of its file, without the suffix.
+        Name of its file, without the suffix.
     data
-        The table of pyarrow, with units and descriptions in the metadata of its fields, or that of
-        a file, of which columns are read as they are asked for.
+        A pyarrow table, with units and descriptions in the metadata of its fields, or a table in a
+        file, whose columns are read on demand.
     """
 
     def __init__(self, name: str, data: AnyTable) -> None:
@@ -102,7 +104,7 @@ class Table:
 
     @property
     def rows(self) -> int:
-        """The number of rows."""
+        """Number of rows."""
         return int(self._data.num_rows)
 
     @property
@@ -111,25 +113,25 @@ class Table:
 
     @property
     def units(self) -> dict[str, str]:
-        """The unit of every column: "" for a plain number and for words."""
+        """Unit of every column: "" for dimensionless numbers and for words."""
         return self._told(b"unit")
 
     @property
     def descriptions(self) -> dict[str, str]:
-        """What every column means."""
+        """Meaning of every column."""
         return self._told(b"description")
 
     def _told(self, key: bytes) -> dict[str, str]:
         return {one.name: (one.metadata or {}).get(key, b"").decode() for one in self._data.schema}
 
     def __getitem__(self, name: str) -> NDArray[Any]:
-        """Return a column; raises ``KeyError`` with the names there are."""
+        """Return a column; raises ``KeyError`` with the known names."""
         if name not in self:
             names = ", ".join(self)
             raise KeyError(f"{self.name} has no column {name!r}, but {names}")
         return _as_array(self._data.select([name])[name])
 
-    # Not a collections.abc.Mapping: polars would take its arrays, without what is missing in them.
+    # Not a collections.abc.Mapping: polars would use its arrays, which lose missing values.
 
     def keys(self) -> list[str]:
         """Return the names of the columns."""
@@ -150,15 +152,15 @@ class Table:
         return iter(self.keys())
 
     def __array__(self, *_: object, **__: object) -> NDArray[Any]:
-        # As a sequence, pandas and numpy would take it for the names of its columns.
+        # Otherwise pandas and numpy would read it as the sequence of its column names.
         raise TypeError(f"{self.name} is no array: expected a column, or to_pandas()")
 
     def __len__(self) -> int:
-        """Return the number of columns, as of a dictionary; ``rows`` is that of the rows."""
+        """Return the number of columns, as for a dictionary; ``rows`` is the number of rows."""
         return len(self._data.schema)
 
     def to_arrow(self) -> pa.Table:
-        """Return the table of pyarrow."""
+        """Return the table as a pyarrow table."""
         return self._data.select(self._data.schema.names)
 
     def __arrow_c_schema__(self) -> object:
@@ -168,12 +170,12 @@ class Table:
         return self.to_arrow().__arrow_c_stream__(requested_schema)
 
     def to_pandas(self) -> pandas.DataFrame:
-        """Return a data frame of pandas; raises ``ImportError`` where it is not installed."""
+        """Return a pandas data frame; raises ``ImportError`` if pandas is not installed."""
         _check_installed("pandas")
         return self.to_arrow().to_pandas()
 
     def to_polars(self) -> polars.DataFrame:
-        """Return a data frame of polars; raises ``ImportError`` where it is not installed."""
+        """Return a polars data frame; raises ``ImportError`` if polars is not installed."""
         _check_installed("polars")
         import polars
 
@@ -183,7 +185,7 @@ class Table:
         return f"<Table {self.name}: {self._rows_told}, {len(self)} columns>"
 
     def _repr_html_(self) -> str:
-        """Show the first rows in a notebook."""
+        """Return the first rows as HTML, for notebooks."""
         heads = "".join(
             f"<th>{escape(f'{name} [{unit}]' if unit else name)}</th>"
             for name, unit in self.units.items()
@@ -194,7 +196,7 @@ class Table:
         )
         first = f", the first {_SHOWN}" if self.rows > _SHOWN else ""
         caption = f"{escape(self.name)}: {self._rows_told}{first}"
-        # Of many columns: to be scrolled by itself, its caption where it is seen.
+        # A wide table scrolls on its own, with its caption in view.
         begin = f'<table><caption style="text-align: left">{caption}</caption>'
         return f'<div style="overflow-x: auto">{begin}<tr>{heads}</tr>{rows}</table></div>'
 

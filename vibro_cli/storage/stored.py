@@ -1,4 +1,4 @@
-"""A run and a grid as their folders have them: tables and summaries; motion, solved again."""
+"""Stored runs and grids: tables and summaries from their folders, motion by solving again."""
 
 from __future__ import annotations
 
@@ -51,30 +51,30 @@ Columns = Mapping[str, Column]
 
 @dataclass(frozen=True, eq=False)
 class StoredRun:
-    """A finished run, from its folder or in memory: what figures, reports and Python need of it."""
+    """A finished run, from its folder or in memory, for figures, reports and Python."""
 
     folder: Path | None
-    """Where it is stored, None where it is not."""
+    """Folder of the run, None if it is not stored."""
     scenario: AnyScenario
     manifest: Mapping[str, Any]
     summary: Mapping[str, Any]
-    """The columns of the summary table as plain values, None for null."""
+    """Columns of the summary table as plain values, None for null."""
     checkpoint: Mapping[str, Any] = field(repr=False)
-    """From which it could go on, by which it is known again when it is solved again."""
+    """Checkpoint for a continuation; it also verifies that solving again gives the same run."""
     _solved: Any = field(default=None, repr=False)
-    """The run itself, of one that is not stored, or its motion where that is at hand."""
+    """The run itself if it is not stored, or its motion if available."""
     _tables: dict[str, Columns] = field(default_factory=dict, init=False, repr=False)
     place: Path | None = field(init=False, repr=False)
-    """The folder, found also after the working directory has changed"""
+    """Absolute path of the folder."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "place", self.folder and self.folder.absolute())
 
     @cached_property
     def motion(self) -> Motion:
-        """Its motion: of one that is stored, solved again to the same bits.
+        """Motion of the run; a stored run is solved again to the same bits.
 
-        Raises `NotContinuable` when it does not end again as it did.
+        Raises `NotContinuable` if it does not end in the stored state.
         """
         if self._solved is not None:
             return self._solved  # type: ignore[no-any-return]
@@ -85,23 +85,23 @@ class StoredRun:
 
     @cached_property
     def run(self) -> Run:
-        """The run with all its logs, however long it is."""
+        """The run with all its logs, of any length."""
         if isinstance(self.motion, Run):
             return self.motion
         return recalled(self.scenario, self.checkpoint)
 
     @property
     def kind(self) -> System:
-        """What differs from one system to another."""
+        """The object of its system."""
         return system_named(self.scenario.system)
 
     @cached_property
     def system(self) -> Any:
-        """What was solved."""
+        """The system that was solved."""
         return self.run.system if self.place is None else build_any(self.scenario)
 
     def table(self, name: str) -> Columns:
-        """Return the columns of a table; null is NaN in numbers and None in words."""
+        """Return the columns of a table; null becomes NaN in numbers and None in words."""
         if self.place is None:
             found = self.run.table(name)
             assert found is not None
@@ -112,33 +112,34 @@ class StoredRun:
         return self._tables[name]
 
     def check_not_replaced(self) -> None:
-        """Raise `OSError` if the folder now holds another run than the one that was opened.
+        """Raise `OSError` if the folder no longer holds the run that was opened.
 
-        Asked after each reading: folders are replaced whole, so that what was read is of this run.
+        As folders are replaced atomically, a check after each reading proves that the data belong
+        to this run.
         """
-        if self.place is None or not self.manifest:  # in memory, or in the making
+        if self.place is None or not self.manifest:  # in memory, or unfinished
             return
         if read_manifest(self.place) != self.manifest:
             raise OSError(ESTALE, "the run was replaced", str(self.folder))
 
     @property
     def collisions(self) -> Columns:
-        """The impacts of two bodies."""
+        """Impacts of two bodies."""
         return self.table("collisions")
 
     @property
     def bounces(self) -> Columns:
-        """The impacts on the wall."""
+        """Impacts on the wall."""
         return self.table("bounces")
 
     @property
     def events(self) -> Columns:
-        """What else happened."""
+        """Other events."""
         return self.table("events")
 
     @property
     def end_time(self) -> float:
-        """When it ended (s)."""
+        """Time of the end (s)."""
         return float(self.summary["end_time"])
 
     @property
@@ -148,7 +149,7 @@ class StoredRun:
 
     @property
     def exponents(self) -> Columns | None:
-        """How exponents converge, or None if they were not asked for."""
+        """Table of converging exponents, or None if they were not requested."""
         if self.place is None:
             return self.run.exponents
         there = (self.place / "exponents.parquet").exists()
@@ -159,34 +160,34 @@ class StoredRun:
         return self.motion.flights()
 
     def flights(self) -> dict[str, Any]:
-        """Return every flight of every body: where and when it starts and ends, and why."""
+        """Return all flights of all bodies: start, end and why each one ended."""
         return self._flights
 
     def look_at(self, rows: Any) -> None:
-        """Take note of the flights, rows of their table, whose curves will be asked for."""
+        """Announce the flights, as rows of their table, whose curves will be requested."""
         self.motion.look_at(rows)
 
     def flight_curve(
         self, index: int, count: int, lasts: float = math.inf
     ) -> tuple[Array, Array, Array]:
-        """Return times (s), positions (rad, m) and rates (rad/s, m/s) along one flight, exactly."""
+        """Return exact times (s), positions (rad, m) and rates (rad/s, m/s) along a flight."""
         return self.motion.flight_curve(index, count, lasts)
 
     def sample(self, times: Any, side: str = "after", extrapolate: bool = False) -> dict[str, Any]:
-        """Return the motion of every body at given times (s), exactly, see ``systems.run.Run``."""
+        """Return the exact columns of the motion table at times (s), see ``systems.run.Run``."""
         return self.motion.sample(times, side, extrapolate)
 
 
 def in_memory(run: Run, scenario: AnyScenario) -> StoredRun:
-    """Return a run that has no folder; nor has it a manifest."""
+    """Return a stored run without folder and manifest."""
     return StoredRun(None, scenario, {}, run.summary_record(), run.checkpoint(), run)
 
 
 def open_run(folder: Path) -> StoredRun:
-    """Read the folder of a run; it is solved again when its motion is asked for.
+    """Read the folder of a run; the run is solved again when its motion is requested.
 
-    Raises `NotContinuable` when it is no run of ours, was written by another version of the program
-    or has changed since, and `OSError` when a file is missing or cannot be read.
+    Raises `NotContinuable` if it is not a run of vibro, was written by another version of the
+    program or has changed since, and `OSError` if a file is missing or cannot be read.
     """
     earlier = read_earlier_run(folder)
     _check_tables(folder, earlier.manifest)
@@ -198,7 +199,7 @@ def open_run(folder: Path) -> StoredRun:
 
 
 class StoredColumns(Mapping[str, Column]):
-    """The columns of parquet files of one schema, each read when asked for.
+    """The columns of Parquet files with a common schema, each read on demand.
 
     The last `most` that were asked for are kept, of short files more. `check` is called after each
     reading, and raises where other files may have been read.
@@ -217,11 +218,11 @@ class StoredColumns(Mapping[str, Column]):
         self._first: dict[str, Column] = {}
 
     def first(self, rows: int) -> Columns:
-        """Return the first rows, of one file."""
+        """Return the first rows of a table in a single file."""
         if not self._first:
             found = _columns(next(rows_by_group(self._parts[0], slice(_FIRST))))
             self._check()
-            # Copies, so that the whole group of rows does not stay in memory.
+            # Copies, as views would keep the whole group of rows in memory.
             self._first = {name: values.copy() for name, values in found.items()}
         found = {name: values[:rows] for name, values in self._first.items()}
         complete = rows <= len(found["n"]) or len(found["n"]) == len(self["n"])
@@ -250,7 +251,7 @@ class StoredColumns(Mapping[str, Column]):
 
 
 def _check_tables(folder: Path, manifest: Mapping[str, Any]) -> None:
-    """Raise `NotContinuable` unless the tables and the summary are as they were written."""
+    """Raise `NotContinuable` if a table or the summary is missing or has changed."""
     described = manifest["files"].items()
     tables = {n: wanted for n, wanted in described if n.endswith((".parquet", ".json"))}
     for damage in check_files(folder, tables):
@@ -258,31 +259,31 @@ def _check_tables(folder: Path, manifest: Mapping[str, Any]) -> None:
 
 
 class NotAGrid(VibroError):
-    """A folder holds no grid of ours that can be read; the message says why."""
+    """A folder does not hold a readable grid of vibro; the message says why."""
 
 
 @dataclass(frozen=True)
 class StoredGrid:
-    """A grid of scenarios, or what there is of it so far."""
+    """A grid of scenarios, complete or with the points solved so far."""
 
     folder: Path
     definition: Mapping[str, Any]
-    """What was asked for, as `grid.json` has it."""
+    """Definition of the grid, the content of `grid.json`."""
     manifest: Mapping[str, Any]
     axes: tuple[str, ...]
-    """Key paths of the axes: the names of their columns."""
+    """Key paths of the axes, which are the names of their columns."""
     units: Mapping[str, str]
     """Units of the columns of the summary."""
     summary: Mapping[str, Column]
-    """A row for each point: the axes' values, then the columns of the summary table."""
+    """One row per point: values of the axes, then the columns of the summary table."""
     owner: object = None
-    """What removes the folder once it is not used any more, if it is temporary."""
+    """Object that removes a temporary folder when it is no longer used."""
     place: Path = field(init=False, repr=False)
-    """The folder, found also after the working directory has changed"""
+    """Absolute path of the folder."""
     maps: dict[tuple[int, bool], Any] = field(
         init=False, default_factory=dict, repr=False, compare=False
     )
-    """The points that figures over so many axes show, once one has been drawn."""
+    """Cache of the points that figures over a number of axes show."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "place", self.folder.absolute())
@@ -299,31 +300,31 @@ class StoredGrid:
 
     @property
     def shapes(self) -> tuple[str, ...]:
-        """Shapes of the pieces of the trace, none for another system."""
+        """Shapes of the pieces of the trace, empty for other systems."""
         trace = self.definition["scenario"].get("trace", {})
         return tuple(str(piece["shape"]) for piece in trace.get("arcs", ()))
 
     @property
     def logarithmic(self) -> frozenset[str]:
-        """Key paths of the axes whose values are at even ratios, of one sign."""
+        """Key paths of the axes with logarithmic spacing."""
         axes = (axis for axis in self.definition["axes"] if "logspace" in axis)
         return frozenset(path for axis in axes for path in axis["paths"])
 
     @property
     def points(self) -> int:
-        """Number of points that are there."""
+        """Number of points solved."""
         return len(self.summary["scenario"])
 
     @property
     def unsolved(self) -> str:
-        """Says that points are still to be solved, empty where none is."""
+        """Message that some points are not solved yet, empty if the grid is complete."""
         total = int(self.manifest["points"])
         return "" if self.points == total else f"{self.points} of {total} points are solved so far"
 
     def table(self, name: str) -> PartsTable:
-        """Return a table of all points, such as ``collisions``, which is read as it is asked for.
+        """Return a table of all points, such as ``collisions``, which is read on demand.
 
-        Raises ``KeyError`` where the grid has none of that name, ``OSError`` where it is gone.
+        Raises ``KeyError`` if the grid has no such table, ``OSError`` if its files are gone.
         """
         parts = self._parts(name)
         if not parts:
@@ -331,17 +332,17 @@ class StoredGrid:
         return PartsTable(parts, self.owner)
 
     def impact_columns(self) -> tuple[str, ...]:
-        """Return the columns of the table of impacts, none where none was kept."""
+        """Return the names of the columns of the table of impacts, none if it was not kept."""
         parts = self._parts("collisions")
         return tuple(schema_of(parts[0]).names) if parts else ()
 
     def impact_units(self) -> dict[str, str]:
-        """Return the units of the columns of numbers of the impacts, by name."""
+        """Return the units of the impacts' columns of numbers, by name."""
         parts = self._parts("collisions")
         return units_of_numbers(schema_of(parts[0])) if parts else {}
 
     def impacts(self, columns: Sequence[str], scenarios: Column) -> dict[str, Column]:
-        """Return some columns of the impacts of some scenarios, in their order."""
+        """Return some columns of the impacts of some scenarios, in the order of the table."""
         import pyarrow.compute as compute
 
         wanted = compute.field("scenario").isin(scenarios.tolist())
@@ -349,7 +350,7 @@ class StoredGrid:
         return _columns(data.to_table(list(columns), filter=wanted))
 
     def _parts(self, name: str) -> list[Path]:
-        """The files of a table, none where the grid did not keep it."""
+        """Return the files of a table, none if the grid did not keep it."""
         parts = _parts(self.place, self.manifest, name)
         if not all(part.exists() for part in parts):
             raise FileNotFoundError(ENOENT, "the table is gone", str(self.folder / name))
@@ -357,15 +358,15 @@ class StoredGrid:
 
 
 def is_grid(folder: Path) -> bool:
-    """Return whether a folder says that it holds a grid."""
+    """Return whether a folder has the file of a grid."""
     return (folder / GRID_NAME).is_file()
 
 
 def open_grid(folder: Path, owner: object = None) -> StoredGrid:
-    """Read the folder of a grid, all its points or those that are finished; it has an `owner`.
+    """Read the folder of a grid with all points finished so far; `owner` keeps the folder alive.
 
-    Raises `NotAGrid` when it is none of ours, holds no finished point, or when a file of it is
-    missing or not as it was written.
+    Raises `NotAGrid` if it is not a grid of vibro, has no finished point, or if a file is missing
+    or has changed.
     """
     try:
         definition = json.loads((folder / GRID_NAME).read_bytes())
@@ -397,10 +398,10 @@ def open_grid(folder: Path, owner: object = None) -> StoredGrid:
 
 
 def _parts(folder: Path, manifest: Mapping[str, Any], name: str) -> list[Path]:
-    """The files of a table, of finished chunks: what else is there is not of the grid."""
+    """Return the files of a table in finished chunks; other files do not belong to the grid."""
     return [folder / file for file in manifest["files"] if file.startswith(f"{name}/")]
 
 
 def _columns(data: pyarrow.Table) -> dict[str, Column]:
-    """The columns as arrays; null is NaN in numbers and None in words."""
+    """Return the columns as arrays; null becomes NaN in numbers and None in words."""
     return {name: as_array(data[name]) for name in data.column_names}

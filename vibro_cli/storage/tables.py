@@ -1,8 +1,8 @@
-"""Tables as their systems declare them: to arrow, to bytes, and back from parquet files.
+"""Conversion of tables to Arrow and to bytes, and reading of Parquet files.
 
-What a column must be is said in `systems.columns`; here it is held to it. Equal columns give equal
-bytes: nothing of the machine or of the time goes into a table. Tables of a run grow while it goes
-on, and leave memory with each group of rows.
+Columns are checked against their declarations (`systems.columns`). Equal columns give equal bytes:
+tables contain nothing about the machine or the time. The tables of a run grow while it continues,
+and each group of rows is written out as soon as it is complete.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from vibro_cli.systems.columns import Column, Table
 
 
 def as_json() -> dict[str, object]:
-    """The description of all tables as plain values (`vibro schema tables`)."""
+    """Return the description of all tables as plain values (`vibro schema tables`)."""
     return {
         table.schema_id: {
             "row": table.row,
@@ -47,7 +47,7 @@ def as_json() -> dict[str, object]:
 
 
 def as_markdown(system: str = "trace") -> str:
-    """The description of all tables of a system as Markdown, as it stands in docs/."""
+    """Return the description of all tables of a system as Markdown, for docs/."""
     parts = []
     for table in system_named(system).tables():
         lines = [
@@ -73,14 +73,14 @@ _ARROW_TYPES = {
     "string": pa.string(),
 }
 _ENCODINGS = {pa.float64(): "BYTE_STREAM_SPLIT", pa.int64(): "DELTA_BINARY_PACKED"}
-# Of the bytes of a double six are noise: more effort makes files smaller by a hundredth or two.
+# Six of the eight bytes of a double are noise: more effort reduces files by only 1 or 2 per cent.
 _LEVEL = -5
 _JSON_LINES_AT_ONCE = 4096
 
 
 @dataclass(frozen=True)
 class Origin:
-    """What a table came from, as it stands in the file's metadata.
+    """Provenance of a table, for the file's metadata.
 
     `scenario` is the resolved scenario, `version` that of the program; `more` are further entries.
     """
@@ -91,7 +91,7 @@ class Origin:
 
 
 def arrow_schema(table: Table, origin: Origin) -> pa.Schema:
-    """The arrow schema of a table, with units and descriptions of its fields and its origin."""
+    """Return the Arrow schema of a table, with units and descriptions of fields and its origin."""
     scenario = json.dumps(origin.scenario, ensure_ascii=False, allow_nan=False)
     metadata = {
         "vibro:schema": table.schema_id,
@@ -117,7 +117,7 @@ def _row_schema(table: Table) -> pa.Schema:
 
 
 def _arrow_column(column: Column, values: Any) -> pa.Array:
-    """One column as arrow: masked entries, None and, in a nullable float column, NaN are null."""
+    """Convert a column to Arrow: masked entries, None and NaN in a float column become null."""
     if column.words and values.dtype != object:
         content = _of_numbers(np.ma.getdata(values), column.words)
         return pa.Array.from_buffers(pa.string(), len(values), [None, *content])
@@ -137,10 +137,10 @@ def _arrow_column(column: Column, values: Any) -> pa.Array:
 
 
 def _missing(column: Column, values: Any, array: Any) -> Any:
-    """Flags of the rows without a value; None where every row has one."""
+    """Return flags of rows without a value, or None if every row has one."""
     mask: Any = np.ma.getmask(values)
     if column.type == "float64":
-        # The least of numbers with a nan among them is nan: one look, no memory.
+        # The minimum is nan if any number is: a fast test without extra memory.
         if array.size and math.isnan(array.min()):
             mask = mask | np.isnan(array)
     elif column.type == "string":
@@ -149,17 +149,17 @@ def _missing(column: Column, values: Any, array: Any) -> Any:
     return mask if mask is not np.ma.nomask and np.any(mask) else None
 
 
-# Columns are put together from buffers, and taken apart likewise: arrow's own conversion, of lists
-# too, imports pandas where it is installed, which takes longer than a short run.
+# Columns are assembled from buffers, and read from them: Arrow's own conversion, even of lists,
+# imports pandas if it is installed, which takes longer than a short run.
 
 
 def _bits(flags: np.ndarray[Any, np.dtype[np.bool_]]) -> pa.Buffer:
-    """Flags packed as arrow has them, the first in the lowest bit."""
+    """Return flags packed for Arrow, the first in the lowest bit."""
     return pa.py_buffer(np.packbits(flags, bitorder="little"))
 
 
 def _string_buffers(words: np.ndarray[Any, np.dtype[Any]]) -> list[pa.Buffer]:
-    """Offsets and bytes of words as arrow has them; None takes no bytes."""
+    """Return offsets and bytes of words for Arrow; None takes no bytes."""
     encoded = {word: b"" if word is None else word.encode() for word in set(words.tolist())}
     if len(encoded) == 1:  # as in most columns of words
         (part,) = encoded.values()
@@ -171,13 +171,13 @@ def _string_buffers(words: np.ndarray[Any, np.dtype[Any]]) -> list[pa.Buffer]:
 
 
 def _repeated(word: bytes, count: int) -> list[pa.Buffer]:
-    """Offsets and bytes of one word again and again."""
+    """Return offsets and bytes of a repeated word."""
     offsets = np.arange(count + 1, dtype=np.int32) * len(word)
     return [pa.py_buffer(offsets), pa.py_buffer(word * count)]
 
 
 def _of_numbers(numbers: np.ndarray[Any, np.dtype[Any]], words: Sequence[str]) -> list[pa.Buffer]:
-    """Offsets and bytes of words that are given by their numbers, from 0."""
+    """Return offsets and bytes of words that are given as integer codes, from 0."""
     encoded = [word.encode() for word in words]
     count = len(numbers)
     if count and np.min(numbers) == np.max(numbers):
@@ -192,10 +192,10 @@ def _of_numbers(numbers: np.ndarray[Any, np.dtype[Any]], words: Sequence[str]) -
 
 
 def record_batch(table: Table, columns: Mapping[str, Any]) -> pa.RecordBatch:
-    """Rows of a table, `columns` (arrays of equal length), with no word of where they are from.
+    """Return rows of a table from `columns` (arrays of equal length), without their origin.
 
-    Numbers are not copied. Raises `ValueError` when names, types or missing values are not those of
-    `table`.
+    Numbers are not copied. Raises `ValueError` if names, types or missing values differ from the
+    declaration.
     """
     names = [column.name for column in table.columns]
     if list(columns) != names:
@@ -206,15 +206,15 @@ def record_batch(table: Table, columns: Mapping[str, Any]) -> pa.RecordBatch:
 
 
 def to_arrow(table: Table, columns: Mapping[str, Any], origin: Origin) -> pa.Table:
-    """The arrow table of `columns` (arrays of equal length).
+    """Return the Arrow table of `columns` (arrays of equal length).
 
-    Raises `ValueError` when names, types or missing values are not those of `table`.
+    Raises `ValueError` if names, types or missing values differ from the declaration.
     """
     return pa.Table.from_batches([record_batch(table, columns)], arrow_schema(table, origin))
 
 
 def parquet_bytes(data: pa.Table) -> bytes:
-    """An arrow table as a parquet file: zstd, floats split by bytes, integers by differences."""
+    """Return a table as a Parquet file: zstd, floats split by bytes, integers as differences."""
     sink = pa.BufferOutputStream()
     pq.write_table(data, sink, **parquet_options(data.schema))
     content: bytes = sink.getvalue().to_pybytes()
@@ -222,7 +222,7 @@ def parquet_bytes(data: pa.Table) -> bytes:
 
 
 def parquet_options(schema: pa.Schema, repeated: Collection[str] = ()) -> dict[str, Any]:
-    """Return how columns are encoded: by dictionaries those of words, and of `repeated` numbers."""
+    """Return the encoding of columns; words and `repeated` numbers use dictionaries."""
     encodings = {
         field.name: _ENCODINGS[field.type]
         for field in schema
@@ -239,28 +239,28 @@ def parquet_options(schema: pa.Schema, repeated: Collection[str] = ()) -> dict[s
 
 
 def _opened(source: Path | BinaryIO, **options: Any) -> pq.ParquetFile:
-    """A parquet file open for reading, its pages to be held to their checksums.
+    """Open a Parquet file for reading with verification of page checksums.
 
-    Arrow takes texts for UTF-8, and names of files in other letters for others; bytes as they are.
+    Paths are passed as bytes, since Arrow encodes text as UTF-8 whatever the file system uses.
     """
     file = pa.OSFile(os.fsencode(source)) if isinstance(source, Path) else source
     return pq.ParquetFile(file, page_checksum_verification=True, **options)
 
 
 def read_parquet(source: Path | BinaryIO) -> pa.Table:
-    """A parquet file as written, its pages held to their checksums.
+    """Read a Parquet file and verify the checksums of its pages.
 
-    Raises `OSError` for a file that cannot be read or is damaged, `pyarrow.ArrowException` for one
-    that is no parquet, or has two columns of one name.
+    Raises `OSError` if it cannot be read or is damaged, `pyarrow.ArrowException` if it is not
+    Parquet or has two columns of the same name.
     """
     with _opened(source) as file:
         return once_each(file.read())
 
 
 def once_each(table: pa.Table) -> pa.Table:
-    """A table of somebody else, if none of its columns has the name of another.
+    """Return a foreign table after checking that the names of its columns are unique.
 
-    Raises `pyarrow.ArrowException` otherwise: names are all that columns are asked for by.
+    Raises `pyarrow.ArrowException` otherwise, since columns are accessed by name only.
     """
     try:
         names = Counter(table.column_names)
@@ -273,12 +273,12 @@ def once_each(table: pa.Table) -> pa.Table:
 
 
 def unit_of(field: pa.Field) -> str:
-    """The unit of a column; an empty text for a plain number and for words."""
+    """Return the unit of a column, empty for dimensionless numbers and for words."""
     return str((field.metadata or {}).get(b"unit", b""), "utf-8")
 
 
 def units_of_numbers(schema: pa.Schema) -> dict[str, str]:
-    """The units of the columns of numbers of a table, by name; an empty text for plain numbers."""
+    """Return the units of a table's columns of numbers, by name; empty if dimensionless."""
     return {
         field.name: unit_of(field)
         for field in schema
@@ -287,7 +287,7 @@ def units_of_numbers(schema: pa.Schema) -> dict[str, str]:
 
 
 def count_rows(path: Path) -> int:
-    """Return how many rows a parquet file has; raises as `read_parquet`."""
+    """Return the number of rows of a Parquet file; raises as `read_parquet`."""
     with _opened(path) as file:
         return int(file.metadata.num_rows)
 
@@ -295,10 +295,10 @@ def count_rows(path: Path) -> int:
 def rows_by_group(
     source: Path, rows: slice, columns: Sequence[str] | None = None
 ) -> Iterator[pa.Table]:
-    """Yield some rows of a parquet file as they are read, group by group; one table at least.
+    """Yield some rows of a Parquet file, one table per group of rows, and at least one table.
 
-    `columns` are those wanted, all by default. Only the groups of rows that they are in are read,
-    and held to their checksums; raises as `read_parquet`.
+    `columns` are by default all. Only the required groups are read and verified; raises as
+    `read_parquet`.
     """
     with _opened(source) as file:
         first, last, _ = rows.indices(file.metadata.num_rows)
@@ -311,10 +311,11 @@ def rows_by_group(
 
 
 class FileTable:
-    """The table of a parquet file, of which columns are read when they are asked for, and kept.
+    """The table in a Parquet file, whose columns are read on first use and kept.
 
-    The file stays open: another one that takes its place is not mixed in. It has what is asked of a
-    table of pyarrow here, and its copies are such tables. Raises as `read_parquet`.
+    The file stays open, so that a new file in its place cannot be mixed in. The class has those
+    methods of a pyarrow table that are used here; copies are pyarrow tables. Raises as
+    `read_parquet`.
     """
 
     def __init__(self, path: Path) -> None:
@@ -325,7 +326,7 @@ class FileTable:
         self.num_rows = self._file.metadata.num_rows
 
     def select(self, names: Sequence[str]) -> pa.Table:
-        """Return a table of some columns."""
+        """Return a table of these columns."""
         with self._lock:
             missing = [name for name in names if name not in self._columns]
             if missing:
@@ -349,7 +350,7 @@ class FileTable:
 
 
 def dataset_of(parts: Sequence[Path]) -> Any:
-    """The rows of parquet files, one after another, as pyarrow's dataset; raises as `FileTable`."""
+    """Return the concatenated rows of Parquet files as a pyarrow dataset; raises as `FileTable`."""
     import pyarrow.dataset as dataset
     from pyarrow.fs import LocalFileSystem
 
@@ -359,9 +360,9 @@ def dataset_of(parts: Sequence[Path]) -> Any:
 
 
 class PartsTable(FileTable):
-    """The same of a table in the files of a grid, too many to stay open.
+    """The table in the files of a grid, which are too many to stay open.
 
-    `owner` is what keeps their folder. A reader raises ``OSError`` once they are gone or replaced.
+    `owner` keeps their folder alive. Reading raises ``OSError`` once they are removed or replaced.
     """
 
     def __init__(self, parts: Sequence[Path], owner: object) -> None:
@@ -389,7 +390,7 @@ AnyTable: TypeAlias = pa.Table | FileTable
 
 
 def _groups_of(file: pq.ParquetFile, first: int, last: int) -> dict[int, int]:
-    """The groups that have rows from `first` to before `last`, with the first row of each."""
+    """Return the groups with rows from `first` up to but excluding `last`, and their first rows."""
     sizes = [file.metadata.row_group(n).num_rows for n in range(file.num_row_groups)]
     ends = np.cumsum([0, *sizes])
     groups = np.flatnonzero((ends[:-1] < last) & (ends[1:] > first)).tolist()
@@ -404,27 +405,27 @@ def _of_groups(
 
 
 def schema_of(path: Path) -> pa.Schema:
-    """The names, types and units of the columns of a parquet file; raises as `read_parquet`."""
+    """Return names, types and units of a Parquet file's columns; raises as `read_parquet`."""
     with _opened(path) as file:
         return file.schema_arrow
 
 
 def read_column(parts: Sequence[Path], name: str) -> np.ndarray[Any, np.dtype[Any]]:
-    """One column of parquet files, one after another; null is NaN in numbers and None in words.
+    """Read a column of Parquet files, concatenated; null becomes NaN in numbers, None in words.
 
     Raises as `read_parquet`.
     """
     found = []
     for part in parts:
         with _opened(part, read_dictionary=[name]) as file:
-            # Group by group, so that no more than the column is ever there.
+            # Group by group, so that memory holds no more than the column.
             groups = [file.read_row_group(n, [name]) for n in range(file.num_row_groups)]
             found += [as_array(rows[name]) for rows in groups or [file.read([name])]]
     return np.concatenate(found)
 
 
 def as_array(column: pa.ChunkedArray) -> np.ndarray[Any, np.dtype[Any]]:
-    """A column as an array; null is NaN in numbers and None in words."""
+    """Return a column as an array; null becomes NaN in numbers and None in words."""
     if pa.types.is_string(column.type):
         return np.array(column.to_pylist(), dtype=object)
     whole = column.combine_chunks()
@@ -435,7 +436,7 @@ def as_array(column: pa.ChunkedArray) -> np.ndarray[Any, np.dtype[Any]]:
 
 def _as_array(chunk: pa.Array) -> np.ndarray[Any, np.dtype[Any]]:
     if pa.types.is_dictionary(chunk.type):
-        # One object for each word, and a last one for null.
+        # One object per word, and a last one for null.
         words = np.array([*chunk.dictionary.to_pylist(), None], dtype=object)
         numbers = plain_numbers(chunk.indices)
         found: np.ndarray[Any, np.dtype[Any]] = words[_or_null(chunk, numbers, len(words) - 1)]
@@ -444,7 +445,7 @@ def _as_array(chunk: pa.Array) -> np.ndarray[Any, np.dtype[Any]]:
 
 
 def _or_null(chunk: pa.Array, numbers: Any, null: float) -> np.ndarray[Any, np.dtype[Any]]:
-    """The numbers of an array with another one where it is null."""
+    """Return the numbers of an array, with `null` in place of null."""
     if chunk.null_count == 0:
         return np.asarray(numbers)
     present = _flags(chunk.buffers()[0], chunk)
@@ -452,7 +453,7 @@ def _or_null(chunk: pa.Array, numbers: Any, null: float) -> np.ndarray[Any, np.d
 
 
 def plain_numbers(chunk: pa.Array) -> np.ndarray[Any, np.dtype[Any]]:
-    """The numbers or flags of an array, anything at all where it is null; numbers are no copy."""
+    """Return the numbers (not copied) or flags of an array, arbitrary where it is null."""
     if pa.types.is_boolean(chunk.type):
         return _flags(chunk.buffers()[1], chunk)
     size = chunk.type.bit_width // 8
@@ -462,21 +463,21 @@ def plain_numbers(chunk: pa.Array) -> np.ndarray[Any, np.dtype[Any]]:
 
 
 def _flags(bits: Any, chunk: pa.Array) -> np.ndarray[Any, np.dtype[np.bool_]]:
-    """Flags of an array as arrow has them packed."""
+    """Return the flags of an array from Arrow's packed bits."""
     if not len(chunk):
         return np.empty(0, dtype=np.bool_)
     flags = np.unpackbits(np.frombuffer(bits, np.uint8), bitorder="little")
     return flags[chunk.offset : chunk.offset + len(chunk)].view(np.bool_)
 
 
-# Rows of a group of a parquet file: where it ends depends on nothing but the table.
+# Rows per group of a Parquet file, so that groups depend on the table only.
 GROUP_ROWS = 1 << 16
 
 
 class _RowWriter:
     """Writes rows to an open binary stream as csv, jsonl, arrow (IPC stream) or parquet.
 
-    The bytes do not depend on how rows are added.
+    The bytes of Parquet do not depend on how rows are divided between calls.
     """
 
     def __init__(self, sink: BinaryIO | Counted, form: str, schema: pa.Schema) -> None:
@@ -498,7 +499,7 @@ class _RowWriter:
             raise ValueError(f"there is no form {form!r} of a table")
 
     def write(self, rows: pa.Table) -> None:
-        """Write rows; of jsonl some thousands of lines at a time, of parquet whole groups."""
+        """Write rows: some thousands of lines at a time for jsonl, whole groups for Parquet."""
         if self._grouped:
             self._waiting += rows.to_batches()
             self._write_groups(GROUP_ROWS)
@@ -513,7 +514,7 @@ class _RowWriter:
             self._sink.write("".join(f"{line}\n" for line in lines).encode())
 
     def _write_groups(self, least: int) -> None:
-        """Write groups of rows that wait, while there are so many."""
+        """Write groups from the waiting rows, as long as there are at least `least`."""
         while sum(batch.num_rows for batch in self._waiting) >= least:
             waiting = pa.Table.from_batches(self._waiting, self._schema)
             group = waiting.slice(0, GROUP_ROWS).combine_chunks()
@@ -521,20 +522,20 @@ class _RowWriter:
             self._waiting = waiting.slice(GROUP_ROWS).to_batches()
 
     def close(self) -> None:
-        """Write what is left and belongs to the end."""
+        """Write the remaining rows and the end of the file."""
         self._write_groups(1)
         if self._writer is not None:
             self._writer.close()
 
     def abandon(self) -> None:
-        """Write no more, not even the end of a parquet file."""
-        self._writer.is_open = False  # else it would write its end when it is collected
+        """Stop writing, without the end of a Parquet file."""
+        self._writer.is_open = False  # otherwise garbage collection would write the end
 
 
 def stream(parts: Iterator[pa.Table], form: str, sink: BinaryIO) -> None:
-    """Write rows, which come in one part at least, as csv, jsonl, arrow (IPC stream) or parquet.
+    """Write rows, in one or more parts, as csv, jsonl, arrow (IPC stream) or parquet.
 
-    Numbers of csv and jsonl read back to the same doubles; null is an empty field or `null`.
+    Numbers in csv and jsonl read back to the same doubles; null is an empty field or `null`.
     """
     begin = next(parts)
     writer = _RowWriter(sink, form, begin.schema)
@@ -544,7 +545,7 @@ def stream(parts: Iterator[pa.Table], form: str, sink: BinaryIO) -> None:
 
 
 class GrowingTable:
-    """A table on its way to an open binary stream, row by row as they come (see :func:`stream`)."""
+    """A table that is written to an open binary stream as rows arrive (see :func:`stream`)."""
 
     def __init__(
         self, sink: BinaryIO | Counted, table: Table, origin: Origin, form: str = "parquet"
@@ -555,22 +556,22 @@ class GrowingTable:
         self._rows = _RowWriter(sink, form, self._schema)
 
     def add(self, columns: Mapping[str, Any]) -> None:
-        """Write rows; raises `ValueError` for columns that are not those of the table."""
+        """Write rows; raises `ValueError` if their columns differ from those of the table."""
         self._rows.write(pa.Table.from_batches([record_batch(self._table, columns)], self._schema))
         self._sink.flush()
 
     def finish(self) -> None:
-        """Write what belongs to the end."""
+        """Write the remaining rows and the end of the file."""
         self._rows.close()
         self._sink.flush()
 
     def abandon(self) -> None:
-        """Write no more, not even an end: a file that was not finished is removed by its owner."""
+        """Stop writing, without an end; the owner of the file removes it."""
         self._rows.abandon()
 
 
 class Counted:
-    """A file of which size and checksum are known when it is written."""
+    """A file that counts its bytes and computes its checksum while it is written."""
 
     def __init__(self, file: BinaryIO) -> None:
         self._file = file
@@ -579,22 +580,22 @@ class Counted:
         self.closed = False
 
     def write(self, content: Any) -> int:
-        """Write bytes; returns how many."""
+        """Write bytes; return their number."""
         self._sum.update(content)
         self._size += len(content)
         self._file.write(content)
         return len(content)
 
     def tell(self) -> int:
-        """Return how many bytes are written."""
+        """Return the number of bytes written."""
         return self._size
 
     def flush(self) -> None:
-        """Nothing waits here."""
+        """Do nothing: the file is unbuffered."""
 
     def close(self) -> None:
-        """Leave the file to whoever has opened it."""
+        """Do nothing: whoever opened the file closes it."""
 
     def entry(self) -> dict[str, Any]:
-        """Return what a manifest says of the file."""
+        """Return the file's entry for a manifest."""
         return {"bytes": self._size, "sha256": self._sum.hexdigest()}
