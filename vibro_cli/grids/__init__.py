@@ -1,1 +1,1 @@
-"""Grids: many scenarios as columns, solved chunk by chunk into a dataset on the disk."""
+"""Grids: many scenarios as columns, solved in chunks into a dataset on disk."""

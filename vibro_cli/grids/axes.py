@@ -1,4 +1,4 @@
-"""The axes of a grid: which scalars of the scenario go through which values."""
+"""The axes of a grid: scalars of the scenario and their values."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from vibro_cli.scenario.problems import (
 )
 
 GENERATORS = ("values", "linspace", "logspace", "uniform", "table")
-"""Keys of an axis of which each gives its values in a way of its own."""
+"""Keys that define the values of an axis."""
 PATHS = ("path", "paths")
 
 
@@ -53,9 +53,9 @@ class _Path(kinds.Text):
 
 @dataclass(frozen=True)
 class _Ends(kinds.Kind):
-    """Both ends of an axis, which may carry a unit, and how many values it has.
+    """Both ends of an axis, which may have a unit, and its number of values.
 
-    The numbers are those of a path, and are read with it.
+    The ends are validated later, by the kind of the axis's path.
     """
 
     count_needed: bool = True
@@ -105,9 +105,9 @@ class AxisTable(Table):
     with path or paths only those columns."""
 
 
-# What a grid's tables do not depend on.
+# Keys on which the tables of a grid do not depend.
 _WITHOUT_EFFECT = ("name", "output")
-# What all points have in common, since the columns of the tables hang on it.
+# Keys that must be the same for all points, as the columns of the tables depend on them.
 _IN_COMMON: dict[KeyPath, str] = {
     ("system",): "those of a grid are of one system",
     ("analysis", "lyapunov"): "exponents are told of every point or of none",
@@ -115,9 +115,9 @@ _IN_COMMON: dict[KeyPath, str] = {
 
 
 def kind_of(path: KeyPath, root: Model = Scenario) -> kinds.Kind:
-    """Return the kind of the scalar at a path of scenarios with the model `root`.
+    """Return the kind of the scalar at a path, in scenarios with the model `root`.
 
-    Raises `Fault` if a scenario has nothing there, or nothing that is one value.
+    Raises `Fault` if scenarios have no such path, or if it is not a single value.
     """
     if path[0] in _WITHOUT_EFFECT:
         expected = "a value that the tables of a grid depend on"
@@ -142,7 +142,7 @@ def _unknown(path: KeyPath, root: Model) -> Fault:
 
 
 def type_of(kind: kinds.Kind) -> Any:
-    """Return the type of the column for values of a kind, as ``storage.tables`` names it."""
+    """Return the column type for values of a kind, as named in ``storage.tables``."""
     if isinstance(kind, kinds.Quantity):
         return "float64"
     if isinstance(kind, kinds.Count):
@@ -151,11 +151,11 @@ def type_of(kind: kinds.Kind) -> Any:
 
 
 def read_number(kind: kinds.Kind, value: Any) -> Any:
-    """Return one value of an axis in SI units; what the scenario refuses may still be one.
+    """Return a value of an axis in SI units, without checking bounds.
 
-    Bounds are left to the scenario: a value beyond them makes an invalid point, not a wrong axis.
+    A value that is out of bounds makes an invalid point, not an invalid axis.
 
-    Raises `PydanticCustomError` if the value is not of this kind at all.
+    Raises `PydanticCustomError` if the value is not of this kind.
     """
     if isinstance(kind, kinds.Quantity):
         return kinds.Quantity(kind.dimension).read(value)
@@ -166,28 +166,28 @@ def read_number(kind: kinds.Kind, value: Any) -> Any:
 
 Array = np.ndarray[Any, np.dtype[Any]]
 DTYPES = {"float64": np.float64, "int64": np.int64, "bool": np.bool_, "string": object}
-"""Of arrays, by the types of their columns."""
+"""Types of arrays by column type."""
 
 _MOST_VALUES = 100_000_000
-# Longer lists stand in the resolved grid by their digest.
+# The resolved grid has only a digest of longer lists.
 _LISTED = 10_000
 
 
 @dataclass(frozen=True)
 class Axis:
-    """Some scalars and the values they go through together."""
+    """Scalars of the scenario and the values that they take together."""
 
     paths: tuple[KeyPath, ...]
     kinds: tuple[kinds.Kind, ...]
     columns: tuple[Array, ...] | None
-    """The values of each path in turn; None for an interval."""
+    """Values of each path; None for an interval."""
     interval: tuple[float, float] | None
-    """Both ends of an interval that a design draws from (SI units)."""
+    """Ends of an interval (SI units) from which a design draws."""
     resolved: dict[str, Any]
     """The axis as plain data in SI units."""
 
     def __len__(self) -> int:
-        """Number of values; 0 for an interval, which has as many as are asked for."""
+        """Number of values; 0 for an interval."""
         return 0 if self.columns is None else len(self.columns[0])
 
     def at(self, index: Any) -> tuple[Array, ...]:
@@ -196,7 +196,7 @@ class Axis:
         return tuple(column[index] for column in self.columns)
 
     def drawn(self, share: Array) -> tuple[Array, ...]:
-        """Return the values of each path at shares of the axis, from 0 to below 1."""
+        """Return the values of each path at fractions of the axis in [0, 1)."""
         if self.interval is not None:
             low, high = self.interval
             return tuple(low + (high - low) * share for _ in self.paths)
@@ -204,10 +204,10 @@ class Axis:
 
 
 def read_axis(given: AxisTable, loc: KeyPath, folder: Path, seed: int, root: Model) -> Axis:
-    """Return the axis that a table of a grid file describes, of scenarios with the model `root`.
+    """Return the axis given by a table of a grid file, for scenarios with the model `root`.
 
-    `loc` is its path in the file, whose folder is where paths of tables start from. Raises `Fault`
-    with the first thing that is wrong with it.
+    `loc` is its path in the file; paths of data files are relative to `folder`. Raises `Fault` for
+    the first fault found.
     """
     if given.table is not None:
         return _from_table(given, given.table, (*loc, "table"), folder, root)
@@ -225,7 +225,7 @@ def read_axis(given: AxisTable, loc: KeyPath, folder: Path, seed: int, root: Mod
     if not count:
         return Axis(paths, of, None, (low, high), resolved)
     if key == "uniform":
-        # loc[1] is the number of the axis: every axis has random numbers of its own.
+        # loc[1] is the index of the axis, which gives each axis its own random numbers.
         share = np.random.default_rng([seed, int(loc[1])]).random(count[0])
         column = low + (high - low) * share
     else:
@@ -234,12 +234,12 @@ def read_axis(given: AxisTable, loc: KeyPath, folder: Path, seed: int, root: Mod
 
 
 def _texts(given: AxisTable) -> tuple[str, ...]:
-    """The paths of an axis as the file has them."""
+    """Return the paths of an axis as written in the file."""
     return given.paths or () if given.path is None else (given.path,)
 
 
 def _path(name: str, loc: KeyPath) -> KeyPath:
-    """The path that a column of a table is named by."""
+    """Return the path given by the name of a table's column."""
     try:
         return parsed_path(name)
     except ValueError:
@@ -269,7 +269,7 @@ def _column(kind: kinds.Kind, values: list[Any]) -> Array:
 def _listed(
     paths: tuple[KeyPath, ...], of: tuple[kinds.Kind, ...], given: Any, loc: KeyPath
 ) -> Axis:
-    """``values``: one for all paths at a time, or a list with one for each."""
+    """Return the axis of ``values``, each one value for all paths or a list with one per path."""
     rows = []
     for i, value in enumerate(given):
         row = value if isinstance(value, list) else [value] * len(paths)
@@ -300,7 +300,7 @@ def _digest(columns: list[Array]) -> str:
 
 
 def _numbers(of: tuple[kinds.Kind, ...], given: Any, loc: KeyPath) -> list[Any]:
-    """Two ends in SI units and, if the form has it, a count."""
+    """Return two ends in SI units and, if given, a count."""
     if not all(isinstance(kind, kinds.Quantity) for kind in of):
         raise Fault(loc, str(loc[-1]), "values: this path has no real numbers", on_key=True)
     if len({kind.dimension for kind in of if isinstance(kind, kinds.Quantity)}) > 1:
@@ -316,19 +316,19 @@ def _numbers(of: tuple[kinds.Kind, ...], given: Any, loc: KeyPath) -> list[Any]:
 
 
 def _spaced(low: float, high: float, count: int, loc: KeyPath) -> Array:
-    """``linspace`` and ``logspace``: from one end to the other, both included."""
+    """Return the values of ``linspace`` or ``logspace``, including both ends."""
     if loc[-1] == "linspace":
         return np.linspace(low, high, count)
     if not (low != 0.0 and high != 0.0 and (low > 0.0) == (high > 0.0)):
         raise Fault(loc, f"{low!r} to {high!r}", "two ends of one sign, neither of them 0")
-    # The library's logarithms differ in the last bit from processor to processor.
+    # numpy's logarithms differ in the last bit between processors.
     ratio = math.log(high / low)
     steps = [low * math.exp(ratio * i / (count - 1)) for i in range(1, count - 1)]
     return np.array([low, *steps, high][:count] if count > 1 else [low])
 
 
 def _from_table(given: AxisTable, name: str, where: KeyPath, folder: Path, root: Model) -> Axis:
-    """The columns of a parquet or CSV file, named by paths: a row is one value of the axis."""
+    """Return the axis of a Parquet or CSV file: columns are named by paths, rows are values."""
     from vibro_cli.storage.frame import read_columns
 
     try:
@@ -352,7 +352,7 @@ def _from_table(given: AxisTable, name: str, where: KeyPath, folder: Path, root:
 
 
 def _table_column(kind: kinds.Kind, values: Array, name: str, loc: KeyPath) -> Array:
-    """A column of a table as values of its path."""
+    """Return a column of a table as values of its path."""
     if isinstance(kind, kinds.Quantity) and values.dtype.kind in "iuf":
         numbers = values.astype(np.float64)
         if not np.isfinite(numbers).all():
@@ -383,7 +383,7 @@ class Design:
 
     @property
     def paths(self) -> tuple[KeyPath, ...]:
-        """The path of every column."""
+        """Paths of all columns."""
         return tuple(path for axis in self.axes for path in axis.paths)
 
     def resolved(self) -> dict[str, Any]:
@@ -396,7 +396,7 @@ class Design:
         }
 
     def columns(self, indices: Array) -> dict[KeyPath, Array]:
-        """Return the value of every path at some points."""
+        """Return the values of every path at some points."""
         found: dict[KeyPath, Array] = {}
         for number, axis in enumerate(self.axes):
             if self.mode in ("product", "zip"):
@@ -407,14 +407,14 @@ class Design:
         return found
 
     def _index(self, number: int, indices: Array) -> Array:
-        """Index on one axis of some points."""
+        """Return the indices of points on an axis."""
         if self.mode == "zip":
             return indices
         inner = math.prod(map(len, self.axes[number + 1 :]))
         return (indices // inner) % len(self.axes[number])
 
     def _shares(self, indices: Array) -> Array:
-        """Points of the unit cube, a row for each, from scipy's quasi-random designs."""
+        """Return points in the unit cube, one per row, from scipy's quasi-random designs."""
         if self.mode == "latin-hypercube":
             return np.asarray(self._hypercube[indices])
         from scipy.stats import qmc
@@ -425,7 +425,7 @@ class Design:
         engine = qmc.Sobol(len(self.axes), scramble=True, rng=np.random.default_rng(self.seed))
         if first:
             engine.fast_forward(first)
-        # The first draw is of one point: of any other number it would warn of lost balance.
+        # Draw a single point first: scipy warns about other first draws that are no power of 2.
         stretch: Array = engine.random(1)
         if last > first:
             stretch = np.concatenate([stretch, engine.random(last - first)])

@@ -1,6 +1,6 @@
-"""The parts of a chunk, made as its stretches come: files in memory, then on the disk.
+"""The parts of a chunk: files built in memory as stretches arrive, then written to disk.
 
-Memory is used again: fresh pages cost more time than what is written into them."""
+Memory is reused: fresh pages cost more time than the data written to them."""
 
 from __future__ import annotations
 
@@ -40,17 +40,17 @@ from vibro_cli.systems.contract import Columns
 
 
 class Buffers:
-    """Blocks of memory by name, each as large as was ever asked for; for one thread at a time."""
+    """Named blocks of memory that grow to the largest size requested; for one thread at a time."""
 
     def __init__(self) -> None:
         self._blocks: dict[str, Array] = {}
 
     def __call__(self, name: str, size: int) -> Array:
-        """Return so many bytes; they are good until the same name is asked for again."""
+        """Return `size` bytes, valid until the same name is requested again."""
         block = self._blocks.get(name)
         if block is None or block.nbytes < size:
             self._blocks.pop(name, None)
-            # Pages that are not written to cost nothing; the next one may need some more.
+            # Unused pages cost nothing, and the next request may be larger.
             block = np.empty(2 * size + BLOCK, dtype=np.uint8)
             block = block[-block.ctypes.data % BLOCK :]
             self._blocks[name] = block
@@ -58,7 +58,7 @@ class Buffers:
 
 
 BufferPool = list[Buffers]
-"""Those that nobody works in, for any thread to take and give back."""
+"""Unused buffers, which any thread may take and return."""
 
 
 @dataclass(frozen=True)
@@ -66,14 +66,14 @@ class Encoded:
     """The parts of a chunk, ready to be written."""
 
     files: Mapping[str, memoryview]
-    """Contents by their names in the folder of the grid, the summary's last."""
+    """Contents by name in the folder of the grid, the summary last."""
     receipt: Receipt
-    """What will be on the disk, but for its files."""
+    """Receipt of the chunk, without its files."""
     give_back: Callable[[], None]
-    """Called once the contents are written, and not needed any more."""
+    """Called once the contents have been written and are no longer needed."""
 
     def write(self, folder: Path) -> Receipt:
-        """Write the parts, each whole or not at all; return what is on the disk.
+        """Write each part atomically; return the complete receipt.
 
         Raises `OSError` if a part cannot be written.
         """
@@ -85,10 +85,10 @@ class Encoded:
 
 
 class ChunkWriter:
-    """The parts of a chunk in the making.
+    """The unfinished parts of a chunk with a number of stretches.
 
-    It has so many stretches, and `indices` are the numbers of its points, from 0 in the grid.
-    Memory for the parts is taken from `pool` with the first group of rows.
+    `indices` are the indices of its points in the grid, from 0. Memory for the parts is taken from
+    `pool` with the first group of rows.
     """
 
     def __init__(
@@ -112,15 +112,15 @@ class ChunkWriter:
 
     @staticmethod
     def of(grid: Grid, chunks: Chunks, chunk: int, pool: BufferPool) -> ChunkWriter:
-        """Return the parts of a chunk, with nothing in them."""
+        """Return a writer for a chunk, with empty parts."""
         indices = np.arange(*chunks.range_of(chunk))
         return ChunkWriter(grid, chunk, indices, len(chunks.stretches(chunk)), pool)
 
     def add(self, number: int, solved: Solved) -> Encoded | None:
-        """Take in a stretch, given by its number from 0, in any order and from any thread.
+        """Add a stretch, given by its index from 0, in any order and from any thread.
 
-        What can be encoded is, by one thread at a time. Returns the parts to the thread that makes
-        them whole, None to all others.
+        Consecutive stretches are encoded as soon as possible, by one thread at a time. Returns the
+        parts to the thread that completes them, None to all others.
         """
         with self._lock:
             self._come[number] = solved
@@ -142,7 +142,7 @@ class ChunkWriter:
         return self._taken(name, size)
 
     def _following(self) -> list[Solved] | None:
-        """The next stretches in order, for the thread that calls; none if another one is at it."""
+        """Return the next stretches in order, None without any or if another thread encodes."""
         with self._lock:
             number, found = len(self._summaries), []
             while not self._busy and number in self._come:
@@ -160,10 +160,10 @@ class ChunkWriter:
             part.take(solved.kept[name])
 
     def _whole(self) -> Encoded:
-        """The parts, once all stretches are taken in."""
+        """Return the parts, once all stretches have been added."""
         names = file_names(self._grid, self._chunk)
         contents = {names[name]: part.finish() for name, part in self._parts.items()}
-        # Each column is freed where it came from as soon as it is whole.
+        # The pieces of each column are freed as soon as it is complete.
         whole = {
             name: end_to_end([one.pop(name) for one in self._summaries])
             for name in list(self._summaries[0])
@@ -180,33 +180,32 @@ class ChunkWriter:
 
 
 def part_bytes(grid: Grid, solved: Solved, indices: Array) -> float:
-    """Return how many bytes a point takes on the disk, judged by some of them."""
+    """Return the number of bytes per point on disk, estimated from some solved points."""
     made = ChunkWriter(grid, 0, indices, 1, BufferPool()).add(0, solved)
     assert made is not None
     return sum(map(len, made.files.values())) / len(indices)
 
 
-# Columns of impacts that readers of a few scenarios or moments look at first.
+# Columns of impacts by which readers select scenarios or times.
 _ORDERED = ("scenario", "n", "t")
-# A group of rows has no fewer, but for the last one of a part; it has whole stretches.
+# Least number of rows of a group, except for the last one of a part; groups have whole stretches.
 _ROWS_OF_A_GROUP = 100_000
-# Bytes of a page, which is split, compressed and summed up before the next one: in the cache.
+# Size of a page (bytes), which must fit in the cache while it is split, compressed and checksummed.
 _PAGE = 1 << 17
-# Numbers by which it is judged whether a column has few different ones.
+# Number of values sampled to decide whether a column has few distinct ones.
 _SAMPLE = 512
-# Memory is asked for so many groups like the first one; what is not written to costs nothing.
+# Number of groups like the first one for which memory is allocated; unused pages cost nothing.
 _GROUPS_AT_FIRST = 8
-# What a file takes at its end (bytes), and for each group.
+# Bytes that a file needs at its end, and for each group.
 _AT_THE_END, _OF_A_GROUP = 1 << 20, 1 << 16
 
 
 class PartFile:
-    """A parquet file in the making, in memory that `buffer(bytes)` gives.
+    """An unfinished Parquet file in memory, which `buffer(bytes)` allocates.
 
-    It is encoded as by `tables.parquet_bytes`, but numbers of which the first group has only a few
-    different ones go into a dictionary, and pages stay in the processor's cache. The least and
-    largest value of row groups, by which readers skip them, is there of the columns `skipped_by`
-    only.
+    It is encoded as by `tables.parquet_bytes`, except that columns with few distinct numbers in the
+    first group use a dictionary, and that pages fit in the processor's cache. Minima and maxima of
+    row groups, by which readers skip groups, are stored for the columns `skipped_by` only.
     """
 
     def __init__(
@@ -221,13 +220,13 @@ class PartFile:
         self._writer: Any = None
 
     def take(self, batch: pa.RecordBatch) -> None:
-        """Take in rows, which wait for their group to be whole."""
+        """Add rows, which are kept until their group is complete."""
         self._waiting.append(batch)
         if sum(one.num_rows for one in self._waiting) >= _ROWS_OF_A_GROUP:
             self.add(self._waiting)
 
     def add(self, batches: Sequence[pa.RecordBatch]) -> None:
-        """Write a group of rows; the batches are not needed afterwards."""
+        """Write a group of rows, and release the batches."""
         group = pa.Table.from_batches(batches, self._schema)
         if self._writer is None:
             numbers = [one.name for one in self._schema if pa.types.is_floating(one.type)]
@@ -240,7 +239,7 @@ class PartFile:
         self._waiting = []
 
     def finish(self) -> memoryview:
-        """Return the whole file, of at least one group."""
+        """Return the complete file, with at least one group."""
         if self._waiting and (not self._groups or any(one.num_rows for one in self._waiting)):
             self.add(self._waiting)
         return self._closed()
@@ -264,7 +263,7 @@ class PartFile:
         self._writer.write_table(group, row_group_size=max(group.num_rows, 1))
 
     def _move(self, size: int) -> None:
-        """Go on in more memory: what is written already is read and written again."""
+        """Move to a larger block: the groups so far are read and written again."""
         before = pq.ParquetFile(pa.BufferReader(pa.py_buffer(self._closed())))
         self._begin(size)
         for number, lengths in enumerate(self._groups):
@@ -279,22 +278,22 @@ class PartFile:
 
 
 def _most_bytes(group: pa.Table) -> int:
-    """The most that a group of rows can take in a file."""
+    """Return the greatest size (bytes) of a group of rows in a file."""
     return int(group.nbytes) * 5 // 4 + _OF_A_GROUP
 
 
 def _has_few(column: pa.ChunkedArray) -> bool:
-    """Whether a column seems to repeat a few numbers, judged by some of them."""
-    # Of all rows: how they lie in chunks depends on how the points were solved.
+    """Return whether a sample of a column has few distinct numbers."""
+    # Sample the joined chunks, as their boundaries depend on how the points were solved.
     values = np.concatenate([np.empty(0), *map(plain_numbers, column.chunks)])
     step = max(1, len(values) // _SAMPLE)
     return len(np.unique(values[::step])) <= len(values[::step]) // 8
 
 
 def part_file(grid: Grid, table: Table, chunk: int, buffer: Callable[[str, int], Any]) -> PartFile:
-    """Return the file of one part, to be filled: the same bytes for the same rows of the same grid.
+    """Return an empty file for a part of a table; equal rows of equal grids give equal bytes.
 
-    ``table`` and ``chunk`` are what it is a part of; ``buffer(name, size)`` gives memory for it.
+    The part belongs to ``table`` and ``chunk``; ``buffer(name, size)`` allocates memory for it.
     """
     resolved = grid.resolved()
     told = json.dumps(resolved, ensure_ascii=False, allow_nan=False)

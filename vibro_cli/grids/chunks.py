@@ -1,7 +1,7 @@
-"""Chunks of a grid: the unit of work, and of the parts on the disk.
+"""Chunks of a grid, the units of work and of the parts on disk.
 
-What a part holds depends on the grid and on the number of its chunk alone, so that the bytes are
-the same from any number of workers, in any order.
+The content of a part depends only on the grid and the index of its chunk, so that its bytes are the
+same for any number and order of workers.
 """
 
 from __future__ import annotations
@@ -16,56 +16,55 @@ import numpy as np
 from vibro_cli.grids.axes import Array
 from vibro_cli.grids.document import Grid
 
-# Rows of a part: what readers of parquet like (100,000 and more), and what a chunk may take of
-# memory.
+# Rows of a part: a compromise between readers of Parquet (100,000 or more) and memory.
 _POINTS_OF_A_PART = 100_000
 _IMPACTS_OF_A_PART = 300_000
-# However they are spread, no more than this.
+# Greatest number for any distribution of impacts over points.
 _MOST_IMPACTS_OF_A_PART = 1_500_000
-# Impacts that are solved at one go: between two stretches a thread can be told to stop.
+# Impacts of a stretch, which is solved without interruption: threads can stop between stretches.
 _IMPACTS_OF_A_STRETCH = 40_000
 _LONGEST_STRETCH = 8192
-# Stretches of a small grid, for any number of threads to share.
+# Least number of stretches of a small grid, to be shared by threads.
 _FEWEST_STRETCHES = 64
-# From so many parts on they are cut where the impacts are, a chunk into so many stretches.
+# With more parts than this, chunks are cut by the density of impacts, and have equal numbers of
+# stretches.
 _MANY_PARTS = 8
 _STRETCHES_OF_A_CHUNK = 8
 
 
 class Expected(NamedTuple):
-    """How many impacts a point may be expected to have."""
+    """Expected numbers of impacts per point."""
 
     mean: float
     most: float
 
 
 def has_many_parts(grid: Grid, impacts: Expected) -> bool:
-    """Whether a grid has so many parts of impacts that they are cut where the impacts are."""
+    """Return whether a grid has enough parts to be cut by the density of impacts."""
     own_size = grid.chunk_points is not None or not grid.keep.collisions
     return not own_size and grid.design.points * impacts.mean > _MANY_PARTS * _IMPACTS_OF_A_PART
 
 
 Division = int | tuple[int, ...]
-"""Points of a chunk, or of each: what the folder of a grid tells of its chunks."""
+"""Points per chunk, or the points of each chunk, as stored in the folder of a grid."""
 
 
 @dataclass(frozen=True)
 class Chunks:
-    """How the points of a grid are divided."""
+    """The division of the points of a grid."""
 
     points: int
-    """Points of the grid."""
+    """Number of points of the grid."""
     division: Division
-    """Points of a chunk, where the last one may have fewer; or of each chunk."""
+    """Points per chunk (the last one may have fewer), or the points of each chunk."""
     stretch: int
-    """Points that are solved at one go, at most; groups of rows have whole stretches."""
+    """Greatest number of points solved together; row groups consist of whole stretches."""
 
     @staticmethod
     def of(grid: Grid, impacts: Expected, density: Array | None = None) -> Chunks:
-        """Divide a grid whose points are expected to have so many impacts.
+        """Divide a grid by the expected numbers of impacts of its points.
 
-        `density` is the same for points of each of some equal parts of the grid, where it has many
-        parts.
+        `density` are the expected impacts per point in equal sections of a grid with many parts.
         """
         if density is not None:
             return Chunks.of_division(grid, _cut(grid.design.points, density), impacts)
@@ -78,7 +77,7 @@ class Chunks:
 
     @staticmethod
     def of_division(grid: Grid, division: Division, impacts: Expected) -> Chunks:
-        """Divide a grid into chunks that are known."""
+        """Divide a grid into chunks of a given division."""
         points = grid.design.points
         if isinstance(division, tuple):
             return Chunks(points, division, _LONGEST_STRETCH)
@@ -93,7 +92,7 @@ class Chunks:
 
     @property
     def sizes(self) -> list[int]:
-        """Points of each chunk."""
+        """Number of points of each chunk."""
         sizes: list[int] = np.diff(self._ends, prepend=0).tolist()
         return sizes
 
@@ -109,7 +108,7 @@ class Chunks:
         return int(self._ends[chunk - 1]) if chunk else 0, int(self._ends[chunk])
 
     def stretches(self, chunk: int) -> list[tuple[int, int]]:
-        """Return the stretches of a chunk, each as its first point and the one after its last."""
+        """Return the stretches of a chunk, each as its first point and the point after its last."""
         first, last = self.range_of(chunk)
         length = self.stretch
         if isinstance(self.division, tuple):
@@ -119,9 +118,9 @@ class Chunks:
 
 
 def _cut(points: int, density: Array) -> tuple[int, ...]:
-    """Cut points into chunks with about as many impacts each, but no more points than impacts.
+    """Divide points into chunks with about equal numbers of impacts, at least one per point.
 
-    ``density`` is the number of impacts of a point in each of some equal parts.
+    ``density`` is the number of impacts per point in equal sections of the grid.
     """
     reached = np.concatenate([[0.0], np.cumsum(np.maximum(density, 1.0))]) * points / len(density)
     count = max(1, int(reached[-1] / _IMPACTS_OF_A_PART))
@@ -133,7 +132,7 @@ def _cut(points: int, density: Array) -> tuple[int, ...]:
 
 @dataclass(frozen=True)
 class Receipt:
-    """What is on the disk of one chunk."""
+    """Record of a finished chunk on disk."""
 
     chunk: int
     points: int
@@ -141,17 +140,17 @@ class Receipt:
     invalid: int
     failed: int
     end_causes: dict[str, int]
-    """How many of its runs ended by each cause."""
+    """Number of its runs by cause of the end."""
     files: dict[str, dict[str, Any]]
-    """Size and SHA-256 of each file, by its name in the folder of the grid."""
+    """Size and SHA-256 of each file, by name in the folder of the grid."""
 
     def counts(self) -> dict[str, Any]:
-        """Return the numbers alone."""
+        """Return the receipt without files."""
         return {name: value for name, value in asdict(self).items() if name != "files"}
 
 
 def file_names(grid: Grid, chunk: int) -> dict[str, str]:
-    """Return the names of a chunk's files by the tables they hold."""
+    """Return the names of a chunk's files, by table."""
     return {table: f"{table}/part-{chunk:06d}.parquet" for table in ("summary", *grid.kept_tables)}
 
 

@@ -1,8 +1,7 @@
-"""The folder of a grid: its parts, its manifest, who may write into it, shards, and checking it.
+"""The folder of a grid: its parts, manifest, lock, shards and verification.
 
-The disk is the truth: a chunk is finished when its parts are there under their names, which they
-get whole or not at all. The manifest says so too, with a checksum of each; it is written now and
-then, and what it does not know of yet is read from the disk.
+A chunk is finished when its parts, which are written atomically, exist on disk. The manifest lists
+them with checksums. It is written from time to time; parts that it lacks are read from the disk.
 """
 
 from __future__ import annotations
@@ -45,9 +44,9 @@ from vibro_cli.storage.files import (
 
 _LOCK_NAME = ".lock"
 SHARD = re.compile(r"shard-(\d+)-of-(\d+)")
-"""The name of the folder of a shard within that of its grid."""
+"""Name of a shard's folder within the folder of its grid."""
 _FOLDERS = ("summary", "collisions", "bounces")
-# The manifest is written at most once in this time (s), and at the end.
+# Least time (s) between two writes of the manifest before the end.
 _EVERY = 5.0
 
 
@@ -56,39 +55,39 @@ class GridChanged(VibroError):
 
 
 class FolderInUse(VibroError):
-    """Another process works on the folder."""
+    """Another process is working on the folder."""
 
 
 @dataclass
 class Dataset:
-    """A grid on the disk, open for writing."""
+    """A grid on disk, open for writing."""
 
     folder: Path
     grid: Grid
     chunks: Chunks
     wanted: Sequence[int]
-    """The chunks that are to be here: all of them, or those of a shard."""
+    """The chunks that this folder must hold: all of them, or those of a shard."""
     receipts: dict[int, Receipt] = field(default_factory=dict)
     _written: float = 0.0
 
     @property
     def missing(self) -> list[int]:
-        """The chunks that are not finished."""
+        """Unfinished chunks."""
         return [chunk for chunk in self.wanted if chunk not in self.receipts]
 
     def add(self, receipt: Receipt) -> None:
-        """Take down a finished chunk."""
+        """Record a finished chunk."""
         self.receipts[receipt.chunk] = receipt
         if time.monotonic() - self._written > _EVERY:
             self.write_manifest()
 
     def write_manifest(self) -> None:
-        """Write what is finished; equal chunks give equal bytes."""
+        """Write the manifest of the finished chunks; equal chunks give equal bytes."""
         write_file(self.folder / MANIFEST_NAME, json_bytes(self.manifest()))
         self._written = time.monotonic()
 
     def manifest(self) -> dict[str, Any]:
-        """Return the manifest of what is finished."""
+        """Return the manifest of the finished chunks."""
         receipts = [self.receipts[chunk] for chunk in sorted(self.receipts)]
         entries: dict[str, Any] = {GRID_NAME: entry(grid_content(self.grid, self.chunks))}
         for receipt in receipts:
@@ -109,7 +108,7 @@ def grid_content(grid: Grid, chunks: Chunks) -> bytes:
 
 
 def known_division(folder: Path) -> Division | None:
-    """Return how the grid of a folder is divided into chunks, None without one."""
+    """Return the division into chunks of the grid in a folder, or None without a grid."""
     found: Any = (_stored_grid(folder) or {}).get("chunk_points")
     sizes = found if isinstance(found, list) else [found]
     if not sizes or not all(isinstance(size, int) and size > 0 for size in sizes):
@@ -125,11 +124,11 @@ def opened(
     anew: bool = False,
     wanted: Sequence[int] | None = None,
 ) -> Iterator[Dataset]:
-    """Open the folder of a grid for writing, made if it is not there, and hold it alone.
+    """Open the folder of a grid for writing, created if missing, and lock it.
 
-    `anew` drops what it holds of a grid; the chunks that are `wanted`, all for None, are to be
-    here. Raises as :func:`check_grid_folder` and :func:`check_same`, `FolderInUse` if another
-    process works on it, and ``OSError`` if it cannot be written.
+    `anew` removes an existing grid; `wanted` are the chunks that the folder must hold, None for
+    all. Raises as :func:`check_grid_folder` and :func:`check_same`, `FolderInUse` if another
+    process is working on it, and ``OSError`` if it cannot be written.
     """
     check_grid_folder(folder)
     for name in ("summary", *grid.kept_tables):
@@ -149,7 +148,7 @@ def opened(
 
 
 def check_grid_folder(folder: Path) -> None:
-    """Raise `FolderRefused` unless the folder is free, empty, or holds a grid of ours."""
+    """Raise `FolderRefused` unless the folder does not exist, is empty, or is a grid of vibro."""
     if (folder / GRID_NAME).exists():
         ours = str((read_manifest(folder) or {}).get("schema")).startswith("vibro-grid/")
         if _stored_grid(folder) is None and not ours:
@@ -158,7 +157,7 @@ def check_grid_folder(folder: Path) -> None:
     if folder.is_dir():
         names = {one.name for one in folder.iterdir() if not SHARD.fullmatch(one.name)}
         if names <= {_LOCK_NAME, *_FOLDERS, MANIFEST_NAME}:
-            return  # an empty folder of a run that was stopped at once is ours
+            return  # empty folders left by a grid that was stopped at once
     check_replaceable(folder, "grid")
 
 
@@ -173,10 +172,10 @@ def check_same(
     chunks: Chunks,
     remedy: str = "--force starts anew, -o names another folder",
 ) -> None:
-    """Raise `GridChanged` if the folder holds another grid than this one; it ends with a remedy."""
+    """Raise `GridChanged`, with a `remedy`, if the folder holds a different grid."""
     stored = _stored_grid(folder)
     wanted = json.loads(grid_content(grid, chunks))
-    # Parts of two versions of the program do not belong into one dataset.
+    # A dataset must not mix parts of two versions of the program.
     version = (read_manifest(folder) or {}).get("program", {}).get("version", __version__)
     if stored is None or (stored == wanted and version == __version__):
         return
@@ -186,7 +185,7 @@ def check_same(
 
 @contextlib.contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Hold a folder alone; the system lets go of it when the process ends, however it ends."""
+    """Lock a folder; the system releases the lock when the process ends for any reason."""
     handle = os.open(folder / _LOCK_NAME, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
     try:
         try:
@@ -199,7 +198,7 @@ def locked(folder: Path) -> Iterator[None]:
 
 
 def drop(folder: Path) -> None:
-    """Remove the grid of a folder: first what says that it is one, then its parts."""
+    """Remove the grid in a folder: first its definition and manifest, then its parts."""
     for name in (MANIFEST_NAME, GRID_NAME):
         (folder / name).unlink(missing_ok=True)
     for name in _FOLDERS:
@@ -208,9 +207,9 @@ def drop(folder: Path) -> None:
 
 
 def found_receipts(folder: Path, grid: Grid, chunks: Chunks) -> dict[int, Receipt]:
-    """Return the receipts of all chunks that are finished: from the manifest, or from the disk.
+    """Return the receipts of all finished chunks, from the manifest or from the disk.
 
-    A manifest of another grid tells of none: the file that says so may be gone.
+    A manifest of another grid is ignored, as `grid.json` may be missing.
     """
     manifest = read_manifest(folder) or {}
     of_this = entry(grid_content(grid, chunks))
@@ -243,7 +242,7 @@ def _receipts_of(manifest: dict[str, Any], grid: Grid) -> dict[int, Receipt]:
 
 
 def _is_known(counts: Any) -> bool:
-    """Whether it has the numbers of a receipt: earlier versions kept less."""
+    """Return whether a value has all numbers of a receipt; earlier versions kept fewer."""
     names = {one.name for one in fields(Receipt)} - {"files"}
     if not isinstance(counts, dict) or {*counts} != names:
         return False
@@ -255,12 +254,12 @@ def _is_known(counts: Any) -> bool:
 
 
 def has_size(path: Path, described: dict[str, Any]) -> bool:
-    """Return whether a file is there and as large as a receipt says."""
+    """Return whether a file exists with the size given in a receipt."""
     return path.is_file() and path.stat().st_size == described["bytes"]
 
 
 def _read_receipt(folder: Path, grid: Grid, chunks: Chunks, chunk: int) -> Receipt | None:
-    """The receipt of parts that no manifest tells of; None if they are not this chunk's."""
+    """Return the receipt of parts missing in the manifest, or None if not of this chunk."""
     import numpy as np
     import pyarrow as pa
 
@@ -287,12 +286,12 @@ def _read_receipt(folder: Path, grid: Grid, chunks: Chunks, chunk: int) -> Recei
 
 
 class NoManifest(VibroError):
-    """The folder is none of ours, or its manifest cannot be read."""
+    """The folder is not one of vibro, or its manifest cannot be read."""
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """What a check of a folder found."""
+    """The result of checking a folder."""
 
     kind: str
     files: int
@@ -303,16 +302,16 @@ class Verdict:
 
     @property
     def sound(self) -> bool:
-        """Whether everything is there, and as it was written."""
+        """Whether all files are present and unchanged."""
         return not self.findings and self.complete
 
 
 def verify(folder: Path) -> Verdict:
-    """Check every file of a folder against size and SHA-256 of the manifest.
+    """Check every file of a folder against its size and SHA-256 in the manifest.
 
-    The folders of shards that wait to be put together have manifests of their own.
+    Folders of shards that are not merged yet have their own manifests and are skipped.
 
-    Raises `NoManifest` if the folder has no manifest of ours, `OSError` if a file cannot be read.
+    Raises `NoManifest` if the folder has no valid manifest, `OSError` if a file cannot be read.
     """
     found = read_manifest(folder)
     if found is None:
@@ -331,21 +330,21 @@ def verify(folder: Path) -> Verdict:
 
 
 class MergeRefused(Failure):
-    """Shards that cannot be put together; the message says which and why."""
+    """Shards cannot be merged; the message says which and why."""
 
 
 @dataclass(frozen=True)
 class Shard:
-    """One of several jobs: the ``number``-th of ``count``, from 1."""
+    """One of several jobs on a grid: the ``number``-th of ``count``, from 1."""
 
     number: int
     count: int
 
     @staticmethod
     def read(text: str) -> Shard:
-        """Return the shard of a text such as ``3/16``.
+        """Return the shard given by a text such as ``3/16``.
 
-        Raises `ValueError` for another text.
+        Raises `ValueError` for any other text.
         """
         match = re.fullmatch(r"\s*(\d{1,6})\s*/\s*(\d{1,6})\s*", text, re.ASCII)
         if match is None or not 1 <= int(match[1]) <= int(match[2]):
@@ -353,18 +352,18 @@ class Shard:
         return Shard(int(match[1]), int(match[2]))
 
     def folder_in(self, folder: Path) -> Path:
-        """Return the folder of this shard within that of the grid."""
+        """Return the folder of this shard within the folder of the grid."""
         return folder / f"shard-{self.number}-of-{self.count}"
 
     def chunks_of(self, chunks: Chunks) -> range:
-        """Return the numbers of the chunks of this shard."""
+        """Return the indices of the chunks of this shard."""
         return range(self.number - 1, chunks.count, self.count)
 
     def wanted_of(self, folder: Path, grid: Grid, chunks: Chunks) -> list[int]:
-        """Return the chunks of this shard that the folder of the grid does not have already.
+        """Return the chunks of this shard that are not yet in the folder of the grid.
 
-        Raises `GridChanged` if that folder holds another grid, to which no shard of this one could
-        be added.
+        Raises `GridChanged` if that folder holds a different grid, into which the shard could not
+        be merged.
         """
         check_same(folder, grid, chunks, "-o names another folder")
         done = found_receipts(folder, grid, chunks)
@@ -379,18 +378,18 @@ def shard_folders(folder: Path) -> list[Path]:
 
 
 def division_of_shards(folder: Path) -> Division | None:
-    """Return how the grid of shards is divided into chunks; None without any."""
+    """Return the division into chunks of the grid of shards, or None without shards."""
     found = [known_division(path) for path in shard_folders(folder)]
     return next((division for division in found if division is not None), None)
 
 
 def merge(dataset: Dataset) -> Iterator[Receipt]:
-    """Move the parts of all shards into the folder of the grid.
+    """Move the parts of all shards into the folder of the grid, and yield their receipts.
 
-    Every part is held to its checksum first, and nothing is moved unless all chunks are there.
+    The checksums of all parts are verified first, and nothing is moved unless all chunks exist.
 
-    Raises `MergeRefused` if chunks are missing or damaged, `FolderInUse` if a shard is being worked
-    on, `GridChanged` if a shard is of another grid, `OSError` if a file cannot be moved.
+    Raises `MergeRefused` if chunks are missing or damaged, `FolderInUse` if a shard is in use,
+    `GridChanged` if a shard belongs to another grid, `OSError` if a file cannot be moved.
     """
     with ExitStack() as stack:
         places: dict[int, tuple[Path, Receipt]] = {}

@@ -1,4 +1,4 @@
-"""Reading grid files: a scenario, by reference or inline, and axes; their JSON Schema."""
+"""Read grid files, a scenario (by reference or inline) with axes, and make their JSON Schema."""
 
 from __future__ import annotations
 
@@ -42,10 +42,10 @@ from vibro_cli.systems import system_named
 from vibro_cli.systems.columns import GROWTH, Column
 
 SAMPLED = ("latin-hypercube", "sobol")
-"""Modes that draw a number of points from the axes."""
+"""Modes that draw n points from the axes."""
 MODES = ("product", "zip", *SAMPLED)
 MOST_DRAWN = 2**30
-"""Points that Sobol's sequence has."""
+"""Length of Sobol's sequence."""
 _SOURCES = ("base", "scenario")
 
 
@@ -92,7 +92,7 @@ class GridFile(Table):
 
 
 def _faults_between(data: Data) -> Iterator[Fault]:
-    """Check the rules between the keys of a grid file, of its data as they are."""
+    """Check the rules between the keys of a grid file, on its plain data."""
     yield from one_of(data, _SOURCES, (), needed=True)
     mode = data.get("mode", MODES[0])
     if mode in SAMPLED and "n" not in data:
@@ -111,15 +111,15 @@ def _faults_between(data: Data) -> Iterator[Fault]:
 
 @dataclass(frozen=True)
 class Grid:
-    """A grid file, understood."""
+    """The content of a grid file."""
 
     name: str
     base: Document
-    """The scenario that the axes change; it need not be complete without them."""
+    """The scenario that the axes change; it may be incomplete without them."""
     design: Design
     keep: Keep
     chunk_points: int | None = None
-    """Points of a chunk, which is a part on the disk; chosen by the program for None."""
+    """Points per chunk, which is a part on disk; None to let the program choose."""
 
     @property
     def system(self) -> str:
@@ -133,16 +133,16 @@ class Grid:
 
     @property
     def counted(self) -> tuple[str, ...]:
-        """The columns of the summary that count impacts, each with a stop of its name."""
+        """Columns of the summary that count impacts; each is also the name of a stop."""
         return system_named(self.system).impact_tables
 
     @property
     def kept_tables(self) -> tuple[str, ...]:
-        """Names of the tables of impacts that are kept."""
+        """Names of the tables of impacts to keep."""
         return system_named(self.system).impact_tables if self.keep.collisions else ()
 
     def resolved(self) -> dict[str, Any]:
-        """Return the grid as plain data: two grids with equal data give equal tables."""
+        """Return the grid as plain data; equal data give equal tables."""
         columns = None if self.keep.columns is None else list(self.keep.columns)
         return {
             "name": self.name,
@@ -152,7 +152,7 @@ class Grid:
         }
 
     def stopped_at(self, most: int, counted: Sequence[str]) -> Grid:
-        """Return the same grid with a limit to what each point has of the counted impacts."""
+        """Return the same grid with a limit `most` for these `counted` impacts of each point."""
         stop = {**self.base.data.get("stop", {}), **dict.fromkeys(counted, most)}
         return replace(self, base=replace(self.base, data={**self.base.data, "stop": stop}))
 
@@ -166,17 +166,17 @@ def load_grid(source: str | Path, overrides: Sequence[str] = ()) -> Grid:
 
     ``overrides`` change values of its scenario, such as "collision.k=0.9".
 
-    Raises `ScenarioError` with everything that is wrong with the grid, each with its place;
-    `OSError` if a file cannot be read.
+    Raises `ScenarioError` with all faults of the grid and their places; `OSError` if a file cannot
+    be read.
     """
     folder = Path() if str(source) == "-" else Path(source).parent
     return grid_of(load_document(source), folder, overrides)
 
 
 def grid_of(document: Document, folder: Path, overrides: Sequence[str] = ()) -> Grid:
-    """Return the grid of a document; paths in it start from a folder.
+    """Return the grid of a document, in which paths are relative to a folder.
 
-    Raises `ScenarioError` with everything that is wrong with the grid, each with its place.
+    Raises `ScenarioError` with all faults of the grid and their places.
     """
     if _is_scenario(document.data):
         place = document.source.place((next(iter(document.data)),), on_key=True)
@@ -194,7 +194,7 @@ def grid_of(document: Document, folder: Path, overrides: Sequence[str] = ()) -> 
 
 
 def _keys_of(document: Document) -> GridFile:
-    """What the file says, as far as it can be checked without its scenario."""
+    """Return the validated keys of a grid file, without checks that need its scenario."""
     faults = list(_faults_between(document.data))
     try:
         given = GridFile.model_validate(document.data)
@@ -206,17 +206,14 @@ def _keys_of(document: Document) -> GridFile:
 
 
 def _is_scenario(data: dict[str, Any]) -> bool:
-    """Whether the data of a file are those of a scenario, with nothing of a grid."""
+    """Return whether data describe a scenario, without keys of a grid."""
     return bool(data) and "balls" in data and not {"base", "scenario", "axes"} & set(data)
 
 
 def _base(
     document: Document, folder: Path, overrides: Sequence[str]
 ) -> tuple[Document, list[Problem]]:
-    """The scenario that the axes change, with overrides, as it is before any rule is checked.
-
-    And what is wrong with the overrides.
-    """
+    """Return the unchecked scenario that the axes change, with overrides, and their problems."""
     outer = document.source
     if "base" in document.data:
         given = _referred(document, folder)
@@ -238,14 +235,14 @@ def _referred(document: Document, folder: Path) -> Document:
 
 
 def impact_columns_of(system: str) -> tuple[Column, ...]:
-    """Return all columns of the tables of a system's impacts, each once."""
+    """Return all columns of a system's tables of impacts, each once."""
     kind = system_named(system)
     tables = [kind.table(name, ("side",)) for name in kind.impact_tables]
     return tuple({column.name: column for table in tables for column in table.columns}.values())
 
 
 def _keep(given: Keep, system: str, faults: list[Fault]) -> Keep:
-    """What is kept, columns in the order of the tables."""
+    """Check the columns to keep, and return them in the order of the tables."""
     known = [column.name for column in impact_columns_of(system)]
     for i, name in enumerate(given.columns or ()):
         if name not in known:
@@ -276,7 +273,7 @@ def _design(given: GridFile, folder: Path, base: Document, faults: list[Fault]) 
 
 
 def _check_paths(axes: list[Axis], base: Document) -> None:
-    """Check that the paths of the last axis lead somewhere, and that no axis before has them."""
+    """Check that the paths of the last axis exist, and that no earlier axis has them."""
     number = len(axes) - 1
     loc: KeyPath = ("axes", number)
     before = [path for axis in axes[:-1] for path in axis.paths]
@@ -333,7 +330,7 @@ def grid_schema(system: str = "trace") -> dict[str, Any]:
 
 
 def _incomplete(value: Any) -> Any:
-    """A schema of scenarios without the rules about what must be there."""
+    """Return a schema of scenarios without rules on required keys."""
     if isinstance(value, list):
         return [_incomplete(item) for item in value]
     if not isinstance(value, dict):
@@ -346,7 +343,7 @@ PointValues = Mapping[KeyPath, Any]
 
 
 def document_at(base: Document, values: PointValues) -> Document:
-    """Return the document of one point."""
+    """Return the document of the scenario at a point."""
     data = base.data
     given: list[KeyPath] = []
     for path, value in values.items():
@@ -356,6 +353,6 @@ def document_at(base: Document, values: PointValues) -> Document:
 
 
 def reason_of(error: ScenarioError) -> str:
-    """Return what is wrong with a point, on one line."""
+    """Return the faults of a point on one line."""
     texts = [f"{one.path}: found {one.found}, expected {one.expected}" for one in error.problems]
     return "; ".join(texts)

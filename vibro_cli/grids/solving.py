@@ -1,7 +1,7 @@
-"""Solving a stretch of points: their summaries, and the columns of their impacts if they are kept.
+"""Solve a stretch of points: their summaries and, if kept, the columns of their impacts.
 
-A trace is solved many points at a time; the points of other systems are runs, one after another.
-All else is the same for every system: axes, chunks, parts, manifest, shards, workers.
+Points of a trace are solved in batches, those of other systems as single runs. Everything else is
+the same for all systems: axes, chunks, parts, manifest, shards, workers.
 """
 
 from __future__ import annotations
@@ -32,21 +32,21 @@ _NUMBER = Column("scenario", "int64", "", "number of the scenario in the grid, f
 
 
 def axis_column(path: KeyPath, root: fields.Model) -> Column:
-    """Return the column of an axis' values, of scenarios with the model `root`."""
+    """Return the column of an axis's values, for scenarios with the model `root`."""
     kind = kind_of(path, root)
     text = fields.description(path, root) or "value of this key of the scenario"
     return Column(path_text(path), type_of(kind), kind.unit, text[:1].lower() + text[1:])
 
 
 def summary_table(grid: Grid) -> Table:
-    """Return the table of summaries of a grid's scenarios."""
+    """Return the table of summaries of a grid."""
     axes = [axis_column(path, grid.root) for path in grid.design.paths]
     of_runs = system_named(grid.system).summary(ball_count(grid), is_followed(grid)).columns
     return Table(SUMMARY, "one scenario", (_NUMBER, *axes, *of_runs))
 
 
 def impact_table_of(grid: Grid, name: str = "collisions") -> Table:
-    """Return a table of the impacts that a grid keeps."""
+    """Return a table of impacts with the columns that a grid keeps."""
     table = system_named(grid.system).table(name, ["side"] if _may_be_sided(grid) else [])
     kept = grid.keep.columns
     columns = [column for column in table.columns if kept is None or column.name in kept]
@@ -61,35 +61,35 @@ def ball_count(grid: Grid) -> int:
 
 
 def is_followed(grid: Grid) -> bool:
-    """Whether exponents of every point are wanted."""
+    """Return whether a grid requests Lyapunov exponents."""
     return section(grid.base.data, "analysis").get("lyapunov") is True
 
 
 def _may_be_sided(grid: Grid) -> bool:
-    """Whether some scenarios have two bodies on a closed trace, which may meet two ways."""
+    """Return whether some scenarios may have two bodies on a closed trace (column `side`)."""
     closed = section(grid.base.data, "trace").get("closed") is True
     return ball_count(grid) == 2 and (closed or ("trace", "closed") in grid.design.paths)
 
 
 @dataclass
 class Solved:
-    """A stretch of points, solved."""
+    """The results of a stretch of points."""
 
     summary: Columns
     impacts: int
     """Number of impacts, kept or not."""
     kept: Mapping[str, pa.RecordBatch]
-    """Rows of the tables of impacts that are kept, by their names."""
+    """Rows of the kept tables of impacts, by name."""
 
 
 class Solver(Protocol):
     """Solves stretches of a grid's points, in one thread."""
 
     interrupted: Callable[[], bool]
-    """Asked again and again in long runs: they end then, and what is solved is not to be used."""
+    """Called repeatedly during long runs; when it returns true they end, with unusable results."""
 
     def solve(self, indices: Array) -> Solved:
-        """Solve some points, given by their numbers from 0."""
+        """Solve the points with these indices, from 0."""
 
 
 def solver_of(grid: Grid, engine: str = "compiled") -> Solver:
@@ -98,7 +98,7 @@ def solver_of(grid: Grid, engine: str = "compiled") -> Solver:
 
 
 class RunSolver:
-    """Solves stretches of a grid's points, in one thread, each as a run of its own."""
+    """Solves stretches of a grid's points, in one thread, each point as a single run."""
 
     def __init__(self, grid: Grid, engine: str = "compiled") -> None:
         self.interrupted: Callable[[], bool] = lambda: False
@@ -110,7 +110,7 @@ class RunSolver:
         self._logs = {name: every[name] for name in self._kept}
 
     def solve(self, indices: Array) -> Solved:
-        """Solve some points, given by their numbers from 0."""
+        """Solve the points with these indices, from 0."""
         found = [self._run(values) for values in self._values(indices)]
         table = columns_of_records([record for record, *_ in found], self._table)
         done = np.array([system is not None for _, system, _ in found])
@@ -124,9 +124,9 @@ class RunSolver:
     def _impacts(
         self, name: str, points: Array, runs: Sequence[tuple[Any, Mapping[str, Any]]]
     ) -> Columns:
-        """The columns of a table of impacts of runs, each a system and its logs.
+        """Return the columns of a table of impacts of runs, each given by its system and logs.
 
-        `points` has the number, from 0 in the grid, of that of each run, in order.
+        `points` are the indices in the grid, from 0, of the points of these runs.
         """
         columns, log = self._kept[name].columns, self._logs[name]
         if not runs:
@@ -137,14 +137,14 @@ class RunSolver:
         return {name: points[run] + 1 if name == "scenario" else found[name] for name in wanted}
 
     def _values(self, indices: Array) -> list[dict[Any, Any]]:
-        """The values of the axes at some points, a mapping for each."""
+        """Return the values of the axes at some points, one mapping per point."""
         columns = {path: c.tolist() for path, c in self._grid.design.columns(indices).items()}
         return [{path: c[row] for path, c in columns.items()} for row in range(len(indices))]
 
     def _run(
         self, values: dict[Any, Any]
     ) -> tuple[Mapping[str, Any], Any | None, Mapping[str, Any]]:
-        """The summary of a point, its system and the logs of its run; no system without a run."""
+        """Return the summary of a point, its system (None without a run) and the logs."""
         logs = [kept.log for kept in self._logs.values()]
         try:
             scenario = any_scenario_of(document_at(self._grid.base, values))
@@ -162,13 +162,13 @@ class RunSolver:
 
 
 def counts_of(summary: Columns, grid: Grid) -> Array:
-    """Return how many impacts each point of a summary has."""
+    """Return the number of impacts of each point of a summary."""
     counts: Array = np.sum([np.ma.filled(summary[name], 0) for name in grid.counted], axis=0)
     return counts
 
 
 def columns_of_records(records: Sequence[Mapping[str, Any]], table: Table) -> Columns:
-    """Return records as columns of a table; what is not in a record is null."""
+    """Return records as columns of a table; missing values are null."""
     columns: Columns = {}
     for column in table.columns:
         values = [record.get(column.name) for record in records]
@@ -183,7 +183,7 @@ def columns_of_records(records: Sequence[Mapping[str, Any]], table: Table) -> Co
 
 
 def end_to_end(parts: Sequence[Any]) -> Any:
-    """Return parts of a column, of which some may be masked, as one."""
+    """Concatenate parts of a column, some of which may be masked."""
     if len(parts) == 1:
         return parts[0]
     masked = any(np.ma.isMaskedArray(part) for part in parts)

@@ -1,6 +1,6 @@
-"""A grid solved by threads of this process, or by the workers of a Dask cluster.
+"""Solve a grid with threads of this process, or with the workers of a Dask cluster.
 
-A few points are solved ahead, which tell how many impacts to expect, and how large a chunk may be.
+A few points are solved first, to estimate the number of impacts and choose the size of chunks.
 """
 
 from __future__ import annotations
@@ -30,22 +30,22 @@ from vibro_cli.scenario.models import section
 from vibro_cli.storage.files import available_cores
 
 Told = Callable[[int, int], None]
-"""Called with the points and impacts of every stretch that is solved."""
+"""Called with the numbers of points and impacts of every solved stretch."""
 
 
 class _Stretch(NamedTuple):
     """A stretch to be solved."""
 
     parts: ChunkWriter
-    """Of its chunk."""
+    """Writer of its chunk."""
     number: int
     first: int
     last: int
-    """Its first point and the one after its last."""
+    """The point after its last one."""
 
 
 def _stretches(grid: Grid, chunks: Chunks, wanted: Sequence[int]) -> Iterator[_Stretch]:
-    """The stretches of all chunks, in order."""
+    """Yield the stretches of all chunks, in order."""
     pool = BufferPool()
     for chunk in wanted:
         parts = ChunkWriter.of(grid, chunks, chunk, pool)
@@ -62,10 +62,10 @@ def solve_in_threads(
     engine: str,
     tell: Told,
 ) -> Generator[Receipt]:
-    """Solve chunks, and give the receipt of each as soon as it is on the disk.
+    """Solve chunks, and yield the receipt of each as soon as it is on disk.
 
-    What goes wrong in a thread (a full disk) stops all of them and is raised here. When the caller
-    stops, every thread drops its chunk, after the impacts or the many points at hand.
+    An error in a thread (a full disk) stops all threads and is raised here. If the caller stops,
+    every thread abandons its chunk after its present batch of points or impacts.
     """
     left, stop, own = _stretches(grid, chunks, wanted), threading.Event(), threading.local()
 
@@ -79,7 +79,7 @@ def solve_in_threads(
         tell(one.last - one.first, solved.impacts)
         return one.parts.add(one.number, solved)
 
-    # The disk is waited for by threads of their own; those that solve have something else to do.
+    # Separate threads wait for the disk, so that solvers never do.
     with ThreadPoolExecutor(threads) as solvers, ThreadPoolExecutor(threads) as writers:
         under_way: set[Future[Any]] = set()
         try:
@@ -100,34 +100,34 @@ def solve_in_threads(
             solvers.shutdown(cancel_futures=True)
 
 
-# The number of points that tell how the grid is divided; it must not depend on the machine.
+# Number of sampled points that determine the division; it must not depend on the machine.
 _POINTS = 32
 _MOST_IMPACTS = 500
-# Where a grid has many parts: parts of it with about so many impacts, and points of each that are
-# solved ahead, of at least a hundred times as many.
+# Sampling of a grid with many parts: impacts per block, greatest number of blocks, sampled points
+# per block, and least ratio of points to sampled points.
 _IMPACTS_OF_A_BLOCK = 50_000
 _MOST_BLOCKS = 4096
 _POINTS_OF_A_BLOCK = 16
 _LEAST_SHARE = 100
 _GOLDEN = 0.5 * (5.0**0.5 - 1.0)
-# A point that has more is taken to have this many times as many, if its stop allows.
+# Points with more than `_MOST_IMPACTS` count as having this many times as many, if the stop allows.
 _MANY = 10.0
-# Least time (s) of a sample that is timed.
+# Least time (s) for timing a sample.
 _TIMED = 0.3
 
 
 def spread(grid: Grid, count: int) -> Array:
-    """Return the numbers of about so many points spread over a grid, along every axis of it."""
+    """Return the indices of about `count` points spread over a grid, along each of its axes."""
     points = grid.design.points
     if count >= points:
         return np.arange(points)
-    # Equal steps would meet the same values of the last axes again and again.
+    # Equal steps would repeat the same values of the last axes.
     shares = (0.5 + _GOLDEN * np.arange(count)) % 1.0
     return np.unique((shares * points).astype(np.int64))
 
 
 def expected_impacts(grid: Grid) -> Expected:
-    """Return how many impacts a point may be expected to have: the same on every machine."""
+    """Return the expected numbers of impacts per point, which are the same on every machine."""
     stop = section(grid.base.data, "stop")
     given = [stop.get(name) for name in grid.counted]
     limits = [float(most) for most in given if isinstance(most, int) and most > 0]
@@ -141,9 +141,9 @@ def expected_impacts(grid: Grid) -> Expected:
 
 
 def impact_density(grid: Grid, impacts: Expected, engine: str) -> Array | None:
-    """Return how many impacts a point may be expected to have, for equal parts of a grid.
+    """Return the expected impacts per point in equal sections of a grid, None if it has few parts.
 
-    None for a grid of a few parts. The same with either engine, on every machine.
+    The result is the same with either engine, on every machine.
     """
     if not has_many_parts(grid, impacts):
         return None
@@ -161,7 +161,7 @@ def impact_density(grid: Grid, impacts: Expected, engine: str) -> Array | None:
 
 
 def chunks_of(grid: Grid, known: Division | None, engine: str) -> Chunks:
-    """Return how a grid is divided: as a folder has it already, or by its expected impacts."""
+    """Return the division of a grid: the known one of its folder, or one by expected impacts."""
     expected = expected_impacts(grid)
     fits = not isinstance(known, tuple) or sum(known) == grid.design.points
     if known is not None and fits and grid.chunk_points is None:
@@ -171,19 +171,19 @@ def chunks_of(grid: Grid, known: Division | None, engine: str) -> Chunks:
 
 @dataclass(frozen=True)
 class Estimate:
-    """What a grid will take, judged by a sample of its points."""
+    """Estimated cost of a grid, from a sample of its points."""
 
     sampled: int
     impacts: float
-    """Impacts of a point, on average."""
+    """Mean number of impacts per point."""
     seconds: float
-    """Time of a point in one thread (s)."""
+    """Time per point in one thread (s)."""
     bytes: float
-    """Bytes of a point on the disk."""
+    """Bytes per point on disk."""
 
 
 def estimate(grid: Grid, engine: str, stretch: int) -> Estimate:
-    """Time points spread over the grid for about half a second, as many at one go as it solves."""
+    """Time the solution of points spread over the grid, in batches of `stretch` points."""
     solver = solver_of(grid, engine)
     count = 16
     while True:
@@ -201,10 +201,10 @@ def estimate(grid: Grid, engine: str, stretch: int) -> Estimate:
 
 
 def solve_into(folder: Path, grid: Grid, workers: int, force: bool) -> None:
-    """Solve what a folder lacks of a grid, in so many threads; with 0 one on each processor.
+    """Solve the missing chunks of a grid in a folder, with `workers` threads, 0 for one per core.
 
-    `force` replaces another grid in the folder. Raises as :func:`dataset.opened`, and ``OSError``
-    where a part cannot be written.
+    `force` replaces a different grid in the folder. Raises as :func:`dataset.opened`, and
+    ``OSError`` if a part cannot be written.
     """
     chunks = chunks_of(grid, None if force else known_division(folder), "compiled")
     with opened(folder, grid, chunks, force) as dataset:
@@ -217,23 +217,23 @@ def solve_into(folder: Path, grid: Grid, workers: int, force: bool) -> None:
             dataset.write_manifest()
 
 
-# Chunks that wait at the scheduler for each thread that solves.
+# Chunks queued at the scheduler per solving thread.
 _WAITING = 3
 _CONNECT = "30s"
-# How often a chunk is handed out whose receipt was lost on the way.
+# How often a chunk is submitted if its receipt is lost.
 _TRIES = 5
 
 
 class ClusterError(Failure):
-    """The cluster cannot be used, or has not solved every chunk; the message says why."""
+    """The cluster cannot be used, or did not solve all chunks; the message says why."""
 
 
 class UnsafeAddress(VibroError):
-    """At this address anybody on the network could run programs on the workers."""
+    """An address that lets anybody on the network run programs on the workers."""
 
 
 def check_address(address: str) -> None:
-    """Raise `UnsafeAddress` unless an address is encrypted, or of this machine."""
+    """Raise `UnsafeAddress` unless an address is encrypted or local."""
     protocol, separator, rest = address.partition("://")
     host = rest.rpartition(":")[0].strip("[]")
     if separator and host and protocol == "tls":
@@ -262,12 +262,13 @@ def solve_on_cluster(
     engine: str,
     tell: Told,
 ) -> Generator[Receipt]:
-    """Solve chunks on the workers of a Dask scheduler, and give each receipt as it comes.
+    """Solve chunks on the workers of a Dask scheduler, and yield each receipt when it arrives.
 
-    A chunk that kills its workers again and again is left out; the others are solved first.
+    A chunk that repeatedly kills its workers is skipped; an error follows once all other chunks are
+    solved.
 
-    Raises `UnsafeAddress` unless the address is encrypted, or of this machine; `ClusterError` if
-    the scheduler cannot be reached or is lost, or chunks were left out.
+    Raises `UnsafeAddress` unless the address is encrypted or local; `ClusterError` if the scheduler
+    cannot be reached or is lost, or if chunks were skipped.
     """
     check_address(address)
     from distributed import Client
@@ -296,7 +297,7 @@ def solve_on_cluster(
 
 
 def _silence() -> None:
-    """Turn off what the libraries log here: what is worth knowing is told once, as an error."""
+    """Disable the logging of the Dask libraries: relevant faults are raised as errors."""
     import logging
 
     for name in list(logging.root.manager.loggerDict):
@@ -315,7 +316,7 @@ def _wait_for_workers(client: Any, address: str) -> None:
 def _solved(
     client: Any, grid: Grid, chunks: Chunks, wanted: Sequence[int], folder: Path, engine: str
 ) -> Generator[tuple[int, Receipt | str]]:
-    """Every chunk with its receipt, or with why there is none."""
+    """Yield every chunk with its receipt, or with the reason why it has none."""
     from concurrent.futures import CancelledError
 
     from distributed import as_completed
@@ -325,7 +326,7 @@ def _solved(
     tries, chunk_of = Counter[int](), dict[str, int]()
 
     def submit(chunk: int) -> Any:
-        """Have a chunk solved, perhaps once more; return its future."""
+        """Submit a chunk, possibly again; return its future."""
         tries[chunk] += 1
         key = f"vibro-{run}-{chunk}-{tries[chunk]}"
         chunk_of[key] = chunk
@@ -343,7 +344,7 @@ def _solved(
         try:
             yield chunk, future.result()
         except (CommClosedError, CancelledError) as error:
-            # A receipt is lost with the worker that has it; the chunk is solved again.
+            # A receipt is lost if its worker is; the chunk is solved again.
             if client.status != "running" or tries[chunk] >= _TRIES:
                 raise ClusterError(f"the Dask scheduler is lost: {_line(error)}") from error
             stream.add(submit(chunk))
@@ -365,7 +366,7 @@ def _check_shared(folder: Path, receipt: Receipt) -> None:
 
 
 def _line(error: BaseException) -> str:
-    """An error on one line."""
+    """Return an error as one line."""
     return " ".join(f"{type(error).__name__}: {error}".split())[:300]
 
 
@@ -377,7 +378,7 @@ def solve_chunk(
 ) -> Receipt:
     """Solve one chunk on a worker, write its parts, and return their receipt.
 
-    ``run`` tells chunks of one grid from those of another.
+    ``run`` identifies the grid, so that a worker's thread can reuse its solver.
     """
     if getattr(_of_thread, "run", None) != run:
         _of_thread.solver = solver_of(grid, engine)
