@@ -1,4 +1,4 @@
-"""The Python interface: what ``import vibro_cli`` offers; here scenarios, and figures as files."""
+"""The Python interface, exported by ``vibro_cli``; this module has scenarios and drawings."""
 
 from __future__ import annotations
 
@@ -21,25 +21,25 @@ if TYPE_CHECKING:
 
     from vibro_cli.scenario.base import AnyScenario
 
-# Whoever imports the package decides whether its messages are shown.
+# The importing program decides whether log messages are shown.
 logging.getLogger("vibro_cli").addHandler(logging.NullHandler())
 
 
 @dataclass(frozen=True)
 class Drawing:
-    """A figure at journal standard, shown as it is in a notebook."""
+    """A figure of journal quality, which notebooks display directly."""
 
     name: str
-    """The stem of its files."""
+    """Stem of its files."""
     figure: Figure = field(repr=False)
-    """The figure of matplotlib."""
+    """The matplotlib figure."""
 
     def save(self, file: str | Path) -> Path:
         """Write the figure as PNG, PDF or SVG, by the file's suffix, and return its path.
 
         Equal figures give equal bytes.
 
-        Raises ``ValueError`` for another suffix and ``OSError`` where it cannot be written.
+        Raises ``ValueError`` for another suffix and ``OSError`` if the file cannot be written.
         """
         from vibro_cli.figures.style import render
         from vibro_cli.storage.files import write_file
@@ -55,28 +55,28 @@ class Drawing:
 
 
 def example(name: str) -> AnyScenario:
-    """Return a scenario of the gallery, such as ``"three_arcs"``: what ``vibro new`` writes.
+    """Return a scenario of the gallery, such as ``"three_arcs"``, which ``vibro new`` writes.
 
-    Raises ``ScenarioError`` with the names there are.
+    Raises ``ScenarioError``, with the known names, for any other name.
     """
     checked("name", name, Text("the name of a scenario of the gallery, a text"))
     return any_scenario_of(parse_document(gallery.text(name), "toml", f"{name}.toml", name))
 
 
 def load_scenario(source: str | Path, overrides: Sequence[str] = ()) -> AnyScenario:
-    """Read a scenario of any system from a file in TOML, JSON or YAML, told by its suffix.
+    """Read a scenario of any system from a TOML, JSON or YAML file, distinguished by its suffix.
 
     Parameters
     ----------
     source
         The file; ``"-"`` is standard input.
     overrides
-        Values to change as ``--set`` takes them, such as ``"balls[1].angle=-60 deg"``.
+        Values to change, as for ``--set``, such as ``"balls[1].angle=-60 deg"``.
 
     Raises
     ------
     ScenarioError
-        With everything that is wrong with it, each with line and column.
+        With all faults of the scenario, each with line and column.
     OSError
         If the file cannot be read.
     """
@@ -85,9 +85,9 @@ def load_scenario(source: str | Path, overrides: Sequence[str] = ()) -> AnyScena
 
 
 def check(scenario: AnyScenario) -> tuple[str, ...]:
-    """Check the mechanics of a scenario without running it; return what is doubtful about it.
+    """Check the mechanics of a scenario without running it; return warnings.
 
-    Raises ``ScenarioError`` with everything that makes it impossible.
+    Raises ``ScenarioError``, with all reasons, if the scenario is impossible.
     """
     system = build_any(scenario)
     return system_named(scenario.system).warnings(scenario, system)
@@ -96,12 +96,13 @@ def check(scenario: AnyScenario) -> tuple[str, ...]:
 def portrait(scenario: AnyScenario, body: int = 1, width: str = "double") -> Drawing:
     """Draw the phase portrait of a body without a run, as ``vibro portrait`` does.
 
-    Level curves and separatrices in closed form, centres and saddles; on a trace the figure eight.
+    It shows level curves and separatrices in closed form, centres and saddles, and on a trace the
+    figure eight.
 
     Parameters
     ----------
     scenario
-        Of any system; of a table, one within an ellipse or a circle.
+        Scenario of any system; a table needs an ellipse or a circle around the balls.
     body
         The body, from 1.
     width
@@ -112,7 +113,7 @@ def portrait(scenario: AnyScenario, body: int = 1, width: str = "double") -> Dra
     ScenarioError
         If the scenario is mechanically impossible.
     ValueError
-        For another body or width, and for a table without a portrait.
+        For an invalid body or width, and for a table without a portrait.
     """
     system = build_any(scenario)
     body = checked("body", body, Count(1, len(system.bodies)))
@@ -124,7 +125,7 @@ def portrait(scenario: AnyScenario, body: int = 1, width: str = "double") -> Dra
 def pictures(
     figures: Mapping[str, Figure], forms: Sequence[str] = ("png", "pdf")
 ) -> dict[str, bytes]:
-    """Return the files of figures, which are given by their stems, by their names."""
+    """Render figures, given by stem; return the contents of the files by name."""
     from vibro_cli.figures.style import render
     from vibro_cli.progress import WORK
 
@@ -137,7 +138,7 @@ def pictures(
 
 
 def figures_of(run: Any, kinds: Sequence[str]) -> dict[str, bytes]:
-    """Return the files of some kinds of figures of a run."""
+    """Draw figures of a run by kind; return the contents of the files by name."""
     from vibro_cli.figures.kinds import draw_all
 
     files: dict[str, bytes] = {}
@@ -147,13 +148,13 @@ def figures_of(run: Any, kinds: Sequence[str]) -> dict[str, bytes]:
 
 
 def kinds_in(files: Iterable[str]) -> list[str]:
-    """Return the kinds of figures among files, each as often as there are figures of it."""
+    """Return the kinds of the figures among files, one entry per figure."""
     stems = [Path(file).stem for file in files if file.endswith(".png")]
-    # Where there is a figure of each body, its number follows the kind: portrait_1.png.
+    # Figures of single bodies have the body's number after the kind: portrait_1.png.
     return [re.sub(r"_\d+$", "", stem) for stem in stems]
 
 
 def nothing_shown(kinds: Iterable[str], files: Iterable[str]) -> list[str]:
-    """Return what is to be told of kinds of figures that none of the files is of."""
+    """Return messages about kinds of figures that are missing among files."""
     drawn = kinds_in(files)
     return [f"the run has nothing to show as {kind}" for kind in kinds if kind not in drawn]

@@ -1,4 +1,4 @@
-"""Analyses as Python works with them: orbits and their families, fits, basins; their figures."""
+"""Analyses in the Python interface: orbits and their families, fits, basins; their figures."""
 
 from __future__ import annotations
 
@@ -34,20 +34,20 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class OrbitFamily(Branch):
-    """A family of periodic orbits over a number of a scenario, from :func:`orbit_family`."""
+    """A family of periodic orbits over a parameter of a scenario, from :func:`orbit_family`."""
 
     scenario: Scenario
-    """Begun on the orbit it was followed from"""
+    """Scenario with the start of the first orbit."""
     vary: str
-    """Path of the number, or ``"energy"``"""
+    """Path of the parameter, or ``"energy"``."""
 
     @cached_property
     def table(self) -> Table:
-        """A row for each orbit in their order along the family, special ones too."""
+        """One row per orbit, in order along the family, including special orbits."""
         return orbit_table(self, self.scenario)
 
     def figure(self, width: str = "single") -> Drawing:
-        """Draw period and size of the largest multiplier over the number.
+        """Draw the period and the modulus of the largest multiplier over the parameter.
 
         ``width`` is ``"single"`` or ``"double"``: one column of a journal (85 mm) or two (170 mm).
         Raises ``ValueError`` for another width.
@@ -67,16 +67,16 @@ class OrbitFamily(Branch):
 
 @dataclass(frozen=True, repr=False)
 class Fit(fits.Fit):
-    """Fitted numbers and how sure they are, from :func:`fit`."""
+    """Fitted numbers and their uncertainty, from :func:`fit`."""
 
     @classmethod
     def of(cls, found: fits.Fit) -> Fit:
-        """Return what was found with its table and figure."""
+        """Return a fit as an object with a table and a figure."""
         return cls(**vars(found))
 
     @cached_property
     def table(self) -> Table:
-        """A row for each measured impact: its instant, noise and residuals (s)."""
+        """One row per measured impact: its time, noise and residuals (s)."""
         columns = {
             "n": self.measured.number,
             "t": self.measured.t,
@@ -95,42 +95,45 @@ class Fit(fits.Fit):
 
 @dataclass(frozen=True)
 class GridBasins:
-    """Which outcome each point of a grid leads to, from ``grid.basins()``."""
+    """The outcomes of the points of a grid, from ``grid.basins()``."""
 
     mapped: Mapped = field(repr=False)
-    """Outcomes and basins on the lattice of the grid"""
+    """Outcomes and basins on the lattice of the grid."""
 
     @property
     def basins(self) -> Basins:
-        """Shares of the outcomes, entropies, the uncertainty exponent."""
+        """Fractions of the outcomes, entropies, uncertainty exponent."""
         return self.mapped.basins
 
     def map(self, width: str = "double") -> Drawing | None:
-        """Draw the map of the outcomes, None over one axis; ``ValueError`` for another width."""
+        """Draw the map of the outcomes, None over one axis; ``ValueError`` for an invalid width."""
         drawn = self.mapped.map(width)
         return None if drawn is None else Drawing("basins", drawn)
 
     def scaling(self, width: str = "single") -> Drawing | None:
-        """Draw the share of uncertain starts over the distance, None without any; else as map."""
+        """Draw the fraction of uncertain starts over the distance, None without any.
+
+        Raises ``ValueError`` for an invalid width.
+        """
         drawn = self.mapped.scaling(width)
         return None if drawn is None else Drawing("uncertainty", drawn)
 
 
 def orbit(scenario: AnyScenario, impacts: int | None = None, period: float | None = None) -> Orbit:
-    """Find the periodic orbit of impacts next to the start of a scenario, as ``vibro orbit`` does.
+    """Find the periodic orbit of impacts near the start of a scenario, as ``vibro orbit`` does.
 
     Parameters
     ----------
     scenario
-        Of a trace, with k = 1.
+        Scenario of a trace, with k = 1.
     impacts, period
-        Impacts of one period, or a guess of the period (s), not both; by default those of the
-        nearest return.
+        Number of impacts per period, or a guess of the period (s), not both; by default taken from
+        the nearest return.
 
     Raises
     ------
     NoOrbit
-        If there is none.
+        If no orbit is found.
     ScenarioError, ValueError
         If the scenario is mechanically impossible, or of another system; for another number.
     TooQuiet
@@ -149,14 +152,14 @@ def orbit(scenario: AnyScenario, impacts: int | None = None, period: float | Non
 def orbit_family(
     scenario: AnyScenario, found: Orbit, vary: str, low: float, high: float
 ) -> OrbitFamily:
-    """Follow a periodic orbit over a number of its scenario, as ``vibro orbit --vary`` does.
+    """Follow a periodic orbit over a parameter of its scenario, as ``vibro orbit --vary`` does.
 
     Parameters
     ----------
     scenario, found
         The scenario, and its :func:`orbit`.
     vary, low, high
-        Path of the number, such as ``"balls[2].mass"``, and its range (SI units, radians); or
+        Path of the parameter, such as ``"balls[2].mass"``, and its range (SI units, radians); or
         ``"energy"`` (J).
 
     Raises as :func:`orbit`.
@@ -175,7 +178,7 @@ def orbit_family(
 
 
 def _system_of_trace(scenario: AnyScenario) -> Any:
-    """The checked system of a scenario, which has to be of a trace."""
+    """Return the system of a scenario, which must be of a trace."""
     from vibro_cli.systems import system_named
 
     system = build_any(scenario)
@@ -190,31 +193,31 @@ def fit(
     free: Sequence[str] | Mapping[str, tuple[float, float]],
     noise: float | None = None,
 ) -> Fit:
-    """Fit numbers of a scenario of a trace at rest to measured instants of impacts.
+    """Fit numbers of a scenario of a trace at rest to measured times of impacts.
 
     Parameters
     ----------
     scenario
-        With the values to begin with.
+        Scenario with the initial values.
     measured
-        The instants (s), a table with them (``t``, and if wanted ``n``, ``error``, ``ball_a``,
-        ``ball_b``) such as that of a run, of pyarrow or a frame, or a CSV or parquet file, as for
-        ``vibro fit``.
+        The times (s); a table with the column ``t`` and optionally ``n``, ``error``, ``ball_a``,
+        ``ball_b``, such as that of a run, a pyarrow table or a data frame; or a CSV or Parquet
+        file, as for ``vibro fit``.
     free
-        Paths of the numbers, such as ``"collision.k"``, or their bounds by their paths (SI units,
+        Paths of the numbers, such as ``"collision.k"``, or their bounds by path (SI units,
         radians).
     noise
-        Standard deviation of the instants (s), if it is known and stands not in the table.
+        Standard deviation of the times (s), if known and not in the table.
 
     Raises
     ------
     NoFit
-        If the numbers cannot be fitted to these instants.
+        If the numbers cannot be fitted to these times.
     NotMeasured
-        If the table does not tell of instants.
+        If the table has no valid times.
     ScenarioError, ValueError
-        If the scenario is mechanically impossible or of another system; for a text that is no path,
-        and for bounds that are not two numbers.
+        If the scenario is mechanically impossible or of another system; for an invalid path, and
+        for bounds that are not two numbers.
     """
     _system_of_trace(scenario)
     if isinstance(free, Mapping):
@@ -229,7 +232,7 @@ def fit(
 
 
 def _ends(path: str, bounds: Any) -> tuple[Any, Any]:
-    """The two bounds of a number, which may be infinite; raises ``ValueError``."""
+    """Return the two bounds of a number, possibly infinite; raises ``ValueError`` for others."""
     found = plain(bounds)
     if not isinstance(found, list) or len(found) != 2:
         raise ValueError(f"{path}: found {shown(found)}, expected two bounds, low and high")
@@ -237,16 +240,16 @@ def _ends(path: str, bounds: Any) -> tuple[Any, Any]:
 
 
 def _columns_of(measured: Any) -> Mapping[str, Any]:
-    """The columns of a mapping, a table or a frame by their names; instants alone as ``t``."""
+    """Return the columns of a mapping, table or data frame by name; plain times become ``t``."""
     if isinstance(measured, pa.RecordBatch):
         measured = pa.Table.from_batches([measured])
     if isinstance(measured, pa.Table):
         measured = Table("measured", measured)
-    if getattr(measured, "ndim", None) == 1:  # also a series of pandas, whose keys are its rows
+    if getattr(measured, "ndim", None) == 1:  # includes pandas series, whose keys are row labels
         return {"t": measured}
     names = measured.keys() if hasattr(measured, "keys") else getattr(measured, "columns", None)
     found = {"t": measured} if names is None else {name: measured[name] for name in names}
-    arrow = (pa.Array, pa.ChunkedArray)  # whose entries are no numbers of Python
+    arrow = (pa.Array, pa.ChunkedArray)  # their entries are not Python numbers
     return {
         name: column.to_pylist() if isinstance(column, arrow) else column
         for name, column in found.items()
@@ -254,13 +257,13 @@ def _columns_of(measured: Any) -> Mapping[str, Any]:
 
 
 def orbit_table(found: Orbit | Branch, scenario: Scenario) -> Table:
-    """Return the table of a family, or of one orbit, of a scenario."""
+    """Return the table of a family or of a single orbit of a scenario."""
     columns = orbit_columns(found)
     return Table("orbits", to_arrow(orbits(len(scenario.balls)), columns, origin_of(scenario)))
 
 
 def orbit_columns(found: Orbit | Branch) -> dict[str, Any]:
-    """Return the columns of ``orbits.parquet``: the points of a family, or one orbit."""
+    """Return the columns of ``orbits.parquet`` for a family or a single orbit."""
     points: list[tuple[float, Orbit, str]] = []
     if isinstance(found, Orbit):
         points = [(float("nan"), found, "")]

@@ -1,4 +1,4 @@
-"""Grids as Python works with them: a scenario solved for many values."""
+"""Grids in the Python interface: a scenario solved for many values."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ _LOG = logging.getLogger("vibro_cli")
 
 
 class _Temporary:
-    """A temporary folder, which a grid and its copies share: removed once none of them is used."""
+    """A temporary folder shared by a grid and its copies, and removed with the last of them."""
 
     def __init__(self) -> None:
         self.path = Path(tempfile.mkdtemp(prefix="vibro-"))
@@ -66,11 +66,11 @@ class _Temporary:
 class Grid:
     """A scenario solved for many values: the summary of every point, and the impacts if kept.
 
-    From :func:`sweep` or :func:`open_grid`.
+    Returned by :func:`sweep` and :func:`open_grid`.
     """
 
     stored: StoredGrid = field(repr=False)
-    """The folder as it was read."""
+    """The stored grid."""
 
     @property
     def name(self) -> str:
@@ -79,23 +79,23 @@ class Grid:
 
     @property
     def axes(self) -> tuple[str, ...]:
-        """Paths of the values that change: the names of their columns."""
+        """Paths of the values that vary, which are the names of their columns."""
         return self.stored.axes
 
     @cached_property
     def summary(self) -> Table:
-        """A row for each point: its number, the values of the axes, the summary of its run."""
+        """One row per point: its number, the values of the axes, the summary of its run."""
         return Table("summary", self.stored.table("summary"))
 
     @cached_property
     def collisions(self) -> Table:
-        """A row for each impact of every point; ``KeyError`` where they were not kept."""
+        """One row per impact of every point; ``KeyError`` if impacts were not kept."""
         return Table("collisions", self.stored.table("collisions"))
 
     def save(self, folder: str | Path) -> Path:
-        """Copy the dataset to a folder that is not there yet; return it.
+        """Copy the dataset to a new folder; return its path.
 
-        Raises ``FileExistsError`` where something is there.
+        Raises ``FileExistsError`` if the folder exists.
         """
         target = checked_path("folder", folder, "folder")
         shutil.copytree(self.stored.place, target)
@@ -103,14 +103,14 @@ class Grid:
 
     @cached_property
     def shown(self) -> ParameterMap | None:
-        """The points of its section, over the axis of numbers with most values, if there is one."""
+        """Points of the bifurcation diagram, over the numeric axis with most values, if any."""
         from vibro_cli.figures.maps import parameter_map
 
         return parameter_map(self.stored, 1, numbers_first=True)
 
     @cached_property
     def kinds(self) -> tuple[str, ...]:
-        """The kinds of figures there are."""
+        """Kinds of figures that can be drawn."""
         from vibro_cli.figures.kinds import GRID_KINDS
 
         return tuple(GRID_KINDS)
@@ -121,11 +121,11 @@ class Grid:
         Parameters
         ----------
         kind
-            One of ``grid.kinds``, or a column of numbers of the summary: its map over two axes.
+            One of ``grid.kinds``, or a numeric column of the summary for its map over two axes.
         width
             ``"single"`` or ``"double"``: one column of a journal (85 mm) or two (170 mm).
 
-        Raises ``ValueError`` for another kind or width, and where the grid has nothing to show.
+        Raises ``ValueError`` for an invalid kind or width, and if the grid has nothing to show.
         """
         from vibro_cli.figures.kinds import GRID_KINDS, draw_grid_kind
 
@@ -147,16 +147,15 @@ class Grid:
         Parameters
         ----------
         columns
-            One or two columns of numbers of the impacts; place and speed by default.
+            One or two numeric columns of the impacts; by default position and speed.
         pair
-            Only impacts of these bodies, from 1, the left one first.
+            Restrict to impacts of these bodies, from 1, the left one first.
         transient
-            How many of each run are left out at its beginning; by default all but the last 20 of
-            runs with more.
+            Number of impacts to omit at the beginning of each run; by default all but the last 20.
         width
             ``"single"`` or ``"double"``.
 
-        Raises ``ValueError`` for another column or width, and where no such impact was kept.
+        Raises ``ValueError`` for an invalid column or width, and if no such impact was kept.
         """
         from vibro_cli.figures.over_axis import Section, bifurcation, quantities_of
         from vibro_cli.figures.style import width_of
@@ -168,9 +167,9 @@ class Grid:
         return Drawing("section", drawn)
 
     def impacts_of_runs(self, pair: tuple[int, int] | None = None) -> NDArray[np.int64]:
-        """Return how many impacts each run of the bifurcation diagram has that were kept.
+        """Return the number of kept impacts of each run in the bifurcation diagram.
 
-        ``pair``: those of two bodies only, as for :meth:`section`.
+        ``pair`` restricts them to two bodies, as for :meth:`section`.
         """
         from vibro_cli.figures.over_axis import Section
 
@@ -183,16 +182,16 @@ class Grid:
         return section.counts(impacts, impacts["scenario"], int(scenarios.max()) + 1)[scenarios]
 
     def basins(self, outcome: Sequence[str] = ()) -> GridBasins:
-        """Tell which outcome each point leads to, and how finely the outcomes are mixed.
+        """Determine the outcome of each point, and how finely the outcomes are mixed.
 
         Parameters
         ----------
         outcome
-            Columns of the summary that tell the outcome together, as for ``vibro basins``.
+            Columns of the summary whose combination is the outcome, as for ``vibro basins``.
 
-        Its ``basins`` has the measures; ``map(width)`` and ``scaling(width)`` draw.
+        The measures are in ``basins`` of the result; ``map(width)`` and ``scaling(width)`` draw.
 
-        Raises `NoBasins` where they cannot be told.
+        Raises `NoBasins` if the basins cannot be determined.
         """
         from vibro_cli.figures.analyses import mapped_basins
         from vibro_cli.interface.analyses import GridBasins
@@ -201,9 +200,9 @@ class Grid:
         return GridBasins(mapped_basins(self.stored, columns))
 
     def report(self, file: str | Path, maps: Sequence[str] = ()) -> Path:
-        """Write the page that explains the grid (.html), as ``vibro report`` does; return its path.
+        """Write the report on the grid (.html), as ``vibro report`` does; return its path.
 
-        ``maps`` are columns of the summary that are shown over two axes too.
+        ``maps`` are further columns of the summary to show over two axes.
         """
         from vibro_cli.report.grid_content import grid_html
         from vibro_cli.storage.files import write_file
@@ -219,15 +218,15 @@ class Grid:
         return f"<Grid {self.name}: {points}{unsolved}>"
 
     def _repr_html_(self) -> str:
-        """Show the first points in a notebook."""
+        """Return the first points as HTML, for notebooks."""
         return self.summary._repr_html_()
 
 
 class Design(TypedDict, total=False):
-    """What the modes take that draw points."""
+    """Arguments of the modes that draw points."""
 
     n: int
-    """How many"""
+    """Number of points."""
     seed: int
 
 
@@ -247,37 +246,36 @@ def sweep(
     Parameters
     ----------
     source
-        A scenario; or a grid file, which has the axes, the mode and what is kept in it: with one,
-        only ``folder``, ``workers`` and ``force`` may be given.
+        A scenario, or a grid file. A grid file defines axes, mode and what is kept, so that only
+        ``folder``, ``workers`` and ``force`` may be given with it.
     axes
-        The values by their paths: a sequence or array of them, or what a grid file says of an axis,
-        such as ``{"linspace": ["-80 deg", "-65 deg", 121]}``. Of a product, the last axis changes
-        fastest.
+        Values by path: a sequence or array of values, or an axis as in a grid file, such as
+        ``{"linspace": ["-80 deg", "-65 deg", 121]}``. In a product the last axis changes fastest.
     folder
-        Where the dataset goes; what it holds of this grid already is not solved again. By default
-        it is kept in a temporary folder for as long as the grid or a copy of it is used; such a
-        grid cannot be pickled.
+        Folder of the dataset; points of this grid that it already holds are not solved again. By
+        default the dataset is in a temporary folder, which is removed with the grid and its copies;
+        such a grid cannot be pickled.
     mode
-        How the axes are combined: ``"product"``, as by default, ``"zip"``, ``"latin-hypercube"`` or
+        Combination of the axes: ``"product"`` (default), ``"zip"``, ``"latin-hypercube"`` or
         ``"sobol"``.
     collisions
-        Whether every impact is kept too; or the names of the columns that are. By default none is.
+        Whether to keep every impact too, or the columns of impacts to keep. By default none.
     workers
-        Threads; 0 for one on each processor.
+        Number of threads; 0 for one per processor.
     force
-        Whether another grid in the folder is replaced.
+        Whether to replace a different grid in the folder.
     n, seed
-        Of the modes that draw points: how many, and the seed, 0 by default.
+        Number of points and seed (0 by default) of the modes that draw points.
 
     Raises
     ------
     ScenarioError
-        With everything that is wrong with the grid. A point that is no valid scenario is a row with
+        With all faults of the grid. A point that is not a valid scenario becomes a row with the
         status ``invalid`` and the reason.
     GridChanged
-        If the folder holds another grid.
+        If the folder holds a different grid.
     TypeError
-        For axes and the like beside a grid file.
+        For axes and other settings beside a grid file.
     """
     workers, force = checked("workers", workers, Count(0)), checked("force", force, FLAG)
     grid = _grid_of(source, axes=axes, mode=mode, collisions=collisions, **design)
@@ -298,7 +296,7 @@ def sweep(
 
 
 def _grid_of(source: AnyScenario | str | Path, **settings: Any) -> GridDocument:
-    """The grid that was asked for, settings as :func:`sweep` takes them, None if not given."""
+    """Return the requested grid; settings as for :func:`sweep`, None if not given."""
     given = {name: value for name, value in settings.items() if value is not None}
     if isinstance(source, str | Path):
         if given:
@@ -323,8 +321,8 @@ def _grid_of(source: AnyScenario | str | Path, **settings: Any) -> GridDocument:
 
 
 def open_grid(folder: str | Path) -> Grid:
-    """Open the folder of a grid, all its points or those that are finished.
+    """Open the folder of a grid, with all points finished so far.
 
-    Raises ``NotAGrid`` when it is none of vibro's, or a file of it is missing or has changed.
+    Raises ``NotAGrid`` if it is not a grid of vibro, or a file is missing or has changed.
     """
     return Grid(open_stored_grid(checked_path("folder", folder, "folder")))

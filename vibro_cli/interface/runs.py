@@ -1,4 +1,4 @@
-"""Runs as Python works with them: solved, opened, sampled, drawn and kept in folders."""
+"""Runs in the Python interface: solving, opening, sampling, drawing and saving them."""
 
 from __future__ import annotations
 
@@ -50,26 +50,27 @@ _LOG = logging.getLogger("vibro_cli")
 class Run:
     """A finished run: its tables, its motion at any time, figures, a report and a folder.
 
-    From :func:`simulate` or :func:`open_run`.
+    Returned by :func:`simulate` and :func:`open_run`.
     """
 
     stored: StoredRun = field(repr=False)
-    """As figures and reports take it: one from a folder is solved again for its motion alone."""
+    """The run as needed by figures and reports; a stored run is solved again only for its motion.
+    """
     _made: dict[str, AnyTable | None] = field(default_factory=dict, repr=False, compare=False)
 
     @property
     def scenario(self) -> AnyScenario:
-        """What was solved."""
+        """The scenario that was solved."""
         return self.stored.scenario
 
     @property
     def solved(self) -> api.Run:
-        """The run with all its logs; one from a folder is solved again for that."""
+        """The run with all its logs; a stored run is solved again for them."""
         return self.stored.run
 
     @property
     def folder(self) -> Path | None:
-        """The folder the run was opened from, None if it was not."""
+        """The folder from which the run was opened, or None."""
         return self.stored.folder
 
     @property
@@ -79,22 +80,22 @@ class Run:
 
     @cached_property
     def summary(self) -> dict[str, Any]:
-        """The columns of the table ``summary`` as plain values, None where there is none."""
+        """Columns of the table ``summary`` as plain values; missing ones are None."""
         return dict(self.stored.summary)
 
     @cached_property
     def tables(self) -> dict[str, Table]:
-        """Every table of the run by its name; ``OSError`` if its folder is gone or replaced."""
+        """All tables of the run by name; ``OSError`` if its folder is gone or replaced."""
         found = {table.file: self._table(table.file) for table in self._kind.tables()}
         return {name: table for name, table in found.items() if table is not None}
 
     def _table(self, name: str) -> Table | None:
-        """A table with its columns; None where the run has none."""
+        """Return a table with its columns, or None if the run has no such table."""
         data = self._data(name)
         return None if data is None else Table(name, data)
 
     def _data(self, name: str) -> AnyTable | None:
-        """The arrow table of a name, read or made when it is first asked for."""
+        """Return an Arrow table by name, read or made on first use."""
         if name not in self._made:
             self._made[name] = self._found(name)
         return self._made[name]
@@ -105,7 +106,7 @@ class Run:
         if self.stored.place is None:
             columns = self.solved.table(name)
             return None if columns is None else folders.arrow_table(name, columns, self.scenario)
-        self.stored.place.stat()  # raises where it is gone
+        self.stored.place.stat()  # raises if the folder is gone
         if f"{name}.parquet" not in self.stored.manifest["files"]:
             return None
         table = FileTable(self.stored.place / f"{name}.parquet")
@@ -118,22 +119,22 @@ class Run:
 
     @property
     def collisions(self) -> Table:
-        """A row for each impact of two bodies, in order of time."""
+        """One row per impact of two bodies, in order of time."""
         return self._there("collisions")
 
     @property
     def bounces(self) -> Table:
-        """A row for each impact on the wall; on a table only, else ``KeyError``."""
+        """One row per impact on the wall; ``KeyError`` unless the system is a table."""
         return self._there("bounces")
 
     @property
     def events(self) -> Table:
-        """A row for each event other than an impact; not on a table, there ``KeyError``."""
+        """One row per event other than an impact; ``KeyError`` if the system is a table."""
         return self._there("events")
 
     @property
     def motion(self) -> Table | None:
-        """The motion at the times that ``[output]`` asks for; None where it asks for none."""
+        """The motion at the times requested in ``[output]``, or None."""
         return self._table("motion")
 
     def _there(self, name: str) -> Table:
@@ -143,25 +144,24 @@ class Run:
         return found
 
     def sample(self, times: ArrayLike, side: str = "after", extrapolate: bool = False) -> Table:
-        """Return the motion at any times, exactly: for each time a row for each body.
+        """Return the exact motion at any times: one row per body and time.
 
-        Of a long run from a folder no log is kept: each call goes through the run again, a second
-        for a million impacts, so that many times are best asked for at once.
+        The log of a long stored run is not kept: each call solves the run again, which takes a
+        second per million impacts, so many times are best requested together.
 
         Parameters
         ----------
         times
-            Instants in s, shape ``()`` or ``(n,)``, in any order, within the run.
+            Times in s, shape ``()`` or ``(n,)``, in any order, within the run.
         side
-            ``"after"`` or ``"before"`` an event that happens at just such an instant.
+            ``"after"`` or ``"before"``: the state to return at the very instant of an event.
         extrapolate
-            Whether times outside the run are answered too, as if the first and the last flights
-            went on.
+            Whether times outside the run are allowed; the first and the last flights are extended.
 
         Raises
         ------
         ValueError
-            For another ``side``, and for a time outside the run that is not to be extrapolated.
+            For another ``side``, and for a time outside the run without ``extrapolate``.
         """
         import numpy as np
 
@@ -170,12 +170,12 @@ class Run:
         return Table("motion", folders.arrow_table("motion", columns, self.scenario))
 
     def continued(self, changes: Mapping[str, Any], engine: str = "compiled") -> Run:
-        """Return the run with a later stop, to the bit as if it had never stopped.
+        """Continue the run to a later stop, bit for bit as if it had never stopped.
 
         Parameters
         ----------
         changes
-            Values of ``stop`` and ``output`` by their paths as for ``scenario.replace``, such as
+            New values of ``stop`` and ``output`` by path, as for ``scenario.replace``, such as
             ``{"stop.time": 120}``.
         engine
             As for :func:`simulate`.
@@ -183,7 +183,7 @@ class Run:
         Raises
         ------
         CannotContinue
-            If the run had ended for good, is past the new stop, or would be another run.
+            If the run had ended for good or is past the new stop, or for other changes.
         """
         for path in checked("changes", changes, Dictionary("values by their paths")):
             if str(path).partition(".")[0] not in CHANGEABLE:
@@ -200,17 +200,17 @@ class Run:
         figures: bool | Sequence[str] = True,
         force: bool = False,
     ) -> Path:
-        """Write the folder of the run, as ``vibro run`` does, whole or not at all; return it.
+        """Write the folder of the run atomically, as ``vibro run`` does; return its path.
 
         Parameters
         ----------
         folder
             By default ``outputs/<name>``.
         figures
-            Whether figures are drawn too: for a trace the phase portraits, else what shows the
-            motion; or the names of the kinds that are; of one that shows nothing the logger warns.
+            Whether to draw the default figures (phase portraits for a trace, otherwise figures of
+            the motion), or the kinds to draw. The logger warns of kinds with nothing to show.
         force
-            Whether a run with other parameters is replaced.
+            Whether to replace a run with other parameters.
 
         Raises
         ------
@@ -235,7 +235,7 @@ class Run:
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """The kinds of figures there are."""
+        """Kinds of figures that can be drawn."""
         return tuple(self._kind.figures)
 
     def section(
@@ -245,22 +245,22 @@ class Run:
         transient: int = 0,
         width: str = "double",
     ) -> Drawing:
-        """Draw the Poincaré section of the impacts: one column over another.
+        """Draw the Poincaré section of the impacts: one column against another.
 
         Parameters
         ----------
         columns
-            Two columns of numbers of the impacts, along and up; place and speed of the left body
-            by default. On a table they may be columns of the impacts on the wall, and are by
-            default where no two balls collide.
+            Two numeric columns of the impacts, for the horizontal and the vertical axis; by default
+            position and speed of the left body. For a table they may be columns of the impacts on
+            the wall, which are the default if no two balls collide.
         pair
-            Only impacts of these bodies, from 1, the left one first.
+            Restrict to impacts of these bodies, from 1, the left one first.
         transient
-            How many are left out at the beginning.
+            Number of impacts to omit at the beginning.
         width
             ``"single"`` or ``"double"``.
 
-        Raises ``ValueError`` for another column or width, and where there is no such impact.
+        Raises ``ValueError`` for an invalid column or width, and if there is no such impact.
         """
         from vibro_cli.figures.over_axis import (
             ANGLES,
@@ -291,7 +291,7 @@ class Run:
         return Drawing("section", drawn)
 
     def _columns(self, name: str) -> tuple[Any, dict[str, str]]:
-        """A table with its columns, none where the run has none, and the units of numbers."""
+        """Return a table (empty if the run has none) and the units of its columns of numbers."""
         data = self._data(name)
         return ({}, {}) if data is None else (Table(name, data), units_of_numbers(data.schema))
 
@@ -303,14 +303,14 @@ class Run:
         kind
             One of ``run.kinds``, such as ``"portrait"``.
         body
-            From 1, where there is a figure of each body, such as a phase portrait.
+            Number of the body, from 1, for figures of single bodies, such as phase portraits.
         width
             ``"single"`` or ``"double"``: one column of a journal (85 mm) or two (170 mm).
 
         Raises
         ------
         ValueError
-            For another kind, body or width, and where the run has nothing to show in it.
+            For an invalid kind, body or width, and if the run has nothing to show in the figure.
         """
         from vibro_cli.figures.kinds import draw_one
 
@@ -327,25 +327,25 @@ class Run:
         pace: float = 1.0,
         fps: int = 25,
     ) -> Path:
-        """Write the motion of a run as a film, exact at every frame's time.
+        """Write the motion of the run as a film, exact at the time of every frame.
 
         Parameters
         ----------
         file
             ``.html``, ``.gif`` or ``.mp4`` (which needs the program ffmpeg).
         start, end
-            The times shown, s; by default from the start to the end of the run, or to 30 s of film.
+            Time span (s), by default from the start to the end of the run, or to 30 s of film.
         pace
-            Motion's time in a second of the film, s.
+            Time of the motion per second of the film (s).
         fps
-            Frames in a second of the film, from 1 to 100; of a GIF a divisor of 100.
+            Frames per second, from 1 to 100; for a GIF a divisor of 100.
 
         Raises
         ------
         ValueError
-            For another suffix or pace, more than 20,000 frames, and times outside the run.
+            For an invalid suffix or pace, more than 20,000 frames, and times outside the run.
         NoFilm
-            If ffmpeg is not there, or fails; of a system that has no films.
+            If ffmpeg is missing or fails, and for a system without films.
         """
         from vibro_cli.figures.film import FORMS, SECONDS
 
@@ -368,7 +368,7 @@ class Run:
         return target
 
     def report(self, file: str | Path) -> Path:
-        """Write the page (.html) that explains the run, as ``vibro report``; return its path."""
+        """Write the report on the run (.html), as ``vibro report`` does; return its path."""
         from vibro_cli.report.content import report_html
 
         target = checked_page("file", file)
@@ -382,7 +382,7 @@ class Run:
         return f"<Run {_in_words(self)}>"
 
     def _repr_html_(self) -> str:
-        """Show the summary in a notebook."""
+        """Return the summary as HTML, for notebooks."""
         rows = "".join(
             f"<tr><th>{escape(f'{name} [{unit}]' if unit else name)}</th>"
             f"<td>{escape(_shown(self.summary[name]))}</td></tr>"
@@ -393,13 +393,13 @@ class Run:
 
 
 _FPS, _PACE = Count(1, 100), Quantity(at_least=1e-6)
-"""As of `vibro report`."""
+"""The same bounds as in `vibro report`."""
 
 
 def write_film(
     run: Any, name: str, target: Path, span: tuple[float, float], pace: float, fps: int
 ) -> None:
-    """Write the film of a run as figures take it, whole or not at all; raises as `Run.film`."""
+    """Write the film of a stored run atomically; raises as `Run.film`."""
     from vibro_cli.figures.film import frame_times, movie
     from vibro_cli.report.html import film_html
 
@@ -422,8 +422,7 @@ def _shown(value: Any) -> str:
 def simulate(scenario: AnyScenario, engine: str = "compiled") -> Run:
     """Run a scenario to its end.
 
-    What is doubtful about it is a warning of the logger ``vibro_cli``, what came of it an
-    information.
+    The logger ``vibro_cli`` reports doubts about the scenario as warnings, and the result as info.
 
     Parameters
     ----------
@@ -435,9 +434,9 @@ def simulate(scenario: AnyScenario, engine: str = "compiled") -> Run:
     Raises
     ------
     ScenarioError
-        If the scenario is mechanically impossible; every problem with its place.
+        If the scenario is mechanically impossible, with all problems and their places.
     TooQuiet
-        If two bodies meet no more for millions of crossings, impacts on the wall or steps.
+        If no two bodies meet for millions of crossings, impacts on the wall or steps.
     """
     return _solved(scenario, engine)
 
@@ -455,17 +454,17 @@ def _solved(scenario: AnyScenario, engine: str, *before: Any) -> Run:
 def simulate_many(
     scenarios: Iterable[AnyScenario], workers: int = 0, engine: str = "compiled"
 ) -> list[Run]:
-    """Run scenarios to their ends, several at a time; the runs are in the order given.
+    """Run scenarios to their ends in parallel; return the runs in the order given.
 
-    To change a few values of one scenario, and for more than some hundreds, :func:`sweep` is the
-    better way: it keeps tables in place of runs.
+    To vary a few values of one scenario, or for more than some hundreds of runs, use :func:`sweep`,
+    which keeps tables instead of runs.
 
     Parameters
     ----------
     scenarios, engine
-        As for :func:`simulate`; they may be of different systems.
+        As for :func:`simulate`; scenarios may belong to different systems.
     workers
-        Threads; 0 for one on each processor.
+        Number of threads; 0 for one per processor.
 
     Raises as :func:`simulate`, for the first scenario that cannot be run.
     """
@@ -475,12 +474,12 @@ def simulate_many(
 
 
 def open_run(folder: str | Path) -> Run:
-    """Open the folder of a run; its files are held to their checksums.
+    """Open the folder of a run, and verify the checksums of its files.
 
     Raises
     ------
     NotContinuable
-        If it holds no run of this version of the program, or one that has changed.
+        If it does not hold a run of this version of the program, or has changed.
     OSError
         If a file is missing or cannot be read.
     """
@@ -490,7 +489,7 @@ def open_run(folder: str | Path) -> Run:
 def verify(folder: str | Path) -> Verdict:
     """Check the folder of a run or grid against its checksums, as ``vibro verify`` does.
 
-    Raises ``NoManifest`` for a folder that is none of vibro's. What is missing or damaged is in the
-    ``findings`` of the verdict, and ``sound`` says whether there is nothing.
+    Raises ``NoManifest`` for a folder that is not vibro's. The ``findings`` of the verdict list
+    missing and damaged files; ``sound`` is true if the folder is complete and unchanged.
     """
     return verify_folder(checked_path("folder", folder, "folder"))
