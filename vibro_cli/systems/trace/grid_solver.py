@@ -75,7 +75,7 @@ class Logged:
 
 
 class LogSpace:
-    """A buffer for the logs of a chunk, one after another; reused for the next chunk.
+    """A buffer for the logs of a stretch, one after another; reused for the next stretch.
 
     The first write to fresh memory costs more than the data.
     """
@@ -171,7 +171,7 @@ class Task:
 
 
 class TraceSolver:
-    """Solves chunks of a grid's points, in one thread.
+    """Solves stretches of a grid's points, in one thread.
 
     The engine ``"python"`` solves each point on its own, interpreted, with the same bits.
     """
@@ -190,7 +190,7 @@ class TraceSolver:
         self._reader = Reader(grid.base)
         self._indices: Array = np.zeros(0, dtype=np.int64)
         self._summaries: list[tuple[Array, Columns]] = []
-        """Each with the indices of its points (from 0 in the chunk)."""
+        """Each with the indices of its points (from 0 in the stretch)."""
         self._logged: list[Logged] = []
         paths = grid.design.paths
         self._of_systems = [path for path in paths if is_of_system(path)]
