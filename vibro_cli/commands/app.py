@@ -1,4 +1,4 @@
-"""The application: its commands, and how a command line becomes an exit code."""
+"""The command-line application: its commands, and how it parses and runs a command line."""
 
 import os
 from collections.abc import Sequence
@@ -16,15 +16,15 @@ COMMANDS = (
     "run", "grid", "section", "basins", "orbit", "fit", "portrait", "report", "check", "show",
     "verify", "schema", "new", "stress", "bench", "help",
 )  # fmt: skip
-"""Each is a class, as `RunCommand`, in the module that `HOMES` names.
+"""Each command is a class, such as `RunCommand`, in the module of its name or that in `HOMES`.
 
-Its fields are its arguments and options, and a wrong usage is told when they are given, before
-anything is read or written; called, it does what was asked and returns the exit code.
+The fields of the class are the arguments and options. Its constructor rejects wrong usage before
+any file is read or written. Calling an instance runs the command and returns the exit code.
 """
 HOMES = {
     "fit": "orbit", "schema": "new", "section": "basins", "stress": "bench", "verify": "check",
 }  # fmt: skip
-"""Modules of commands that have none of their own name."""
+"""Modules of the commands that have no module of their own name."""
 
 
 EXAMPLES: dict[str, tuple[str, ...]] = {
@@ -85,16 +85,16 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "vibro help grid",
     ),
 }
-"""They make one session, in this order and in one folder."""
+"""The examples run as one session, in this order and in one folder."""
 
 
 def epilog(command: str) -> str:
-    """What the help of a command ends with; its lines stay as they are (`\\b`)."""
+    """Return the examples that end the help of a command; `\\b` keeps their line breaks."""
     return "\b\nExamples:\n" + "\n".join(f"  {line}" for line in EXAMPLES[command])
 
 
 def application(commands: Sequence[str] = COMMANDS) -> typer.Typer:
-    """Return the application with some commands, whose modules are imported."""
+    """Return the application with the given commands; import only their modules."""
     app = typer.Typer(
         name="vibro",
         help="Vibro-impact dynamics of bodies rolling along curvilinear traces, solved exactly.",
@@ -132,8 +132,8 @@ def main(
 
 
 def _parse(arguments: list[str]) -> Task:
-    """Read the command line; what it asks is yet to be done."""
-    # A command needs nothing of the others, whose modules take a tenth of a short run to import.
+    """Parse the command line and return the task, without running it."""
+    # Import only the module of this command: importing all takes a tenth of a short run.
     alone = arguments[0] in COMMANDS and arguments[0] != "help"
     app = application(arguments[:1] if alone else COMMANDS)
     try:
@@ -142,7 +142,7 @@ def _parse(arguments: list[str]) -> Task:
         command = f"vibro {arguments[0]}" if arguments[0] in COMMANDS else "vibro"
         raise usage_error(error, command) from error
     except SystemExit as end:
-        if isinstance(end.__context__, BrokenPipeError):  # of typer, when nobody reads its help
+        if isinstance(end.__context__, BrokenPipeError):  # the reader closed the pipe of the help
             raise end.__context__ from None
         raise
     return task if callable(task) else lambda: int(task or 0)
@@ -154,7 +154,7 @@ def run_command_line(arguments: list[str]) -> int:
 
 
 def _log_format(arguments: list[str]) -> str:
-    """The form of words, known before the rest of the command line is understood."""
+    """Return the format of messages; it is needed before the command line is parsed."""
     chosen = os.environ.get("VIBRO_LOG_FORMAT", "text")
     for option, value in zip(arguments, [*arguments[1:], ""], strict=False):
         if option == "--log-format":

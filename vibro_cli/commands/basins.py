@@ -1,4 +1,4 @@
-"""`vibro basins`, `vibro section`: where the runs of a grid end; impacts of runs in a plane."""
+"""`vibro basins` and `vibro section`: maps of how the runs of a grid end; sections of impacts."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 _STOPS = ("time", "collisions", "bounces")
 _MANY = 0.05
-"""A smaller share of runs that were stopped leaves the map as it is."""
+"""Share of runs ended by a stop above which the command warns."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,13 +78,13 @@ class BasinsCommand:
 
 
 def _warn_of_unsolved(stored: StoredGrid) -> None:
-    """Say so where what is shown is of some of the points only."""
+    """Warn if some points of the grid have not been solved."""
     if stored.unsolved:
         say(f"{stored.name}: warning: {stored.unsolved}", "warning")
 
 
 def _warn_of_stops(stored: StoredGrid, found: Mapped) -> None:
-    """Say so where the outcome of many runs is only what there was when they were stopped."""
+    """Warn if many runs were stopped while their bodies still moved."""
     causes = stored.summary["end_cause"][found.shown.rows].tolist()
     share = sum(cause in _STOPS for cause in causes) / len(causes)
     if share > _MANY:
@@ -97,7 +97,7 @@ def _warn_of_stops(stored: StoredGrid, found: Mapped) -> None:
 
 
 def record_of(found: Basins, axes: Sequence[str]) -> dict[str, Any]:
-    """What was found as plain values."""
+    """Return the results as plain values for JSON."""
     return {
         "axes": list(axes),
         "cells": list(reversed(found.cells.shape)),
@@ -119,7 +119,7 @@ def _plain(one: Estimate | None) -> dict[str, float | None] | None:
 
 
 def _lines(name: str, mapped: Mapped) -> Iterator[str]:
-    """What was found as text."""
+    """Yield the results as lines of text."""
     found = mapped.basins
     axes = " x ".join(
         f"{len(one.different)} values of {one.path}" for one in mapped.shown.coordinates
@@ -140,7 +140,7 @@ def _lines(name: str, mapped: Mapped) -> Iterator[str]:
 
 
 def _drawn(found: Mapped) -> dict[str, bytes]:
-    """The figures that there are."""
+    """Return the files of the map and of the scaling, as far as they can be drawn."""
     from vibro_cli.interface import pictures
 
     drawn = {"basins": found.map("double"), "uncertainty": found.scaling("single")}
@@ -206,13 +206,13 @@ class SectionCommand:
 
     @property
     def bodies(self) -> tuple[int, int] | None:
-        """The bodies whose impacts are shown, None for all."""
+        """The two bodies whose impacts are shown, None for all bodies."""
         found = re.fullmatch(r"([1-9][0-9]*)-([1-9][0-9]*)", self.pair or "")
         return None if found is None else (int(found[1]), int(found[2]))
 
     @property
     def target(self) -> Path:
-        """The picture."""
+        """Path of the picture."""
         return self.output or beside(self.folder, "-section.png")
 
     def __call__(self) -> int:
@@ -246,7 +246,7 @@ class SectionCommand:
 
 
 def _runs_shown(grid: Grid, pair: tuple[int, int] | None, transient: int | None) -> Iterator[str]:
-    """Say at which values other axes are held, and how many runs are shown unless all of them."""
+    """Yield the fixed values of the other axes, and how many runs are shown if not all are."""
     from vibro_cli.figures.over_axis import LAST
 
     if grid.shown is not None and grid.shown.held:

@@ -1,6 +1,6 @@
-"""`vibro bench`, `vibro stress`: how fast and how exact the solver is, measured on this machine.
+"""`vibro bench` and `vibro stress`: speed and accuracy of the solver, measured on this machine.
 
-Run time against error is drawn; the stability suite tells every mark and what was reached.
+`vibro bench` draws run time against error; `vibro stress` prints each mark and the result reached.
 """
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
@@ -57,7 +57,7 @@ class BenchCommand:
 
 
 def _check_names(option: str, what: str, names: Sequence[str], known: Collection[str]) -> None:
-    """Raise `CommandError` for a name that an option does not know."""
+    """Raise `CommandError` if a name given to an option is unknown."""
     unknown = sorted(set(names) - set(known))
     if unknown:
         expected = ", ".join(known)
@@ -91,13 +91,13 @@ def _measure(options: BenchCommand, form: str) -> int:
 
 
 def _unwritten(results: Iterable[_Result]) -> Iterator[_Result]:
-    """Yield results, none of which is written while another is waited for."""
+    """Yield results; an interruption meanwhile reports that nothing was written."""
     with leaving():
         yield from results
 
 
 def _line(row: "Row") -> str:
-    """One row of the table as text."""
+    """Return one row of the table as text."""
     name = row.method if row.size is None else f"{row.method}, {row.part} {row.size}"
     time = "" if row.per_impact is None else f"{row.per_impact * 1e6:10.3g} µs an impact"
     error = "" if row.error is None else f"  error {row.error:.1e}"
@@ -121,7 +121,7 @@ def _write(rows: "list[Row]", details: dict[str, Any], target: Path) -> None:
 
 
 def _renew(target: Path, names: Sequence[str]) -> int:
-    """Compute the references anew, and say what differs from those in use."""
+    """Compute the references anew and print how they differ from those in use."""
     from vibro_cli.benchmark.scenes import (
         BY_NAME,
         SCENES,
@@ -177,7 +177,7 @@ class StressCommand:
     ] = None
 
     def __call__(self) -> int:
-        """Run the suite and tell what was found."""
+        """Run the suite and print its findings."""
         from vibro_cli.storage.files import check_replaceable
         from vibro_cli.stress.scenes import Plan
         from vibro_cli.stress.suite import NAMES, line_of, record_of, run

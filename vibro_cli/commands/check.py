@@ -1,4 +1,4 @@
-"""`vibro check`, `vibro verify`: are scenarios and grids valid, are results as they were made?"""
+"""`vibro check` and `vibro verify`: validate scenarios and grids; check the files of results."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass
@@ -31,7 +31,7 @@ class CheckCommand:
     fail_fast: FailFast = False
 
     def __call__(self) -> int:
-        """Show what was understood of each scenario, or what is wrong with it, in their order."""
+        """Print how each scenario was understood, or its problems, in the order given."""
         from vibro_cli.commands.shared.loading import check_standard_input, load_scenario_or_grid
 
         check_standard_input(self.scenarios)
@@ -55,7 +55,7 @@ class CheckCommand:
 def _understood(
     read: "tuple[AnyScenario, Any] | Grid",
 ) -> tuple[dict[str, Any], Iterable[str]]:
-    """What a scenario or a grid means, as plain values and as lines of text."""
+    """Return the interpretation of a scenario or grid, as plain values and as lines of text."""
     if not isinstance(read, tuple):
         found = understood_grid(read)
         return found, lines_of_grid(found)
@@ -68,7 +68,7 @@ def _understood(
 
 
 def understood_grid(grid: "Grid") -> dict[str, Any]:
-    """What a grid means, as plain values; of its points the first and the last are tried."""
+    """Return the interpretation of a grid as plain values; validate its first and last points."""
     from vibro_cli.scenario.problems import path_text
 
     axes = [
@@ -92,7 +92,7 @@ def understood_grid(grid: "Grid") -> dict[str, Any]:
 
 
 def _ends(axis: Any) -> dict[str, Any]:
-    """The first and the last value of an axis; the ends of an interval that a design draws from."""
+    """Return the first and last values of an axis, or the ends of the interval it is drawn from."""
     from vibro_cli.scenario.base import plain
 
     if axis.interval is not None:
@@ -102,7 +102,7 @@ def _ends(axis: Any) -> dict[str, Any]:
 
 
 def _point(grid: "Grid", index: int) -> str | None:
-    """Why a point is no valid scenario, None where it is one."""
+    """Return why a point is not a valid scenario, or None if it is valid."""
     import numpy as np
 
     from vibro_cli.assemble import build_any
@@ -119,7 +119,7 @@ def _point(grid: "Grid", index: int) -> str | None:
 
 
 def lines_of_grid(found: dict[str, Any]) -> Iterator[str]:
-    """What was understood, as text."""
+    """Yield the interpretation of a grid as lines of text."""
     grid = found["grid"]
     yield f"{found['name']}: valid grid of {count(found['points'], 'point', 'points')}"
     yield f"  mode {grid['mode']}"
@@ -154,7 +154,7 @@ class VerifyCommand:
     ] = False
 
     def __call__(self) -> int:
-        """Say what is missing or damaged in each folder."""
+        """Print which files are missing or damaged in each folder."""
         from vibro_cli.grids.dataset import NoManifest, verify
 
         sound, ours = True, True

@@ -123,14 +123,14 @@ class GridCommand:
             _read_shard(self.shard)
 
     def __call__(self) -> int:
-        """Estimate what the grid takes, or solve what is missing of its dataset."""
+        """Estimate the cost of the grid, or solve the missing chunks of its dataset."""
         if self.dry_run:
             with leaving():
                 return _estimate(self)
         return _sweep(self)
 
     def folder_of(self, grid: "Grid") -> Path:
-        """Where the dataset goes."""
+        """Return the folder of the dataset."""
         return Path(self.output) if self.output is not None else Path("outputs") / grid.name
 
 
@@ -146,7 +146,7 @@ def _read_shard(text: str) -> "Shard":
 
 
 def load(options: GridCommand) -> "Grid":
-    """The grid that was asked for; raises `CommandError` with every problem of it."""
+    """Load the grid; raise `CommandError` with all its problems if it is invalid."""
     from vibro_cli.commands.shared.loading import refusals_told
     from vibro_cli.grids.document import load_grid
 
@@ -161,7 +161,7 @@ def _workers(options: GridCommand) -> int:
 
 
 def _estimate(options: GridCommand) -> int:
-    """Say what the grid would take: the start, which is made here too, and the solving."""
+    """Print the estimated cost of the grid: the start, timed here, and the solving."""
     import time
 
     from vibro_cli.grids.chunks import Chunks
@@ -193,7 +193,7 @@ def _estimate(options: GridCommand) -> int:
 
 
 def _tell_estimate(told: dict[str, Any], sizes: list[int]) -> None:
-    """Say what a grid would take, in chunks of these sizes."""
+    """Print the estimated cost of a grid with chunks of these sizes."""
     chunks = count(told["chunks"], "chunk", "chunks")
     workers = count(told["workers"], "worker", "workers")
     items = {
@@ -208,11 +208,11 @@ def _tell_estimate(told: dict[str, Any], sizes: list[int]) -> None:
 
 
 def _sweep(options: GridCommand) -> int:
-    """Solve what is missing of the dataset."""
+    """Solve the missing chunks of the dataset and return the exit code."""
     import os
 
-    # Memory that arrow gives back between two parts would have to be cleared for it again; to be
-    # said before it is imported.
+    # Keep arrow from returning memory between two parts: the system would have to clear it again.
+    # The variable must be set before arrow is imported.
     os.environ.setdefault("MIMALLOC_PURGE_DELAY", "-1")
 
     with leaving():
@@ -227,7 +227,7 @@ def _sweep(options: GridCommand) -> int:
 
 
 def sweep(options: GridCommand, grid: "Grid", workers: int) -> dict[str, Any]:
-    """Solve what is missing of a grid's dataset; return what there is now, as plain values."""
+    """Solve the missing chunks of a grid's dataset; return its state as plain values."""
     from vibro_cli.grids.dataset import merge, opened
 
     whole = options.folder_of(grid)
@@ -256,7 +256,7 @@ def sweep(options: GridCommand, grid: "Grid", workers: int) -> dict[str, Any]:
 
 
 def _chunks(options: GridCommand, grid: "Grid", folder: Path) -> "Chunks":
-    """How the grid is divided: as its folder or that of a shard has it, if it is there already."""
+    """Return the division into chunks: that of an existing folder or shard, else a new one."""
     from vibro_cli.grids.dataset import division_of_shards, known_division
     from vibro_cli.grids.workers import chunks_of
 
@@ -279,7 +279,7 @@ def _warn_of_few_chunks(name: str, chunks: int, shards: int) -> None:
 
 
 def _say_nothing_to_do(name: str, folder: Path, has_none: bool) -> None:
-    """Say that a shard has nothing to solve: it has no chunk, or its grid has all of it."""
+    """Print why a shard has nothing to solve: it has no chunks, or all are in the grid's folder."""
     why = (
         "no chunk is of this shard"
         if has_none
@@ -289,7 +289,7 @@ def _say_nothing_to_do(name: str, folder: Path, has_none: bool) -> None:
 
 
 def _drop_damaged(dataset: "Dataset") -> None:
-    """Forget chunks whose files are missing or not as they were written."""
+    """Drop the receipts of chunks whose files are missing or damaged."""
     from vibro_cli.grids.dataset import verify
 
     damaged = {finding.file for finding in verify(dataset.folder).findings}
@@ -300,7 +300,7 @@ def _drop_damaged(dataset: "Dataset") -> None:
 
 
 def _solve(options: GridCommand, dataset: "Dataset", workers: int) -> None:
-    """Solve the missing chunks; what is finished is taken down, however it ends."""
+    """Solve the missing chunks; record those that are finished, even after an interruption."""
     from vibro_cli.grids.workers import solve_in_threads, solve_on_cluster
 
     missing = dataset.missing
@@ -338,7 +338,7 @@ def _solve(options: GridCommand, dataset: "Dataset", workers: int) -> None:
 
 
 def _keep(dataset: "Dataset") -> None:
-    """Write the manifest after an interruption; a disk that is full has said so already."""
+    """Write the manifest after an interruption; a full disk has already been reported."""
     try:
         dataset.write_manifest()
     except OSError:
@@ -356,7 +356,7 @@ def _check_failures(options: GridCommand, dataset: "Dataset") -> None:
 def _state(
     name: str, folder: Path, receipts: "Collection[Receipt]", complete: bool
 ) -> dict[str, Any]:
-    """What there is of a dataset, as plain values."""
+    """Return the totals of a dataset as plain values."""
     names = ("points", "impacts", "invalid", "failed")
     causes = sum((Counter(one.end_causes) for one in receipts), Counter[str]())
     return {
@@ -396,7 +396,7 @@ def _tell(name: str, state: dict[str, Any], folder: Path, reason: str | None) ->
 
 
 def _first_reason(dataset: "Dataset") -> str | None:
-    """Why the first point that is invalid or failed is so, None where all are well."""
+    """Return the reason of the first invalid or failed point, or None if there is none."""
     from vibro_cli.grids.chunks import file_names
     from vibro_cli.storage.tables import read_parquet
 

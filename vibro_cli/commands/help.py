@@ -1,7 +1,7 @@
 """`vibro help`: the reference on the terminal.
 
-Commands with examples, keys, tables, the papers, exit codes, environment: said once, as Markdown.
-`vibro help TOPIC` prints it, and docs/ holds it between markers; a test keeps them equal.
+Each topic is generated once, as Markdown. `vibro help TOPIC` prints it, and docs/ contains it
+between markers; a test keeps the two equal.
 """
 
 import re
@@ -35,7 +35,7 @@ ENVIRONMENT = {
 
 
 def commands(program: Any) -> str:
-    """Every command and its options, from the program itself (the context of its main command)."""
+    """Return all commands and their options; `program` is the context of the main command."""
     every = program.command.commands
     rows = [
         (f"`{' '.join(['vibro', name, *_arguments(command)])}`", _cell(command.help))
@@ -67,7 +67,7 @@ def _options(command: Any) -> Iterator[Any]:
 
 
 def _names(option: Any, program: Any) -> str:
-    """The names of an option, with what they take."""
+    """Return the names of an option with the placeholder of its value."""
     names = ", ".join(f"`{name}`" for name in (*option.opts, *option.secondary_opts))
     if option.is_flag:
         return names
@@ -81,20 +81,20 @@ def _meaning(option: Any) -> str:
 
 
 def _cell(text: str | None) -> str:
-    """A text as it stands in a cell of a table, where words in angle brackets would be HTML."""
+    """Return a text as a table cell; quote words in angle brackets, which would be HTML."""
     line = " ".join((text or "").split()).replace("|", "\\|")
     return re.sub(r"[\w/]*<\w+>", lambda found: f"`{found[0]}`", line)
 
 
 def scenario(system: str = "trace", below: str = "") -> str:
-    """Every key of a system's scenarios, or those below a path, from their JSON Schema."""
+    """Return the keys of a system's scenarios, all or below a path, from their JSON Schema."""
     from vibro_cli.scenario.fields import json_schema
 
     return _table_of_keys(json_schema(system), below)
 
 
 def _table_of_keys(schema: dict[str, Any], below: str = "") -> str:
-    """Every key that a JSON Schema has, or those below a path, with default and meaning."""
+    """Return the keys of a JSON Schema, all or below a path, with default and meaning."""
     from vibro_cli.scenario.fields import keys_of
 
     rows = [
@@ -113,14 +113,14 @@ def _default(node: dict[str, Any]) -> str:
 
 
 def tables(system: str = "trace") -> str:
-    """Every table of a system and its columns."""
+    """Return the tables of a system and their columns."""
     from vibro_cli.storage.tables import as_markdown
 
     return as_markdown(system)
 
 
 def of_system(system: str) -> str:
-    """Every key of a system's scenarios, and every column of its tables."""
+    """Return the keys of a system's scenarios and the columns of its tables."""
     return f"{scenario(system)}\n{tables(system)}"
 
 
@@ -147,7 +147,7 @@ collisions = true          # every impact too, not only summaries
 
 
 def grid_file() -> str:
-    """What a grid file is, and every key of it, without those of an inline scenario."""
+    """Return the description of grid files and their keys, without those of inline scenarios."""
     from vibro_cli.grids.document import grid_schema
 
     schema = grid_schema()
@@ -158,7 +158,7 @@ def grid_file() -> str:
 
 
 def laws() -> str:
-    """The impact laws, and what happens at an impact that they do not allow."""
+    """Return the impact laws and the treatment of inadmissible impacts."""
     from vibro_cli.mechanics.system import LAWS
 
     rows = [(f"`{name}`", law.statement) for name, law in LAWS.items()]
@@ -178,7 +178,7 @@ is marked (`collision.inadmissible = "normal-impulse"`).
 
 
 def units() -> str:
-    """The units that numbers may be given in."""
+    """Return the units in which numbers may be given."""
     from vibro_cli.scenario.quantities import DIMENSIONS, SI, UNITS
 
     rows = []
@@ -202,19 +202,19 @@ Units are combined by a space, `*` or `/`, which divides by the next unit only, 
 
 
 def exit_codes() -> str:
-    """What the exit codes mean."""
+    """Return the meanings of the exit codes."""
     rows = [(str(code), text) for code, text in EXIT_CODES.items()]
     return markdown_table(("exit code", "meaning"), rows) + "\n"
 
 
 def environment() -> str:
-    """The variables of the environment that are read."""
+    """Return the environment variables that the program reads."""
     rows = [(f"`{name}`", text) for name, text in ENVIRONMENT.items()]
     return markdown_table(("variable", "meaning"), rows) + "\n"
 
 
 def figures() -> str:
-    """The kinds of figures of runs of each system, and of grids."""
+    """Return the kinds of figures: of the runs of each system, and of grids."""
     from vibro_cli.figures.kinds import GRID_KINDS
 
     kinds: dict[str, tuple[str, list[str]]] = {}
@@ -230,7 +230,7 @@ def figures() -> str:
 
 
 LETTERS = "ABCD"
-"""Of the papers."""
+"""Letters of the papers."""
 SYMBOLS: tuple[tuple[str, str, str], ...] = (
     ("bodies 1, 2", "`a` and `b` of a row, the left and the right one; `ball_a`, `ball_b`", ""),
     ("t₀: arrival, impact", "`_pre`; on a table `arrival_`", ""),
@@ -271,7 +271,7 @@ at results of those above."""
 
 
 def papers() -> str:
-    """Every figure and equation of the papers with the command that shows it; the symbols."""
+    """Return the figures and equations of the papers with the commands for them; the symbols."""
     parts = [_BEFORE]
     for letter in LETTERS:
         cells = [(where, what, f"`{run}`", shown) for where, what, run, shown in rows_of(letter)]
@@ -285,7 +285,7 @@ def papers() -> str:
 
 
 def rows_of(letter: str) -> "list[PaperRow]":
-    """What of a paper is shown, system by system."""
+    """Return the figures and equations of a paper that are shown, system by system."""
     return [row for kind in _systems() for row in kind.shown_of_papers.rows.get(letter, ())]
 
 
@@ -296,7 +296,7 @@ def _systems() -> "list[System]":
 
 
 def commands_of_papers() -> list[str]:
-    """Every command of the page on the papers, each once, in its order."""
+    """Return the distinct commands of the page on the papers, in its order."""
     rows = [row for letter in LETTERS for row in rows_of(letter)]
     return list(dict.fromkeys(command for _, _, command, _ in rows))
 
@@ -321,7 +321,7 @@ TOPICS: dict[str, tuple[str, Callable[[], str] | None]] = {
 
 
 def help_topics(incomplete: str) -> list[str]:
-    """Topics that begin so, for the shell."""
+    """Return the topics that begin with a text, for completion in the shell."""
     return [topic for topic in TOPICS if topic.startswith(incomplete)]
 
 
@@ -342,7 +342,7 @@ class HelpCommand:
     as_json: Annotated[bool, json_option(help="Print topic and text as JSON.")] = False
 
     def __call__(self) -> int:
-        """Print what is asked for."""
+        """Print the topic, the help of the command, or the list of topics."""
         program = self.context.parent
         text = _text(self.topic, program)
         if self.topic in TOPICS and not self.markdown:
@@ -355,7 +355,7 @@ class HelpCommand:
 
 
 def _text(topic: str | None, program: Any) -> str:
-    """What is known of a topic, Markdown, or of a command, as `--help` prints it."""
+    """Return the Markdown of a topic, or the `--help` text of a command."""
     if topic is None:
         listed = [f"vibro help {name:14} {what}\n" for name, (what, _) in TOPICS.items()]
         return "".join(listed) + "vibro help COMMAND        as vibro COMMAND --help\n"
@@ -373,21 +373,21 @@ def _text(topic: str | None, program: Any) -> str:
 
 
 _WIDEST = 100
-# Of a table the last column is broken into lines, and gets at least this width.
+# Minimum width of the last column of a table, the only one whose cells are wrapped.
 _LEAST_TEXT = 28
 _BETWEEN = 2
 _CELL = re.compile(r"(?<!\\)\|")
 
 
 def terminal_width() -> int:
-    """The width to write in: that of the terminal, within reason, or the usual one."""
+    """Return the width of the terminal, within limits, or the default width if there is none."""
     if not sys.stdout.isatty():
         return COLUMNS
     return min(max(shutil.get_terminal_size().columns, COLUMNS // 2), _WIDEST)
 
 
 def as_terminal_text(markdown: str, width: int) -> str:
-    """Markdown of the kind the reference has, tables, paragraphs and code, as plain text."""
+    """Convert the reference's Markdown (tables, paragraphs and code) to plain text."""
     lines: list[str] = []
     within_code = False
     for kind, group in groupby(markdown.splitlines(), key=_kind):
@@ -404,7 +404,7 @@ def as_terminal_text(markdown: str, width: int) -> str:
 
 
 def _kind(line: str) -> str:
-    """What a line belongs to; nothing for one that stays as it is."""
+    """Return the kind of a Markdown line: fence, table or text; "" for an empty line."""
     if line.startswith("```"):
         return "fence"
     if line.startswith("|"):
@@ -413,7 +413,7 @@ def _kind(line: str) -> str:
 
 
 def _plain(text: str) -> str:
-    """A text without the marks of Markdown."""
+    """Return a text without Markdown markup."""
     return text.replace("`", "").replace("\\|", "|")
 
 
@@ -422,19 +422,19 @@ def _cells(row: str) -> list[str]:
 
 
 def markdown_table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
-    """A table in Markdown."""
+    """Return a table in Markdown."""
     names = list(head)
     lines = [f"| {' | '.join(row)} |" for row in (names, *rows)]
     return "\n".join([lines[0], f"|{'---|' * len(names)}", *lines[1:]])
 
 
 def _table(rows: Sequence[Sequence[str]], width: int) -> Iterator[str]:
-    """A table, head first, then the line below it: in columns where there is room for them."""
+    """Yield the lines of a table (head, rule, body), in columns if the width allows."""
     head, body = rows[0], rows[2:]
     used = [n for n, name in enumerate(head) if any(row[n] for row in body)]
     *short, last = used
     widths = [max(len(row[n]) for row in [head, *body]) for n in short]
-    # A few long cells of the first column stand on a line of their own.
+    # Longer cells of the first column get a line of their own.
     widths[0] = min(widths[0], width // 3)
     offset = sum(widths) + _BETWEEN * len(widths)
     if width - offset < _LEAST_TEXT:
@@ -454,9 +454,9 @@ def _table(rows: Sequence[Sequence[str]], width: int) -> Iterator[str]:
 def _entries(
     body: Sequence[Sequence[str]], short: Sequence[int], last: int, width: int
 ) -> Iterator[str]:
-    """A table without room for its columns: each row a line, and its text below that.
+    """Yield a table that is too wide for columns: each row on one line, its text below.
 
-    A command stands on a line of its own, whole, so that it can be copied.
+    A command has its own, unbroken line, so that it can be copied.
     """
     for row in body:
         cells = [row[n] for n in short if row[n]]

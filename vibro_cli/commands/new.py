@@ -1,6 +1,6 @@
-"""`vibro new` and `vibro schema`: a commented scenario or grid to start from; what may stand in it.
+"""`vibro new` and `vibro schema`: commented scenarios and grids to start from; their JSON Schema.
 
-The schema is for editors; the tables of results are described likewise.
+Editors use the schema. `vibro schema tables` describes the tables of results.
 """
 
 import json
@@ -63,7 +63,7 @@ class NewCommand:
             raise typer.BadParameter("--json and a printed scenario both need standard output")
 
     def __call__(self) -> int:
-        """Print the names of the gallery, or write one or all of it."""
+        """Print the names in the gallery, or write one of its files or all of them."""
         if self.listing:
             return _print_names(self.as_json)
         if self.name is None:
@@ -88,7 +88,7 @@ def _print_names(as_json: bool) -> int:
 def _write(name: str, output: str | None, force: bool, as_json: bool) -> int:
     """Write a scenario or grid of the gallery to a file or to standard output.
 
-    Beside a grid its scenario is written too, unless it is there already.
+    The scenario of a grid is written beside it, unless that file exists.
     """
     from vibro_cli.scenario.gallery import base_of, grid_names, text
     from vibro_cli.scenario.problems import ScenarioError
@@ -126,7 +126,7 @@ def _write(name: str, output: str | None, force: bool, as_json: bool) -> int:
 
 
 def _write_all(folder: Path, force: bool, as_json: bool) -> int:
-    """Write the whole gallery into a folder, each system's scenarios and the grids in their own."""
+    """Write the whole gallery, with a subfolder for each system and one for the grids."""
     from vibro_cli.scenario.gallery import whole as whole_gallery
     from vibro_cli.storage.files import make_folder
 
@@ -144,9 +144,9 @@ def _write_all(folder: Path, force: bool, as_json: bool) -> int:
 
 
 def _write_with_schema(path: Path, name: str, content: str) -> None:
-    """Write a file of the gallery, in whose first line editors find its schema, and that beside it.
+    """Write the scenario or grid `name` of the gallery, and its JSON Schema beside it.
 
-    `name` is that of the scenario or grid.
+    The first line of the file names the schema for editors.
     """
     from vibro_cli.grids.document import grid_schema
     from vibro_cli.scenario.fields import json_schema

@@ -1,4 +1,4 @@
-"""`vibro orbit`, `vibro fit`: periodic orbits, and numbers from measured instants of impacts."""
+"""`vibro orbit` and `vibro fit`: periodic orbits; fits to measured instants of impacts."""
 
 from __future__ import annotations
 
@@ -115,7 +115,7 @@ class OrbitCommand:
 
 
 def _on_a_trace(source: str, overrides: Sequence[str], what: str) -> Scenario:
-    """A scenario, if tangent maps lead where it is asked for: `what` is of bodies on a trace."""
+    """Load a scenario; raise `CommandError`, which begins with `what`, unless it has orbits."""
     from vibro_cli.commands.shared.loading import load_any
     from vibro_cli.systems import system_named
 
@@ -126,7 +126,7 @@ def _on_a_trace(source: str, overrides: Sequence[str], what: str) -> Scenario:
 
 
 def parsed_span(vary: str) -> tuple[str, float, float]:
-    """Path, lowest and highest value of `--vary`."""
+    """Return the path, lowest value and highest value of `--vary`."""
     path, _, values = vary.rpartition("=")
     try:
         low, high = map(float, values.split(":"))
@@ -141,7 +141,7 @@ def parsed_span(vary: str) -> tuple[str, float, float]:
 
 
 def record_of(found: Orbit, branch: Branch | None) -> dict[str, Any]:
-    """What was found as plain values."""
+    """Return the results as plain values for JSON."""
     record: dict[str, Any] = _plain(found)
     if branch is not None:
         record["special"] = [
@@ -170,7 +170,7 @@ def _plain(one: Orbit) -> dict[str, Any]:
 
 
 def _lines(name: str, found: Orbit, branch: Branch | None) -> Iterator[str]:
-    """What was found as text."""
+    """Yield the results as lines of text."""
     yield f"{name}: period {found.period:.15g} s, closed to {found.residual:.1e}"
     yield f"  events       {' '.join(found.shot.word)}"
     yield f"  energy       {found.energy:.12g} J above the trace's left end"
@@ -197,7 +197,7 @@ def _multipliers(found: Orbit) -> str:
 
 
 DOUBTFUL = 1.0e-6
-"""A likelihood below this is told of as a warning."""
+"""Likelihood below which the command warns."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -285,7 +285,7 @@ class FitCommand:
 
 
 def _measured(file: Path) -> Measured:
-    """The measured instants in a file; raises `CommandError` where it cannot be read."""
+    """Read the measured instants from a file; raise `CommandError` if it cannot be read."""
     from vibro_cli.analysis.fit import read_measured
 
     try:
@@ -296,7 +296,7 @@ def _measured(file: Path) -> Measured:
 
 
 def parsed_free(texts: Sequence[str]) -> list[Free]:
-    """Paths and bounds of `--free`."""
+    """Return the paths and bounds of `--free`."""
     from vibro_cli.analysis.fit import Free
 
     found = []
@@ -314,7 +314,7 @@ def parsed_free(texts: Sequence[str]) -> list[Free]:
 
 
 def record_of_fit(found: Fit) -> dict[str, Any]:
-    """What was found as plain values."""
+    """Return the results as plain values for JSON."""
     rows = zip(found.free, found.start, found.values, found.errors, found.interval, strict=True)
     return {
         "numbers": [
@@ -343,7 +343,7 @@ def record_of_fit(found: Fit) -> dict[str, Any]:
 
 
 def _lines_of_fit(found: Fit) -> Iterator[str]:
-    """What was found as text."""
+    """Yield the results as lines of text."""
     record = record_of_fit(found)
     yield f"{found.scenario.name}: {record['impacts']} impacts, {found.evaluations} motions solved"
     for one in record["numbers"]:
@@ -386,7 +386,7 @@ def _lines_of_fit(found: Fit) -> Iterator[str]:
 
 
 def _lines_of_bounds(found: Fit) -> Iterator[str]:
-    """Numbers that stand at a bound, where they have no normal distribution."""
+    """Yield a line for each bound inside a 95 % interval, where the normal law does not hold."""
     for one, (low, high) in zip(found.free, found.interval, strict=True):
         for bound in one.bounds:
             if low < bound < high:
@@ -397,6 +397,6 @@ def _lines_of_bounds(found: Fit) -> Iterator[str]:
 
 
 def _rounded(value: float, error: float) -> str:
-    """A number to two digits of its error, or as short as its double allows if that has fewer."""
+    """Return a number to two digits of its error, or its `repr` if that takes 17 or more."""
     digits = 2 + math.floor(math.log10(abs(value) / error)) if abs(value) > error else 2
     return f"{value:#.{digits}g}" if digits < 17 else repr(float(value))

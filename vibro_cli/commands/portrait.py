@@ -1,6 +1,6 @@
 """`vibro portrait`: phase portraits and singular points, without solving collisions.
 
-One portrait, or a family: one number varied, or a few values of anything compared.
+`--vary` draws a family of portraits over one number; `--compare` overlays a few values of any key.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -30,13 +30,13 @@ MOST_COMPARED = 6
 
 
 def ball_of(path: str) -> int:
-    """The body whose portrait a parameter changes: that of `balls[i]`, else the first."""
+    """Return the number of the body that a path changes: i of `balls[i]`, else 1."""
     number = path.partition("balls[")[2].partition("]")[0]
     return int(number) if number.isdecimal() else 1
 
 
 def parsed_range(vary: str) -> tuple[str, str, str, int]:
-    """Path, first and last value as they are written, and number of members of `--vary`."""
+    """Return the path, first and last values as written, and number of members of `--vary`."""
     path, _, values = vary.rpartition("=")
     try:
         first, last, number = (text.strip() for text in values.split(":"))
@@ -53,7 +53,7 @@ def parsed_range(vary: str) -> tuple[str, str, str, int]:
 
 
 def parsed_values(compare: str) -> tuple[str, list[str]]:
-    """Path and values of `--compare`."""
+    """Return the path and values of `--compare`."""
     path, _, values = compare.rpartition("=")
     found = [value.strip() for value in values.split(",")]
     if (
@@ -69,11 +69,11 @@ def parsed_values(compare: str) -> tuple[str, list[str]]:
 
 
 Figures = dict[str, "Figure"]
-"""By the stems of their files."""
+"""Figures by the stems of their files."""
 
 
 def varied(options: "PortraitCommand", vary: str, kind: "System") -> tuple[dict[str, Any], Figures]:
-    """The types of a family, where they change, and the figure of its portraits."""
+    """Return the types of a family and where they change, and the figure of its portraits."""
     from vibro_cli.analysis.singular import IMPOSSIBLE, changes
 
     path, *ends, number = parsed_range(vary)
@@ -114,7 +114,7 @@ def varied(options: "PortraitCommand", vary: str, kind: "System") -> tuple[dict[
 
 
 def _numbers(path: str, texts: Sequence[str], model: Any) -> tuple[list[float], str]:
-    """Numbers (SI) that are written with or without units at a path, and their SI unit."""
+    """Return the values (SI) of numbers written for a path, with or without units; their unit."""
     from pydantic_core import PydanticCustomError
 
     from vibro_cli.grids.axes import kind_of, read_number
@@ -135,7 +135,7 @@ def _numbers(path: str, texts: Sequence[str], model: Any) -> tuple[list[float], 
 
 
 def _with(options: "PortraitCommand", path: str, value: str) -> Any:
-    """The system with one more override; raises `ScenarioError` where it is not possible."""
+    """Build the system with one more override; raise `ScenarioError` if it is invalid."""
     from vibro_cli.assemble import build_any
     from vibro_cli.scenario.loading import load_any
 
@@ -143,7 +143,7 @@ def _with(options: "PortraitCommand", path: str, value: str) -> Any:
 
 
 def _member(options: "PortraitCommand", path: str, value: float) -> Any:
-    """The system at a value of a family, or in words why it is not possible."""
+    """Return the system at one value of a family, or a text that says why it is invalid."""
     from vibro_cli.scenario.problems import ScenarioError
 
     try:
@@ -154,7 +154,7 @@ def _member(options: "PortraitCommand", path: str, value: float) -> Any:
 
 
 def compared(options: "PortraitCommand", compare: str) -> tuple[dict[str, Any], Figures]:
-    """The singular points of a few members, and one figure of them all."""
+    """Return the singular points of the compared members, and one figure of all of them."""
     from vibro_cli.analysis.levels import Landscape
     from vibro_cli.analysis.singular import as_record, portrait_of
     from vibro_cli.scenario.problems import ScenarioError
@@ -182,7 +182,7 @@ def compared(options: "PortraitCommand", compare: str) -> tuple[dict[str, Any], 
 
 
 def family_lines(family: dict[str, Any]) -> Iterator[str]:
-    """The types of a family as text."""
+    """Yield the types of a family as lines of text."""
     unit = f" [{family['unit']}]" if family["unit"] else ""
     yield f"{family['path']}{unit}, portrait of ball {family['ball']}:"
     for member in family["members"]:
@@ -193,7 +193,7 @@ def family_lines(family: dict[str, Any]) -> Iterator[str]:
 
 
 def comparison_lines(comparison: dict[str, Any]) -> Iterator[str]:
-    """A few members side by side as text: κ, the values of the points, their natural rates ω."""
+    """Yield the compared members as lines of text: κ, and height and natural rate ω of points."""
     yield f"{comparison['path']}, portrait of ball {comparison['ball']}:"
     for member in comparison["members"]:
         yield f"  {member['value']}: κ = {member['kappa']:.6g}; {member['type']}"
@@ -273,7 +273,7 @@ class PortraitCommand:
 def _analysed(
     options: PortraitCommand, scenario: "AnyScenario", system: Any
 ) -> tuple[dict[str, Any], dict[str, bytes]]:
-    """The singular points of each body, and the figures' files."""
+    """Return the singular points of each body, and the files of the figures."""
     from vibro_cli.interface import pictures
     from vibro_cli.systems import system_named
     from vibro_cli.systems.contract import NoPortrait
@@ -301,14 +301,14 @@ def _analysed(
 
 
 def _those(fit: "Callable[[System], bool]") -> str:
-    """The systems that fit, in words."""
+    """Return the names of the systems that `fit` accepts, joined by "and"."""
     from vibro_cli.systems import PLURALS, system_named
 
     return " and ".join(word for name, word in PLURALS.items() if fit(system_named(name)))
 
 
 def _lines(scenario: "AnyScenario", found: dict[str, Any]) -> Iterator[str]:
-    """The table as text."""
+    """Yield the table as lines of text."""
     from vibro_cli.systems import system_named
 
     yield from system_named(scenario.system).portrait_lines(found)

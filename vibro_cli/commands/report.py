@@ -1,4 +1,4 @@
-"""`vibro report`: a page that explains one run or a grid, or compares several runs; films."""
+"""`vibro report`: HTML page of a run, of several runs compared, or of a grid; films of runs."""
 
 import errno
 import gc
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 FORMS = (".mp4", ".gif", ".html")
 _HEAD = 2000
-"""Bytes of an existing file that say what it is."""
+"""Number of leading bytes by which an existing file is recognised."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -132,7 +132,7 @@ class ReportCommand:
             raise typer.BadParameter(str(error).removeprefix("vibro: ")) from error
 
     def bounds(self, end: float) -> tuple[float, float]:
-        """First and last time (s) of the film of a run that ends at `end` (s)."""
+        """Return the first and last times (s) of the film of a run that ends at `end` (s)."""
         if self.span is None:
             from vibro_cli.figures.film import SECONDS
 
@@ -151,12 +151,12 @@ class ReportCommand:
 
     @property
     def page(self) -> Path | None:
-        """The file of the page, None if it is printed."""
+        """Path of the page, None if it is printed."""
         return None if self.output == "-" else self.target
 
     @property
     def target(self) -> Path:
-        """Where the page goes."""
+        """Path of the page, `-` if it is printed."""
         if self.output is not None:
             return Path(self.output)
         first = Path(os.path.abspath(self.folders[0]))
@@ -164,14 +164,14 @@ class ReportCommand:
         return page.with_name("report.html") if len(self.folders) > 1 else page
 
     def __call__(self) -> int:
-        """Check, draw and write; what is printed is the page, or what was written."""
+        """Check, draw and write; print the page, or the paths of the files written."""
         from vibro_cli.storage.files import write_file
 
         _check(self)
         target = self.target
         subject = _subject(self)
         _check_maps(subject, self.maps)
-        # Figures are collected again and again, and what is there by now stays.
+        # Drawing triggers many garbage collections: exempt the objects that exist by now.
         gc.freeze()
         gc.set_threshold(50_000, 4, 2)
         with leaving(), work_told():
@@ -199,7 +199,7 @@ class ReportCommand:
 
 
 def _subject(options: ReportCommand) -> "Subject":
-    """What is reported: runs, or one grid; raises `CommandError` where that is not possible."""
+    """Open the runs, or the one grid, of the report; raise `CommandError` for other folders."""
     from vibro_cli.storage.stored import is_grid, open_grid
 
     grids = [folder for folder in options.folders if is_grid(folder)]
@@ -213,7 +213,7 @@ def _subject(options: ReportCommand) -> "Subject":
 
 
 def _runs(options: ReportCommand) -> "Runs":
-    """The runs of the folders, all of one system; raises `CommandError` where that is not so."""
+    """Open the runs in the folders; raise `CommandError` unless all are of one system."""
     from vibro_cli.storage.stored import open_run
 
     found = [open_run(folder) for folder in options.folders]
@@ -228,7 +228,7 @@ def _runs(options: ReportCommand) -> "Runs":
 
 
 def _check_maps(subject: "Subject", maps: Sequence[str]) -> None:
-    """Raise `CommandError` unless every map asked for is of a column of the grid's summary."""
+    """Raise `CommandError` unless every requested map is of a column of the grid's summary."""
     from vibro_cli.figures.kinds import mapped_columns
     from vibro_cli.scenario.problems import listing, suggestion
 
@@ -284,7 +284,7 @@ def _check(options: ReportCommand) -> None:
 
 
 def _drawn(subject: "Subject", width: str, maps: Sequence[str]) -> "Iterator[tuple[str, Drawn]]":
-    """Every figure of what is reported, with the stem of its files."""
+    """Yield the figures of the report, each with the stem of its files."""
     from vibro_cli.figures.kinds import draw_all, draw_grid
 
     if not isinstance(subject, list):
@@ -298,7 +298,7 @@ def _drawn(subject: "Subject", width: str, maps: Sequence[str]) -> "Iterator[tup
 
 
 def _write_figures(subject: "Subject", options: ReportCommand) -> None:
-    """Write the figures into one PDF, into a folder in all forms, or both, each drawn once."""
+    """Write the figures to one PDF, to a folder in all formats, or both; draw each once."""
     from vibro_cli.figures.style import FORMATS, render_pages
     from vibro_cli.interface import pictures
     from vibro_cli.storage.files import write_file
@@ -316,7 +316,7 @@ def _write_figures(subject: "Subject", options: ReportCommand) -> None:
         drawn = figures()
         if options.pdf is not None:
             write_file(options.pdf, render_pages(one.figure for one in drawn))
-        deque(drawn, maxlen=0)  # draws what no PDF has asked for
+        deque(drawn, maxlen=0)  # draws the figures if no PDF has consumed them
     if options.pdf is not None:
         say(f"figures in {options.pdf}")
     if options.figures is not None:
@@ -325,7 +325,7 @@ def _write_figures(subject: "Subject", options: ReportCommand) -> None:
 
 
 def _check_film(run: "StoredRun", target: Path, options: ReportCommand) -> None:
-    """Raise `CommandError` before anything is drawn if the film cannot be or take its place."""
+    """Raise `CommandError`, before drawing, if the film cannot be made or its file replaced."""
     from vibro_cli.figures.film import NoFilm, check_encoder, frame_times
     from vibro_cli.report.html import is_report
     from vibro_cli.storage.files import first_bytes
@@ -353,7 +353,7 @@ def _check_film(run: "StoredRun", target: Path, options: ReportCommand) -> None:
 
 
 def _write_film(run: "StoredRun", target: Path, options: ReportCommand) -> None:
-    """Write the film of a run, whole or not at all."""
+    """Write the film of a run; an interruption leaves no partial file."""
     from vibro_cli.interface.runs import write_film
 
     end = float(run.summary["end_time"])

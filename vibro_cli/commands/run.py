@@ -1,6 +1,6 @@
-"""`vibro run`: solve scenarios; tables, figures and a summary of each.
+"""`vibro run`: solve scenarios, and write the tables, figures and summary of each.
 
-Tables are written while the solver goes on.
+Tables are written while the solver runs.
 """
 
 import contextlib
@@ -132,16 +132,16 @@ class RunCommand:
             )
 
     def __call__(self) -> int:
-        """Run every scenario, or go on with an earlier run."""
+        """Run every scenario, or continue an earlier run."""
         return _run_all(self) if self.earlier is None else _continue(self, self.earlier)
 
     @property
     def stream(self) -> TableFormat | None:
-        """The form in which the collision table is streamed, None if it is not."""
+        """Format in which the collision table is streamed, None if it is not streamed."""
         return "csv" if self.output == "-" and self.form is None else self.form
 
     def folder_of(self, name: str) -> Path | None:
-        """Where the results of a scenario go, or None where they are only streamed."""
+        """Return the folder of a scenario's results, or None if they are only streamed."""
         if self.output is None:
             if self.stream is not None:
                 return None
@@ -152,9 +152,9 @@ class RunCommand:
         return folder / name if len(self.scenarios) > 1 else folder
 
     def kinds_of(self, system: str) -> list[str]:
-        """The kinds of figures that are drawn of a run of a system.
+        """Return the kinds of figures to draw of a run of a system.
 
-        Raises `CommandError` for a name that is none of its kinds.
+        Raises `CommandError` for a kind that the system does not have.
         """
         from vibro_cli.systems import system_named
 
@@ -174,7 +174,7 @@ class RunCommand:
         return list(dict.fromkeys(names))
 
     def line_head(self, scenario: str, folder: Path | None) -> dict[str, Any]:
-        """What the JSON line of a scenario begins with: what was run, and where its results are."""
+        """Return the first entries of a scenario's JSON line: scenario, overrides and folder."""
         return {
             "scenario": scenario,
             "overrides": overrides_told(self.overrides),
@@ -182,20 +182,20 @@ class RunCommand:
         }
 
     def unwritten(self, name: str) -> str:
-        """What is said of a run that is interrupted before its folder is written."""
+        """Return the message for a run that is interrupted before its folder is written."""
         if len(self.scenarios) > 1:
             return f"nothing of {name} was written, what was finished is kept"
         return NOTHING_WRITTEN
 
     def may_replace(self, folder: Path) -> bool:
-        """Whether a run of other parameters may be replaced: the one that is continued may be."""
+        """Return whether a run with other parameters may be replaced; a continued run may be."""
         return self.force or (
             self.earlier is not None and self.earlier.resolve() == folder.resolve()
         )
 
 
 def _run_all(options: RunCommand) -> int:
-    """Check everything that can be checked, then run one scenario after the other."""
+    """Check all scenarios and folders, then run the scenarios one after the other."""
     from vibro_cli.commands.shared.loading import check_names, load_each, together
 
     loaded, refused = load_each(options.scenarios, options.overrides)
@@ -219,7 +219,7 @@ def _run_all(options: RunCommand) -> int:
 
 
 def _continue(options: RunCommand, folder: Path) -> int:
-    """Go on with an earlier run."""
+    """Continue an earlier run."""
     from vibro_cli.commands.shared.loading import read_earlier, refusals_told
     from vibro_cli.scenario.loading import load_stored
 
@@ -232,12 +232,12 @@ def _continue(options: RunCommand, folder: Path) -> int:
 
 
 def _worst(codes: list[int]) -> int:
-    """The exit code of several scenarios: failed, then invalid, then not strict, then done."""
+    """Return the worst exit code: failed, then invalid, then not strict, then done."""
     return next((code for code in (FAILED, MISUSED) if code in codes), max(codes, default=DONE))
 
 
 def _check_folders(options: RunCommand, scenarios: "Sequence[AnyScenario]") -> None:
-    """Raise `FolderRefused` before anything runs if some results could not take their place."""
+    """Raise `FolderRefused`, before any run, if some results could not be put in their folder."""
     from vibro_cli.storage.folders import check_run_folder
 
     for scenario in scenarios:
@@ -247,7 +247,7 @@ def _check_folders(options: RunCommand, scenarios: "Sequence[AnyScenario]") -> N
 
 
 def _print_refused(options: RunCommand, refused: "list[Refused]") -> None:
-    """With --json, a line for each scenario that cannot be run, as there is for those that can."""
+    """Print a JSON line for each scenario that cannot be run, if --json was given."""
     if options.summary_as_json:
         for source, error in refused:
             line = {
@@ -260,7 +260,7 @@ def _print_refused(options: RunCommand, refused: "list[Refused]") -> None:
 
 
 def _warn(scenario: "AnyScenario", system: Any) -> None:
-    """Say what is doubtful about a scenario."""
+    """Print the warnings about a scenario."""
     from vibro_cli.systems import system_named
 
     for warning in system_named(scenario.system).warnings(scenario, system):
@@ -268,7 +268,7 @@ def _warn(scenario: "AnyScenario", system: Any) -> None:
 
 
 def _kinds_drawn(earlier: Path | None) -> str:
-    """The kinds of figures that an earlier run has, or was to have, as `--figures` takes them."""
+    """Return the kinds of figures of an earlier run, drawn or not, as a `--figures` value."""
     if earlier is None:
         return "default"
     from vibro_cli.interface import kinds_in
@@ -281,7 +281,7 @@ def _kinds_drawn(earlier: Path | None) -> str:
 
 
 def overrides_told(texts: Sequence[str]) -> dict[str, Any]:
-    """Overrides as plain values by their paths; what JSON has no form for, as it was given."""
+    """Return overrides as plain values by path; values that JSON cannot hold stay as text."""
     from vibro_cli.scenario.loading import parse_value
 
     told: dict[str, Any] = {}
@@ -290,13 +290,13 @@ def overrides_told(texts: Sequence[str]) -> dict[str, Any]:
         try:
             told[path] = parse_value(given)
             json_text(told[path])
-        except (TypeError, ValueError):  # of a date in a table, of an infinite number
+        except (TypeError, ValueError):  # a date in a table, an infinite number
             told[path] = given
     return told
 
 
 def solve(options: RunCommand, scenario: "AnyScenario", earlier: "EarlierRun | None") -> int:
-    """Run a scenario, put its results where they were asked, say so; return the exit code."""
+    """Run a scenario, store or stream its results, print its summary; return the exit code."""
     from vibro_cli.commands.shared.terminal import summary_text
     from vibro_cli.systems import system_named
 
@@ -316,7 +316,7 @@ def solve(options: RunCommand, scenario: "AnyScenario", earlier: "EarlierRun | N
 
 @contextlib.contextmanager
 def followed(options: RunCommand, scenario: "AnyScenario") -> Iterator[None]:
-    """Tell how far a run in the block is, and say why it cannot go on."""
+    """Show the progress of the run in the block; report a run that cannot be continued."""
     from vibro_cli.progress import RUN
     from vibro_cli.systems.driver import CannotContinue
 
@@ -331,24 +331,24 @@ def followed(options: RunCommand, scenario: "AnyScenario") -> Iterator[None]:
 
 
 class Interruption:
-    """The first signal that asks a run to end: it ends after its last event, with its tables."""
+    """Records the first signal, at which the run ends early and keeps its tables."""
 
     def __init__(self) -> None:
         self.number: int | None = None
         self.left = "what was finished is kept"
-        """What is on the disk then."""
+        """Message on what is left on the disk."""
 
     def __bool__(self) -> bool:
         return self.number is not None
 
     def note(self, number: int, frame: FrameType | None) -> None:
-        """Take a signal; a second one ends the program at once."""
+        """Record a signal; a second one ends the program at once."""
         if self.number is not None:
             terminate(number)
         self.number = number
 
     def passed_on(self) -> None:
-        """Raise what the signal would have raised, now that the tables are written."""
+        """Raise the exception of the recorded signal, now that the tables are written."""
         if self.number is not None:
             with leaving(self.left):
                 terminate(self.number)
@@ -357,10 +357,10 @@ class Interruption:
 def stream_run(
     options: RunCommand, scenario: "AnyScenario", earlier: "EarlierRun | None", target: Path | None
 ) -> "Streamed":
-    """Run a scenario; its tables are in the folder, and streamed, when this returns.
+    """Run a scenario; write its tables to the folder, stream them, or both.
 
-    A run that is interrupted is written as far as it came; then the signal is passed on. So is one
-    that has had impacts and none for too long; then a `CommandError` is raised.
+    An interrupted run is written as far as it came; then the signal is raised again. A run that
+    has had impacts but none for too long is written too; then a `CommandError` is raised.
     """
     from vibro_cli.storage.folders import streamed_folder
     from vibro_cli.systems.driver import TooQuiet
@@ -404,7 +404,7 @@ def _streamed(
     sinks: "list[Sink]",
     interruption: Interruption,
 ) -> "Streamed":
-    """The run, told of to some sinks as it goes on."""
+    """Run a scenario and pass its rows to the sinks as they are computed."""
     from vibro_cli.api import simulate_streamed
     from vibro_cli.systems import system_named
 
@@ -415,7 +415,7 @@ def _streamed(
     checkpoint = None if earlier is None else earlier.checkpoint
     of_system = [table.file for table in system_named(scenario.system).tables()]
     names = of_system if len(sinks) > (options.stream is not None) else ["collisions"]
-    # A reader of the stream may be slow, or have stopped: a signal is to end the waiting for it.
+    # A reader of the stream may be slow or stopped: then a signal must end the wait at once.
     heard = upon_signals(interruption.note) if len(names) > 1 else contextlib.nullcontext()
     with followed(options, scenario), heard:
         return simulate_streamed(
@@ -427,7 +427,7 @@ def _streamed(
 
 @contextlib.contextmanager
 def _standard_output(form: str, scenario: "AnyScenario") -> "Iterator[Sink]":
-    """Standard output as a sink of the collision table."""
+    """Provide a sink that writes the collision table to standard output."""
     from vibro_cli.storage.folders import origin_of
     from vibro_cli.storage.tables import GrowingTable
     from vibro_cli.systems import system_named
@@ -455,9 +455,9 @@ def _figures(
     names: Sequence[str],
     interruption: Interruption,
 ) -> dict[str, bytes]:
-    """The figures of the run, solved again for them if need be; tells of those that show nothing.
+    """Draw the figures of the run, solving it again if need be; warn of figures that are empty.
 
-    There are none of a run that is interrupted, before or now: its tables are not lost by that.
+    If the run or the drawing is interrupted, return none; the tables are kept.
     """
     if not names or interruption:
         return {}

@@ -1,4 +1,4 @@
-"""`vibro show`: a table on the terminal, with units, or in another form."""
+"""`vibro show`: print a table on the terminal with its units, or convert it."""
 
 import math
 import shutil
@@ -74,7 +74,7 @@ class ShowCommand:
         if self.form is not None or self.as_json:
             try:
                 _print_whole(parts(names), self.form)
-            except (TypeError, ValueError) as error:  # of a table that is not one of ours
+            except (TypeError, ValueError) as error:  # a table of another program
                 text = f"cannot be shown as {self.form or 'json'}: {' '.join(str(error).split())}"
                 text = f"{self.file}: {text} (choose columns with --columns)"
                 raise CommandError(text) from error
@@ -92,7 +92,7 @@ class ShowCommand:
 
 
 def _row_range(text: str) -> tuple[int | None, int | None]:
-    """The rows that `--rows` asks for, as the two ends of a slice."""
+    """Return the rows chosen by `--rows` as the two ends of a slice."""
     start, colon, stop = text.partition(":")
     try:
         if text == "all":
@@ -111,7 +111,7 @@ def _row_range(text: str) -> tuple[int | None, int | None]:
 
 
 def _print_whole(parts: "Iterator[pyarrow.Table]", form: TableFormat | None) -> None:
-    """Print every row in a form for programs, as JSON if none is named."""
+    """Print all rows in a machine-readable format, JSON by default."""
     from vibro_cli.storage.tables import stream
 
     if form is None:
@@ -125,7 +125,7 @@ def _print_whole(parts: "Iterator[pyarrow.Table]", form: TableFormat | None) -> 
 def _chosen(
     file: Path, rows: tuple[int | None, int | None], columns: Sequence[str] | None
 ) -> tuple[range, int]:
-    """The numbers (from 0) of some rows of a file, and how many it has; raises as `_readable`."""
+    """Return the chosen row numbers (from 0) and the number of rows; raise as `_readable` does."""
     from vibro_cli.storage.tables import count_rows
 
     with _readable(file, columns):
@@ -136,7 +136,7 @@ def _chosen(
 def _parts(
     file: Path, rows: tuple[int | None, int | None], columns: Sequence[str] | None
 ) -> "Iterator[pyarrow.Table]":
-    """Some rows and columns of a file as they are read; raises as `_readable`."""
+    """Yield the chosen rows and columns of a file, part by part; raise as `_readable` does."""
     from vibro_cli.storage.tables import rows_by_group
 
     with _readable(file, columns):
@@ -145,9 +145,9 @@ def _parts(
 
 @contextmanager
 def _readable(file: Path, columns: Sequence[str] | None) -> Iterator[None]:
-    """Read columns of a file in the block.
+    """Turn errors of reading a file in the block into `CommandError`.
 
-    Raises `CommandError` when the file is not there, no parquet, or damaged, or lacks a column.
+    It is raised when the file is missing, damaged or not parquet, or lacks a column.
     """
     import pyarrow
 
@@ -171,7 +171,7 @@ def _readable(file: Path, columns: Sequence[str] | None) -> Iterator[None]:
 
 
 def _check_columns(file: Path, wanted: Sequence[str], known: Sequence[str]) -> None:
-    """Raise `CommandError` unless all columns are there, each wanted once."""
+    """Raise `CommandError` unless all columns exist and each is requested once."""
     unknown = [name for name in wanted if name not in known]
     if unknown:
         hint = suggestion(unknown[0], known)
@@ -187,7 +187,7 @@ def _check_columns(file: Path, wanted: Sequence[str], known: Sequence[str]) -> N
 
 
 def _file_like(folder: Path) -> str:
-    """A parquet file in a folder, the summary of a run or grid before others, or what one is."""
+    """Suggest a parquet file in a folder, preferably a summary, or say that there is none."""
     found = sorted(folder.glob("*.parquet")) + sorted(folder.glob("*/*.parquet"))
     if not found:
         return "a parquet file, and it holds none"
@@ -196,12 +196,12 @@ def _file_like(folder: Path) -> str:
 
 
 def _meta(data: "pyarrow.Table", name: str, key: bytes) -> str:
-    """A field's metadata ("" where there are none)."""
+    """Return an entry of a column's metadata, or "" if it is missing."""
     return ((data.schema.field(name).metadata or {}).get(key) or b"").decode(errors="replace")
 
 
 def _as_json(parts: "Iterator[pyarrow.Table]") -> Iterator[str]:
-    """Columns with their units and meanings, and the rows, as the text of a JSON object."""
+    """Yield a JSON object, piece by piece: columns with units and descriptions, and the rows."""
     begin = next(parts)
     columns = [
         {
@@ -219,13 +219,13 @@ def _as_json(parts: "Iterator[pyarrow.Table]") -> Iterator[str]:
 
 
 def _few_rows(parts: "Iterator[pyarrow.Table]") -> "Iterator[pyarrow.RecordBatch]":
-    """Rows in as many at once as may well be there as text."""
+    """Return the rows in batches small enough to hold as text in memory."""
     return (batch for part in parts for batch in part.to_batches(max_chunksize=_ROWS_AT_ONCE))
 
 
 def _text(value: Any) -> str:
-    """One value as it stands in a terminal's table."""
-    if isinstance(value, float):  # as most are: of a long table this is what takes the time
+    """Return one value as text for the terminal."""
+    if isinstance(value, float):  # first, since most values are floats
         return _NUMBER(value)
     if value is None:
         return "-"
@@ -235,7 +235,7 @@ def _text(value: Any) -> str:
 
 
 def _listed(data: "pyarrow.Table") -> Iterator[str]:
-    """The one row of a table: a line for each column."""
+    """Yield the only row of a table, one line for each column."""
     names = [printable(name) for name in data.column_names]
     values = [_text(data[name][0].as_py()) for name in data.column_names]
     left, right = max(map(len, names)), max(map(len, values))
@@ -245,7 +245,7 @@ def _listed(data: "pyarrow.Table") -> Iterator[str]:
 
 
 class _Column:
-    """A column of a terminal's table: numbers end, words begin in one line."""
+    """A column of a table on the terminal; numbers are right-aligned, words left-aligned."""
 
     def __init__(self, head: Sequence[str]) -> None:
         self._head = head
@@ -253,12 +253,12 @@ class _Column:
         self._words = False
 
     def fit(self, values: Sequence[Any]) -> None:
-        """Make it as wide as some of its values."""
+        """Widen the column to fit these values."""
         self.width = max(self.width, *map(len, map(_text, values)), 0)
         self._words = self._words or any(isinstance(value, str) for value in values)
 
     def cells(self, values: Sequence[Any] | None) -> list[str]:
-        """Some of its values, or the lines of its head, all as wide as the column."""
+        """Return the values, or the head lines if there are none, padded to the column's width."""
         texts = self._head if values is None else map(_text, values)
         return [text.ljust(self.width) if self._words else text.rjust(self.width) for text in texts]
 
@@ -269,7 +269,7 @@ def _blocks(
     chosen: range,
     width: int | None,
 ) -> Iterator[str]:
-    """The table as lines, in blocks of as many columns as fit the width, rows numbered from 1.
+    """Yield the lines of a table, in blocks of as many columns as fit; number the rows from 1.
 
     `parts` reads the chosen rows of some columns: once for the widths, and once for each block.
     """
@@ -295,7 +295,7 @@ def _blocks(
 
 
 def _fitting(columns: dict[str, _Column], used: int, width: int | None) -> Iterator[list[str]]:
-    """The names of columns in blocks that fit a width beside what is used of it in each."""
+    """Yield the column names of each block that fits a width, of which `used` is taken."""
     block: list[str] = []
     room = math.inf if width is None else width - used
     left = room

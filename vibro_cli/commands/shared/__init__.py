@@ -1,1 +1,1 @@
-"""What several commands share: options, streams, reading scenarios, solving them, words."""
+"""Code shared by commands: options, streams, loading of scenarios, messages and errors."""

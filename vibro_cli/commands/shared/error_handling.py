@@ -1,8 +1,7 @@
-"""The one place where errors, signals and closed pipes become words and exit codes.
+"""The one place where errors, signals and closed pipes become messages and exit codes.
 
-What the exit codes mean is said once, in `EXIT_CODES`: `--help`, `vibro help exit-codes` and
-the table in docs/ come from it. Wrong usage is told like everything that is wrong: found, expected,
-suggestion.
+`EXIT_CODES` defines the meanings of the exit codes for `vibro help exit-codes` and docs/. Messages
+on wrong usage have the same form as all others: found, expected, suggestion.
 """
 
 import contextlib
@@ -47,10 +46,10 @@ NOTHING_WRITTEN = "nothing was written"
 
 
 class CommandError(Exception):
-    """What the user should know, as one or more lines that can be read alone.
+    """An error message for the user, of one or more self-contained lines.
 
-    `problems` says the same of invalid scenarios as plain values (key path, what was found, what
-    was expected, file, line and column).
+    `problems` lists the problems of invalid scenarios as plain values (key path, value found,
+    value expected, file, line and column).
     """
 
     def __init__(
@@ -66,7 +65,7 @@ class CommandError(Exception):
 
 
 class Terminated(KeyboardInterrupt):
-    """A signal asked the command to end; unwinds so that partial files are removed."""
+    """Raised by a signal; unwinding removes partial files."""
 
     def __init__(self, number: int) -> None:
         super().__init__(number)
@@ -75,9 +74,9 @@ class Terminated(KeyboardInterrupt):
 
 
 def attempt(task: Task) -> int:
-    """Run a task and return its exit code; what goes wrong in it is said, and is no exception.
+    """Run a task and return its exit code; print its errors instead of raising them.
 
-    Signals and a closed pipe still are: they end the program, not one task of several.
+    Signals and a closed pipe are still raised: they end the program, not one task of several.
     """
     try:
         return task()
@@ -102,7 +101,7 @@ def attempt(task: Task) -> int:
 
 
 def _lack(fault: Exception) -> str:
-    """What the system has no more of, empty for other faults; Python and arrow say it in words."""
+    """Name the exhausted resource (memory or threads), or "" for other faults."""
     ends = ("failed to map segment from shared object", os.strerror(errno.ENOMEM))
     if isinstance(fault, MemoryError) or (
         isinstance(fault, ImportError) and str(fault).endswith(ends)
@@ -115,9 +114,9 @@ def _lack(fault: Exception) -> str:
 
 
 def _signalled(fault: BaseException) -> BaseException | None:
-    """The signal that a fault comes from, if it does.
+    """Return the signal that caused a fault, or None.
 
-    Python 3.11 wraps one in `__set_name__`, and code in C may raise an error in its place.
+    Python 3.11 wraps exceptions of `__set_name__`, and C code may replace them by its own.
     """
     cause = fault.__cause__
     if cause is None:
@@ -128,17 +127,17 @@ def _signalled(fault: BaseException) -> BaseException | None:
 
 
 def perform(parse: Callable[[], Task], log_format: str) -> int:
-    """Do what a whole command line asks and return its exit code, whatever happens in it."""
+    """Run a whole command line and return its exit code, whatever happens."""
     choose_words(as_json=log_format == "json", least="info")
     prepare_streams()
     warnings.showwarning = _say_warning
-    logging.getLogger("matplotlib").setLevel(logging.ERROR)  # it would say where its cache is
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)  # hides where its cache is
     try:
         return attempt(lambda: _done(parse()))
-    except BrokenPipeError:  # whoever read our results has enough of them
+    except BrokenPipeError:  # the reader has closed the pipe
         return DONE
     except KeyboardInterrupt as end:
-        silence(sys.stdout)  # who does not read any more must not be waited for
+        silence(sys.stdout)  # do not wait for a reader that no longer reads
         code: int = getattr(end, "exit_code", INTERRUPTED)
         how = EXIT_CODES[code].partition(" (")[0]
         say(f"vibro: {how}; {_left(end)}", "error")
@@ -149,7 +148,7 @@ def perform(parse: Callable[[], Task], log_format: str) -> int:
 
 @contextlib.contextmanager
 def upon_signals(handler: Callable[[int, FrameType | None], None]) -> Iterator[None]:
-    """Have a handler for signals that end us, but for those that are to be ignored (nohup)."""
+    """Handle the signals that end the program in the block, except ignored ones (nohup)."""
     before: dict[signal.Signals, Any] = {}
     try:
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
@@ -163,7 +162,7 @@ def upon_signals(handler: Callable[[int, FrameType | None], None]) -> Iterator[N
 
 @contextlib.contextmanager
 def leaving(text: str = NOTHING_WRITTEN) -> Iterator[None]:
-    """Have it said what is left on the disk when a signal ends the block."""
+    """Add a note on what is left on the disk if a signal ends the block."""
     try:
         yield
     except KeyboardInterrupt as end:
@@ -172,18 +171,18 @@ def leaving(text: str = NOTHING_WRITTEN) -> Iterator[None]:
 
 
 def _left(end: BaseException) -> str:
-    """What is left on the disk after a signal; without a word from where it struck, as always."""
+    """Return the note of `leaving` on what is left on the disk, or the default text."""
     return next(iter(getattr(end, "__notes__", ())), "what was finished is kept")
 
 
 def check_no_folder(path: Path) -> None:
-    """Raise `CommandError` if a folder stands where a file is to be written."""
+    """Raise `CommandError` if the path of an output file is a folder."""
     if path.is_dir():
         raise CommandError(f"vibro: {path} is a folder; expected a file or nothing")
 
 
 def reason(error: OSError) -> str:
-    """An error of the system on one line, with the file's name where there is one."""
+    """Return an operating-system error on one line, with the file's name if it has one."""
     text = error.strerror or str(error)
     if error.errno == errno.EBADF and not error.filename:
         text = "standard output is closed"
@@ -191,9 +190,10 @@ def reason(error: OSError) -> str:
 
 
 def _done(task: Task) -> int:
-    """The exit code of a task, once everything printed has arrived; of failures, no more words.
+    """Run a task, flush standard output and return the exit code.
 
-    Signals are heard here alone: nothing has to be unwound while the command line is read.
+    An error of flushing is not raised after a failure. Signals are handled only here: parsing the
+    command line leaves nothing to unwind.
     """
     with upon_signals(terminate), _signals_not_lost():
         code = task()
@@ -208,21 +208,21 @@ def _done(task: Task) -> int:
 
 
 def terminate(number: int, frame: FrameType | None = None) -> None:
-    """Raise what ends the command; the handler of signals."""
+    """Handle a signal: raise the exception that ends the command."""
     _struck.append(Terminated(number))
     raise _struck[-1]
 
 
 _SOON = 0.01
 _struck: list[Terminated] = []
-"""The signals that a command has been asked to end by."""
+"""Signals that the command has received."""
 
 
 @contextlib.contextmanager
 def _signals_not_lost() -> Iterator[None]:
-    """Have a signal come again (after s) that struck where Python drops whatever is raised.
+    """Repeat (after `_SOON` s) a signal that struck where Python drops exceptions.
 
-    That is in `__del__` and in other calls back of libraries, most of them short.
+    That is in `__del__` and in other callbacks of libraries, most of them short.
     """
     _struck.clear()
     dropped = sys.unraisablehook
@@ -244,12 +244,12 @@ def _signals_not_lost() -> Iterator[None]:
 
 
 def _say_warning(message: Warning | str, *place: Any, **more: Any) -> None:
-    """Print a warning as one line, without the line of code it comes from."""
+    """Print a warning on one line, without its place in the code."""
     say(f"vibro: warning: {' '.join(str(message).split())}", "warning")
 
 
 def _report_fault(fault: Exception) -> tuple[str, str]:
-    """Write the traceback of a fault of the program to a file, and name both on one line."""
+    """Write the traceback of an internal fault to a file; return a message that names both."""
     import tempfile
     import traceback
 
@@ -264,7 +264,7 @@ def _report_fault(fault: Exception) -> tuple[str, str]:
 
 
 def suggestion(word: str, known: Iterable[str]) -> str:
-    """` (did you mean 'x'?)` for the known word that is most like it, or an empty text."""
+    """Return ` (did you mean 'x'?)` with the most similar known word, or an empty text."""
     close = similar(word, known)
     return "" if close is None else f" (did you mean {close!r}?)"
 
@@ -276,11 +276,11 @@ _EXPECTED = {
     "greater_than_equal": "a number of at least {ge:g}",
     "less_than_equal": "a number of at most {le:g}",
 }
-"""What was expected, by the kind of pydantic's error, with the numbers of its context."""
+"""Texts for the expected value, by pydantic's error type; the numbers are from its context."""
 
 
 def usage_error(error: typer.TyperException, command: str) -> CommandError:
-    """What is wrong with a command line, on one line, and whose help tells more."""
+    """Return an error on wrong usage, on one line, that refers to the help of the command."""
     return CommandError(f"vibro: {' '.join(_words(error).split())} (see {command} --help)")
 
 
@@ -296,7 +296,7 @@ def _words(error: typer.TyperException) -> str:
 
 
 def _refused_value(error: Any, details: dict[str, Any]) -> str:
-    """A value that an option or argument does not take (`details` are pydantic's)."""
+    """Return the message for an invalid value of an option or argument (`details` of pydantic)."""
     found, message = str(details["input"]), str(details["msg"]).removeprefix("Value error, ")
     expected = _EXPECTED.get(details["type"], "").format(**details.get("ctx", {}))
     choices = re.fullmatch(r".* is not one of (.*?)\.?", message, re.DOTALL)
@@ -307,7 +307,7 @@ def _refused_value(error: Any, details: dict[str, Any]) -> str:
 
 
 def _name(parameter: Any) -> str:
-    """An option by its name, and by that of the variable that may have given it."""
+    """Return the name of a parameter, with its environment variable if it has one."""
     if parameter.param_type_name == "argument":
         return str(parameter.metavar or parameter.name.upper())
     variable = f" (or {parameter.envvar})" if isinstance(parameter.envvar, str) else ""

@@ -1,6 +1,6 @@
-"""Scenarios from the command line: all of them are read, and all their problems told at once.
+"""Load the scenarios of a command line, and collect the problems of all of them.
 
-With `--continue` it is the scenario of a run of ours, with a later stop.
+With `--continue` the scenario is that of an earlier run, with a later stop.
 """
 
 from collections import Counter
@@ -21,13 +21,13 @@ if TYPE_CHECKING:
 
 
 Refused = tuple[str, CommandError]
-"""A scenario that cannot be used, and why."""
+"""Source of an invalid scenario, and the error."""
 
 
 def load_any(source: str, overrides: Sequence[str]) -> tuple["AnyScenario", Any]:
-    """A scenario of whatever system with what it describes.
+    """Load a scenario of any system and build the mechanical system that it describes.
 
-    Raises `CommandError` with every problem of it.
+    Raises `CommandError` with all problems of the scenario.
     """
     from vibro_cli.assemble import build_any
     from vibro_cli.scenario.loading import load_any as load_scenario
@@ -39,7 +39,7 @@ def load_any(source: str, overrides: Sequence[str]) -> tuple["AnyScenario", Any]
 
 @contextmanager
 def refusals_told(source: str) -> Iterator[None]:
-    """Why what the block reads cannot be used is told as a `CommandError`."""
+    """Raise `CommandError` if what the block reads is invalid or cannot be read."""
     from vibro_cli.scenario.problems import ScenarioError
 
     try:
@@ -56,7 +56,7 @@ def refusals_told(source: str) -> Iterator[None]:
 
 
 def _file_meant(source: str) -> str:
-    """A suggestion in the place of a file that is not there: of the gallery, or of a like name."""
+    """Suggest, for a missing file, one of the gallery or one of a similar name."""
     from vibro_cli.scenario.gallery import grid_names, names
 
     name = Path(source).stem
@@ -71,9 +71,9 @@ def _file_meant(source: str) -> str:
 def load_scenario_or_grid(
     source: str, overrides: Sequence[str]
 ) -> "tuple[AnyScenario, Any] | Grid":
-    """A scenario with what it describes, or a grid, whichever the file holds.
+    """Load a scenario, with the system that it describes, or a grid, whichever the file holds.
 
-    Raises `CommandError` with every problem of it.
+    Raises `CommandError` with all problems of the document.
     """
     from vibro_cli.assemble import build_any
     from vibro_cli.scenario.loading import any_scenario_of, is_grid, load_document
@@ -91,7 +91,7 @@ def load_scenario_or_grid(
 def load_each(
     sources: Sequence[str], overrides: Sequence[str]
 ) -> tuple[list[tuple["AnyScenario", Any]], list[Refused]]:
-    """Every scenario that can be used, and every one that cannot."""
+    """Load several scenarios; return the valid ones and the invalid ones with their errors."""
     check_standard_input(sources)
     loaded, refused = [], []
     for source in sources:
@@ -103,13 +103,13 @@ def load_each(
 
 
 def check_standard_input(sources: Sequence[str]) -> None:
-    """Raise `CommandError` when standard input would have to be read twice."""
+    """Raise `CommandError` if standard input is named twice."""
     if sources.count("-") > 1:
         raise CommandError("vibro: standard input (-) can be read only once")
 
 
 def together(refused: Sequence[Refused]) -> CommandError:
-    """One error with the problems of all scenarios that cannot be used."""
+    """Return one error with the problems of all invalid scenarios."""
     return CommandError(
         [line for _, error in refused for line in error.lines],
         problems=[problem for _, error in refused for problem in error.problems],
@@ -117,7 +117,7 @@ def together(refused: Sequence[Refused]) -> CommandError:
 
 
 def check_names(scenarios: Sequence["AnyScenario"]) -> None:
-    """Raise `CommandError` unless the names, which are also those of folders, are different."""
+    """Raise `CommandError` if two scenarios have the same name, which also names their folder."""
     for name, times in Counter(scenario.name for scenario in scenarios).items():
         if times > 1:
             raise CommandError(
@@ -127,13 +127,13 @@ def check_names(scenarios: Sequence["AnyScenario"]) -> None:
 
 
 def read_earlier(folder: Path, overrides: Sequence[str]) -> "tuple[Path, EarlierRun | None]":
-    """The scenario that goes on, and what a folder keeps of its run.
+    """Return the path of the scenario to continue, and the stored run in the folder.
 
-    That is None where the run is solved from its start: it was killed on its way there, or has
-    come to its end and lacks its figures alone.
+    The run is None if it must be solved from its start: because it was killed, or because it has
+    ended and lacks only its figures.
 
-    Raises `NotContinuable` when it holds no run that can be continued, and `CommandError` for
-    overrides that would make it another run.
+    Raises `NotContinuable` if the folder holds no run that can be continued, and `CommandError`
+    for overrides of sections other than `CHANGEABLE`.
     """
     from vibro_cli.storage.folders import read_earlier_run, scenario_of_killed_run
     from vibro_cli.systems.request import CHANGEABLE

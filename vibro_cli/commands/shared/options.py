@@ -1,7 +1,7 @@
-"""Arguments and options that several commands share, and what the shell offers for them.
+"""Arguments and options that several commands share, and their completion in the shell.
 
-What TAB offers (scenario files, keys after --set, the gallery) may not print or fail: what cannot
-be found out is not offered.
+The completion functions (scenario files, keys after --set, the gallery) must neither print nor
+fail; they leave out what they cannot determine.
 """
 
 import functools
@@ -21,12 +21,12 @@ _SUFFIXES = (".toml", ".json", ".yaml", ".yml")
 
 
 def scenario_files(incomplete: str) -> list[str]:
-    """Folders and scenario files that begin so."""
+    """Return the folders and scenario files that begin with a text."""
     return _paths(incomplete, _SUFFIXES)
 
 
 def table_files(incomplete: str) -> list[str]:
-    """Folders and parquet files that begin so."""
+    """Return the folders and parquet files that begin with a text."""
     return _paths(incomplete, (".parquet",))
 
 
@@ -49,14 +49,14 @@ def _paths(incomplete: str, suffixes: tuple[str, ...]) -> list[str]:
 
 
 def gallery_names(incomplete: str) -> list[str]:
-    """Scenarios and grids of the gallery that begin so."""
+    """Return the scenarios and grids of the gallery that begin with a text."""
     from vibro_cli.scenario.gallery import grid_names, names
 
     return [name for name in [*names(), *grid_names()] if name.startswith(incomplete)]
 
 
 def scenario_keys(incomplete: str) -> list[str]:
-    """Key paths of scenarios that begin so, `balls[1].angle=`; after `=` the words there are."""
+    """Return the key paths that begin with a text, as `balls[1].angle=`; after `=`, the values."""
     from vibro_cli.scenario.fields import json_schema
 
     path, equals, word = incomplete.partition("=")
@@ -68,13 +68,13 @@ def scenario_keys(incomplete: str) -> list[str]:
 
 
 def _same_entry(key: str, typed: str) -> str:
-    """A key path with the numbers in brackets that were typed."""
+    """Return a key path with the typed numbers in its brackets."""
     numbers = iter(re.findall(r"\[(\d+)\]", typed))
     return re.sub(r"\[1\]", lambda found: f"[{next(numbers, '1')}]", key)
 
 
 def scenario_paths(schema: dict[str, Any]) -> Iterator[tuple[str, list[str]]]:
-    """Every key path of a scenario, `[1]` for any entry of a list, with the words it may be."""
+    """Yield the key paths of a scenario, `[1]` for any list entry, and the words they accept."""
     from vibro_cli.scenario.fields import keys_of
 
     for path, node, _ in keys_of(schema):
@@ -89,14 +89,14 @@ def _words(node: dict[str, Any]) -> list[Any]:
 
 
 def beside(folder: Path, ending: str) -> Path:
-    """A path beside a folder: its name with an ending, also where it is given as `.` or `..`."""
+    """Return the path of a folder with an ending added to its name; `.` and `..` are resolved."""
     if folder.name in ("", ".."):
         folder = Path(os.path.abspath(folder))
     return folder.parent / f"{folder.name}{ending}"
 
 
 Task = Callable[[], int]
-"""What a command does once its arguments are read; it returns the exit code."""
+"""A command with its arguments parsed; returns the exit code."""
 
 TableFormat = Literal["csv", "jsonl", "arrow", "parquet"]
 
@@ -144,7 +144,7 @@ FailFast = Annotated[
 
 
 def _choose_least(level: str) -> Callable[[bool], bool]:
-    """A callback of a flag that chooses the least level of words that is said."""
+    """Return a flag's callback that sets the lowest level of messages to print."""
 
     def choose(given: bool) -> bool:
         if given:
@@ -179,12 +179,12 @@ LogFormat = Annotated[
 
 
 def with_common_options(command: Callable[..., Task]) -> Callable[..., Task]:
-    """A command that also takes the options every command has: words and their form."""
+    """Return a command with the options of every command added: `COMMON`."""
     own = inspect.signature(command, eval_str=True)
 
     @functools.wraps(command, updated=())
     def performed(**given: Any) -> Task:
-        if given.get("output") == "":  # such as -o "$FOLDER" where no such variable is set
+        if given.get("output") == "":  # such as -o "$FOLDER" with the variable unset
             raise typer.BadParameter("--output: found an empty text, expected a name")
         return command(**{name: given[name] for name in own.parameters})
 
@@ -207,4 +207,4 @@ COMMON: dict[str, tuple[Any, Any]] = {
     "verbose": (Verbose, False),
     "log_format": (LogFormat, "text"),
 }
-"""Options that every command has: what they are, and what they are if they are not given."""
+"""Options that every command has: their types and defaults."""

@@ -1,4 +1,4 @@
-"""What people see at a terminal: the standard streams, numbers and causes in words, progress."""
+"""Output on the terminal: standard streams, messages, numbers as text, progress lines."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from vibro_cli.errors import printable
 _Result = TypeVar("_Result")
 
 LEVELS = ("detail", "info", "warning", "error")
-"""How much words matter: details are said with -v only, errors even with -q."""
+"""Levels of messages: details are printed only with -v, errors even with -q."""
 
 _words: dict[str, Any] = {"as_json": False, "least": "info"}
 
 
 def choose_words(as_json: bool | None = None, least: str | None = None) -> None:
-    """Choose how words are said, as text or as JSON lines, and the least level that is said."""
+    """Set the format of messages, text or JSON lines, and the lowest level to print."""
     if as_json is not None:
         _words["as_json"] = as_json
     if least is not None:
@@ -35,16 +35,13 @@ def choose_words(as_json: bool | None = None, least: str | None = None) -> None:
 
 
 def is_said(level: str, as_text: bool = False) -> bool:
-    """Whether words of a level are said, `as_text`: and not as JSON."""
+    """Return whether messages of a level are printed; with `as_text`, only if not as JSON."""
     said = LEVELS.index(level) >= LEVELS.index(_words["least"])
     return said and not (as_text and _words["as_json"])
 
 
 def say(text: str | Sequence[str], level: str = "info", **details: Any) -> None:
-    """Print words for a human, a line or several; as JSON an object on a line, with the details.
-
-    They go to standard error.
-    """
+    """Print a message to standard error: lines of text, or one JSON object with the details."""
     if not is_said(level):
         return
     lines = [text] if isinstance(text, str) else text
@@ -53,12 +50,12 @@ def say(text: str | Sequence[str], level: str = "info", **details: Any) -> None:
         lines = [json_text(told, sys.stderr)]
     try:
         print("\n".join(map(printable, lines)), file=sys.stderr, flush=True)
-    except OSError:  # closed or full: nobody can be told, and the exit code still says it
+    except OSError:  # closed or full: only the exit code can still report it
         silence(sys.stderr)
 
 
 def json_text(value: Any, stream: TextIO | None = None, indent: int | None = None) -> str:
-    """JSON as a stream (standard output) can take it: with letters as they are only in UTF-8.
+    """Return JSON for a stream (default: standard output), escaped to ASCII unless it is UTF-8.
 
     Raises `ValueError` for numbers that are not finite.
     """
@@ -68,21 +65,21 @@ def json_text(value: Any, stream: TextIO | None = None, indent: int | None = Non
 
 
 def print_found(found: Any, lines: Iterable[str], as_json: bool) -> None:
-    """Print results as JSON, or as lines of text unless errors alone are wanted."""
+    """Print results as JSON, or as lines of text unless --quiet was given."""
     if as_json or is_said("info"):
         print(json_text(found) if as_json else "\n".join(lines), flush=True)
 
 
 def prepare_streams() -> None:
-    """Let no file be opened in the place of a closed stream, and strange letters be printed.
+    """Keep files from taking the place of closed streams; escape letters outside the encoding.
 
-    What is written to a closed standard output fails; a closed standard error takes everything.
+    Writing to a closed standard output fails; a closed standard error discards everything.
     """
     for number, access in enumerate((os.O_RDONLY, os.O_RDONLY, os.O_WRONLY)):
         try:
             os.fstat(number)
         except OSError:
-            os.open(os.devnull, access)  # takes the lowest free number, which is this one
+            os.open(os.devnull, access)  # gets the lowest free descriptor, which is this one
     if sys.stdout is None:
         sys.stdout = open(1, "w", encoding="utf-8", closefd=False)  # noqa: SIM115 (to the end)
     if sys.stderr is None:
@@ -92,7 +89,7 @@ def prepare_streams() -> None:
 
 
 def drain_standard_output() -> None:
-    """Leave nothing for Python to write, and to complain about, at exit."""
+    """Flush standard output, so that Python has nothing left to write or report at exit."""
     try:
         sys.stdout.flush()
     except (OSError, ValueError):
@@ -100,7 +97,7 @@ def drain_standard_output() -> None:
 
 
 def silence(stream: TextIO) -> None:
-    """Let nothing more, flushed at exit or not, go to an output that takes nothing."""
+    """Redirect a stream that accepts no more output to the null device."""
     with contextlib.suppress(OSError, ValueError):
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, stream.fileno())
@@ -108,7 +105,7 @@ def silence(stream: TextIO) -> None:
 
 
 COLUMNS = 80
-"""Width of what is said, which the narrowest usual terminal has."""
+"""Width of messages: that of the narrowest usual terminal."""
 
 _COPIED = ("files", "next")
 INADMISSIBLE_HINT = (
@@ -117,19 +114,19 @@ INADMISSIBLE_HINT = (
 
 
 def quantity(value: float | None, unit: str = "", digits: int = 6) -> str:
-    """A number with its unit to some digits, or "none"."""
+    """Return a number with its unit, to some digits, or "none"."""
     if value is None:
         return "none"
     return f"{value:.{digits}g} {unit}".rstrip()
 
 
 def count(number: int, one: str, several: str) -> str:
-    """A number of things: `1 impact`, `3 impacts`, `24,000 impacts`."""
+    """Return a count with its noun: `1 impact`, `3 impacts`, `24,000 impacts`."""
     return f"{number:,} {one if number == 1 else several}"
 
 
 def size(number: float) -> str:
-    """A number of bytes: `3.2 MB`."""
+    """Return a number of bytes as text: `3.2 MB`."""
     for unit in ("B", "kB", "MB", "GB"):
         if number < 999.5:  # which three digits round to 1000
             return f"{number:.3g} {unit}"
@@ -138,7 +135,7 @@ def size(number: float) -> str:
 
 
 def duration(seconds: float) -> str:
-    """A time in the units people use: `45 s`, `2 min 10 s`, `3 h 5 min`."""
+    """Return a duration as text: `45 s`, `2 min 10 s`, `3 h 5 min`."""
     whole = round(seconds)
     if whole < 60:
         return f"{seconds:.2g} s" if seconds < 10 else f"{whole} s"
@@ -148,9 +145,9 @@ def duration(seconds: float) -> str:
 
 
 def lines_of(title: str, items: Mapping[str, str]) -> list[str]:
-    """A title and what there is to say below it, each item by its label, in lines of 80 columns.
+    """Return a title and labelled items below it, wrapped to 80 columns.
 
-    What is to be copied, the name of a folder and the next command, is never broken.
+    Texts to be copied, such as the folder and the next command, are never broken.
     """
     lines = wrapped(title, "", " " * 4)
     for label, text in items.items():
@@ -160,7 +157,7 @@ def lines_of(title: str, items: Mapping[str, str]) -> list[str]:
 
 
 def wrapped(text: str, first: str = "", others: str = "", width: int = COLUMNS) -> list[str]:
-    """A text in lines of a width, what the first and the others begin with included."""
+    """Wrap a text to a width, which includes the prefixes of the first line and of the others."""
     return textwrap.wrap(
         text,
         width,
@@ -172,7 +169,7 @@ def wrapped(text: str, first: str = "", others: str = "", width: int = COLUMNS) 
 
 
 def report_command(folder: Path) -> str:
-    """The command that comes after one that has filled a folder, to be typed as it stands."""
+    """Return the `vibro report` command for a folder, quoted for the shell."""
     return f"vibro report {shlex.quote(printable(str(folder)))}"
 
 
@@ -183,9 +180,10 @@ def summary_text(
     one_sided: bool = False,
     not_made: int = 0,
 ) -> str:
-    """The summary of a run in a few lines; `record` has the columns of the summary table.
+    """Return the summary of a run in a few lines; `record` has the columns of the summary table.
 
-    `not_made` is how many impacts at its end were not made; an inadmissible end has one at least.
+    `not_made` is the number of impacts at its end whose law was not applied; at an inadmissible
+    end there is at least one.
     """
     items = {}
     if record["status"] == "ok":
@@ -219,7 +217,7 @@ _ALSO_COUNTED = {
     "crossings": ("crossing", "crossings"),
     "contacts": ("lasting contact", "lasting contacts"),
 }
-"""Columns of a summary that count something beside impacts, where there are any, in words."""
+"""Columns of a summary that count events other than impacts, with their nouns."""
 
 
 def _impacts(record: Mapping[str, Any], not_made: int) -> str:
@@ -279,7 +277,7 @@ def _validity(record: Mapping[str, Any], one_sided: bool) -> str:
         if friction > DRY_FRICTION:
             return f"warning: {needed}, more than dry surfaces have; {least}"
         return f"{least}; {needed}"
-    # With a force everywhere some friction suffices: there is none to tell of where nothing rolls.
+    # No demand although the force is positive everywhere: nothing rolls, so nothing to report.
     return least if force > 0 else f"{least}; rolling is not possible everywhere"
 
 
@@ -287,7 +285,7 @@ _EVERY = 0.5
 
 
 class _Line:
-    """A line that is renewed now and then while something goes on, and removed at its end."""
+    """A progress line, redrawn at intervals and removed at the end."""
 
     def __init__(self) -> None:
         self._begin = time.monotonic()
@@ -297,12 +295,12 @@ class _Line:
         self._drawn = False
 
     def end(self) -> None:
-        """Remove the line, if there was time for one."""
+        """Remove the line, if it was drawn."""
         if self._drawn:
             self._write("")
 
     def _due(self) -> float | None:
-        """The time since the beginning (s) if the line is to be renewed, else None."""
+        """Return the time since the beginning (s) if the line is due for redrawing, else None."""
         now = time.monotonic()
         if not self._shown or now - self._told <= _EVERY:
             return None
@@ -313,12 +311,12 @@ class _Line:
         self._drawn = True
         try:
             print(f"\r\033[K{text[:COLUMNS]}", end="", file=sys.stderr, flush=True)
-        except OSError:  # the terminal is gone; nobody can be told
+        except OSError:  # the terminal is gone
             return
 
 
 class Progress(_Line):
-    """Points of a grid that are done, of those there are, impacts per second and time left."""
+    """Progress of a grid: points done of all points, impacts per second and time left."""
 
     def __init__(self, points: int) -> None:
         super().__init__()
@@ -328,7 +326,7 @@ class Progress(_Line):
         self._lock = threading.Lock()
 
     def add(self, points: int, impacts: int) -> None:
-        """Count in what was solved, in any thread; now and then the line is renewed."""
+        """Add solved points and impacts (from any thread); redraw the line if it is due."""
         with self._lock:
             self._done += points
             self._impacts += impacts
@@ -346,7 +344,7 @@ class Progress(_Line):
 
 
 class _Work(_Line):
-    """What is being drawn or measured, if that takes a while: one figure may take all of it."""
+    """Names what is being drawn or measured, once that has taken `_EVERY` seconds."""
 
     def __init__(self, verb: str) -> None:
         super().__init__()
@@ -357,13 +355,13 @@ class _Work(_Line):
             self._begun.start()
 
     def tell(self, what: str) -> None:
-        """Take down what is done next."""
+        """Show what is done next."""
         self._what = f"{self._verb}: {printable(what)}"
         if self._drawn:
             self._write(self._what)
 
     def end(self) -> None:
-        """Remove the line, if there was time for one."""
+        """Remove the line, if it was drawn."""
         self._begun.cancel()
         if self._shown:
             self._begun.join()
@@ -372,7 +370,7 @@ class _Work(_Line):
 
 @contextlib.contextmanager
 def work_told(verb: str = "drawing") -> Iterator[None]:
-    """Tell what is drawn in the block, figures or frames of a film; or measured."""
+    """Show what the block is drawing (figures, frames of a film) or measuring."""
     from vibro_cli.progress import WORK
 
     line = _Work(verb)
@@ -384,7 +382,7 @@ def work_told(verb: str = "drawing") -> Iterator[None]:
 
 
 def each_as_told(verb: str, results: Iterable[_Result]) -> Iterator[_Result]:
-    """Yield results as they come; until each does, tell what is done for it."""
+    """Yield results as they come; show what is being done while each is awaited."""
     coming = iter(results)
     while True:
         with work_told(verb):
@@ -396,7 +394,7 @@ def each_as_told(verb: str, results: Iterable[_Result]) -> Iterator[_Result]:
 
 
 class RunProgress(_Line):
-    """Simulated time (s) of a run, its impacts, their rate and the time left to the nearer stop."""
+    """Progress of a run: simulated time (s), impacts, their rate and time left to the next stop."""
 
     def __init__(self, name: str, stop_time: float | None, stop_impacts: int | None) -> None:
         super().__init__()
@@ -405,7 +403,7 @@ class RunProgress(_Line):
         self._first: tuple[float, int] | None = None
 
     def tell(self, simulated: float, impacts: int) -> None:
-        """Take down how far the run is; now and then the line is renewed."""
+        """Record the progress of the run; redraw the line if it is due."""
         if self._first is None:  # not 0 where a run is continued
             self._first = simulated, impacts
         elapsed = self._due()
@@ -422,7 +420,7 @@ class RunProgress(_Line):
         )
 
     def _share(self, simulated: float, impacts: int) -> float:
-        """The part of the way to the nearer stop that is done; 0 where that is not known."""
+        """Return the completed fraction of the way to the nearer stop, 0 if it is unknown."""
         assert self._first is not None
         shares = [
             (now - first) / (stop - first)
