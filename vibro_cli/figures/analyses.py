@@ -1,4 +1,4 @@
-"""Figures of analyses: what a fit leaves, a family of periodic orbits, the basins of a grid."""
+"""Figures of analyses: residuals of a fit, families of periodic orbits, basins of a grid."""
 
 from __future__ import annotations
 
@@ -56,9 +56,9 @@ _LABEL = 8.5
 
 
 def fit_figure(found: dict[str, Any]) -> Figure:
-    """Return the residuals (ms) over the number of the impact: before the fit, and after it.
+    """Draw the residuals (ms) before and after a fit over the number of the impact.
 
-    Bars are one standard deviation of the noise, the band two.
+    Error bars are one standard deviation of the noise, the band is two.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ def fit_figure(found: dict[str, Any]) -> Figure:
 
 
 _BESIDE = 0.03
-"""Room beside a family, as a share of its width."""
+"""Horizontal margin beside a family, as a share of its width."""
 _BRANCH_HEIGHTS = {"single": 32.0, "double": 42.0}
 STABLE = line(style.BLUE, 1.2)
 UNSTABLE = line(style.VERMILLION, 0.9, (3.0, 1.2))
@@ -101,24 +101,24 @@ _MARKS = {
 }  # fmt: skip
 _OTHER = ("o", "end")
 _ROUNDING = 1e-9
-"""Values that differ by less than this share of them are drawn as one."""
+"""Values whose relative differences are smaller than this are drawn as equal."""
 
 
 def branch_figure(found: dict[str, Any], label: str, width: str) -> Figure:
-    """Return period and size of the largest multiplier over a number of the scenario.
+    """Draw the period and the magnitude of the largest multiplier over a number of the scenario.
 
     Parameters
     ----------
     found
         Columns of ``orbits.parquet``.
     label
-        Of the number, with its unit.
+        Label of the number, with its unit.
     width
         "single" or "double".
     """
     value = np.asarray(found["value"], dtype=np.float64)
     stable = np.asarray(found["stable"], dtype=np.bool_)
-    whole = stable[:-1] & stable[1:]  # a piece of the curve has the look of its unstable end
+    whole = stable[:-1] & stable[1:]  # a segment with an unstable end is drawn as unstable
     kinds = found["special"]
     marks = dict.fromkeys(_MARKS.get(kind, _OTHER) for kind in kinds if kind)
     entries: list[Entry] = [
@@ -152,7 +152,7 @@ def branch_figure(found: dict[str, Any], label: str, width: str) -> Figure:
 
 
 def label_of_number(path: str) -> str:
-    """Return the label of the axis of a family over the number at a path, with its unit."""
+    """Return the axis label, with its unit, of the number at a path."""
     if path == ENERGY:
         return "energy [J]"
     return axis_words(words_of(path), unit_at(parsed_path(path), Scenario), Ticks((), ()))
@@ -162,7 +162,7 @@ def _look(marker: str) -> Look:
     return mark(marker, 3.4, style.BLACK) | {"fillstyle": "none", "clip_on": False, "zorder": 4.0}
 
 
-# Told apart in grey too.
+# Distinguishable in grey, too.
 _COLOURS = (
     "#F0E442", "#00579A", style.PURPLE, "#9FD9B4", "#C04A00", "#7CC7F0", "#3A1466", style.ORANGE,
     "#00463A",
@@ -171,12 +171,12 @@ _OTHERS = "#8a8a8a"
 _SHARE_POINT = mark("o", 3.2, style.BLUE)
 _LINE = line(style.BLACK, 0.8)
 _MOST = 1.25
-"""Where the axis of the share ends: the line may pass 1 a little."""
+"""Upper limit of the axis of shares: the fitted line may exceed 1 slightly."""
 _SCALING_HEIGHTS = {"single": 42.0, "double": 56.0}
 
 
 def coloured(outcomes: Outcomes) -> Categories:
-    """Return outcomes with their colours and shares of the points; the rarest share one colour."""
+    """Return outcomes with colours and shares of points; the rarest outcomes share one colour."""
     code = np.minimum(outcomes.code, len(_COLOURS))
     rest = len(outcomes.names) - len(_COLOURS)
     others = "1 other" if rest == 1 else f"{rest} others"
@@ -188,21 +188,27 @@ def coloured(outcomes: Outcomes) -> Categories:
 
 @dataclass(frozen=True)
 class Mapped:
-    """The basins of a grid on its map."""
+    """The basins of a grid and the map that shows them."""
 
     shown: ParameterMap
     outcomes: Outcomes
     basins: Basins
 
     def map(self, width: str) -> Figure | None:
-        """Return the map of the outcomes, None over one axis; ``ValueError`` for another width."""
+        """Draw the map of the outcomes; return None for a grid over one axis.
+
+        Raises ``ValueError`` for an unknown width.
+        """
         style.width_of(width)
         if len(self.shown.coordinates) < 2:
             return None
         return category_map(self.shown, width, coloured(self.outcomes))
 
     def scaling(self, width: str) -> Figure | None:
-        """Return the share of uncertain starts over the distance, None without any; else as map."""
+        """Draw the share of uncertain starts over distance; return None without an exponent.
+
+        Raises as :meth:`map` does.
+        """
         style.width_of(width)
         found = self.basins
         if found.exponent is None:
@@ -229,23 +235,23 @@ class Mapped:
 
 
 def default_outcome(grid: StoredGrid) -> list[str]:
-    """Return the columns that tell how a run ends and on which arc each body then is."""
+    """Return the columns of how a run ends and of the arc on which each body ends."""
     arcs = [name for name in grid.summary if name.startswith("arc_")]
     return ["end_cause", *(arcs if len(grid.shapes) > 1 else ())]
 
 
 def mapped_basins(grid: StoredGrid, outcome: Sequence[str]) -> Mapped:
-    """Return the basins over the two axes with the most values, or over the one that has enough.
+    """Return the basins over the two axes with the most values, or over one axis.
 
     Parameters
     ----------
     grid
-        All of its points.
+        A grid with all its points.
     outcome
-        Columns of the summary that tell an outcome together; none: `default_outcome`.
+        Columns of the summary that define an outcome together; if empty, `default_outcome`.
 
-    Raises `NoBasins` where no axis has enough numbers at even distances, or points are missing, and
-    for an outcome that is no column of words or whole numbers.
+    Raises `NoBasins` if no axis has enough evenly spaced numbers, if points are missing, or if an
+    outcome is not a column of words or whole numbers.
     """
     shown = _evenly(grid)
     if not shown.is_full:
@@ -257,7 +263,7 @@ def mapped_basins(grid: StoredGrid, outcome: Sequence[str]) -> Mapped:
 
 
 def _evenly(grid: StoredGrid) -> ParameterMap:
-    """The map over two axes that can be measured, else over one."""
+    """Return the map over two evenly spaced axes, else over one; raise `NoBasins` without any."""
     maps = [found for size in (2, 1) if (found := parameter_map(grid, size)) is not None]
     for shown in maps:
         if all(one.is_even and len(one.different) >= FEWEST for one in shown.coordinates):

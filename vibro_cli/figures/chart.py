@@ -1,4 +1,4 @@
-"""Charts: panels one above the other, axes, looks of bodies, dots of very many points."""
+"""Charts: stacked panels, axes, line styles of bodies, dots for very many points."""
 
 from __future__ import annotations
 
@@ -31,18 +31,18 @@ from vibro_cli.figures.ticks import (
 from vibro_cli.kernels.numerics.constants import EPSILON
 
 LEFT = 13.0
-"""Room for a vertical axis' label and numbers (mm)."""
+"""Room for the label and numbers of a vertical axis (mm)."""
 RIGHT = 3.0
 _BETWEEN = 3.0
 _BOTTOM = 8.5
 MOST_VECTOR_POINTS = 20000
-"""Of more points than this a curve is rasterised in PDF and SVG."""
+"""Curves with more points than this are rasterised in PDF and SVG."""
 _MOST_LOOKS = 12
-"""Bodies that have a look of their own."""
+"""Number of bodies with distinct line styles in the legend."""
 WIDE_RANGE = 50.0
-"""A range wider than this is shown on a logarithmic axis, or in logarithmic colours."""
+"""Ratio of greatest to least value above which axes and colours are logarithmic."""
 _LINE = 5.5
-"""Least distance of two numbers of a logarithmic axis (mm)."""
+"""Least distance between two numbers of a logarithmic axis (mm)."""
 _BELOW = 1.3
 """Room below the lowest of them (mm), clear of the numbers of the horizontal axis."""
 _DASHES: tuple[Any, ...] = ("solid", (0, (5, 1.5)), (0, (1, 1)), (0, (5, 1.5, 1, 1.5)))
@@ -53,12 +53,12 @@ MOST_COLOURS = len(_COLOURS)
 TOTAL = line(style.BLACK, 0.9)
 BAND: Look = {"color": style.BAND_GREY, "linewidth": 0.0, "zorder": 0.5}
 BAND_KEY = line(style.BAND_GREY, 4.0) | {"solid_capstyle": "butt"}
-"""The band in a legend."""
+"""Legend style of the band."""
 CONTACT_LABEL = "lasting contact"
 
 
 def body_look(ball: int) -> Look:
-    """Return the line of a body (from 1): colour and dashes, told apart in grey too."""
+    """Return the line style of a body (from 1): colour and dashes, distinguishable in grey."""
     return {
         "color": _COLOURS[(ball - 1) % len(_COLOURS)],
         "linestyle": _DASHES[(ball - 1) % len(_DASHES)],
@@ -67,14 +67,14 @@ def body_look(ball: int) -> Look:
 
 
 class Sheet:
-    """An empty figure of a size (mm), on which panels are put."""
+    """An empty figure of a given size (mm), on which panels are placed."""
 
     def __init__(self, wide: float, high: float) -> None:
         self.size = wide, high
         self.figure = Figure(figsize=(wide * MM, high * MM))
 
     def panel(self, left: float, bottom: float, wide: float, high: float) -> Axes:
-        """Return a new panel of a size, its corner so far from that of the figure (mm)."""
+        """Return a new panel; position of its lower left corner and size in mm."""
         width, height = self.size
         box = (left / width, bottom / height, wide / width, high / height)
         return self.figure.add_axes(box)
@@ -87,21 +87,21 @@ class Sheet:
         return axes
 
     def write(self, left: float, bottom: float, text: str, **look: Any) -> None:
-        """Write a text that begins so far from the corner of the figure (mm)."""
+        """Write a text that begins at a point (mm from the lower left corner of the figure)."""
         width, height = self.size
         self.figure.text(left / width, bottom / height, text, **look)
 
 
 class Cell(NamedTuple):
-    """A panel that stands beside and under others, with the room around it (mm)."""
+    """Size of a panel in a row of panels, and the room around it (mm)."""
 
     wide: float
     high: float
     over: float
-    """Room over it, for words."""
+    """Room above it, for words."""
     under: float
     beside: float
-    """Room between it and the next one."""
+    """Room between it and the next panel."""
 
 
 def in_rows(
@@ -113,10 +113,10 @@ def in_rows(
     above: float,
     below: float = 0.0,
 ) -> tuple[Sheet, list[tuple[float, float]]]:
-    """Return a sheet for so many panels in rows, and their lower left corners (mm).
+    """Return a sheet for `number` panels in rows, and their lower left corners (mm).
 
-    `wide` is the width of the sheet, `left` the room at its left edge, `above` and `below` that
-    over and under all of them.
+    `wide` is the width of the sheet, `left` the room at its left edge, `above` and `below` the
+    room over and under all panels.
     """
     row = cell.over + cell.high + cell.under
     total = above + math.ceil(number / columns) * row + below
@@ -133,8 +133,8 @@ def stacked(
 ) -> tuple[Figure, list[Axes]]:
     """Return a figure with panels of the given heights (mm), top to bottom.
 
-    `above` is the room for a line of legend (mm), `entries` the legend if it may have more.
-    Raises ValueError for a width that is neither `single` nor `double`.
+    `above` is the room for one row of a legend (mm). The legend of `entries` is drawn and may take
+    more rows. Raises ValueError for a width that is neither `single` nor `double`.
     """
     wide = width_of(width)
     rows = rows_of(entries, wide - RIGHT) if entries else []
@@ -151,9 +151,9 @@ def stacked(
 
 
 def time_axis(axes: Axes, end: float, labelled: bool = True, whole: float | None = None) -> None:
-    """Set the horizontal axis of time from 0 to `end` (s), of a run as long as `whole` (s).
+    """Set up a horizontal time axis from 0 to `end` (s) for a run of `whole` seconds.
 
-    Its label says which part is shown, where that is not the whole run.
+    The label states which part is shown if that is not the whole run.
     """
     end = end if end > 0.0 else 1.0
     axes.set_xlim(0.0, end)
@@ -163,14 +163,14 @@ def time_axis(axes: Axes, end: float, labelled: bool = True, whole: float | None
 
 
 def first_part(end: float, whole: float) -> str:
-    """Return in words, behind a unit, that a run is shown up to a time (s) if that is not all."""
+    """Return words for a label if only the first `end` of `whole` seconds are shown, else ""."""
     if end >= whole:
         return ""
     return f", the first {short_number(end, 3)} s of {short_number(whole, 4)} s"
 
 
 def _clear_of_edge(axes: Axes, whole: bool = False) -> Ticks:
-    """Return ticks of a horizontal axis without the labels that would reach over the edge."""
+    """Return ticks of a horizontal axis without labels that would extend beyond the figure."""
     (low, high), (width, _) = axes.get_xlim(), panel_size(axes)
     ticks, labels = number_ticks(low, high, width, whole), []
     for place, text in zip(ticks.places, ticks.labels, strict=True):
@@ -180,7 +180,7 @@ def _clear_of_edge(axes: Axes, whole: bool = False) -> Ticks:
 
 
 def count_axis(axes: Axes, numbers: Any, labelled: bool = True) -> None:
-    """Set the horizontal axis of the numbers of impacts."""
+    """Set up a horizontal axis of impact numbers."""
     low, high = (0.5, float(np.max(numbers)) + 0.5) if len(numbers) else (0.5, 1.5)
     axes.set_xlim(low, high)
     if high - low < 8.0:
@@ -192,10 +192,10 @@ def count_axis(axes: Axes, numbers: Any, labelled: bool = True) -> None:
 
 
 def value_axis(axes: Axes, values: ArrayLike, symbol: str, unit: str, whole: bool = False) -> None:
-    """Set a vertical axis that shows values, with round numbers; those not finite do not count.
+    """Set up a vertical axis for values, of which those that are not finite are ignored.
 
-    In units of a power of ten where the numbers are long; angles (rad) have parts of π, what is
-    counted (`whole`) whole numbers.
+    Ticks are round numbers, scaled by a power of ten if they are long; parts of π for angles
+    (rad), and whole numbers for counts (`whole`).
     """
     low, high = limits_around(values)
     axes.set_ylim(low, high)
@@ -208,9 +208,9 @@ def value_axis(axes: Axes, values: ArrayLike, symbol: str, unit: str, whole: boo
 
 
 def limits_around(values: ArrayLike) -> tuple[float, float]:
-    """Return the limits of an axis that shows values, with room; those not finite do not count.
+    """Return limits, with a margin, of an axis for values; ignore those that are not finite.
 
-    Values that are one but for rounding lie in the middle.
+    Values that are equal up to rounding lie in the middle.
     """
     finite = np.asarray(values, dtype=np.float64)
     finite = finite[np.isfinite(finite)]
@@ -223,10 +223,10 @@ def limits_around(values: ArrayLike) -> tuple[float, float]:
 
 
 def plane_axes(axes: Axes, low: Array, high: Array, labelled: bool = True, after: str = "") -> None:
-    """Set both axes of a plane in m, from the corner `low` to `high`.
+    """Set up both axes of a plane in m, from the corner `low` to the corner `high`.
 
-    Without `labelled` the horizontal axis has ticks, but no numbers and no name, behind which
-    `after` is said.
+    Without `labelled`, the horizontal axis has ticks but neither numbers nor a name; `after` is
+    appended to the name.
     """
     axes.set_xlim(low[0], high[0])
     axes.set_ylim(low[1], high[1])
@@ -241,10 +241,10 @@ def number_plane(
     after: str = "",
     larger: float = 1.0,
 ) -> None:
-    """Write numbers and names at both axes of a plane whose limits are set.
+    """Label both axes of a plane whose limits are set.
 
-    `across` and `along` are symbols and units, `after` is said behind the first; two axes in one
-    unit have one power of ten. Letters are `larger` than in print by this factor.
+    `across` and `along` are symbols and units; `after` is appended to the horizontal label. Two
+    axes with the same unit share a power of ten. `larger` is the magnification of letters.
     """
     wide, high = panel_size(axes)
     across_ticks = number_ticks(*axes.get_xlim(), wide / larger)
@@ -256,10 +256,7 @@ def number_plane(
 
 
 def positive_axis(axes: Axes, values: Array, symbol: str, unit: str) -> None:
-    """Set a vertical axis of values that are not negative: logarithmic where they range widely.
-
-    Else from 0.
-    """
+    """Set up a vertical axis of non-negative values: logarithmic for a wide range, else from 0."""
     positive = values[np.isfinite(values) & (values > 0.0)]
     if len(positive) and is_wide(positive):
         log_axis(axes, positive, symbol, unit)
@@ -268,12 +265,12 @@ def positive_axis(axes: Axes, values: Array, symbol: str, unit: str) -> None:
 
 
 def is_wide(values: Array) -> bool:
-    """Return whether values are positive and range so widely that their axis is logarithmic."""
+    """Return whether values are positive and their range is wide enough for a logarithmic axis."""
     return bool(0.0 < WIDE_RANGE * np.min(values) < np.max(values))
 
 
 def log_axis(axes: Axes, values: Array, symbol: str, unit: str) -> None:
-    """Set a logarithmic vertical axis around positive values, from one power of ten to another."""
+    """Set up a logarithmic vertical axis for positive values, between two powers of ten."""
     positive = values[np.isfinite(values) & (values > 0.0)]
     low, high = (float(np.min(positive)), float(np.max(positive))) if len(positive) else (0.1, 1.0)
     bottom, top = np.floor(np.log10(low) - 0.05), np.ceil(np.log10(high) + 0.05)
@@ -289,7 +286,7 @@ def log_axis(axes: Axes, values: Array, symbol: str, unit: str) -> None:
 
 
 def contact_times(run: Recorded) -> list[tuple[float, float]]:
-    """Return from when to when (s) bodies are in lasting contact, joined where they follow on."""
+    """Return the time spans (s) of lasting contact of any bodies; join adjacent spans."""
     flights = run.flights()
     rows = np.flatnonzero(flights["contact"])
     return joined(
@@ -298,7 +295,7 @@ def contact_times(run: Recorded) -> list[tuple[float, float]]:
 
 
 def joined(spans: Iterable[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Return spans of time in order, those as one that follow on one another or overlap."""
+    """Return time spans in order, with those that touch or overlap merged."""
     found: list[tuple[float, float]] = []
     for start, end in sorted(spans):
         if found and start <= found[-1][1]:
@@ -315,12 +312,12 @@ def draw_contacts(axes: Axes, spans: Sequence[tuple[float, float]]) -> None:
 
 
 def band_entry(spans: Sequence[tuple[float, float]]) -> list[Entry]:
-    """Return the legend's entry of the bands, if there are any."""
+    """Return the legend entry of the bands, if there are any."""
     return [(CONTACT_LABEL, line(style.BAND_GREY, 4.0))] if spans else []
 
 
 def body_entries(run: Any, most: int = _MOST_LOOKS) -> list[Entry]:
-    """Return the legend's entries of the bodies; of more than `most` only the first."""
+    """Return the legend entries of the bodies, or of the first `most` if there are more."""
     number = len(run.system.bodies)
     shown = range(1, min(number, most) + 1)
     entries = [
@@ -331,18 +328,18 @@ def body_entries(run: Any, most: int = _MOST_LOOKS) -> list[Entry]:
 
 
 MANY = " Of very many impacts those that fall on one spot are one dot."
-"""What a caption says of marks that are drawn by :func:`draw_marks`."""
+"""Sentence for the captions of figures with marks drawn by :func:`draw_marks`."""
 MOST_MARKS = 200_000
-"""Of more points than this each is a pixel."""
+"""Number of points above which each is drawn as a pixel."""
 _PIXEL = 0.06
 """Size of such a pixel (mm)."""
 _POINT = 25.4 / 72.0
 """A typographic point (mm)."""
 _CELLS = (5120, 1024)
-"""Halves of such pixels across and along the widest chart over time."""
+"""Number of half pixels across and along the widest chart over time."""
 _AT_ONCE = 1 << 18
 _EDGE = 1e-9
-"""Share of the axes by which rounding may move a point over their edge."""
+"""Share of the axes by which rounding may move a point beyond their edge."""
 
 
 def draw_dots(
@@ -351,7 +348,7 @@ def draw_dots(
 ) -> None:  # fmt: skip
     """Draw a dot for each point in the colour of its value, later ones over earlier ones.
 
-    The limits of the axes, and their scales, have to be set.
+    The limits and scales of the axes must be set.
     """
     if len(values) <= MOST_MARKS:
         dots = axes.scatter(
@@ -366,25 +363,26 @@ def draw_dots(
 def draw_marks(
     axes: Axes, across: Array, along: Array, diameter: float, colour: str | Colormap
 ) -> None:
-    """Draw round marks of very many points: those that fall in one pixel are drawn once.
+    """Draw round marks for very many points; points in the same pixel are drawn once.
 
     Parameters
     ----------
     axes
-        With its limits, on whatever scales.
+        Axes of any scale, with their limits set.
     across, along
-        Coordinates, shape (points,); those that are not finite are left out.
+        Coordinates, shape (points,); values that are not finite are left out.
     diameter
-        Of a mark, in points.
+        Diameter of a mark, in typographic points.
     colour
-        Of all, or the colours of their numbers, in which later ones lie over earlier ones.
+        One colour for all marks, or a colour map over their numbers; then later marks lie over
+        earlier ones.
     """
     numbers = np.arange(1.0, len(across) + 1.0)
     pixels = _spread(_pixels(axes, across, along, numbers), 0.5 * diameter * _POINT / _PIXEL)
     there = np.isfinite(pixels)
     shown = np.zeros((*pixels.shape, 4), dtype=np.uint8)
     if isinstance(colour, Colormap):
-        # As bytes: values would be resampled as doubles, and masked.
+        # Convert to bytes here: matplotlib would resample the values as masked doubles.
         share = (pixels[there] - 1.0) / max(len(across) - 1, 1)
         shown[there] = colour(share, bytes=True)
     else:
@@ -393,9 +391,10 @@ def draw_marks(
 
 
 def told_apart(across: Array, values: Array) -> Integers:
-    """Return the rows of points that a chart can tell apart, with its values on a logarithmic axis.
+    """Return the rows of the points that are distinguishable on a chart with a logarithmic axis.
 
-    Of those within half a pixel the last one. Values are not negative; 0 is apart from all others.
+    Of the points in the same half pixel the last is kept. Values are non-negative; zeros have a
+    row of pixels of their own.
     """
     columns, rows = _CELLS
     positive = (values > 0.0) & np.isfinite(values)
@@ -414,7 +413,7 @@ def told_apart(across: Array, values: Array) -> Integers:
 
 
 def _pixels(axes: Axes, across: Array, along: Array, values: Array) -> Array:
-    """Return the pixels of axes, rows from below: the value of the last point in each, or nan."""
+    """Return the pixels of axes, lowest row first: the value of the last point in each, or NaN."""
     wide, tall = panel_size(axes)
     columns, rows = max(1, round(wide / _PIXEL)), max(1, round(tall / _PIXEL))
     pixels = np.full((rows, columns), np.nan)
@@ -430,7 +429,7 @@ def _pixels(axes: Axes, across: Array, along: Array, values: Array) -> Array:
 
 
 def _spread(pixels: Array, radius: float) -> Array:
-    """Return pixels each spread over a disc, of a radius in pixels; the greatest value stays."""
+    """Spread each pixel over a disc of a radius in pixels; overlapping discs keep the maximum."""
     from scipy.ndimage import grey_dilation
 
     reach = np.arange(-int(radius), int(radius) + 1)
@@ -442,7 +441,7 @@ def _spread(pixels: Array, radius: float) -> Array:
 
 
 def _show(axes: Axes, pixels: NDArray[Any], **look: Any) -> None:
-    """Draw pixels that fill axes: values with their colours, or red, green, blue and opacity."""
+    """Draw pixels that fill axes: values with a colour map in `look`, or RGBA pixels."""
     image = AxesImage(
         axes, extent=(0.0, 1.0, 0.0, 1.0), origin="lower", interpolation="nearest",
         transform=axes.transAxes, zorder=2.0, **look,

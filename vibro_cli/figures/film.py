@@ -1,7 +1,7 @@
 """Films as files: GIF by Pillow, MP4 by the program ffmpeg.
 
-A frame shows the plan with the bodies in motion, and beside it a plane with a point for each
-body. What is shown of a run is its system's: see ``System.film``.
+A frame shows a plan with the moving bodies, and beside it a phase plane with a point for each
+body. Each system defines what its films show: see ``System.film``.
 """
 
 from __future__ import annotations
@@ -33,27 +33,27 @@ from vibro_cli.progress import WORK
 
 @dataclass(frozen=True)
 class Panel:
-    """The plane beside the plan, of speed against place."""
+    """The phase plane beside the plan: speed against place."""
 
     symbol: str
-    """Of the place, in the letters of matplotlib"""
+    """Symbol of the place, in matplotlib's mathtext"""
     words: str
-    """The plane in words: "speed against ..." """
+    """Description of the plane: "speed against ..." """
     lines: tuple[float, ...] = ()
-    """Places at which the motion changes its law (m)"""
+    """Places at which the law of motion changes (m)"""
 
 
 @dataclass(frozen=True)
 class Link:
-    """What holds a body: a polyline from its foot to the centre of the body."""
+    """The spring that holds a body: a polyline from a fixed foot to the centre of the body."""
 
     foot: tuple[float, float]
-    """Place of its foot (m)"""
+    """Place of the foot (m)"""
     coil: Array
-    """Shape (points, 2): how far along, as a share of its length, and how far aside (m)"""
+    """Points, shape (points, 2): distance along, as a share of the length, and aside (m)"""
 
     def points(self, x: float, y: float) -> Array:
-        """Return its points (m) when the centre is at a place, shape (points, 2)."""
+        """Return its points (m), shape (points, 2), for the centre of the body at (x, y)."""
         along = np.array([x, y]) - self.foot
         length = float(np.hypot(*along)) or 1.0
         side = np.array([-along[1], along[0]]) / length
@@ -62,40 +62,40 @@ class Link:
 
 @dataclass(frozen=True)
 class Ground:
-    """What does not move in a film."""
+    """The fixed parts of a film."""
 
     radii: tuple[float, ...]
-    """Of the bodies (m)"""
+    """Radii of the bodies (m)"""
     low: Array
-    """Lower left corner of what the plan has to show (m)"""
+    """Lower left corner of the region that the plan must show (m)"""
     high: Array
     """Upper right corner (m)"""
     draw: Callable[[Axes, float], None]
-    """Draws it on the plan, half of whose width is so many metres"""
+    """Draws the fixed parts on the plan; its second argument is half the plan's width (m)"""
     words: str
-    """The plan in words: "the trace" """
+    """Description of the plan: "the trace" """
     panel: Panel | None
-    """None where the points move on the plan itself"""
+    """The phase plane, None if the points move on the plan itself"""
     links: tuple[Link, ...] = ()
-    """What holds the bodies, one for each, or none"""
+    """The springs that hold the bodies, one for each body, or none"""
 
 
 @dataclass(frozen=True)
 class Trail:
-    """What a point in the plane runs through: states at frames, and jumps where they are."""
+    """The path of a point in the plane: states at the frames, and jumps at impacts."""
 
     time: Array
-    """Times (s), not falling; shape (points,)."""
+    """Times (s), non-decreasing; shape (points,)."""
     across: Array
-    """Place (m); NaN where the trail breaks: at the seam of a closed trace, and before what it
-    has not of the time between two frames."""
+    """Place (m); NaN where the trail breaks: at the seam of a closed trace, and where frames are
+    further apart than the trail is long."""
     up: Array
     """Speed of the centre (m/s), or the second coordinate (m)."""
 
 
 @dataclass(frozen=True)
 class Frames:
-    """States at the times of frames; arrays of shape (frames, bodies) but for the times."""
+    """States at the times of the frames; arrays have shape (frames, bodies), except the times."""
 
     ground: Ground
     time: Array
@@ -105,16 +105,16 @@ class Frames:
     y: Array
     """Height of the centre, or the other coordinate in a horizontal plane (m)."""
     turn: Array | None
-    """Angle (rad) by which the body has turned since the first frame, clockwise; None where the
-    plane shown is not that in which it turns."""
+    """Angle (rad) by which the body has turned since the first frame, clockwise; None if it does
+    not turn in the plane shown."""
     across: Array
-    """Where the point of the body is in the plane: place (m)."""
+    """First coordinate of the body's point in the plane: place (m)."""
     up: Array
-    """The same: signed speed of the centre (m/s), or the second coordinate (m)."""
+    """Second coordinate: signed speed of the centre (m/s), or place (m)."""
     trails: tuple[Trail, ...]
-    """Of every body."""
+    """Trails of all bodies."""
     span: float
-    """How far back a trail goes (s): longer ones would cover one another."""
+    """Length of a trail in time (s); longer trails would cover one another."""
 
 
 States = tuple[Array, Array, Array, int]
@@ -122,9 +122,9 @@ States = tuple[Array, Array, Array, int]
 
 
 def struck(run: Any, body: int, place: str) -> Iterator[States]:
-    """Yield the states of a body (from 0) before and after its impacts on others.
+    """Yield the states of a body (from 0) before and after its impacts on other bodies.
 
-    `place` is the column of its place (m), without the end of the pair.
+    `place` is the name of the column of its place (m), without the suffix `_a` or `_b`.
     """
     table = run.collisions
     for side in "ab":
@@ -138,9 +138,9 @@ def struck(run: Any, body: int, place: str) -> Iterator[States]:
 def frame_times(start: float, end: float, pace: float, rate: int) -> Array:
     """Return the times (s) of frames from `start` to `end`.
 
-    `pace` is the motion's time per film's time, `rate` the frames of a film's second.
+    `pace` is the time of the motion (s) per second of film, `rate` the frames per second of film.
 
-    Raises ``ValueError`` for more frames than a film may have.
+    Raises ``ValueError`` for more than `MOST_FRAMES` frames.
     """
     step = pace / rate
     number = math.floor((end - start) / step * (1.0 + 1e-12)) + 1
@@ -154,16 +154,16 @@ def frame_times(start: float, end: float, pace: float, rate: int) -> Array:
 
 
 def clock_digits(times: Array) -> int:
-    """Return the decimals of the clock (s): three, or as many as tell the frames apart."""
+    """Return the decimals of the clock (s): three, or as many as distinguish the frames."""
     if len(times) < 2:
         return 3
     return max(3, -math.floor(math.log10(times[1] - times[0])))
 
 
 def times_between(times: Array, step: float, span: float) -> Array:
-    """Return times (s) before each frame, `step` apart and as far back as `span`.
+    """Return the extra times (s) at which trails are sampled between the frames.
 
-    Where frames lie too far apart for a line through them to be the motion; else none.
+    Between frames more than `step` apart, they lie `step` apart and up to `span` before a frame.
     """
     added = [
         np.arange(now - step, max(before, now - span), -step)[::-1]
@@ -176,8 +176,8 @@ def times_between(times: Array, step: float, span: float) -> Array:
 def trail(times: Array, span: float, parts: Iterable[States], seam: float = math.inf) -> Trail:
     """Return the trail through states, in order of their times; impacts are vertical jumps.
 
-    Where frames (`times`, s) are further apart than a trail is long (`span`, s) there is nothing
-    between. Steps of more than `seam` (m) are over the seam of a closed trace.
+    The trail breaks between frames (`times`, s) that are more than `span` (s) apart, and at steps
+    of more than `seam` (m), which cross the seam of a closed trace.
     """
     shown = [_within(times, span, part) for part in parts]
     time, across, up = (np.concatenate([part[n] for part in shown]) for n in range(3))
@@ -196,7 +196,7 @@ def trail(times: Array, span: float, parts: Iterable[States], seam: float = math
 
 
 def _within(times: Array, span: float, states: States) -> States:
-    """Return those states that are not before all frames, after them or in a gap of the trail."""
+    """Return the states between the first and the last frame that are not in a gap of the trail."""
     time, across, up, order = states
     following = np.searchsorted(times, time, side="left")
     ahead = times[np.minimum(following, len(times) - 1)] - time
@@ -212,11 +212,11 @@ def trails_of(
     more: Callable[[Any, int], Iterable[States]] = lambda run, body: (),
     seam: float = math.inf,
 ) -> tuple[Array, Array, tuple[Trail, ...], float]:
-    """Return places (m) and speeds (m/s) at frames (`times`, s), trails, and how long they are (s).
+    """Return places (m) and speeds (m/s) at frames (`times`, s), trails, and their length (s).
 
-    Of centres that move along a line or trace: `place` is the column of their places, `periods` are
-    those of small oscillations (s), `more` gives further states of a body (from 0), `seam` is as
-    for :func:`trail`.
+    The centres move along a line or trace. `place` is the column of their places, `periods` (s)
+    are those of small oscillations, `more` gives further states of a body (from 0), and `seam` is
+    as for :func:`trail`.
     """
     span = max(periods)
     between = times_between(times, min(periods) / _PER_PERIOD, span)
@@ -233,7 +233,7 @@ def trails_of(
 
 
 def sampled(run: Any, times: Array, place: str) -> tuple[Array, Array]:
-    """Return places (m), a column of the motion, and speeds (m/s), shape (times, bodies)."""
+    """Return places (m), from the column `place`, and speeds (m/s); shape (times, bodies)."""
     shape = len(times), len(run.system.bodies)
     if not len(times):
         return np.empty(shape), np.empty(shape)
@@ -244,23 +244,23 @@ def sampled(run: Any, times: Array, place: str) -> tuple[Array, Array]:
 
 
 _PER_PERIOD = 64
-"""Points of a trail in the shortest period."""
+"""Points of a trail per shortest period."""
 SIZE = (6.4, 3.6)
 """Width and height (inches)."""
 TRAIL = 50
-"""Frames of which the points in the phase plane leave a trail."""
+"""Length of a trail in the phase plane, in frames."""
 _WIDE = 1.7
-"""A plan with a greater ratio of width to height has the plane below it, not beside it."""
+"""Ratio of width to height of a plan above which the plane is placed below it, not beside it."""
 _LEAST = 0.008
-"""Least radius of a body that is drawn, as a share of the width of the plan, ..."""
+"""Least radius with which a body is drawn, as a share of the width of the plan, ..."""
 _MOST_LARGER = 100
-"""... of so many bodies at most: of more, larger ones than they are would lie over one another."""
+"""... if there are at most this many bodies: more enlarged bodies would overlap."""
 _LARGER = 1.6
-"""How much larger letters are than in print: a film is looked at on a phone too."""
+"""Magnification of letters relative to print, so that films can be watched on a phone."""
 
 
 class FilmFrame:
-    """The plan and the plane of all frames, which are drawn on it one after the other."""
+    """The figure with the plan and the plane, on which the frames are drawn one after another."""
 
     def __init__(self, frames: Frames, dpi: float) -> None:
         self.frames, self.ground = frames, frames.ground
@@ -286,7 +286,7 @@ class FilmFrame:
         return plan, plane
 
     def _draw_plan(self) -> None:
-        """Draw what does not move, to scale, in the middle of its panel."""
+        """Draw the fixed parts to scale in the middle of their panel."""
         low, high = self.ground.low, self.ground.high
         box = self.plan.get_position()
         size = np.array([box.width * SIZE[0], box.height * SIZE[1]])
@@ -301,7 +301,7 @@ class FilmFrame:
         self.drawn_radii = [max(one, least) for one in radii]
 
     def _draw_plane(self, panel: Panel) -> None:
-        """Draw the axes of speed against place, as wide as the motion, between frames too."""
+        """Draw the axes of speed against place; they contain the motion between frames, too."""
         axes, frames = self.plane, self.frames
         across = [frames.across.ravel(), *(way.across for way in frames.trails)]
         up = [frames.up.ravel(), *(way.up for way in frames.trails)]
@@ -312,7 +312,7 @@ class FilmFrame:
             axes.axvline(place, color=style.LEVEL_GREY, linewidth=0.5, zorder=0.8)
 
     def place(self, axes: Axes) -> tuple[float, float, float, float]:
-        """Return a, b, c, d of x' = a + b x, y' = c + d y: pixels from the upper left corner."""
+        """Return a, b, c, d of x' = a + b x, y' = c + d y, in pixels from the upper left corner."""
         box = axes.get_position()
         wide, high = (side * self.figure.dpi for side in SIZE)
         (left, right), (low, top) = axes.get_xlim(), axes.get_ylim()
@@ -322,7 +322,7 @@ class FilmFrame:
 
 
 class Film(FilmFrame):
-    """Frames that are taken as pictures: what does not move is drawn once."""
+    """Renders the frames as pictures; the fixed parts are drawn only once."""
 
     def __init__(self, frames: Frames, dpi: float) -> None:
         super().__init__(frames, dpi)
@@ -346,7 +346,7 @@ class Film(FilmFrame):
         return _Moving(disk, spoke, link, line, point)
 
     def _past(self, frame: int, body: int) -> tuple[Array, Array]:
-        """Return the last part of a body's trail (m, m/s)."""
+        """Return the part of a body's trail that a frame shows (m, m/s)."""
         way, times = self.frames.trails[body], self.frames.time
         begins = max(times[max(0, frame - TRAIL)], times[frame] - self.frames.span)
         first = int(np.searchsorted(way.time, begins))
@@ -375,7 +375,7 @@ class Film(FilmFrame):
         return np.array(self.canvas.buffer_rgba())[:, :, :3]
 
     def _move(self, frame: int, body: int, moving: _Moving) -> None:
-        """Bring a body, its link, its point and its trail to a frame."""
+        """Move a body, its link, its point and its trail to their places in a frame."""
         states = self.frames
         x, y = states.x[frame, body], states.y[frame, body]
         moving.disk.set_center((x, y))
@@ -391,7 +391,7 @@ class Film(FilmFrame):
 
 
 class _Moving(NamedTuple):
-    """What is drawn of a body."""
+    """The moving artists of a body."""
 
     disk: Circle
     spoke: Line2D
@@ -403,12 +403,12 @@ class _Moving(NamedTuple):
 FORMS = ("gif", "mp4")
 MOST_FRAMES = 20000
 SECONDS = 30.0
-"""Length of a film (s) where no end is asked for."""
+"""Default length of a film (s)."""
 _DPI = {"mp4": 200.0, "gif": 100.0}
 _COLOURS = 63
-"""Of a GIF; one more is clear."""
+"""Number of colours of a GIF, besides the transparent one."""
 _TOLD_EVERY = 25
-# One thread and nothing of time or machine in the file: equal input gives equal bytes.
+# One thread, and no time or machine in the metadata, so that equal input gives equal bytes.
 _ENCODING = [
     *("-an", "-c:v", "libx264", "-preset", "medium", "-crf", "18", "-pix_fmt", "yuv420p"),
     *("-threads", "1", "-map_metadata", "-1", "-fflags", "+bitexact", "-flags:v", "+bitexact"),
@@ -417,11 +417,11 @@ _ENCODING = [
 
 
 class NoFilm(VibroError):
-    """A film cannot be made; the message says why and what else there is."""
+    """Raised if a film cannot be made; the message says why and names alternatives."""
 
 
 def check_encoder(form: str) -> None:
-    """Raise `NoFilm` where ffmpeg is needed for films of a form, `mp4`, and is not there."""
+    """Raise `NoFilm` if a format needs ffmpeg (`mp4` does) and it is not installed."""
     if form == "mp4" and shutil.which("ffmpeg") is None:
         raise NoFilm(
             "a film as .mp4 needs the program ffmpeg, which is not there; .gif and .html do not"
@@ -431,7 +431,7 @@ def check_encoder(form: str) -> None:
 def movie(frames: Frames, rate: int, form: str) -> bytes:
     """Return a film as the bytes of a file; `form` is `gif` or `mp4`.
 
-    `rate` is the number of frames in a second. Raises `NoFilm` where ffmpeg is not there, or fails.
+    `rate` is the number of frames per second. Raises `NoFilm` if ffmpeg is missing or fails.
     """
     check_encoder(form)
     film = Film(frames, _DPI[form])
@@ -439,12 +439,12 @@ def movie(frames: Frames, rate: int, form: str) -> bytes:
 
 
 def _gif(film: Film, rate: int) -> bytes:
-    """Return a GIF, made frame by frame: Pillow's writer of several would hold them all."""
+    """Return a GIF, encoded frame by frame: Pillow's own writer would keep all frames in memory."""
     from PIL import Image
     from PIL.GifImagePlugin import getdata, getheader
 
     first = Image.fromarray(film.picture(0)).quantize(_COLOURS)
-    # What does not change is clear, the colour after the last.
+    # Pixels that do not change are transparent; that colour's index follows the last colour.
     look: dict[str, Any] = {"duration": round(1000 / rate), "transparency": _COLOURS}
     parts = [*getheader(first.copy(), info={"loop": 0})[0], *getdata(first, **look)]
     before = np.asarray(first)
@@ -459,7 +459,7 @@ def _gif(film: Film, rate: int) -> bytes:
 
 
 def _box(changed: Flags) -> tuple[int, int, int, int]:
-    """Return left, upper, right and lower edge of what changed; of one pixel if nothing did."""
+    """Return the left, upper, right and lower edges of the changed region; one pixel if none."""
     rows, columns = (np.flatnonzero(np.any(changed, axis=axis)) for axis in (1, 0))
     if not len(rows):
         return 0, 0, 1, 1
@@ -482,7 +482,7 @@ def _mp4(film: Film, rate: int) -> bytes:
                 for frame in range(len(film.frames.time)):
                     encoder.stdin.write(film.picture(frame).tobytes())
             except BrokenPipeError:
-                pass  # ffmpeg gave up; its own words say why
+                pass  # ffmpeg has exited; its own message is reported below
             finally:
                 encoder.stdin.close()
         if encoder.returncode:

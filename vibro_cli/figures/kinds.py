@@ -1,4 +1,4 @@
-"""Kinds of figures, those of a grid by name, with what they show in words."""
+"""Kinds of figures with titles and captions; the kinds of a grid by name."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ Source = TypeVar("Source")
 
 @dataclass(frozen=True)
 class Drawn:
-    """A figure with its words."""
+    """A figure with its title and caption."""
 
     name: str
     """Stem of its files."""
@@ -53,16 +53,16 @@ class Kind(Generic[Source]):
     """One kind of figure of a whole run, or of a grid."""
 
     draw: Callable[[Source, str], Figure | None]
-    """From a run or grid and a width; None where it has nothing to show."""
+    """Draws a run or grid at a width; returns None if there is nothing to show."""
     title: str
     caption: str
     needs: str = ""
-    """Of a grid: when it has something to show."""
+    """For a grid: the condition under which there is something to show."""
     dimensions: int = 2
-    """Of a grid: over how many of its axes it is."""
+    """For a grid: the number of its axes that the figure is over."""
 
     def drawn(self, name: str, run: Source, width: str) -> Iterator[Drawn]:
-        """Draw it, if it shows anything."""
+        """Yield the figure, if there is anything to show."""
         WORK.report(self.title)
         figure = self.draw(run, width)
         if figure is not None:
@@ -71,21 +71,21 @@ class Kind(Generic[Source]):
 
 @dataclass(frozen=True)
 class KindOfBody:
-    """One kind of figure of each body of a run."""
+    """One kind of figure that is drawn for each body of a run."""
 
     draw: Callable[[Any, int, str], Figure]
-    """From a run, a body from 1, and a width."""
+    """Draws a body (from 1) of a run at a width."""
     title: str
-    """Before the number of the body."""
+    """Title, to which the number of the body is appended."""
     caption: str
 
     def drawn(self, name: str, run: Any, width: str) -> Iterator[Drawn]:
-        """Draw it of every body."""
+        """Yield the figure of every body."""
         for ball in range(1, len(run.system.bodies) + 1):
             yield self.of(name, run, ball, width)
 
     def of(self, name: str, run: Any, ball: int, width: str) -> Drawn:
-        """Draw it of one body (from 1)."""
+        """Return the figure of one body (from 1)."""
         title = f"{self.title} {ball}"
         WORK.report(title)
         figure = self.draw(run, ball, width)
@@ -115,7 +115,7 @@ EXPONENTS: Kind[Any] = Kind(
 def draw_all(
     run: Any, names: Sequence[str] | None = None, width: str = "double"
 ) -> Iterator[Drawn]:
-    """Draw kinds of figures of a run, all or those named; those that show nothing are left out.
+    """Yield the figures of a run, of all kinds or of those named; empty figures are left out.
 
     Raises ValueError for an unknown kind.
     """
@@ -129,9 +129,9 @@ def draw_all(
 
 
 def draw_one(run: Any, name: str, body: int = 1, width: str = "double") -> Drawn | None:
-    """Return one figure of a run of any system, None where it has nothing to show.
+    """Return one figure of a run of any system, or None if it has nothing to show.
 
-    The arguments are those of `Run.figure`; raises ValueError for another kind, body or width.
+    The arguments are those of `Run.figure`. Raises ValueError for an unknown kind, body or width.
     """
     kinds = run.kind.figures
     width_of(width)
@@ -148,7 +148,7 @@ CONTACT_WORDS = "last impact, where contact begins [s]"
 
 
 def _impacts(grid: StoredGrid, width: str, counted: str = "collisions") -> Figure | None:
-    """How many impacts of one kind there are, where there can be any."""
+    """Draw the map of the number of impacts in the column `counted`; return None if all are 0."""
     values = np.asarray(grid.summary.get(counted, 0.0), dtype=np.float64)
     if not np.any(values > 0.0):
         return None
@@ -161,7 +161,7 @@ def _energy(grid: StoredGrid, width: str) -> Figure | None:
 
 
 def _contact(grid: StoredGrid, width: str) -> Figure | None:
-    """When the last impact was, of the runs in which lasting contact began."""
+    """Draw the map of the time of the last impact of the runs in which lasting contact began."""
     begun = np.asarray(grid.summary.get("contacts", 0.0), dtype=np.float64) > 0.0
     last = np.asarray(grid.summary["last_collision_time"], dtype=np.float64)
     return quantity_map(grid, width, np.where(begun, last, np.nan), CONTACT_WORDS)
@@ -175,9 +175,9 @@ def _bifurcation(grid: StoredGrid, width: str) -> Figure | None:
 
 
 def column_map(grid: StoredGrid, width: str, name: str) -> Figure | None:
-    """Return the map of a column of numbers of the summary; counts are white where they are 0.
+    """Draw the map of a numeric column of the summary; counts of 0 are left white.
 
-    Whole numbers without a unit are counts, and numbers from 1 on of what is counted, as of arcs.
+    Whole numbers without a unit are treated as counts, or as numbers from 1, such as those of arcs.
     """
     unit = grid.units[name]
     symbol = symbol_of(name)
@@ -191,12 +191,12 @@ def column_map(grid: StoredGrid, width: str, name: str) -> Figure | None:
 
 
 def mapped_columns(grid: StoredGrid) -> list[str]:
-    """Return the columns of numbers of the summary."""
+    """Return the numeric columns of the summary."""
     return [name for name in grid.summary if _is_mapped(grid, name)]
 
 
 def _is_mapped(grid: StoredGrid, name: str) -> bool:
-    """Whether a name is that of a column of numbers of the summary, of which no other is read."""
+    """Return whether a name is that of a numeric column of the summary; read only that column."""
     names = list(grid.summary)
     return name in names[names.index("status") :] and grid.summary[name].dtype != object
 
@@ -271,10 +271,10 @@ GRID_KINDS: dict[str, Kind[StoredGrid]] = {
 
 
 def draw_grid_kind(grid: StoredGrid, name: str, width: str = "double") -> Figure | None:
-    """Return one figure of a grid, None where it has nothing to show.
+    """Return one figure of a grid, or None if it has nothing to show.
 
-    `name` is one of `GRID_KINDS`, or a column of numbers of the summary, for its map over two axes.
-    Raises ValueError for another one.
+    `name` is one of `GRID_KINDS`, or a numeric column of the summary, of which a map over two axes
+    is drawn. Raises ValueError for other names.
     """
     width_of(width)
     if isinstance(name, str) and name in GRID_KINDS:
@@ -288,10 +288,10 @@ def draw_grid_kind(grid: StoredGrid, name: str, width: str = "double") -> Figure
 def draw_grid(
     grid: StoredGrid, width: str = "double", columns: Sequence[str] = ()
 ) -> Iterator[Drawn]:
-    """Draw every kind of figure of a grid that has something to show.
+    """Yield every kind of figure of a grid that has something to show.
 
-    `columns` are those of the summary whose maps are drawn too; raises ValueError for another one,
-    `NothingToShow` for one whose map would be empty.
+    Maps of `columns` of the summary are drawn, too. Raises ValueError for an unknown column and
+    `NothingToShow` for a column whose map would be empty.
     """
     kinds, maps = dict(GRID_KINDS), {f"map_{column}": column for column in columns}
     for name, column in maps.items():

@@ -1,4 +1,4 @@
-"""The lines above a figure that say what its marks mean, and numbers beside points."""
+"""Legends above figures, and the placement of numbers and names beside points."""
 
 from __future__ import annotations
 
@@ -23,54 +23,54 @@ from vibro_cli.figures.source import Array, Flags
 from vibro_cli.figures.style import MM, Look, panel_size
 
 _MIDDLE = 2.2
-"""Distance of the line from the top of the figure (mm)."""
+"""Distance of the middle of the first row from the top of the figure (mm)."""
 _CHARACTER = 1.25
 """Mean width of a character of a legend (mm)."""
 _HANDLE = 6.7
-"""Width of a mark of a legend with the room around it (mm)."""
+"""Width of a legend mark with the room around it (mm)."""
 HALO = [patheffects.withStroke(linewidth=1.4, foreground="white")]
-"""Around what is written over lines."""
+"""White outline of texts that are written over lines."""
 SAY: Look = {"fontsize": style.SMALL, "color": style.FRAME_GREY}
-"""The look of words over and under panels."""
+"""Style of words above and below panels."""
 LINE = 3.4
-"""Height of a line of a legend (mm)."""
+"""Height of a row of a legend (mm)."""
 _BAR = (16.0, 1.6)
-"""Width and height of the bar of colours (mm)."""
+"""Width and height of the colour bar (mm)."""
 _RIGHT = 2.5
-"""Room at the right of the bar (mm)."""
+"""Room to the right of the colour bar (mm)."""
 
 _PIXELS: Any = cast("Any", RendererAgg)(1, 1, style.DPI)
-"""What measures texts; its methods have no types."""
+"""Renderer that measures texts; its methods have no types."""
 _SHARES = (0.9, 0.8, 0.7, 0.6)
-"""Of the width, that rows of a legend are tried in."""
+"""Shares of the width that are tried for the rows of a legend."""
 
 Entry = tuple[str, Look]
-"""What is written, and the looks of its line or mark."""
+"""A legend entry: its text, and the style of its line or mark."""
 Rows = Sequence[Sequence[Entry]]
-"""The rows of a legend, from above."""
+"""The rows of a legend, from the top."""
 
 
 class Bar(NamedTuple):
-    """What the bar of colours says: what is drawn in the first of them, and in the last."""
+    """The texts at both ends of the colour bar: the meaning of its first and its last colour."""
 
     first: str
     last: str
 
     @staticmethod
     def of_time(until: float) -> Bar:
-        """Return that of the time from 0 to an instant (s)."""
+        """Return the texts of a bar for the time from 0 to an instant (s)."""
         return Bar("$t$ [s]: 0", short_number(until))
 
     @property
     def width(self) -> float:
-        """The room that it takes in the first row of a legend (mm)."""
+        """Width that the bar takes in the first row of a legend (mm)."""
         return 2.0 * _RIGHT + _BAR[0] + text_width(self.first) + text_width(self.last)
 
 
 def rows_of(entries: Sequence[Entry], width: float, bar: Bar | None = None) -> list[list[Entry]]:
-    """Return entries in as many rows as a width (mm) asks for, with `bar` beside the first.
+    """Return entries in as few rows as fit a width (mm), with `bar` beside the first row.
 
-    The rows are as even as can be.
+    The rows are made as even in length as possible.
     """
     room = width - (0.0 if bar is None else bar.width)
     rows = _filled(entries, room, width)
@@ -81,12 +81,12 @@ def rows_of(entries: Sequence[Entry], width: float, bar: Bar | None = None) -> l
 
 
 def room_for(legend: Rows, first: float) -> float:
-    """Return the room (mm) over panels for a legend; `first` is that for one row."""
+    """Return the room (mm) above panels for a legend; `first` is the room for one row."""
     return first + LINE * max(len(legend) - 1, 0)
 
 
 def _filled(entries: Sequence[Entry], first: float, width: float) -> list[list[Entry]]:
-    """Return entries in rows, the first and all others of a width (mm), filled in order."""
+    """Fill rows with entries in order; `first` and `width` (mm) limit the first and other rows."""
     rows: list[list[Entry]] = [[]]
     room = first
     for entry in entries:
@@ -100,20 +100,20 @@ def _filled(entries: Sequence[Entry], first: float, width: float) -> list[list[E
 
 
 def in_black(*entries: Entry) -> list[Entry]:
-    """Return entries whose looks have a colour of each body, in black."""
+    """Return entries in black, for styles that are drawn in the colour of each body."""
     return [(words, look | {"color": style.BLACK}) for words, look in entries]
 
 
 @cache
 def text_width(text: str) -> float:
-    """Return the width of a text of a legend (mm) as a PNG has it, the widest for its hinting."""
+    """Return the width of a legend text (mm) in a PNG, where hinting makes it widest."""
     font = FontProperties(family="STIXGeneral", size=style.SMALL)
     width, _, _ = _PIXELS.get_text_width_height_descent(text, font, is_math_text(text))
     return float(width) * 25.4 / style.DPI
 
 
 def draw_legend(figure: Figure, rows: Rows, bar: Bar | None = None) -> None:
-    """Draw the rows of a legend over the panels, and at the right of the first one the bar."""
+    """Draw the rows of a legend above the panels, and the bar to the right of the first row."""
     width, height = figure.get_size_inches() / MM
     for number, row in enumerate(rows):
         beside = bar is not None and number == 0
@@ -134,7 +134,7 @@ def draw_legend(figure: Figure, rows: Rows, bar: Bar | None = None) -> None:
 
 
 def _draw_bar(figure: Figure, width: float, height: float, words: Bar) -> None:
-    """Draw the bar of colours at the right."""
+    """Draw the colour bar at the right edge."""
     left = width - _RIGHT - _BAR[0] - text_width(words.last) - 1.0
     middle = height - _MIDDLE
     bar = figure.add_axes(
@@ -150,7 +150,7 @@ def _draw_bar(figure: Figure, width: float, height: float, words: Bar) -> None:
 
 
 def short_number(value: float, digits: int = 4) -> str:
-    """Return a number with a few digits as text, the minus sign a minus."""
+    """Return a number as text with a few significant digits and a true minus sign."""
     plain = f"{value:.{digits}g}"
     if "e" not in plain:
         return plain.replace("-", "−")
@@ -159,7 +159,7 @@ def short_number(value: float, digits: int = 4) -> str:
 
 
 def in_powers(text: str) -> str:
-    """Return words whose numbers such as 1.2e-07 have powers of ten, as figures write them."""
+    """Return a text with numbers such as 1.2e-07 written as powers of ten."""
     return re.sub(
         r"([\d.]+)e([+−-])0*(\d+)",
         lambda number: rf"${number[1]}\times10^{{{number[2].strip('+')}{number[3]}}}$",
@@ -168,28 +168,28 @@ def in_powers(text: str) -> str:
 
 
 def ring(points: int) -> Array:
-    """Return points of the circle of radius 1 around the origin, shape (points, 2)."""
+    """Return points of the unit circle around the origin, shape (points, 2)."""
     angles = np.linspace(0.0, 2.0 * np.pi, points)
     return np.column_stack([np.cos(angles), np.sin(angles)])
 
 
 _HIGH = 2.5
-"""Height of a figure (mm)."""
+"""Height of a digit (mm)."""
 LEADER = 3.9
-"""A number further than this from its point (mm) wants a line to it."""
+"""Distance of a number from its point (mm) above which a line connects them."""
 _CLEAR = 0.5
 """Room between two numbers side by side, and between a number and the frame (mm)."""
 _DISTANCES = (1.9, 2.6, 3.4, 4.4, 5.8, 7.4)
 """Distances of a number from its point that are tried (mm)."""
 _DIRECTIONS = 12
 _FAR = 2.0
-"""Points of curves that may be covered to come 1 mm nearer."""
+"""Cost of 1 mm of distance from the point; covering one point of a curve costs 1."""
 _OTHER = 15.0
-"""Points of curves that may be covered to stand beside the preferred point."""
+"""Cost of standing beside the next less preferred point."""
 _AMBIGUOUS = 40.0
-"""Points of curves that may be covered not to stand nearer to another point than to one's own."""
+"""Cost of standing as near to the point of another number as to one's own."""
 _ONE = 0.5
-"""Points nearer to one another than this (mm) are one on paper."""
+"""Distance below which two points coincide on paper (mm)."""
 
 
 def place_numbers(
@@ -199,12 +199,13 @@ def place_numbers(
     size: tuple[float, float],
     reserved: Sequence[tuple[float, float, float]] = (),
 ) -> list[tuple[float, float] | None]:
-    """Return where to centre each text so that it covers as little as possible.
+    """Return the centre of each text, placed so that it covers as little as possible.
 
-    All in mm from the lower left corner of a panel of the given size: `anchors` holds for each text
-    the points it may stand beside, shape (k, 2), the preferred one first; `obstacles` are points of
-    everything drawn, shape (n, 2); `reserved` are the middles and half widths of texts that stand
-    already. Greedy, in the order of the texts; None where texts and the frame leave no room.
+    All lengths are in mm from the lower left corner of a panel of the given size. `anchors` holds,
+    for each text, the points beside which it may stand, shape (k, 2), the preferred one first.
+    `obstacles` are points of everything drawn, shape (n, 2). `reserved` are the centres and half
+    widths of texts already placed. The placement is greedy, in the order of the texts; a text for
+    which there is no room gets None.
     """
     taken = [*reserved]
     obstacles = obstacles[np.argsort(obstacles[:, 0])]
@@ -228,10 +229,10 @@ def place_numbers(
 def tied(
     places: Sequence[tuple[float, float] | None], anchors: Sequence[Array]
 ) -> Iterator[tuple[int, tuple[float, float], Array | None]]:
-    """Yield the index and the place of each number that has one, and the line to its nearest point.
+    """Yield the index and the place of each placed number, and a line to its nearest point.
 
-    The line, shape (2, 2), is there for a number that is far, or stands nearer to a point of
-    another number.
+    The line, shape (2, 2), is None unless the number is far from its point, or nearer to the point
+    of another number.
     """
     for number, (place, points) in enumerate(zip(places, anchors, strict=True)):
         if place is None:
@@ -248,12 +249,12 @@ def tied(
 
 
 def _others(anchors: Sequence[Array], number: int) -> Array:
-    """Return the points of all numbers but one, shape (n, 2)."""
+    """Return the points of all numbers except one, shape (n, 2)."""
     return np.concatenate([np.empty((0, 2)), *anchors[:number], *anchors[number + 1 :]])
 
 
 def _candidates(points: Array, half: float) -> tuple[Array, Array]:
-    """Return places around points, and the cost of their distance and of the point's rank."""
+    """Return places around points, and their costs from the distance and the rank of the point."""
     around = ring(_DIRECTIONS + 1)[:-1]
     places, costs = [], []
     for rank, point in enumerate(points):
@@ -265,7 +266,7 @@ def _candidates(points: Array, half: float) -> tuple[Array, Array]:
 
 
 def _ambiguity(candidates: Array, others: Array, own: Array) -> Array:
-    """Return 1 for each place as near to another text's points as to its own, 0 where far from."""
+    """Return 1 for places as near to the points of other texts as to its own, 0 for clear ones."""
     return np.clip(6.0 - 5.0 * _nearest(candidates, others) / _nearest(candidates, own), 0.0, 1.0)
 
 
@@ -276,7 +277,7 @@ def _nearest(places: Array, points: Array) -> Array:
 
 
 def _covered(candidates: Array, half: float, obstacles: Array) -> Array:
-    """Return how many obstacles a text covers at each place; those in order of x."""
+    """Return how many obstacles a text covers at each place; obstacles are sorted by x."""
     x, y = obstacles.T
     first = np.searchsorted(x, candidates[:, 0] - half, "left")
     last = np.searchsorted(x, candidates[:, 0] + half, "right")
@@ -296,7 +297,7 @@ def _inside(candidates: Array, half: float, size: tuple[float, float]) -> Flags:
 
 
 def _on_texts(candidates: Array, half: float, texts: Sequence[tuple[float, float, float]]) -> Flags:
-    """Return which places of a text are on one of the others, given by middles and half widths."""
+    """Return which places of a text overlap others, given by their centres and half widths."""
     x, y, halves = np.reshape(texts, (-1, 3)).T
     across = np.abs(candidates[:, 0, None] - x) < half + halves + _CLEAR
     on: Flags = (across & (np.abs(candidates[:, 1, None] - y) < _HIGH)).any(axis=1)
@@ -308,9 +309,9 @@ class Named:
     """A point of a drawing with its name."""
 
     text: str
-    """As it is written, perhaps a formula."""
+    """The name as written; may be a formula."""
     point: ArrayLike
-    """In the panel's units."""
+    """Place in the units of the panel."""
     colour: str = style.BLACK
 
 
@@ -322,8 +323,8 @@ def write_names(
 ) -> None:
     """Write names beside their points, where they cover least of `obstacles`, shape (n, 2).
 
-    Points in the units of the axes. Names that stand far get lines, those without room are left
-    out. `figures` are the middles of single figures that are written already.
+    Points are in the units of the axes. Names far from their points get lines; names without room
+    are left out. `figures` are the centres of single digits that are already written.
     """
     size = panel_size(axes)
     (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
@@ -348,6 +349,6 @@ def write_names(
 
 
 def _plain(text: str) -> str:
-    """Return about as many characters as a formula is wide."""
+    """Return a formula as plain text of about the same width."""
     bare = re.sub(r"\\(?:mathrm|dot|,|;)|[${}_^']", "", text)
     return re.sub(r"\\[a-zA-Z]+", "w", bare)

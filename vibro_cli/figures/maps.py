@@ -1,6 +1,6 @@
 """Maps of a grid over two of its axes: how runs end, quantities of their summaries.
 
-Each cause of an end has its colour, told apart in grey too.
+Each end cause has a colour, distinguishable in grey, too.
 """
 
 from __future__ import annotations
@@ -46,9 +46,9 @@ Column = NDArray[Any]
 _MOST_WORDS = 20
 _EVEN = 1.0e-6
 _FEW = 8
-"""Whole numbers that have a colour each."""
+"""Range of whole numbers below which each number has its own colour."""
 _SHADES = 256
-"""Colours between which they are chosen."""
+"""Number of colours from which these are chosen."""
 
 
 _ENTRY = re.compile(r"(balls|bodies|arcs|pairs)\[(\d+)\]")
@@ -70,7 +70,7 @@ _LEFT_OUT = ("collision", "trace")
 
 
 def words_of(path: str) -> str:
-    """Return the key path of an axis in words: `balls[1].angle`, starting angle of body 1."""
+    """Return a key path in words: "starting angle of body 1" for `balls[1].angle`."""
     if path in _WHOLE:
         return _WHOLE[path]
     names = []
@@ -85,35 +85,35 @@ def words_of(path: str) -> str:
 
 @dataclass(frozen=True)
 class Coordinate:
-    """An axis of a grid as an axis of a figure: numbers, or words one beside the other."""
+    """An axis of a grid as an axis of a figure, of numbers or of words."""
 
     path: str
     unit: str
     place: Array
-    """Where each point lies; shape (points,)."""
+    """Coordinate of each point; shape (points,)."""
     words: tuple[str, ...]
-    """The words at places 0, 1, …; none for numbers."""
+    """The words at places 0, 1, …; empty for numbers."""
     symbol: str = ""
-    """What stands at the axis, where that is not the path in words."""
+    """Label of the axis; if empty, the path in words."""
     logarithmic: bool = False
-    """Whether the figure's axis is logarithmic; its numbers are of one sign then."""
+    """Whether the axis of the figure is logarithmic; all numbers then have the same sign."""
 
     @cached_property
     def different(self) -> Array:
-        """The different places, rising."""
+        """The distinct places, ascending."""
         return np.unique(self.place)
 
     @property
     def is_even(self) -> bool:
-        """Whether it is one of numbers at even distances."""
+        """Whether the axis has evenly spaced numbers."""
         steps = np.diff(self.different)
         even = np.allclose(steps, np.mean(steps), rtol=_EVEN, atol=0.0)
         return not self.words and bool(even)
 
     def edges(self) -> Array:
-        """Return the edges of cells around the different places: halfway to the neighbours.
+        """Return the edges of the cells around the distinct places, halfway to the neighbours.
 
-        Of a logarithmic axis halfway as it is drawn.
+        On a logarithmic axis, halfway is meant on that scale.
         """
         places = self.different
         if len(places) == 1:
@@ -127,7 +127,7 @@ class Coordinate:
         return np.concatenate([[first], middles, [last]])
 
     def ticks(self, low: float, high: float, length: float, vertical: bool) -> Ticks:
-        """Return ticks for a figure's axis of a length (mm)."""
+        """Return the ticks of an axis of a given length (mm)."""
         if self.words:
             return Ticks(tuple(map(float, range(len(self.words)))), self.words)
         if self.logarithmic:
@@ -144,22 +144,22 @@ class ParameterMap:
     """The points of a grid that a figure shows."""
 
     rows: Integers
-    """Rows of the summary."""
+    """Rows of the points in the summary."""
     coordinates: tuple[Coordinate, ...]
-    """One or two."""
+    """One or two axes."""
     fixed: tuple[tuple[str, str], ...]
-    """Other axes, and the value at which they are held."""
+    """Paths of the other axes, and the value at which each is held."""
 
     @property
     def is_full(self) -> bool:
-        """Whether every pair of values of the two axes is one point."""
+        """Whether there is exactly one point for every combination of values of the axes."""
         sizes = [len(one.different) for one in self.coordinates]
         return int(np.prod(sizes)) == len(self.rows)
 
     def cells(self, values: Array) -> Array:
-        """Return one number for each point as cells, the first coordinate along their last axis.
+        """Return one value per point as an array of cells, NaN where there is no point.
 
-        NaN where there is no point.
+        The first coordinate runs along the last axis of the array.
         """
         cells = np.full([len(one.different) for one in reversed(self.coordinates)], np.nan)
         at = [np.searchsorted(one.different, one.place) for one in reversed(self.coordinates)]
@@ -168,18 +168,18 @@ class ParameterMap:
 
     @property
     def held(self) -> str:
-        """In words at which values other axes are held."""
+        """The values at which the other axes are held, as text."""
         return ", ".join(f"{path} = {value}" for path, value in self.fixed)
 
 
 def parameter_map(
     grid: StoredGrid, dimensions: int, numbers_first: bool = False
 ) -> ParameterMap | None:
-    """Return the points over the axes with the most values, others held at their first value.
+    """Return the points over the axes with the most values; hold others at their first value.
 
-    The axis that the grid has first lies across. Axes that change together count as one, the first
-    that tells the others. With `numbers_first` the first coordinate has to be one of numbers. None
-    where the grid has too few axes that change. It is worked out once for each grid.
+    Of the chosen axes, the one that comes first in the grid is horizontal. Axes that change
+    together count as one: the first that determines the others. With `numbers_first`, only axes of
+    numbers are chosen. Returns None if too few axes change. The result is cached in the grid.
     """
     asked = dimensions, numbers_first
     if asked not in grid.maps:
@@ -198,7 +198,7 @@ def _parameter_map(grid: StoredGrid, dimensions: int, numbers_first: bool) -> Pa
     if len(changing) < dimensions:
         return None
     chosen = sorted(changing, key=lambda path: -found[path].max())[:dimensions]
-    # What the chosen axes tell is not held, so that all points of a sample are shown.
+    # An axis that the chosen ones determine is not held, so that all points of a sample are shown.
     place = combined([found[path] for path in chosen])
     rest = [path for path in independent if path not in chosen and not _tells(place, found[path])]
     first = {path: columns[path][0] for path in rest}
@@ -212,9 +212,9 @@ def _parameter_map(grid: StoredGrid, dimensions: int, numbers_first: bool) -> Pa
 
 
 def _independent(columns: Mapping[str, Codes]) -> list[str]:
-    """Return the axes without those that another one tells; of two that do, the first is kept.
+    """Return the axes that no other axis determines; of two equivalent axes, the first.
 
-    An axis with a value of its own at each point, as those of a sample, does not count as one.
+    An axis with a different value at each point, such as that of a sample, determines no other.
     """
     kept = dict(columns)
     for path, one in reversed(list(columns.items())):
@@ -225,7 +225,7 @@ def _independent(columns: Mapping[str, Codes]) -> list[str]:
 
 
 def _tells(one: Codes, other: Codes) -> bool:
-    """Return whether each value of one goes with a single value of the other, which changes."""
+    """Return whether `one` determines `other`, which must not be constant."""
     partner = np.empty(one.max() + 1, dtype=np.int64)
     partner[one] = other
     return bool(other.max() > 0) and np.array_equal(partner[one], other)
@@ -241,7 +241,7 @@ def _coordinate(grid: StoredGrid, path: str, rows: Integers) -> Coordinate:
         logarithmic = path in grid.logarithmic
         return Coordinate(path, unit, values.astype(np.float64), (), logarithmic=logarithmic)
     words, first, code = np.unique(values.astype(str), return_index=True, return_inverse=True)
-    order = np.argsort(first)  # as they come in the grid
+    order = np.argsort(first)  # the order in the grid
     place = np.argsort(order)[code].astype(np.float64)
     return Coordinate(path, unit, place, tuple(map(str, words[order][:_MOST_WORDS])))
 
@@ -254,7 +254,7 @@ def set_axis(
 ) -> None:
     """Set limits, ticks and, if `labelled`, the label of an axis of a figure.
 
-    Without `limits` those of the cells around the places.
+    The default limits are those of the cells around the places.
     """
     if limits is None:
         edges = one.edges()
@@ -286,7 +286,7 @@ COLOURS = {
     "invalid": "#7a7a7a",
     "failed": "#000000",
 }
-"""Of causes and, where there is none, of states: near Okabe and Ito's, each with its own grey."""
+"""Colours of end causes and statuses: similar to Okabe and Ito's, each with its own grey."""
 WORDS = {
     "time": "time reached",
     "collisions": "number of impacts reached",
@@ -294,7 +294,7 @@ WORDS = {
     "no_more_collisions": "no more impacts",
     "inadmissible": "inadmissible impact",
 }
-"""Of causes that do not say by themselves what they mean."""
+"""Names of end causes that are not self-explanatory."""
 
 
 @dataclass(frozen=True)
@@ -304,9 +304,9 @@ class Categories:
     code: Integers
     """Index of the category of each point."""
     names: tuple[str, ...]
-    """In the legend, with how many points there are."""
+    """Names in the legend, with the numbers or shares of points."""
     palette: tuple[str, ...]
-    """Colours, one for each."""
+    """Colour of each category."""
 
     def colours(self) -> ListedColormap:
         """Return the map from codes to colours."""
@@ -318,27 +318,27 @@ class Categories:
         return BoundaryNorm(np.arange(number + 1) - 0.5, number)
 
     def entries(self) -> list[Entry]:
-        """Return the legend."""
+        """Return the entries of the legend."""
         patches = [mark("s", 4.5, colour, style.FRAME_GREY, 0.3) for colour in self.palette]
         return list(zip(self.names, patches, strict=True))
 
 
 def ended(grid: StoredGrid) -> Column:
-    """Return the cause that ended the run of each point, or its status where it has none."""
+    """Return the end cause of each point's run, or its status if that is not "ok"."""
     summary = grid.summary
     return np.where(summary["status"] == "ok", summary["end_cause"], summary["status"])
 
 
 @dataclass(frozen=True)
 class Endings(Categories):
-    """The endings of some points."""
+    """The end causes of some points as categories."""
 
     causes: tuple[str, ...]
-    """Those that occur, in the order of `COLOURS`."""
+    """The causes that occur, in the order of `COLOURS`."""
 
     @staticmethod
     def of(grid: StoredGrid, rows: Integers) -> Endings:
-        """Return the endings of the points in rows of the summary."""
+        """Return the end causes of the points in the given rows of the summary."""
         found = ended(grid)[rows]
         code = np.full(len(rows), -1)
         causes: list[str] = []
@@ -358,7 +358,7 @@ class Endings(Categories):
 
 
 def grouped(count: int) -> str:
-    """Return a whole number, in groups of three digits from 10 000 on."""
+    """Return a whole number as text, in groups of three digits from 10 000 on."""
     return f"{count:,}".replace(",", "\u2009") if count >= 10_000 else str(count)
 
 
@@ -367,21 +367,21 @@ _TOP = 3.0
 _BOTTOM = 9.0
 _RIGHT = 4.0
 _BAR = 10.5
-"""Room for the bar of colours with its label, beside its numbers (mm)."""
+"""Room for the colour bar with its label, without its numbers (mm)."""
 _THICK = 2.5
 """Width of the bar (mm)."""
 _LABEL = 6.5
 """Room for the label of the vertical axis and the ticks (mm)."""
 _ROUNDING = 1e-9
-"""Numbers that differ by less than this share of them have one colour."""
+"""Relative range of numbers below which all have the same colour."""
 _LINE = 6.0
-"""Least distance of two numbers of the bar (mm)."""
+"""Least distance between two numbers of the bar (mm)."""
 
 
 def ending_map(grid: StoredGrid, width: str = "single") -> Figure | None:
-    """Return how the runs end, a colour for each cause, over the two axes with the most values.
+    """Draw how the runs end, a colour for each cause, over the two axes with the most values.
 
-    None for a grid with fewer than two axes that change, or whose runs all end alike.
+    Returns None if fewer than two axes change, or if all runs end in the same way.
     """
     shown = parameter_map(grid, 2)
     if shown is None:
@@ -393,7 +393,7 @@ def ending_map(grid: StoredGrid, width: str = "single") -> Figure | None:
 
 
 def category_map(shown: ParameterMap, width: str, found: Categories) -> Figure:
-    """Return a map over two axes with a colour for each category, named above it."""
+    """Draw a map over two axes with a colour for each category, and its legend."""
     with style.journal():
         rows = rows_of(found.entries(), width_of(width))
         figure, axes = _panel(shown, width, len(rows) * LINE, _RIGHT)
@@ -410,12 +410,11 @@ def quantity_map(
     least_log: float = WIDE_RANGE,
     whole: bool = False,
 ) -> Figure | None:
-    """Return a quantity of the points over two axes, with a bar of its colours.
+    """Draw a quantity of the points over two axes, with a colour bar.
 
-    `values` holds one number for each point of the grid, NaN where there is none; colours are
-    logarithmic where they are positive and more than `least_log` apart; few numbers that are
-    `whole` have a colour each. None for a grid with fewer than two axes that change, or without any
-    number.
+    `values` holds one number for each point of the grid, NaN where there is none. Colours are
+    logarithmic if all numbers are positive and their ratio exceeds `least_log`; a few `whole`
+    numbers have one colour each. Returns None if fewer than two axes change or no value is finite.
     """
     shown = parameter_map(grid, 2)
     if shown is None or not np.any(np.isfinite(values[shown.rows])):
@@ -447,7 +446,7 @@ def _norm(values: Array, least_log: float, whole: bool) -> Normalize:
 
 
 def _panel(shown: ParameterMap, width: str, legend: float, right: float) -> tuple[Figure, Axes]:
-    """Return a figure with its one panel, labelled, `right` mm left free beside it."""
+    """Return a figure with one labelled panel, and `right` mm of free room beside it."""
     wide, high = width_of(width), _HIGH[width]
     across, along = shown.coordinates
     edges = along.edges()
@@ -462,7 +461,7 @@ def _panel(shown: ParameterMap, width: str, legend: float, right: float) -> tupl
 
 
 def _fill(axes: Axes, shown: ParameterMap, values: Array, colours: Any, norm: Normalize) -> None:
-    """Draw cells where every pair of values has its point, else the points."""
+    """Draw cells if every pair of values has a point, else the points."""
     across, along = shown.coordinates
     if not shown.is_full:
         size = float(np.clip(4000.0 / len(values), 0.6, 14.0))
@@ -470,12 +469,12 @@ def _fill(axes: Axes, shown: ParameterMap, values: Array, colours: Any, norm: No
         return
     cells = shown.cells(values)
     mesh = axes.pcolormesh(across.edges(), along.edges(), cells, cmap=colours, norm=norm)
-    mesh.set_rasterized(True)  # as vectors, seams would show between the cells
+    mesh.set_rasterized(True)  # vector cells would show seams between them
     axes.set_axisbelow(False)
 
 
 def _bar_ticks(norm: Normalize, height: float, whole: bool) -> Ticks:
-    """Return the ticks of the bar: round numbers or, of logarithmic colours, powers of ten."""
+    """Return the ticks of the bar: round numbers, or powers of ten for logarithmic colours."""
     low, high = float(norm.vmin or 0.0), float(norm.vmax or 0.0)
     if isinstance(norm, BoundaryNorm):
         numbers = range(round(low + 0.5), round(high + 0.5))
@@ -492,7 +491,7 @@ def _bar_ticks(norm: Normalize, height: float, whole: bool) -> Ticks:
 def _draw_bar(
     figure: Figure, axes: Axes, mappable: ScalarMappable, label: str, ticks: Ticks
 ) -> None:
-    """Draw the bar of colours at the right of a panel."""
+    """Draw the colour bar to the right of a panel."""
     box = axes.get_position()
     wide = figure.get_figwidth() / MM
     bar = figure.add_axes((box.x1 + 1.5 / wide, box.y0, _THICK / wide, box.height))

@@ -1,7 +1,7 @@
 """A grid over one of its axes: curves, all impacts, bifurcation diagrams; Poincaré sections.
 
-Each impact is a point of the section that the contact of two bodies makes in the space of states.
-Of a grid one or two columns of the impacts stand over an axis, of a run one over another.
+The section is the surface in state space on which two bodies touch; each impact is a point of it.
+For a grid, one or two columns of the impacts are drawn over an axis; for a run, one over another.
 """
 
 from __future__ import annotations
@@ -49,28 +49,26 @@ if TYPE_CHECKING:
 
 _ROW = {"single": 26.0, "double": 34.0}
 _ROUNDING = 1e-12
-"""Values that differ by less than this share of them are one; those of an energy that is kept."""
+"""Relative range below which values count as equal, such as a conserved energy."""
 _DIAGRAM = {"single": 58.0, "double": 80.0}
 COUNTED = {"collisions": "impacts", "bounces": "impacts on the wall"}
-"""What is counted in columns of the summary."""
+"""Columns of the summary that are counts, and what they count."""
 FIRST = 20
-"""Impacts of each run whose times are shown."""
+"""Number of impacts of each run whose times are shown."""
 ENDED = mark("x", 3.0, style.VERMILLION) | {"markeredgewidth": 0.7, "zorder": 2.5}
 PLACES = (
     ("s_a", "$s$ of the left body", "m"),
     ("x_a", "$x$ of the left body", "m"),
 )
-"""Columns of the place of an impact, on whatever arc it is."""
+"""Columns of the place of an impact that do not depend on the arc."""
 ANGLES = {VALLEY: r"$\varphi$ of the left body", HUMP: r"$\psi$ of the left body"}
 
 
 def curves(grid: StoredGrid, width: str = "single") -> Figure | None:
-    """Return impacts, energy left and time of the first impact over the axis with most values.
+    """Draw impacts, energy left and time of the first impact over the axis with most values.
 
-    On a table the impacts on the wall too.
-
-    Dots in the colours of the ending. None where no axis of numbers changes, and where no point is
-    a valid scenario.
+    On a table, draw the impacts on the wall too. Dots have the colours of the end causes. Returns
+    None if no axis of numbers changes or no point is a valid scenario.
     """
     shown = parameter_map(grid, 1, numbers_first=True)
     if shown is None:
@@ -102,7 +100,7 @@ def curves(grid: StoredGrid, width: str = "single") -> Figure | None:
 
 
 def _varies(values: Array) -> bool:
-    """Return whether values differ by more than rounding."""
+    """Return whether values differ by more than rounding errors."""
     low, high = float(np.nanmin(values)), float(np.nanmax(values))
     return high - low > _ROUNDING * max(abs(low), abs(high))
 
@@ -111,7 +109,7 @@ ENERGY_LEFT = r"$E_\mathrm{end}/E_0$"
 
 
 def energy_left(grid: StoredGrid) -> Array:
-    """Return the energy at the end as a share of that at the start; NaN where that was none."""
+    """Return the energy at the end as a share of that at the start, NaN if that is not positive."""
     start, end = (
         np.asarray(grid.summary[f"energy_{at}"], dtype=np.float64) for at in ("start", "end")
     )
@@ -145,10 +143,10 @@ def _value(axes: Axes, values: Array, symbol: str, unit: str) -> None:
 
 
 def place_column(grid: StoredGrid) -> tuple[str, str, str] | None:
-    """Return column, symbol and unit of the place of the impacts that were kept, if one was.
+    """Return column, symbol and unit of the place of the kept impacts, None if none was kept.
 
-    The angle on a trace that is one arc; those of several arcs are not of one axis. On a table,
-    which has impacts on a wall as well, neither ball is the left one.
+    It is the angle on a trace of a single arc; angles on several arcs cannot share an axis. On a
+    table (recognised by its impacts on the wall) neither ball is the left one.
     """
     kept = grid.impact_columns()
     if "bounces" in grid.summary and "x_a" in kept:
@@ -159,18 +157,18 @@ def place_column(grid: StoredGrid) -> tuple[str, str, str] | None:
 
 
 def diagram(grid: StoredGrid, width: str = "single") -> Figure | None:
-    """Return the places of all impacts over the axis with most values, coloured by their number.
+    """Draw the places of all impacts over the axis with most values, coloured by their number.
 
-    None where no impact was kept with its number and place, or no axis of numbers changes.
+    Returns None if no impact was kept with number and place, or no axis of numbers changes.
     """
     return _impacts_over(grid, width, place_column(grid), None)
 
 
 def first_times(grid: StoredGrid, width: str = "single") -> Figure | None:
-    """Return the times of the first impacts of each run over the axis with most values.
+    """Draw the times of the first impacts of each run over the axis with most values.
 
-    With the ends of runs that were cut short before. None where no impact was kept with its number
-    and time, or no axis of numbers changes.
+    The ends of runs that were cut short earlier are marked. Returns None if no impact was kept with
+    number and time, or no axis of numbers changes.
     """
     time = ("t", "$t$ of the impact", "s") if "t" in grid.impact_columns() else None
     return _impacts_over(grid, width, time, FIRST)
@@ -179,7 +177,7 @@ def first_times(grid: StoredGrid, width: str = "single") -> Figure | None:
 def _impacts_over(
     grid: StoredGrid, width: str, shown_column: tuple[str, str, str] | None, most: int | None
 ) -> Figure | None:
-    """Return a column (name, symbol, unit) of the first impacts, or of all, over one axis."""
+    """Draw a column (name, symbol, unit) of the first `most` impacts, or of all, over one axis."""
     shown = parameter_map(grid, 1, numbers_first=True)
     if shown_column is None or shown is None or "n" not in grid.impact_columns():
         return None
@@ -210,7 +208,7 @@ def _impacts_over(
 def _impacts_of(
     grid: StoredGrid, shown: ParameterMap, columns: Sequence[str]
 ) -> tuple[dict[str, NDArray[Any]], Integers]:
-    """Return columns of the impacts of the points that are shown, and the point of each impact."""
+    """Return columns of the impacts of the points shown, and the index of each impact's point."""
     scenarios = grid.summary["scenario"][shown.rows]
     impacts = grid.impacts(list(dict.fromkeys(["scenario", *columns])), scenarios)
     order = np.argsort(scenarios)
@@ -218,7 +216,7 @@ def _impacts_of(
 
 
 def _early_ends(grid: StoredGrid, shown: ParameterMap, most: int) -> tuple[Array, Array]:
-    """Return places and times (s) of the ends of runs that were cut short, with few impacts."""
+    """Return places and times (s) of the ends of runs cut short before `most` impacts."""
     early = np.isin(ended(grid)[shown.rows].astype(str), FINAL)
     early &= np.asarray(grid.summary["collisions"])[shown.rows] < most
     times = np.asarray(grid.summary["end_time"], dtype=np.float64)[shown.rows]
@@ -227,7 +225,7 @@ def _early_ends(grid: StoredGrid, shown: ParameterMap, most: int) -> tuple[Array
 
 
 LAST = 20
-"""Impacts of each run that are shown where no transient is named."""
+"""Number of last impacts of each run that are shown if no transient is given."""
 _SPEED = ("speed_a_pre", r"$v_a$ before", "m/s")
 _HIGH = {"single": 40.0, "double": 52.0}
 _SQUARE = {"single": 62.0, "double": 90.0}
@@ -239,10 +237,10 @@ Quantity = tuple[str, str, str]
 
 
 def quantities_of(names: Sequence[str], units: Mapping[str, str]) -> list[Quantity]:
-    """Return columns of impacts by name, given the units of all there are.
+    """Return the quantities of the named columns of impacts, given the units of all columns.
 
-    Raises ValueError for a name that is no column, and for more than two; `NothingToShow` where
-    there are none, as a grid that did not keep its impacts has none.
+    Raises ValueError for an unknown name and for more than two names, and `NothingToShow` if there
+    are no columns, because the grid did not keep its impacts.
     """
     checked("columns", names, Texts("columns", most=2))
     if not units:
@@ -255,9 +253,10 @@ def quantities_of(names: Sequence[str], units: Mapping[str, str]) -> list[Quanti
 
 
 def own_columns(impacts: Impacts) -> list[str]:
-    """Return the columns that are shown of impacts where none is named: place and speed.
+    """Return the default columns of impacts: place and speed.
 
-    The angle on one arc; those of several arcs are not of one axis, and a line has none.
+    The place is the angle if all impacts are on one arc: angles on several arcs cannot share an
+    axis, and a line has none.
     """
     one = "arc_a" in impacts and len(set(impacts["arc_a"].tolist())) == 1
     on_arc = one and bool(np.any(np.isfinite(impacts["angle_a"])))
@@ -269,17 +268,18 @@ def own_columns(impacts: Impacts) -> list[str]:
 
 
 class NothingToShow(ValueError):
-    """There is no such section; the message says why."""
+    """Raised if a figure would be empty; the message says why."""
 
 
 @dataclass(frozen=True)
 class Section:
-    """Which impacts are shown."""
+    """Selects the impacts that are shown."""
 
     pair: tuple[int, int] | None = None
-    """Of these bodies (from 1, the left one first), of all where there is none."""
+    """The bodies whose impacts are shown (from 1, the left one first), None for all bodies."""
     transient: int | None = None
-    """How many of a run are left out at its beginning; else all but the last 20 of longer runs."""
+    """Number of impacts left out at the beginning of a run. None: show the last 20 of each run
+    that has more."""
 
     def __post_init__(self) -> None:
         """Check both; raises ValueError."""
@@ -291,18 +291,18 @@ class Section:
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Columns of the impacts that it asks for."""
+        """Columns of the impacts that the selection needs."""
         return () if self.pair is None else ("ball_a", "ball_b")
 
     def why_none(self, counts: Integers, held: str = "") -> str:
-        """Return why no impact is shown.
+        """Return a text on why no impact is shown.
 
         Parameters
         ----------
         counts
-            How many impacts each run has (see `counts`).
+            Number of impacts of each run (see `counts`).
         held
-            At which values other axes are held.
+            The values at which other axes are held, as text.
         """
         whose = "" if self.pair is None else f" of bodies {self.pair[0]} and {self.pair[1]}"
         where = f" (held: {held})" if held else ""
@@ -321,11 +321,11 @@ class Section:
         return np.asarray(shown)
 
     def counts(self, impacts: Impacts, run: Integers, runs: int = 0) -> Integers:
-        """Return how many impacts each run has, the transient's too; `runs` at least."""
+        """Return the number of impacts of each run, with the transient, of `runs` runs at least."""
         return _numbers(self._of_pair(impacts, run), run, runs)
 
     def chosen(self, impacts: Impacts, run: Integers) -> Flags:
-        """Return which impacts are shown, given the number of the run that each belongs to."""
+        """Return which impacts are shown; `run` is the index of the run of each impact."""
         shown = self._of_pair(impacts, run)
         count = _numbers(shown, run)
         before = np.cumsum(shown) - np.concatenate([[0], np.cumsum(count)])[run]
@@ -337,7 +337,7 @@ class Section:
 
 
 def _numbers(shown: Flags, run: Integers, runs: int = 0) -> Integers:
-    """How many impacts of each run are shown."""
+    """Return how many impacts of each run are shown."""
     return np.bincount(run[shown], minlength=max(runs, int(run.max(initial=-1)) + 1))
 
 
@@ -348,18 +348,18 @@ def bifurcation(
     section: Section | None = None,
     shown: ParameterMap | None = None,
 ) -> Figure:
-    """Return columns of the impacts of each run over the axis with most values.
+    """Draw columns of the impacts of each run over the axis with most values.
 
     Parameters
     ----------
     grid, width
         The grid; "single" or "double".
     quantities
-        At most two; place and speed of the left body if none is named.
+        At most two; place and speed of the left body by default.
     section
-        Which impacts; the last 20 of each run that has more, if none is named.
+        Selection of impacts; by default the last 20 of each run that has more.
     shown
-        The points, where they are known already.
+        The points, if they are already known.
 
     Raises
     ------
@@ -399,16 +399,16 @@ def bifurcation(
 def poincare(
     impacts: Impacts, quantities: tuple[Quantity, Quantity], section: Section, width: str
 ) -> Figure:
-    """Return one column of the impacts of a run over another.
+    """Draw one column of the impacts of a run over another.
 
     Parameters
     ----------
     impacts
-        Those of the run, with the two columns and those that the section asks for.
+        The impacts of the run, with the two columns and those that the section needs.
     quantities
-        Along and up.
+        Horizontal and vertical quantity.
     section, width
-        Which impacts; "single" or "double".
+        Selection of impacts; "single" or "double".
 
     Raises
     ------
@@ -418,7 +418,7 @@ def poincare(
     names = [name for name, _, _ in quantities]
     run = np.zeros(len(impacts[names[0]]), dtype=np.int64)
     chosen = section.chosen(impacts, run)
-    # Of whole numbers, those that are not there are masked.
+    # Missing whole numbers are masked.
     values = (np.ma.asarray(impacts[name], dtype=np.float64) for name in names)
     x, y = (np.ma.filled(column, np.nan)[chosen] for column in values)
     both = np.isfinite(x) & np.isfinite(y)
@@ -435,7 +435,7 @@ def poincare(
 
 
 def _draw_over(axes: Axes, places: Array, values: Array, quantity: Quantity) -> None:
-    """Draw values as dots over places, along an axis that is set."""
+    """Draw values as dots over places; the horizontal axis must be set."""
     _, symbol, unit = quantity
     value_axis(axes, values, symbol, unit)
     black, size = ListedColormap([style.BLACK]), float(np.clip(6000 / len(values), 0.15, 4))

@@ -1,4 +1,4 @@
-"""What the figures of a run need of it."""
+"""The data of a run that its figures use, and helpers to select and cache them."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ _MOST_KEPT = 8
 SPEEDS = ("approach_speed", "separation_speed")
 """Columns of the speeds (m/s) of the bodies of an impact along their line of centres."""
 _ROUNDING = 1e-12
-"""Of the speed of approach: bodies that separate as slowly stay together."""
+"""Share of the approach speed below which a negative separation speed counts as rounding."""
 
 
 def first_of(table: Table, rows: int) -> Table:
-    """Return the first rows of a table, of one in a file without the others."""
+    """Return the first rows of a table; of a stored table only these are read."""
     from vibro_cli.storage.stored import StoredColumns
 
     if isinstance(table, StoredColumns):
@@ -43,22 +43,23 @@ def flights_of(flights: Table, ball: int, until: float = math.inf) -> Integers:
 
 
 def made(table: Table) -> Flags:
-    """Return which impacts the bodies made: not those at which the run ended instead."""
+    """Return which impacts took place; at the others the run ended instead."""
     flags = (np.asarray(table[name], dtype=np.bool_) for name in ("admissible", "substituted"))
     return np.logical_or(*flags)
 
 
 def goes_through(table: Table) -> Flags:
-    """Return after which impacts the bodies would go through one another, not only by rounding."""
+    """Return after which impacts the bodies would penetrate each other by more than rounding."""
     approach, separation = (np.asarray(table[name]) for name in SPEEDS)
     through: Flags = separation < -_ROUNDING * np.abs(approach)
     return through
 
 
 def why_not_made(through: Any) -> str:
-    """Return why impacts were not made, in words, from whether bodies would `goes_through` in them.
+    """Return a text on why impacts were not made, given the result of `goes_through` for them.
 
-    Others were solved with an inadmissible one, or would lift a body off the trace.
+    Impacts without penetration were part of an inadmissible one, or would lift a body off the
+    trace.
     """
     return "inadmissible" if np.any(through) else "not made"
 
@@ -78,7 +79,7 @@ class Recorded(Flights, Protocol):
 def kept(
     find: Callable[Concatenate[Run, More], Found],
 ) -> Callable[Concatenate[Run, More], Found]:
-    """Keep what a function has found last of a run: figures are drawn several wide."""
+    """Cache the last `_MOST_KEPT` results of a function of a run, for figures of several widths."""
     known: WeakKeyDictionary[Any, dict[Any, Found]] = WeakKeyDictionary()
 
     @wraps(find)

@@ -1,4 +1,4 @@
-"""The look of every figure, and figures as files: PNG, PDF and SVG, the same bytes each time."""
+"""The style of all figures, and their export to PNG, PDF and SVG with reproducible bytes."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ WIDTHS = {"single": 85.0, "double": 170.0}
 
 
 def width_of(width: str) -> float:
-    """Return the width (mm) of a figure, `single` or `double`; raises ValueError for another."""
+    """Return the width (mm) of a `single` or `double` figure; raise ValueError for others."""
     if not isinstance(width, str) or width not in WIDTHS:
         raise ValueError(f"unknown width {width!r}, expected one of {', '.join(WIDTHS)}")
     return WIDTHS[width]
@@ -34,7 +34,7 @@ MM = 1.0 / 25.4
 
 
 def panel_size(axes: Axes) -> tuple[float, float]:
-    """Return width and height of a panel (mm), without the rounding of its shares of a figure."""
+    """Return width and height of a panel (mm), rounded to remove errors of its relative size."""
     figure, box = axes.get_figure(root=True), axes.get_position()
     assert figure is not None
     wide, high = figure.get_size_inches() / MM * (box.width, box.height)
@@ -42,14 +42,14 @@ def panel_size(axes: Axes) -> tuple[float, float]:
 
 
 DPI = 300.0
-"""Pixels of a PNG to an inch."""
+"""Pixels per inch of a PNG."""
 TEXT = 8.0
 """Size of axis labels (pt)."""
 SMALL = 7.0
 """Size of tick labels, panel titles and legends (pt)."""
 
-# Okabe and Ito's palette: told apart by colour-blind readers; every use has its own line or marker
-# as well, so that nothing is lost in grey.
+# Okabe and Ito's palette, which colour-blind readers can distinguish. Every use has its own line or
+# marker as well, so that nothing is lost in grey.
 BLUE = "#0072B2"
 VERMILLION = "#D55E00"
 GREEN = "#009E73"
@@ -64,13 +64,13 @@ SEPARATRIX_GREY = "#5a5a5a"
 FRAME_GREY = "#303030"
 
 Look = dict[str, Any]
-"""How something is drawn, in the words of matplotlib."""
+"""Style of a line, mark or text, as keyword arguments of matplotlib."""
 
 
 def line(colour: str | None, width: float, dashes: tuple[float, ...] = ()) -> Look:
-    """Return the look of a line of a width (pt), solid or with dashes and gaps so many widths long.
+    """Return the style of a line of a width (pt); `dashes` are lengths and gaps in line widths.
 
-    Without a colour it takes that of what it belongs to.
+    Without a colour, the line takes the colour of the body that it belongs to.
     """
     look: Look = {"linewidth": width, "linestyle": (0, dashes) if dashes else "solid"}
     return look if colour is None else look | {"color": colour}
@@ -79,7 +79,7 @@ def line(colour: str | None, width: float, dashes: tuple[float, ...] = ()) -> Lo
 def mark(
     shape: str, size: float, colour: str, edge: str | None = None, edge_width: float = 0.7
 ) -> Look:
-    """Return the look of marks (pt), of one colour or with an edge of another, without a line."""
+    """Return the style of marks (pt) without a line, in one colour or with an edge of another."""
     look: Look = {"marker": shape, "markersize": size, "linestyle": "none"}
     if edge is None:
         return look | {"color": colour}
@@ -88,11 +88,11 @@ def mark(
 
 
 AXIS_DASHES = (6.0, 1.5, 1.0, 1.5)
-"""Of axes and normals: long and short by turns."""
+"""Dashes of axes and normals: long and short alternately."""
 AXIS = line(FRAME_GREY, 0.4, AXIS_DASHES)
-"""An axis, a normal or an upright of a drawing to scale."""
+"""Style of axes, normals and verticals in drawings to scale."""
 POINT = mark("o", 1.6, BLACK)
-"""A point of a drawing to scale: a centre, a contact."""
+"""Style of points in drawings to scale: centres, contact points."""
 
 _RC: Any = {  # the stubs want each key as a literal
     "font.family": "STIXGeneral",  # shipped with matplotlib: the same glyphs on every machine
@@ -132,15 +132,15 @@ _SIZES = ("font.size", "axes.labelsize", "xtick.labelsize", "ytick.labelsize")
 
 
 _ONE_AT_A_TIME = RLock()
-"""The settings of matplotlib are those of all threads."""
+"""All threads share the settings of matplotlib."""
 
 
 @contextmanager
 def journal(larger: float = 1.0) -> Iterator[None]:
-    """Draw within this context: the style of the figures, whatever the reader's own settings are.
+    """Provide a context for drawing in the style of the figures, whatever the user's settings.
 
-    Letters are `larger` by this factor. Figures are made as `matplotlib.figure.Figure`, without
-    pyplot and its global state. Other threads wait until it ends.
+    `larger` magnifies all letters. Figures are made as `matplotlib.figure.Figure`, without pyplot
+    and its global state. Other threads wait until the context ends.
     """
     with _ONE_AT_A_TIME, matplotlib.rc_context(), _one_parser():
         matplotlib.rcdefaults()
@@ -170,15 +170,15 @@ def _one_parser() -> Iterator[None]:
 
 
 def time_colours() -> Colormap:
-    """Return the colours of time, dark to light: viridis without its palest end."""
+    """Return the colour map of time, dark to light: viridis without its palest end."""
     return ListedColormap(matplotlib.colormaps["viridis"](np.linspace(0.0, 0.88, 256)))
 
 
 FORMATS = ("png", "pdf", "svg")
 _COMPRESSION = 3
-"""Of PNG: higher levels take twice the time for a twentieth of the bytes."""
+"""Compression level of PNG: higher levels take twice the time to save a twentieth of the bytes."""
 
-# What would differ from one writing to the next (or from one machine to another) is left out.
+# Metadata that would differ from run to run or from machine to machine are left out.
 _METADATA: dict[str, dict[str, str | None]] = {
     "png": {"Software": None},
     "pdf": {"CreationDate": None, "Creator": "vibro", "Producer": None},
@@ -187,9 +187,9 @@ _METADATA: dict[str, dict[str, str | None]] = {
 
 
 def render(figure: Figure, form: str, dpi: float = DPI) -> bytes:
-    """Return a figure as the bytes of a file of one of `FORMATS`; `dpi` is that of PNG and rasters.
+    """Return a figure as the bytes of a file in one of `FORMATS`.
 
-    Raises ValueError for another format.
+    `dpi` holds for PNG and for rasters in vector files. Raises ValueError for another format.
     """
     if form not in FORMATS:
         raise ValueError(f"unknown figure format {form!r}, expected one of {', '.join(FORMATS)}")
@@ -203,12 +203,12 @@ def render(figure: Figure, form: str, dpi: float = DPI) -> bytes:
 
 
 def has_rasters(figure: Figure) -> bool:
-    """Return whether some of a figure is drawn as a raster in vector files, being too much."""
+    """Return whether parts of a figure are rasterised in vector files."""
     return bool(figure.findobj(lambda artist: bool(artist.get_rasterized())))
 
 
 def render_pages(figures: Iterable[Figure]) -> bytes:
-    """Return figures as one PDF file, a page each."""
+    """Return figures as one PDF file, one per page."""
     from matplotlib.backends.backend_pdf import PdfPages
 
     buffer = BytesIO()

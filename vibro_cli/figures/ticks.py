@@ -1,4 +1,4 @@
-"""What an axis says: symbols of columns, ticks of angles in parts of π and of other quantities."""
+"""Labels and ticks of axes: symbols of columns, ticks at parts of π and at round numbers."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ _NAME = re.compile(r"(?P<stem>.+?)(?:_(?P<body>[ab]|[0-9]+))?(?:_(?P<side>pre|po
 
 
 def symbol_of(column: str) -> str:
-    """Return how an axis names a column: `speed_a_pre` is v_a before, in the letters of formulas.
+    """Return the label of a column as mathtext: `speed_a_pre` becomes v_a before.
 
-    Columns without a letter of their own are named by their words: `angle_a` is the angle of a.
+    Columns without a symbol are named in words: `angle_a` becomes "angle of a".
     """
     found = _NAME.fullmatch(column)
     assert found is not None, column
@@ -54,29 +54,29 @@ CHARACTER = 1.15
 _BETWEEN = 1.6
 """Least room between two tick labels (mm)."""
 _INTERVAL = 17.0
-"""Distance of two tick labels side by side (mm) where an axis has room for many."""
+"""Usual distance between the ticks of a long horizontal axis (mm)."""
 _LINE = 7.0
-"""Least distance of two tick labels one above the other (mm)."""
+"""Least distance between two tick labels one above the other (mm)."""
 _OF_POWERS = 8.0
-"""Least distance of two powers of ten side by side (mm)."""
+"""Least distance between two powers of ten side by side (mm)."""
 
 _EDGE = 1.2
-"""Room without numbers at the lower end of a vertical axis (mm): another axis has its own there."""
+"""Room without numbers at the lower end of a vertical axis (mm), kept for those of another axis."""
 _LONGEST = 5
 """Characters of the longest label of a vertical axis; longer numbers get a power of ten."""
 _PLAIN = (0.01, 1e5)
-"""Horizontal axes that reach no further, or further, get a power of ten."""
+"""Range of the greatest number of a horizontal axis without a power of ten."""
 
 _PARTS_OF_PI = tuple(Fraction(1, divisor) for divisor in (1, 2, 4, 8))
 _ENOUGH = 4
 _MOST = 1000
-"""Multiples of π within an axis; no figure has room for the labels of more."""
+"""Number of steps within an axis above which no figure has room for the labels."""
 _NEAREST = 1e-9
 """Least range of an axis, as a share of its greatest number."""
 _FROM_WITHIN = 2e-4
-"""Range of an axis, as a share of its greatest number, below which labels count from within it."""
+"""Range of an axis, as a share of its greatest number, below which labels have an offset."""
 LEAST = 3
-"""Labels from which a scale can be read, where there is room for them."""
+"""Least number of labels for a readable scale, where there is room for them."""
 
 
 @dataclass(frozen=True)
@@ -88,13 +88,13 @@ class Ticks:
     power: int = 0
     """The labels are in units of ten to this power."""
     offset: float = 0.0
-    """The labels count from this number."""
+    """The labels are relative to this number."""
 
 
 def angle_ticks(low: float, high: float, width: float) -> Ticks:
     """Return ticks (rad) at multiples of π/2ⁿ for an axis from `low` to `high`, `width` mm wide.
 
-    As few as are enough to read the scale, as many as there is room for; angles too small for
+    The step is the largest that gives enough ticks, as far as there is room. Angles too small for
     parts of π get decimal numbers.
     """
 
@@ -118,9 +118,10 @@ def vertical_angle_ticks(low: float, high: float, height: float) -> Ticks:
 
 
 def _parts_of_pi(low: float, high: float, fit: Callable[[float, Ticks], bool]) -> Ticks | None:
-    """Return ticks (rad) at multiples of ever smaller parts of π, until they are enough.
+    """Return ticks (rad) at multiples of ever smaller parts of π, until there are enough.
 
-    Or as many as `fit`, a test of their step and of them, admits; None where there are not two.
+    Stops before a step that `fit`, a test of the step and its ticks, rejects. Returns None if there
+    are fewer than two ticks.
     """
     chosen = None
     for part in _PARTS_OF_PI:
@@ -141,7 +142,7 @@ def _parts_of_pi(low: float, high: float, fit: Callable[[float, Ticks], bool]) -
 def number_ticks(low: float, high: float, width: float, whole: bool = False) -> Ticks:
     """Return ticks at round numbers for a horizontal axis from `low` to `high`, `width` mm wide.
 
-    Only whole numbers with `whole`.
+    With `whole`, only whole numbers are used.
     """
     offset = _offset(low, high)
     if offset:
@@ -164,7 +165,7 @@ def number_ticks(low: float, high: float, width: float, whole: bool = False) -> 
 def vertical_ticks(low: float, high: float, height: float, whole: bool = False) -> Ticks:
     """Return ticks at round numbers for a vertical axis from `low` to `high`, `height` mm high.
 
-    Only whole numbers with `whole`.
+    With `whole`, only whole numbers are used.
     """
     offset = _offset(low, high)
     if offset:
@@ -178,7 +179,7 @@ def vertical_ticks(low: float, high: float, height: float, whole: bool = False) 
 
 
 def in_one_unit(one: Ticks, other: Ticks) -> tuple[Ticks, Ticks]:
-    """Return the ticks of two axes of one quantity in units of one power of ten, the larger."""
+    """Return the ticks of two axes of the same quantity, both scaled by the larger power of ten."""
     powers = {one.power, other.power} - {0}
     if not powers or one.offset or other.offset:
         return one, other
@@ -187,10 +188,10 @@ def in_one_unit(one: Ticks, other: Ticks) -> tuple[Ticks, Ticks]:
 
 
 def log_ticks(low: float, high: float, length: float, vertical: bool) -> Ticks:
-    """Return ticks of a logarithmic axis between limits of one sign, `length` mm long.
+    """Return ticks of a logarithmic axis, `length` mm long, between limits of the same sign.
 
-    At powers of ten; where there are less than three at 1, 2 and 5 or 1 and 3 times them, and where
-    that is not enough either at round numbers.
+    Ticks are at powers of ten; if there are fewer than three, at 1, 2 and 5 or at 1 and 3 times
+    powers of ten; and if these are too few as well, at round numbers.
     """
     if vertical:
         low *= (high / low) ** (_EDGE / length)
@@ -209,17 +210,17 @@ def log_ticks(low: float, high: float, length: float, vertical: bool) -> Ticks:
         if len(ticks.places) >= LEAST and (gap >= _LINE if vertical else _fits(ticks.labels, gap)):
             return ticks
     if vertical:
-        # Nearer by half at most, where labels one above the other are still apart.
+        # The numbers are closer by half at most; labels above one another still do not touch.
         return vertical_ticks(low, high, length)
-    # Where the numbers lie closest they are so much nearer than on a linear axis.
+    # Ratio of the least distance of the numbers to their distance on a linear axis.
     nearer = (large - small) / (large * math.log(large / small))
     return number_ticks(low, high, length * nearer)
 
 
 def _times_powers(factors: Sequence[int], small: float, large: float, signed: float) -> Ticks:
-    """Return ticks at so many times all powers of ten between two sizes, with the sign of `signed`.
+    """Return ticks at `factors` times all powers of ten between two sizes, signed as `signed`.
 
-    Their labels have no more digits than each needs.
+    Each label has only the digits that it needs.
     """
     power = 0 if _PLAIN[0] <= small and large < _PLAIN[1] else _power(large)
     minus = "−" if signed < 0.0 else ""
@@ -235,24 +236,24 @@ def _times_powers(factors: Sequence[int], small: float, large: float, signed: fl
 
 
 def _offset(low: float, high: float) -> float:
-    """Return a round number within limits that lie near one another, else 0."""
+    """Return a round number between limits that are close relative to their size, else 0."""
     if not 0.0 < high - low < _FROM_WITHIN * max(abs(low), abs(high)):
         return 0.0
     return round(0.5 * (low + high), -math.floor(math.log10(high - low)))
 
 
 def _counted_from(offset: float, ticks: Ticks) -> Ticks:
-    """Return the ticks of the differences from a number at the numbers themselves."""
+    """Return ticks of differences from `offset`, moved to the numbers themselves."""
     return replace(ticks, places=tuple(offset + place for place in ticks.places), offset=offset)
 
 
 def _power(largest: float) -> int:
-    """Return the power of ten, a multiple of three, in which numbers up to one are written."""
+    """Return the power of ten, a multiple of three, that scales numbers up to `largest`."""
     return 3 * math.floor(math.log10(largest) / 3.0)
 
 
 def axis_words(name: str, unit: str, ticks: Ticks) -> str:
-    """Return the name of an axis, from what its labels count, and its unit: `s − 1.2 [10⁻⁶ m]`."""
+    """Return the label of an axis with offset, power of ten and unit: `s − 1.2 [10⁻⁶ m]`."""
     if ticks.offset:
         name += f" {'−' if ticks.offset > 0.0 else '+'} {abs(ticks.offset):.12g}"
     unit = re.sub(r"\^(\d)", r"$^\1$", unit)
@@ -265,10 +266,10 @@ def label_axis(
 ) -> None:
     """Set the ticks of an axis with their labels, and its name with the unit, if it has one.
 
-    Without `labelled` there are ticks alone. `after` is what is said behind the unit.
+    Without `labelled`, only ticks are drawn. `after` is appended to the unit.
     """
     axis.set_ticks(ticks.places, ticks.labels if labelled else [""] * len(ticks.labels))
-    axis.minorticks_off()  # a logarithmic axis would have labels of its own between these
+    axis.minorticks_off()  # a logarithmic axis would add its own labels between these
     if isinstance(axis, YAxis):
         axis.labelpad = 1.0
     if labelled:
@@ -287,20 +288,20 @@ def _in_powers(places: tuple[float, ...], power: int) -> Ticks:
 
 
 def limits_apart(low: float, high: float) -> tuple[float, float]:
-    """Return the limits of an axis, moved apart where nearly no double lies between them."""
+    """Return the limits of an axis, moved apart if hardly any double lies between them."""
     room = 0.5 * (_NEAREST * max(abs(low), abs(high)) - (high - low))
     return (low - room, high + room) if room > 0.0 else (low, high)
 
 
 def round_below(value: float) -> float:
-    """Return the greatest of 1, 2, 5, 10, 20, … and of 0.5, 0.2, … that is not above a number."""
+    """Return the greatest number of the series …, 0.2, 0.5, 1, 2, 5, 10, … up to `value`."""
     power = 10.0 ** math.floor(math.log10(value))
-    # The logarithm is rounded: of a number just below a power of ten it may be that of the power.
+    # The logarithm of a number just below a power of ten may be rounded up: then 0.5 is the factor.
     return next(factor * power for factor in (5.0, 2.0, 1.0, 0.5) if factor * power <= value)
 
 
 def decimals(values: Sequence[float]) -> tuple[str, ...]:
-    """Return numbers as text with as many decimals as all of them need, the minus sign a minus."""
+    """Return numbers as text, all with as many decimals as any needs and with true minus signs."""
     for digits in range(9):
         if all(
             abs(round(value, digits) - value) <= 1e-9 * max(map(abs, values)) for value in values
@@ -320,17 +321,17 @@ def part_of_pi(part: Fraction) -> str:
 
 
 def _fits(labels: Sequence[str], step: float) -> bool:
-    """Return whether labels with `step` mm from each to the next keep apart."""
+    """Return whether labels at intervals of `step` mm do not touch."""
     return max((len(label) for label in labels), default=0) * CHARACTER + _BETWEEN <= step
 
 
 def without_overlaps(
     rows: Sequence[tuple[float, float, Ticks]], span: Sequence[tuple[float, float]]
 ) -> list[Ticks]:
-    """Return the ticks of panels side by side, with labels dropped that would run into another.
+    """Return the ticks of panels side by side, without labels that would overlap another.
 
     `rows` holds, for each panel, its left edge (mm), its width (mm) and its ticks, `span` the ends
-    of its axis. Of two labels in conflict the one nearer to the edge of its panel goes.
+    of its axis. Of two overlapping labels, the one nearer to the edge of its panel is dropped.
     """
     marks = []
     for panel, ((left, width, ticks), (low, high)) in enumerate(zip(rows, span, strict=True)):
