@@ -1,1 +1,1 @@
-"""Figures of a run besides its phase portraits: scene, plan, velocities, charts."""
+"""Figures of a run other than its phase portraits: scene, plan, velocities, charts."""

@@ -1,9 +1,10 @@
-"""Plan of velocities of possible contact points of rolling bodies (B figs 2–4, C figs 2a, 3).
+"""Velocities at possible contact points of rolling bodies (B figs 2–4, C figs 2a, 3).
 
-Bodies touch at one height. In a central impact that is at T₀, straight ahead; in a skew one at a
-point of the level circle through it, by an angle α to either side (T₂, T₃). There the velocity is
-that of the centre, the translator part, and what rolling adds: ω times the distance from the axis
-of rotation through the centre, in a vertical plane. Disks and hoops roll upright: they touch at T₀.
+All possible contact points have the same height. In a central impact the bodies touch at T₀,
+straight ahead; in an oblique impact at a point of the horizontal circle through T₀, at an angle α
+to either side (T₂, T₃). The velocity there is the sum of that of the centre (translation) and of
+the part due to rolling: ω times the distance from the axis of rotation through the centre, in a
+vertical plane. Disks and hoops roll upright and touch only at T₀.
 """
 
 from __future__ import annotations
@@ -45,7 +46,7 @@ from vibro_cli.figures.style import line, width_of
 from vibro_cli.mechanics.system import DISK, HOOP, Body
 
 ASIDE = math.radians(35.0)
-"""The angle α of the points beside, where an impact is central."""
+"""The angle α of T₂ and T₃ in a central impact."""
 POINTS_TITLE = "Possible contact points"
 POINTS_CAPTION = (
     "The bodies before their first impact, from the side and from above: the contact point T₀ of a "
@@ -58,11 +59,11 @@ _WORDS = 7.4
 _GAP, _TOP, _BOTTOM = 2.0, 5.0, 2.0
 _ROUNDING = 1e-12
 _AROUND = 2.05
-"""Half the width of a panel, in radii of its body."""
+"""Half the height of a panel, in radii of its body."""
 _LONGEST = 1.15
 """Length of the longest arrow, in the same radii."""
 _APART = 0.09
-"""Distance in the same radii from which points one behind another have names of their own."""
+"""Least distance, in the same radii, of points in line of sight that are named separately."""
 _THIN = line(style.FRAME_GREY, 0.4)
 _HIDDEN = line(style.FRAME_GREY, 0.4, (2, 1.5))
 _PLANE = line(style.BLACK, 0.8)
@@ -77,47 +78,47 @@ _RING = ring(120)
 
 @dataclass(frozen=True)
 class Rolling:
-    """A body that arrives at an impact; lengths in its radii."""
+    """A body that arrives at an impact; lengths are in units of its radius."""
 
     body: Body
     number: int
     speed: float
-    """Of the centre (m/s), along the trace or its path; the sign is that of the axis drawn."""
+    """Speed of the centre (m/s) along its path, positive to the right in the figure."""
     ahead: float
-    """How far ahead of the centre the contact point of a central impact is; negative: behind."""
+    """Distance of T₀ ahead of the centre; negative if it is behind."""
     above: float
-    """And how far above it."""
+    """Distance of T₀ above the centre."""
     aside: float
-    """The angle α (rad) of the points beside."""
+    """The angle α (rad) of T₂ and T₃."""
 
     @property
     def omega(self) -> float:
-        """Angular velocity (rad/s); 0 of a particle, which slides."""
+        """Angular velocity (rad/s); 0 for a particle, which slides."""
         return 0.0 if self.body.slides else self.speed / self.body.radius
 
     @property
     def is_flat(self) -> bool:
-        """Whether it has no points beside T₀."""
+        """Whether the body touches only at T₀."""
         return self.body.kind in (DISK, HOOP)
 
     def points(self) -> Array:
-        """Return T₀, T₂ and T₃, of a flat body T₀: ahead, to the left and above, shape (n, 3)."""
+        """Return T₀, T₂ and T₃, or T₀ of a flat body: (ahead, left, above), shape (n, 3)."""
         angles = np.array([0.0] if self.is_flat else [0.0, self.aside, -self.aside])
         left = abs(self.ahead) * np.sin(angles)
         above = np.full(len(angles), self.above)
         return np.column_stack([self.ahead * np.cos(angles), left, above])
 
     def rolling_part(self, point: Array) -> Array:
-        """Return what rolling adds to the velocity there (m/s): ahead, to the left and above."""
+        """Return the part of the velocity at a point due to rolling (m/s): (ahead, left, above)."""
         rate = self.omega * self.body.radius
         return rate * np.array([point[2], 0.0, -point[0]])
 
 
 def contact_points(run: Recorded, width: str = "single") -> Figure | None:
-    """Return possible contact points of the first impact's bodies with their velocities before it.
+    """Draw possible contact points of the first impact's bodies with their velocities before it.
 
-    None without an impact, or if neither body moves. Raises ValueError for a width that is neither
-    `single` nor `double`.
+    Returns None without an impact, or if neither body moves. Raises ValueError for a width that is
+    neither `single` nor `double`.
     """
     if not len(run.collisions["n"]):
         return None
@@ -133,7 +134,7 @@ def contact_points(run: Recorded, width: str = "single") -> Figure | None:
 
 
 def figure_of(bodies: Sequence[Rolling], width: str) -> Figure | None:
-    """Return possible contact points of bodies with their velocities; None if none moves."""
+    """Draw possible contact points of bodies with their velocities; return None if none moves."""
     wide = width_of(width)
     fastest = max(
         float(np.hypot(one.speed + one.rolling_part(point)[0], one.rolling_part(point)[2]))
@@ -155,7 +156,7 @@ def figure_of(bodies: Sequence[Rolling], width: str) -> Figure | None:
 
 
 def _sheet(width: str, bodies: Sequence[Rolling], top: float) -> tuple[Figure, list[list[Axes]]]:
-    """Return a figure with an elevation and, unless it is flat, a plan for each body."""
+    """Return a figure with panels for each body: an elevation and, unless it is flat, a plan."""
     wide = width_of(width)
     views = 1 if all(one.is_flat for one in bodies) else 2
     beside = min(2 if width == "single" else 4, views * len(bodies))
@@ -178,12 +179,12 @@ def _sheet(width: str, bodies: Sequence[Rolling], top: float) -> tuple[Figure, l
 
 def _names(one: Rolling) -> list[str]:
     first = "$T_0$" if one.number == 1 else rf"$T_{{0,{one.number}}}$"
-    comma = "," if one.number > 9 else ""  # of T₁₀₂, the body would be any
+    comma = "," if one.number > 9 else ""  # T₁₀₂ would be ambiguous
     return [first, *(rf"$T_{{{one.number}{comma}{point}}}$" for point in (2, 3))]
 
 
 def _draw_elevation(axes: Axes, one: Rolling, scale: float) -> None:
-    """Draw the body from the side, its path to the right, and velocities at T₀ and beside."""
+    """Draw the body from the side, with its path to the right and the velocities at T₀ and T₂."""
     colour = body_look(one.number)["color"]
     axes.plot(axes.get_xlim(), [-1.0, -1.0], zorder=1.9, **_PLANE)
     draw_circle(axes, np.zeros(2), 1.0, colour, 0.16)
@@ -215,7 +216,7 @@ def _draw_elevation(axes: Axes, one: Rolling, scale: float) -> None:
 
 
 def _draw_plan(axes: Axes, one: Rolling, scale: float) -> None:
-    """Draw the body from above: the level circle of possible contact points, α and R cos α."""
+    """Draw the body from above: the horizontal circle of possible contact points, and α."""
     colour = body_look(one.number)["color"]
     draw_circle(axes, np.zeros(2), 1.0, colour, 0.16)
     radius = abs(one.ahead)
@@ -257,7 +258,10 @@ def _draw_plan(axes: Axes, one: Rolling, scale: float) -> None:
 def _draw_parts(
     axes: Axes, place: Array, one: Rolling, point: Array, seen: Sequence[int], scale: float
 ) -> list[Array]:
-    """Draw both parts of a point's velocity and their sum, as seen; return what is covered."""
+    """Draw the two parts of a point's velocity and their sum; return points along the arrows.
+
+    `seen` are the indices of the components in the plane of the view.
+    """
     colour = body_look(one.number)["color"]
     centre = np.array([one.speed, 0.0, 0.0])
     rolling = one.rolling_part(point)

@@ -43,10 +43,10 @@ ROUNDING = line(style.VERMILLION, 0.6, (4.0, 2.0))
 
 
 def impact_map(run: Recorded, width: str = "single") -> Figure | None:
-    """Return approach speed against place of every impact, coloured by its number.
+    """Draw approach speed against place of every impact, coloured by its number.
 
-    The place is the arc length of the left body's contact point or, where all impacts are on one
-    arc, its angle there. None with fewer than two impacts.
+    The place is the arc length of the left body's contact point or, if all impacts are on one arc,
+    its angle there. Returns None if there are fewer than two impacts.
     """
     if len(run.collisions["n"]) < 2:
         return None
@@ -69,16 +69,16 @@ def speed_map(
     width: str,
     lines: Sequence[float] = (),
 ) -> Figure:
-    """Return approach speed against the places of impacts, coloured by their numbers.
+    """Draw approach speed against the places of impacts, coloured by their numbers.
 
     Parameters
     ----------
     table
         The impacts, at least one.
     column, named
-        Of the places; what they are, in words or as a symbol, and their unit.
+        Column of the places; their name, in words or as a symbol, and their unit.
     room
-        Left on both sides where all places are one.
+        Margin on both sides if all places are equal.
     width
         ``"single"`` or ``"double"``.
     lines
@@ -113,21 +113,22 @@ def speed_map(
 
 
 def _only_arc(run: Recorded) -> Piece | None:
-    """Return the arc on which the left body of every impact is, if it is one."""
+    """Return the arc on which the left body of every impact is, None if there is no such arc."""
     pieces = np.unique(run.collisions["arc_a"])
     piece = run.system.trace.pieces[int(pieces[0]) - 1]
     return None if len(pieces) > 1 or piece.is_line else piece
 
 
 def _dot(number: int) -> float:
-    """Return the area of a dot (pt²), less where there are many."""
+    """Return the area of a dot (pt²), the smaller the more dots there are."""
     return float(np.clip(1200.0 / number, 1.0, 9.0))
 
 
 def intervals(run: Recorded, width: str = "single") -> Figure | None:
-    """Return the time between impacts against their number: straight where they accumulate.
+    """Draw the intervals between impacts against their number: a straight line if they accumulate.
 
-    None with fewer than two impacts. Impacts of several pairs at one instant have no interval.
+    Returns None if there are fewer than two impacts. Simultaneous impacts, whose interval is 0, are
+    not shown.
     """
     table = run.collisions
     number = np.asarray(table["n"])
@@ -146,9 +147,9 @@ def intervals(run: Recorded, width: str = "single") -> Figure | None:
 
 
 def accuracy(run: Recorded, width: str = "single") -> Figure | None:
-    """Return the residual gap of each impact and the energy error of each free flight.
+    """Draw the residual gap of each impact and the energy error of each free flight.
 
-    None where bodies in lasting contact do nothing else.
+    Returns None if there are neither impacts nor free flights.
     """
     table = run.collisions
     gap = np.abs(np.asarray(table["gap"], dtype=np.float64))
@@ -173,9 +174,9 @@ def accuracy(run: Recorded, width: str = "single") -> Figure | None:
 
 @kept
 def _errors(run: Recorded) -> tuple[Array, Array, int]:
-    """Return the ends (s) of free flights, the changes of energy along them, and how many.
+    """Return the ends (s) of free flights, their energy errors, and the number of free flights.
 
-    Of very many flights those that can be told apart.
+    Of very many flights, only those that a chart can distinguish are returned.
     """
     times, errors, flights = [], [], 0
     for time, change in energy_residuals(run):
@@ -210,9 +211,9 @@ def _residuals(
 def _draw_dots(
     axes: Axes, across: Array, along: Array, number: int | None = None, **look: Any
 ) -> None:
-    """Draw a dot for each point; the limits of the axes have to be set.
+    """Draw a dot for each point; the limits of the axes must be set.
 
-    `number` is how many there are, where they are not all given.
+    `number` is the number of all points, if only some are given.
     """
     number = number or len(along)
     size = math.sqrt(_dot(number))
@@ -224,14 +225,14 @@ def _draw_dots(
 
 _ERRORS = 2.0
 _SETTLED = 0.1
-"""The share of the time of the impacts after which curves are drawn: before it they jump."""
+"""Share of the time span of the impacts that is left out at the start, where curves jump."""
 
 
 def exponents(run: Any, width: str = "single") -> Figure | None:
-    """Return the exponents of the run until each of its impacts, and the error of the greatest.
+    """Draw the exponents of the run up to each of its impacts, and the error of the greatest.
 
-    Without the transient at the beginning. None for a run that was not asked for them, or without
-    two impacts.
+    The transient at the beginning is left out. Returns None if the run has no exponents or fewer
+    than two impacts.
     """
     table = run.exponents
     if table is None or len(table["t"]) < 2:

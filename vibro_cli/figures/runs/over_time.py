@@ -1,4 +1,4 @@
-"""Charts of a run over time: energies with their jumps, the space-time diagram, single bodies."""
+"""Charts of a run over time: energies with their jumps, and the space-time diagram."""
 
 from __future__ import annotations
 
@@ -33,22 +33,22 @@ from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.mechanics.trace import Piece
 
 MOST_FLIGHTS = 3000
-"""Of more flights than this, of all bodies together, only the first are drawn over time."""
+"""Number of flights, of all bodies together, that are drawn over time; later ones are left out."""
 MOST_PERIODS = 60
-"""Of more small oscillations than this only the first are drawn over time."""
+"""Number of small oscillations that are drawn over time; later ones are left out."""
 _POINTS = 40000
 _PER_PERIOD = 64
-"""Points of energies in one of the periods of lasting contact, ..."""
+"""Points of an energy per period of lasting contact, ..."""
 _MOST_POINTS = 200 * 2500
-"""... but of no more in all than make a line of many points in each strip narrower than a pixel."""
+"""... up to this many points in all: 200 for each strip of the chart narrower than a pixel."""
 
 
 def shown_until(run: Recorded) -> float:
-    """Return the time (s) up to which the motion is drawn: the end, unless it would be a stain."""
+    """Return the time (s) up to which the motion is drawn, before lines become too dense."""
     flights = run.flights()
     starts = np.sort(flights["t_start"])
     end = _end(run)
-    # Each flight on lines is an arc of its own; on circle arcs the periods have their limit.
+    # On lines each flight is a parabola of its own; on circle arcs the periods set the limit.
     most = 4 * MOST_PERIODS if math.isinf(_periods(run)) else MOST_FLIGHTS
     if len(starts) > most:
         end = float(starts[most])
@@ -61,9 +61,9 @@ def _end(run: Recorded) -> float:
 
 
 def timeline(run: Recorded, ball: int, until: float) -> tuple[Array, Array]:
-    """Return times (s), not falling, up to one, and the arc length (m) of a body (from 1) then.
+    """Return non-decreasing times (s) up to `until`, and the arc length (m) of a body (from 1).
 
-    NaN after the seam of a closed trace, where a line is to break.
+    NaN marks the breaks of the line at the seam of a closed trace.
     """
     flights = run.flights()
     mine = flights_of(flights, ball, until)
@@ -88,15 +88,15 @@ def timeline(run: Recorded, ball: int, until: float) -> tuple[Array, Array]:
 
 
 def _least(flights: int) -> float:
-    """Return the least number of points of a flight: fewer where there are many."""
+    """Return the least number of points of a flight; it falls with the number of flights."""
     return float(np.clip(_POINTS / 4 / max(flights, 1), 2.0, 16.0))
 
 
 def calm_until(run: Recorded) -> float:
     """Return the time (s) up to which energies are drawn.
 
-    The end of the run, but lasting contact without an impact only for as many periods as can be
-    told apart.
+    It is the end of the run, or, in lasting contact without impacts at the end, the time after as
+    many periods as a chart can distinguish.
     """
     flights = run.flights()
     end = _end(run)
@@ -111,7 +111,7 @@ def calm_until(run: Recorded) -> float:
 
 
 def _periods(run: Recorded) -> float:
-    """Return the time (s) of as many slow oscillations as can be told apart; infinite on lines."""
+    """Return the duration (s) of `MOST_PERIODS` of the slowest oscillation; infinite on lines."""
     arcs = [piece for piece in run.system.trace.pieces if not piece.is_line]
     if not arcs or run.system.gravity <= 0.0:
         return math.inf
@@ -120,10 +120,10 @@ def _periods(run: Recorded) -> float:
 
 
 def energy_course(run: Recorded, ball: int, until: float = math.inf) -> tuple[Array, Array]:
-    """Return times (s) up to one and the energy (J) of a body (from 1) then.
+    """Return times (s) up to `until` and the energy (J) of a body (from 1) at each.
 
-    Constant on a free flight; in lasting contact, where bodies exchange energy, sampled. At a jump
-    a time stands twice.
+    The energy is constant during a free flight. In lasting contact, where bodies exchange energy,
+    it is sampled. Times of jumps appear twice.
     """
     flights = run.flights()
     hills = Landscape.of(run.system, ball)
@@ -159,9 +159,9 @@ def energy_course(run: Recorded, ball: int, until: float = math.inf) -> tuple[Ar
 
 
 def _kept_levels(flights: Table, mine: Integers) -> tuple[Integers, Integers]:
-    """Return the first and the last of those flights of a body between which its energy stays.
+    """Return the first and the last flight of each sequence in which a body keeps its energy.
 
-    Those are free flights that follow on one another across pieces.
+    Such a sequence consists of free flights with crossings between them.
     """
     free = ~flights["contact"][mine]
     crossed = flights["cause_start"][mine] == "crossing"
@@ -170,7 +170,7 @@ def _kept_levels(flights: Table, mine: Integers) -> tuple[Integers, Integers]:
 
 
 def _pace(run: Recorded, ball: int, piece: Piece) -> float:
-    """Return the points a second that the energy of a body wants, in contact on a piece."""
+    """Return the sampling rate (1/s) of the energy of a body in contact on a piece."""
     body, turning = run.system.bodies[ball - 1], run.system.turning
     if piece.is_line:
         turned = 0.0 if turning is None else turning.rate
@@ -184,8 +184,8 @@ def _pace(run: Recorded, ball: int, piece: Piece) -> float:
 def energy_residuals(run: Recorded) -> Iterator[tuple[Array, Array]]:
     """Yield the ends (s) of free flights and the change of energy along each, piece by piece.
 
-    Relative to the energy of all bodies at the start; from the states alone, so that it is a
-    measure of the error of the motion.
+    The change is relative to the energy of all bodies at the start. It is computed from the states
+    alone, so that it measures the error of the motion.
     """
     flights, pieces = run.flights(), run.system.trace.pieces
     hills = [Landscape.of(run.system, ball) for ball in range(1, len(run.system.bodies) + 1)]
@@ -193,13 +193,13 @@ def energy_residuals(run: Recorded) -> Iterator[tuple[Array, Array]]:
     def energy(body: int, piece: Piece, rows: Integers, end: str) -> Array:
         return hills[body].energy(piece, *(flights[f"{x}_{end}"][rows] for x in ("angle", "rate")))
 
-    # Flights stand body by body in order of time.
+    # Flights are sorted by body, then by time.
     firsts = np.searchsorted(flights["ball"], np.arange(1, len(hills) + 1))[:, None]
     whole = sum(
         float(energy(body, pieces[int(flights["arc"][row[0]]) - 1], row, "start")[0])
         for body, row in enumerate(firsts)
     )
-    # the last flight of an accumulation stands for all the impacts that are left
+    # the last flight of an accumulation represents all remaining impacts
     free = np.asarray(flights["cause_end"], dtype=object) != "contact_closed"
     free &= ~flights["contact"]
     for body in range(len(hills)):
@@ -212,34 +212,34 @@ def energy_residuals(run: Recorded) -> Iterator[tuple[Array, Array]]:
 
 HIGH = {"single": (34.0, 20.0), "double": (44.0, 24.0)}
 _ROOM = 0.01
-"""Of the axis of time, room after an impact that ends the run."""
+"""Room after an impact that ends the run, as a share of the time axis."""
 _FAINT = {"alpha": 0.25, "linewidth": 0.3, "linestyle": "-"}
-"""Of steps that hide one another."""
+"""Style of steps that hide one another."""
 _LEAST_SHARE = 0.01
-"""Of the height of the axis, about the width of a line: energies below it lie on the axis."""
+"""Share of the axis height (about a line width) below which energies coincide with the axis."""
 _LEAST_MEANS = 40
 _MOST_JUMPS = 8
-"""Of bodies that jump more often than this in most spans of a mean, the steps hide one another."""
+"""Median number of jumps per window above which the steps of bodies hide one another."""
 _VERY_MANY = 100_000
-"""Points of a line, beyond which those are drawn that can be seen, ..."""
+"""Number of points of a line above which only the visible ones are drawn, ..."""
 _STRIPS = 2500
-"""... of each of so many strips across the chart."""
+"""... in each of this many strips across the chart."""
 _AT_ONCE = 1 << 19
 MOST_STEMS = 2000
-"""Of more losses than this only the points are drawn."""
+"""Number of losses above which they are drawn as points without stems."""
 LOSS = mark("o", 1.8, style.VERMILLION)
 GAIN = LOSS | {"color": style.BLUE, "markerfacecolor": "white"}
 IMPACT = mark("o", 2.4, "white", style.BLACK, 0.5)
 
 
 def energies(run: Recorded, width: str = "single") -> Figure:
-    """Return the energy of each body and of all against time, and what impacts lose, if they do."""
+    """Draw the energy of each body and of all against time, and the losses at impacts, if any."""
     times, lost = (calm_until(run), _end(run)), losses_of(run.collisions)
     return energy_chart(run, energy_course, lost, contact_times(run), times, width)
 
 
 def losses_of(*tables: Table) -> tuple[Array, Array]:
-    """Return times (s) and losses of energy (J) of the impacts in tables, those that were made."""
+    """Return times (s) and energy losses (J) of the impacts in tables that took place."""
     rows = [made(table) if "admissible" in table else slice(None) for table in tables]
     times, losses = (
         [np.asarray(table[name])[own] for table, own in zip(tables, rows, strict=True)]
@@ -249,18 +249,18 @@ def losses_of(*tables: Table) -> tuple[Array, Array]:
 
 
 class EnergyLines(NamedTuple):
-    """Energies against time as lines: times (s) and energies (J), the points that can be seen."""
+    """Lines of energies against time: the visible points, as times (s) and energies (J)."""
 
     bodies: list[tuple[Array, Array]]
-    """Of each body; none where all would lie on the axis, under that of all."""
+    """Line of each body; empty if all are invisibly small beside the total."""
     window: float
-    """The time (s) over which means are taken; 0 where the steps can be told apart."""
+    """The time (s) over which means are taken; 0 if the steps can be distinguished."""
     means: list[tuple[Array, Array]]
-    """Of each body, if there is such a time."""
+    """Means of each body; empty if `window` is 0."""
     total: tuple[Array, Array] | None
-    """Of all bodies together, None for one."""
+    """Line of the total energy, None for a single body."""
     highest: float
-    """The greatest energy of all (J)."""
+    """The greatest of all energies (J)."""
     start: float
     """The energy of all bodies at the start (J)."""
 
@@ -268,7 +268,7 @@ class EnergyLines(NamedTuple):
 def energy_lines(courses: Sequence[tuple[Array, Array]]) -> EnergyLines:
     """Return lines of the energies of bodies; `courses` are times (s) and energies (J) of each.
 
-    Of several bodies, one of which jumps too often to tell them apart, there are means too.
+    If there are several bodies and one jumps too often to distinguish its steps, means are added.
     """
     spans = -(-sum(len(time) for time, _ in courses) // _AT_ONCE)
     total = seen(_sums(courses, spans), spans) if len(courses) > 1 else None
@@ -287,7 +287,7 @@ def energy_lines(courses: Sequence[tuple[Array, Array]]) -> EnergyLines:
 
 
 def _window(courses: Sequence[tuple[Array, Array]]) -> float:
-    """Return the time (s) for means of energies; 0 where the steps can be told apart."""
+    """Return the time (s) over which to average energies; 0 if the steps can be distinguished."""
     end = max(float(time[-1]) for time, _ in courses)
     if end <= 0.0:
         return 0.0
@@ -296,22 +296,21 @@ def _window(courses: Sequence[tuple[Array, Array]]) -> float:
 
 
 def _edges(time: Array, window: float) -> Array:
-    """Return the ends (s) of the whole windows between the first and the last of the times."""
+    """Return the edges (s) of the complete windows between the first and the last time."""
     return np.asarray(time[0] + window * np.arange(math.floor((time[-1] - time[0]) / window) + 1))
 
 
 def _jumps(course: tuple[Array, Array], window: float) -> float:
-    """Return how often an energy jumps in most windows: there a time stands twice."""
+    """Return the median number of jumps of an energy per window; times of jumps appear twice."""
     time, energy = course
     jumps = time[1:][(np.diff(time) == 0.0) & (np.diff(energy) != 0.0)]
     return float(np.median(np.histogram(jumps, _edges(time, window))[0]))
 
 
 def means(course: tuple[Array, Array], window: float) -> tuple[Array, Array]:
-    """Return, as steps, the mean over each window (s) of values between which lines are straight.
+    """Return, as steps, the mean of a piecewise linear function over each window (s).
 
-    `course` are times (s), not falling, and values; what is left of a window at the end is left
-    out.
+    `course` are non-decreasing times (s) and values. An incomplete window at the end is left out.
     """
     time, values = course
     area = np.append(0.0, np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(time)))
@@ -321,7 +320,7 @@ def means(course: tuple[Array, Array], window: float) -> tuple[Array, Array]:
 
 
 Course = Callable[[Any, int, float], tuple[Array, Array]]
-"""Of a run, a body (from 1) and a time (s): times up to that one, and the energies (J) then."""
+"""Function of a run, a body (from 1) and a time (s): times up to it, and the energies (J) then."""
 
 
 @kept
@@ -339,11 +338,12 @@ def energy_chart(
     times: tuple[float, float],
     width: str,
 ) -> Figure:
-    """Return energies of bodies and of all against time, and losses below if any.
+    """Draw the energies of bodies and their sum against time, and the losses, if any, below.
 
-    `course` gives the energies of a body, `losses` are times (s) and losses (J) of the impacts,
-    negative where they gain, `contacts` when there is lasting contact, `times` until when energies
-    are drawn and how long the run is (s). Raises ValueError for an unknown width.
+    `course` gives the energies of a body; `losses` are times (s) and losses (J) of the impacts,
+    negative for gains; `contacts` are the time spans (s) of lasting contact; `times` are the time
+    up to which energies are drawn and the end of the run (s). Raises ValueError for an unknown
+    width.
     """
     until, whole = times
     lines = _lines_of(run, course, until)
@@ -378,12 +378,12 @@ def energy_chart(
 
 
 def room_after(until: float, impacts: Array) -> float:
-    """Return the end (s) of the axis of time, so that an impact at the end is not cut in half."""
+    """Return the end (s) of the time axis, with room for the mark of an impact at the end."""
     return until * (1.0 + _ROOM) if len(impacts) and np.max(impacts) == until else until
 
 
 def _draw_energies(axes: Any, lines: EnergyLines) -> None:
-    """Draw the steps of each body and of the sum."""
+    """Draw the steps and means of each body, and the sum."""
     for ball, line in enumerate(lines.bodies, 1):
         axes.plot(*line, zorder=2.0, **(body_look(ball) | (_FAINT if lines.window else {})))
     for ball, line in enumerate(lines.means, 1):
@@ -395,12 +395,12 @@ def _draw_energies(axes: Any, lines: EnergyLines) -> None:
 
 
 def _sums(courses: Sequence[tuple[Array, Array]], count: int) -> Iterator[tuple[Array, Array]]:
-    """Yield the sum of the energies on either side of every jump, in so many spans of time."""
+    """Yield the sum of the energies before and after every jump, in `count` spans of time."""
     end = max(float(time[-1]) for time, _ in courses)
     edges = [*np.linspace(0.0, end, count + 1)[:-1].tolist(), np.nextafter(end, np.inf)]
     for span in pairwise(edges):
         parts = [time[slice(*np.searchsorted(time, span))] for time, _ in courses]
-        times = np.sort(np.concatenate(parts), kind="stable")  # merges what is in order
+        times = np.sort(np.concatenate(parts), kind="stable")  # merges sorted parts
         times = times[np.diff(times, prepend=-np.inf) > 0.0]
         sides = np.stack([np.nextafter(times, side) for side in (-np.inf, np.inf)], axis=1).ravel()
         total = np.zeros(len(sides))
@@ -410,10 +410,10 @@ def _sums(courses: Sequence[tuple[Array, Array]], count: int) -> Iterator[tuple[
 
 
 def seen(parts: Iterable[tuple[Array, Array]], count: int = 1) -> tuple[Array, Array]:
-    """Return the points of a line over time, given in so many parts, that can be seen.
+    """Return the visible points of a line over time that is given in `count` parts.
 
-    Of very many, in each of the strips of a part, those are the first, the last, the least and the
-    greatest: where a strip is narrower than a pixel, the line through them covers the same.
+    If there are very many, keep the first, last, least and greatest point in each strip of a part:
+    in a strip narrower than a pixel, the line through them covers the same area.
     """
     shown, strips = [], -(-_STRIPS // count)
     for time, values in parts:
@@ -432,7 +432,7 @@ def seen(parts: Iterable[tuple[Array, Array]], count: int = 1) -> tuple[Array, A
 
 
 def _draw_losses(axes: Any, times: Array, losses: Array) -> None:
-    """Draw the losses at the impacts, or gains."""
+    """Draw the losses or gains at the impacts."""
     gained, sizes = losses < 0.0, np.abs(losses)
     symbol = r"$|\Delta E|$" if np.any(gained) else r"$\Delta E$"
     positive_axis(axes, sizes, symbol, "J")
@@ -446,9 +446,9 @@ def _draw_losses(axes: Any, times: Array, losses: Array) -> None:
 
 
 def space_time(run: Recorded, width: str = "single") -> Figure | None:
-    """Return the arc length of every body against time, with impacts and lasting contacts.
+    """Draw the arc length of every body against time, with impacts and lasting contacts.
 
-    Of a long run, the first part only.
+    Of a long run, only the first part is drawn.
     """
     until = shown_until(run)
     spans = [span for span in contact_times(run) if span[0] < until]
@@ -473,9 +473,9 @@ def space_time(run: Recorded, width: str = "single") -> Figure | None:
 
 
 def draw_impacts(axes: Any, run: Any, column: str, until: float) -> None:
-    """Mark both bodies at each impact, the smaller the more there are until then (s).
+    """Mark both bodies at each impact up to a time (s); more impacts have smaller marks.
 
-    `column` is that of their places, without the end of the pair.
+    `column` is the name of the column of places, without the suffix `_a` or `_b`.
     """
     table = run.collisions
     times = np.asarray(table["t"], dtype=np.float64)

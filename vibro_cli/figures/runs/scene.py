@@ -1,4 +1,4 @@
-"""The trace to scale: the scene at the start (A fig. 2a), the plan of the impacts (B fig. 9)."""
+"""The trace to scale: the scene at the start (A fig. 2a) and at the impacts (B fig. 9)."""
 
 from __future__ import annotations
 
@@ -47,19 +47,19 @@ _BOTTOM = 8.5
 _HIGHEST = 70.0
 _LOWEST = 20.0
 _WORDS = 7.0
-"""Room for numbers around what is drawn (mm)."""
+"""Room for numbers around the drawing (mm)."""
 _AWAY = 3.2
 """Distance of the number of a piece from the trace (mm)."""
 _NARROW = 5.0
-"""Pieces shorter than this (mm) have no number, centre and radius: there is no room for three."""
+"""Pieces shorter than this (mm) have no number, centre and radius, for lack of room."""
 _KEEN = 3
-"""How much rather names cover something else than a line."""
+"""Weight of lines among the obstacles that names should not cover."""
 _WALL = 5.0
 """Height of a wall at an end of the trace (mm)."""
 _TINY = 0.003
-"""Bodies smaller than this share of the trace are shown close."""
+"""Bodies smaller than this share of the trace are shown close up."""
 _LEAST = 0.5
-"""Least radius of a body that is drawn (mm)."""
+"""Least radius with which a body is drawn (mm)."""
 _SURFACE = line(style.BLACK, 0.8)
 _JUNCTION = mark("o", 2.2, style.BLACK)
 _AXIS = line(style.FRAME_GREY, 0.6, (8.0, 2.0, 1.5, 2.0))
@@ -67,17 +67,17 @@ ARROW = line(style.BLACK, 0.7) | {"arrowstyle": "-|>", "shrinkA": 0.0, "shrinkB"
 _RADIUS = line(style.FRAME_GREY, 0.35)
 _UPRIGHT = line(style.FRAME_GREY, 0.35, style.AXIS_DASHES)
 _LETTERED = 3
-"""Bodies up to which centres, contact points and angles are named."""
+"""Greatest number of bodies whose centres, contact points and angles are named."""
 _RING = ring(24)
 Extent = tuple[Array, Array]
 """Lower left and upper right corner (m)."""
 
 
 def scene(run: Recorded, width: str = "single") -> Figure:
-    """Return the trace to scale with its pieces numbered and the bodies at the start.
+    """Draw the trace to scale with its pieces numbered and the bodies at the start.
 
-    The centres O and radii R of the arcs are drawn, of a few bodies the centres C, contact points
-    P and angles φ, ψ too. Of pieces that are very short in it only the junctions are marked.
+    The centres O and radii R of the arcs are drawn and, for a few bodies, the centres C, contact
+    points P and angles φ, ψ. Of very short pieces only the junctions are marked.
 
     Raises ValueError for a width that is neither `single` nor `double`.
     """
@@ -115,7 +115,7 @@ def scene(run: Recorded, width: str = "single") -> Figure:
 
 
 def _points_of(axes: Axes) -> list[Array]:
-    """Return points of all lines that are drawn, 60 of each straight one, to be kept clear of."""
+    """Return points of all lines drawn, 60 of each straight one, as obstacles for names."""
     share = np.linspace(0.0, 1.0, 60)[:, None]
     lines = [np.asarray(line.get_xydata()) for line in axes.lines]
     points = [one[:1] + share * (one[-1:] - one[:1]) if len(one) == 2 else one for one in lines]
@@ -136,7 +136,7 @@ def _obstacles(run: Recorded, surface: Array, scale: float) -> Array:
 
 
 def _draw_axis(axes: Axes, turning: Turning) -> None:
-    """Draw the vertical about which the trace rotates, with its rate."""
+    """Draw the vertical axis about which the trace rotates, with the rate."""
     axes.axvline(turning.x, zorder=1.5, **_AXIS)
     words = rf"$\Omega = {turning.rate:.4g}$ rad/s"
     axes.annotate(
@@ -166,9 +166,9 @@ def _centres(run: Recorded) -> Array:
 
 
 def _number_place(run: Recorded, piece: Piece, scale: float) -> Array:
-    """Return where the number of a piece stands (m): below the trace at its middle.
+    """Return the place of the number of a piece (m): below its middle.
 
-    Beside the middle where the axis about which the trace rotates goes through there.
+    If the axis of rotation passes there, the place is beside the middle.
     """
     turning, middle = run.system.turning, 0.5 * (piece.angle_start + piece.angle_end)
     if turning is not None and abs(piece.contact_point(middle)[0] - turning.x) < 2.0 / scale:
@@ -181,9 +181,9 @@ def _number_place(run: Recorded, piece: Piece, scale: float) -> Array:
 def _draw_piece(
     axes: Axes, run: Recorded, piece: Piece, place: Array, within: Extent
 ) -> list[Named]:
-    """Write the number of a piece below it; return centre and radius to be named.
+    """Draw the number of a piece, the centre and the radius; return the names of the latter two.
 
-    The centre of an arc and its radius are left out where they are off the figure.
+    The centre of an arc and its radius are left out if they are outside the figure.
     """
     look = SAY | {"ha": "center", "va": "center", "fontstyle": "italic"}
     words = str(piece.index + 1)
@@ -192,7 +192,7 @@ def _draw_piece(
     centre = np.array(piece.centre)
     if piece.is_line or np.any(centre < within[0]) or np.any(centre > within[1]):
         return []
-    # Far from the number at the middle, the upright from which angles count, and the bodies.
+    # Choose a radius far from the number at the middle, from the vertical and from the bodies.
     taken = [one.position for one in run.system.initial if one.piece == piece.index]
     taken += [0.0, 0.5 * (piece.angle_start + piece.angle_end)]
     shares = np.linspace(0.1, 0.9, 17) * (piece.angle_end - piece.angle_start)
@@ -208,7 +208,7 @@ def _draw_piece(
 
 
 def _draw_bodies(axes: Axes, run: Recorded, scale: float, within: Extent) -> list[Named]:
-    """Draw the bodies at the start, their angles and speeds; return points to be named."""
+    """Draw the bodies at the start, their angles and speeds; return the names of points."""
     pieces = run.system.trace.pieces
     named: list[Named] = []
     lettered = len(run.system.bodies) <= _LETTERED
@@ -232,7 +232,7 @@ def _draw_bodies(axes: Axes, run: Recorded, scale: float, within: Extent) -> lis
             along = np.sign(state.speed) * np.array([np.cos(slope), np.sin(slope)])
             tip = centre + along * (radius + 4.0 / scale)
             axes.annotate("", tuple(tip), tuple(centre), arrowprops=ARROW, zorder=2.6)
-            axes.plot(*np.transpose([centre, tip]), linewidth=0.0, zorder=1.0)  # keeps names away
+            axes.plot(*np.transpose([centre, tip]), linewidth=0.0, zorder=1.0)  # an obstacle
             if lettered and not body.slides:
                 around = radius + 1.1 / scale
                 _draw_spin(axes, centre, around, slope, state.speed)
@@ -242,7 +242,7 @@ def _draw_bodies(axes: Axes, run: Recorded, scale: float, within: Extent) -> lis
 
 
 def _draw_spin(axes: Axes, centre: Array, radius: float, slope: float, speed: float) -> None:
-    """Draw an arc over a body with an arrow in the sense in which it turns."""
+    """Draw an arc over a body with an arrow in its sense of rotation."""
     turned = np.radians(np.linspace(40.0, -40.0, 40)) * np.sign(speed)  # right is clockwise
     angles = slope + 0.5 * np.pi + turned
     arc = centre + radius * np.column_stack([np.cos(angles), np.sin(angles)])
@@ -254,7 +254,7 @@ def _draw_spin(axes: Axes, centre: Array, radius: float, slope: float, speed: fl
 def _draw_position(
     axes: Axes, piece: Piece, position: float, number: int, centre: Array, within: Extent
 ) -> list[Named]:
-    """Draw the angle φ or ψ of a body at the centre of its arc; return its name."""
+    """Draw the angle φ or ψ of a body at the centre of its arc; return the name of the angle."""
     origin = np.array(piece.centre)
     if piece.is_line or np.any(origin < within[0]) or np.any(origin > within[1]):
         return []
@@ -276,24 +276,24 @@ _PLAN_TOP = 5.5
 _TITLE = 3.6
 _GAP = 2.0
 _PLAN_BOTTOM = 6.0
-"""Room for the bar of length (mm)."""
+"""Room for the scale bar (mm)."""
 _TALLEST = 40.0
 _SHORTEST = 9.0
 _MARGIN = 0.03
 _FAINT = 0.35
 _CLOSE = 5.0
-"""Room around bodies that are shown close, in radii of the greatest."""
+"""Room around bodies that are shown close up, in radii of the largest body."""
 _PART = 0.4
-"""Bodies within this share of the trace are shown close, ..."""
+"""Bodies within this share of the trace are shown close up, ..."""
 _NEAR = 0.5
-"""... and with them walls as far beside them as this share of what they take."""
+"""... with walls that are nearer to them than this share of their extent."""
 _PLAN_SURFACE = line(style.BLACK, 0.7)
 WALL = line(style.BLACK, 2.0) | {"solid_capstyle": "butt"}
 
 
 @dataclass(frozen=True)
 class Configuration:
-    """Where the bodies are at one instant."""
+    """The places of the bodies at one instant."""
 
     title: str
     centres: Array
@@ -303,7 +303,7 @@ class Configuration:
 
 
 def trace_points(trace: Trace, on_arcs: int = 121, on_lines: int = 2) -> Array:
-    """Return points of the trace (m), shape (n, 2), so many on each arc and on each line."""
+    """Return points of the trace (m), shape (n, 2): `on_arcs` per arc, `on_lines` per line."""
     points = [
         piece.contact_point(float(position))
         for piece in trace.pieces
@@ -315,10 +315,10 @@ def trace_points(trace: Trace, on_arcs: int = 121, on_lines: int = 2) -> Array:
 
 
 def plan(run: Recorded, width: str = "single") -> Figure | None:
-    """Return the trace with the bodies at the start, at the first impacts and at the last one.
+    """Draw the trace with the bodies at the start, at the first impacts and at the last one.
 
-    Of a trace on which the bodies keep to a small part, that part. None without an impact.
-    Raises ValueError for a width that is neither `single` nor `double`.
+    If the bodies stay on a small part of the trace, only that part is drawn. Returns None without
+    an impact. Raises ValueError for a width that is neither `single` nor `double`.
     """
     width_of(width)
     if not len(run.collisions["n"]):
@@ -349,14 +349,14 @@ def plan(run: Recorded, width: str = "single") -> Figure | None:
 
 
 def draw_ends(axes: Axes, system: TraceSystem, high: float) -> None:
-    """Draw the walls at the ends of a trace, of a height (m)."""
+    """Draw the walls at the ends of a trace with a given height (m)."""
     for foot, slope in _walls(system):
         top = foot + high * np.array([-np.sin(slope), np.cos(slope)])
         axes.plot(*np.transpose([foot, top]), zorder=2.1, **WALL)
 
 
 def _walls(system: TraceSystem) -> list[tuple[Array, float]]:
-    """Return where walls at the ends of a trace stand (m), and its slope there."""
+    """Return the foot (m) of each wall at an end of the trace, and the slope there."""
     first, last = system.trace.pieces[0], system.trace.pieces[-1]
     ends = (first, first.angle_start, system.left_end), (last, last.angle_end, system.right_end)
     return [
@@ -367,10 +367,10 @@ def _walls(system: TraceSystem) -> list[tuple[Array, float]]:
 
 
 def visited(system: TraceSystem, centres: Array, low: Array, high: Array) -> tuple[Array, Array]:
-    """Return the corners (m) of what is shown of a trace between two corners.
+    """Return the corners (m) of the part of a trace that is shown, within two given corners.
 
-    That is all of it, unless the bodies, with these centres, would be too small to be seen there
-    and keep to a part of it: then that part, with the walls that stand near it.
+    It is the whole trace, unless the bodies with these centres stay on a part of it, where they
+    are drawn larger. Then it is that part with the walls near it.
     """
     radius = max(body.radius for body in system.bodies)
     first = np.nanmin(centres, axis=0) - _CLOSE * radius
@@ -385,7 +385,7 @@ def visited(system: TraceSystem, centres: Array, low: Array, high: Array) -> tup
 
 
 def configurations(run: Recorded, most: int) -> list[Configuration]:
-    """Return the start, the first impacts and, if there are more than `most` in all, the last."""
+    """Return the start, the first impacts and the last one; at most `most` configurations."""
     found = [Configuration("start", _centres(run), ())]
     times = np.asarray(run.collisions["t"], dtype=np.float64)
     rows = list(range(min(len(times), most - 1)))
@@ -394,7 +394,7 @@ def configurations(run: Recorded, most: int) -> list[Configuration]:
     pairs = {
         row: tuple(int(run.collisions[f"ball_{side}"][row]) - 1 for side in "ab") for row in rows
     }
-    # All at once: each look at the flights of a long run solves it again.
+    # Load all flights at once: each call of `look_at` solves a long run again.
     others = (_flights_at(run, float(times[row]), pair).values() for row, pair in pairs.items())
     run.look_at(np.concatenate([list(each) for each in others]).astype(np.int64))
     for row, pair in pairs.items():
@@ -404,14 +404,14 @@ def configurations(run: Recorded, most: int) -> list[Configuration]:
 
 
 def _flights_at(run: Recorded, time: float, pair: tuple[int, ...]) -> dict[int, int]:
-    """Return the flights (rows of their table) at a time of the bodies that are not of a pair."""
+    """Return the rows of the flights, at a time, of the bodies that are not in a pair."""
     flights = run.flights()
     others = [n for n in range(len(run.system.bodies)) if n not in pair]
     return {n: int(flights_of(flights, n + 1, time)[-1]) for n in others}
 
 
 def _centres_at(run: Recorded, time: float, row: int, pair: tuple[int, ...]) -> Array:
-    """Return the places of all bodies at an impact (m): of the pair from the table."""
+    """Return the places of all bodies at an impact (m); those of the pair are from the table."""
     centres = np.full((len(run.system.bodies), 2), math.nan)
     flights = run.flights()
     for index, last in _flights_at(run, time, pair).items():
@@ -464,7 +464,7 @@ def _draw_discs(axes: Axes, one: Configuration, radii: Array) -> None:
 
 
 def _draw_bar(sheet: Sheet, extent: float, scale: float) -> None:
-    """Draw a bar of round length below the panels, with its length."""
+    """Draw a scale bar of a round length below the panels."""
     length = round_below(0.45 * extent)
     left, bottom = _GAP + 1.0, 3.0
     axes = sheet.blank(left, bottom, length * scale, 1.0)

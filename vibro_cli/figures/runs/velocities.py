@@ -1,4 +1,4 @@
-"""The plan of velocities of impacts, before and after (A fig. 1a, B figs 5 and 7)."""
+"""Diagrams of velocities before and after impacts (A fig. 1a, B figs 5 and 7)."""
 
 from __future__ import annotations
 
@@ -36,20 +36,20 @@ from vibro_cli.mechanics.trace import Piece
 
 _IMPACTS = {"single": 2, "double": 4}
 _BESIDE = {"single": 1, "double": 2}
-"""Impacts side by side, each with its two panels."""
+"""Number of impacts side by side, each with its two panels."""
 _HIGH = 33.0
 _TOP = 5.0
-"""Room for the first line of the legend (mm)."""
+"""Room for the first row of the legend (mm)."""
 _WORDS = 10.5
 """Room for the words above a panel (mm)."""
 _COLUMNS = (0.0, 18.5)
-"""Where the values of the two bodies stand (mm from the edge of a panel)."""
+"""Left edges of the values of the two bodies (mm from the edge of a panel)."""
 _SYMBOL, _DIGIT = 3.7, 1.0
 """Room for a symbol before its value, and for each digit of its index from the third on (mm)."""
 _PLAIN = (1e-3, 1e3)
-"""Values that reach no further, or further, get a unit with a prefix."""
+"""Range of the greatest value whose unit has no prefix."""
 _SMALL = 1e-4
-"""A value below this beside a greater one has one digit, and a power of ten."""
+"""A scaled value below this is written with one digit and a power of ten."""
 _PREFIX = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G", 12: "T"}
 _GAP = 2.0
 _BOTTOM = 2.0
@@ -62,16 +62,16 @@ _APART = 0.11
 _DENSE = 721
 """Points of each piece of the trace: enough for a close view, also on lines."""
 _ALONG = 1.0 - 1e-9
-"""Cosine from which a path is along the line of centres."""
+"""Least cosine of the angle between a path and the line of centres that count as parallel."""
 _TINY = 2e-3
 """An arrow shorter than this share of the panel is left out."""
 _HEAD = 0.05
 """Length of an arrow's head, as a share of the panel."""
 _SCALE = 8.0
-"""Length of the arrow of the scale at most (mm)."""
+"""Greatest length of the scale arrow (mm)."""
 _RING = ring(90)
 _SLIM = 0.36
-"""Half its width, as a share of its length."""
+"""Half the width of an arrow's head, as a share of its length."""
 _BUTT: dict[str, Any] = {"solid_capstyle": "butt", "dash_capstyle": "butt"}
 CENTRE = line(None, 1.1)
 TOUCHING = line(None, 0.7, (2.5, 1.2))
@@ -89,47 +89,47 @@ _LEGEND = in_black(
     ("tangent", TANGENT),
 )
 _SLIDING = [_LEGEND[0], _LEGEND[3], _LEGEND[-1]]
-"""The legend where no body rolls."""
+"""The legend if no body rolls."""
 _IN_LINE = [_LEGEND[0], _LEGEND[-1]]
-"""The legend where all bodies are in translation along the line of centres."""
+"""The legend if all bodies are in translation along the line of centres."""
 
 
 @dataclass(frozen=True)
 class Striking:
-    """One of the two bodies of an impact; vectors in the plane, shape (2,)."""
+    """One of the two bodies of an impact; vectors have shape (2,)."""
 
     body: Body
     number: int
     centre: Array
     """Place of the centre (m)."""
     resting: Array
-    """The point of the trace it rolls on (m)."""
+    """Its contact point with the trace (m)."""
     tangent: Array
     """Unit tangent of the trace there."""
     speed: tuple[float, float]
     """Speed of the centre before and after (m/s)."""
     omega: tuple[float, float]
-    """Angular velocity about the contact point before and after (rad/s); nan of a particle."""
+    """Angular velocity about the contact point before and after (rad/s); NaN for a particle."""
 
     def velocity(self, point: Array, when: int) -> Array:
-        """Return the velocity (m/s) of the body's point there, before (0) or after (1)."""
-        if self.body.slides:  # then all of its points have one velocity
+        """Return the velocity (m/s) of the body at a point, before (0) or after (1) the impact."""
+        if self.body.slides:  # all of its points have the same velocity
             return self.speed[when] * self.tangent
         reach = point - self.resting
         return self.speed[when] / self.body.radius * np.array([reach[1], -reach[0]])
 
     def rolling(self, point: Array, when: int) -> Array:
-        """Return what turning about the centre adds to its velocity (m/s) at a point."""
+        """Return the velocity at a point relative to the centre (m/s), due to rotation."""
         return self.velocity(point, when) - self.speed[when] * self.tangent
 
 
 def velocities(run: Recorded, width: str = "single") -> Figure | None:
-    """Return the velocities before and after the first impacts, of centres and touching points.
+    """Draw the velocities of centres and touching points before and after the first impacts.
 
-    Arrows at the centres are their velocities; where the bodies touch, those of the touching points
-    (as points of the rolling bodies), what rolling adds to those of the centres, and the components
-    along the line of centres. Arcs around the centres are angular velocities. None without an
-    impact. Raises ValueError for a width that is neither `single` nor `double`.
+    Arrows at the centres are the velocities of the centres. Arrows at the touching point are the
+    velocities there of both bodies, the parts due to rolling, and the components along the line of
+    centres. Arcs around the centres are angular velocities. Returns None without an impact. Raises
+    ValueError for a width that is neither `single` nor `double`.
     """
     width_of(width)
     rows = range(min(_IMPACTS[width], len(run.collisions["n"])))
@@ -193,14 +193,14 @@ def _in_line(pair: Sequence[Striking]) -> bool:
 
 
 def _legend(pairs: Sequence[Sequence[Striking]]) -> list[Entry]:
-    """Return the legend of what is drawn of some impacts."""
+    """Return the legend of some impacts."""
     if all(map(_in_line, pairs)):
         return _IN_LINE
     return _SLIDING if all(one.body.slides for pair in pairs for one in pair) else _LEGEND
 
 
 def _arrow_scale(pair: Sequence[Striking]) -> float:
-    """Return the length on the plan (m) of 1 m/s, for all arrows of an impact."""
+    """Return the length (m) of an arrow of 1 m/s, for all arrows of an impact."""
     touch, _ = touching_point(pair)
     lengths = [
         float(np.hypot(*one.velocity(point, when)))
@@ -217,8 +217,8 @@ def sheet(
 ) -> tuple[Figure, list[Axes]]:
     """Return a figure with two empty panels for each impact, in the order of the impacts.
 
-    `legend` is that which is to stand over them. Heights in mm: `high` of a panel, `words` above
-    each.
+    Room is left for `legend` above them. `high` is the height of a panel, `words` the room above
+    each (mm).
     """
     wide, beside = width_of(width), min(_BESIDE[width], impacts)
     inner = (wide - _GAP) / (2 * _BESIDE[width]) - _GAP
@@ -229,7 +229,7 @@ def sheet(
 
 
 def _draw(axes: Axes, surface: Array, pair: Sequence[Striking], when: int, scale: float) -> None:
-    """Draw trace, bodies and arrows of one panel."""
+    """Draw the trace, bodies and arrows of one panel."""
     touch, normal = touching_point(pair)
     largest = max(one.body.radius for one in pair)
     _frame(axes, 0.5 * (pair[0].centre + pair[1].centre), largest)
@@ -265,7 +265,8 @@ def _draw(axes: Axes, surface: Array, pair: Sequence[Striking], when: int, scale
 def _draw_turning(axes: Axes, one: Striking, when: int, fastest: float, colour: str) -> Array:
     """Draw the angular velocity as an arc around the centre; return its points.
 
-    It begins above the centre; three quarters of a turn are the fastest of the impact.
+    The arc begins above the centre. The greatest angular velocity of the impact is three quarters
+    of a turn.
     """
     omega = one.omega[when]
     if not omega or math.isnan(omega) or abs(omega) < _TINY * fastest:
@@ -296,9 +297,9 @@ def _name_points(axes: Axes, pair: Sequence[Striking], touch: Array, drawn: Arra
 
 
 def draw_scale(axes: Axes, scale: float, line: int = 2) -> None:
-    """Draw an arrow of a round speed above the right end of a panel, in a line from below.
+    """Draw the scale, an arrow of a round speed, above the right end of a panel.
 
-    `scale` is the length on the plan (m) of 1 m/s.
+    `scale` is the length (m) of an arrow of 1 m/s; `line` counts the lines of text from below.
     """
     wide, high = panel_size(axes)
     low, end = axes.get_xlim()
@@ -325,11 +326,11 @@ def _frame(axes: Axes, middle: Array, largest: float) -> None:
 
 
 def _draw_trace(axes: Axes, surface: Array) -> None:
-    """Draw what of the trace is near; the rest would only make the file larger."""
+    """Draw the part of the trace near the panel; the rest would only make the file larger."""
     (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
     centre, half = np.array([left + right, low + high]) / 2.0, np.array([right - left, high - low])
     near = np.all(np.abs(surface - centre) < 1.5 * half, axis=1)
-    near[1:] |= near[:-1].copy()  # with the neighbours, for a long line has no point within
+    near[1:] |= near[:-1].copy()  # add neighbours: a long line may have no point within
     near[:-1] |= near[1:].copy()
     shown = np.where(near[:, None], surface, np.nan)
     axes.plot(shown[:, 0], shown[:, 1], zorder=2.0, **_SURFACE)
@@ -350,7 +351,7 @@ def draw_circle(axes: Axes, centre: Array, radius: float, colour: str, opacity: 
 
 
 def arrow(axes: Axes, tail: Array, reach: Array, colour: str, look: Look) -> Array:
-    """Draw an arrow, its head whole whatever the dashes of its shaft; return points along it."""
+    """Draw an arrow whose head is solid even if its shaft is dashed; return points along it."""
     low, high = axes.get_xlim()
     points = np.linspace(tail, tail + reach, 20)
     length = float(np.hypot(*reach))
@@ -365,7 +366,7 @@ def arrow(axes: Axes, tail: Array, reach: Array, colour: str, look: Look) -> Arr
 
 
 def draw_head(axes: Axes, tip: Array, along: Array, head: float, colour: str) -> None:
-    """Draw the head of an arrow that points along a unit vector."""
+    """Draw the head of an arrow; `along` is its direction as a unit vector."""
     neck, side = tip - head * along, np.array([-along[1], along[0]])
     corners = np.array([tip, neck + _SLIM * head * side, neck - _SLIM * head * side])
     axes.add_patch(Polygon(corners, facecolor=colour, edgecolor="none", zorder=3.1))
@@ -398,11 +399,11 @@ def write_values(
     when: int,
     unit: str,
 ) -> None:
-    """Write the values of bodies before (0) or after (1) an impact above a panel, and their unit.
+    """Write the values of bodies before (0) or after (1) an impact above a panel, with their unit.
 
-    The unit has a prefix where the greatest value, before or after, would leave no room; nan, as of
-    the turning of a particle, is left out. `columns` are where the symbols begin (mm from the edge
-    of the panel).
+    The unit has a prefix if the greatest value, before or after, is long. NaN, such as the angular
+    velocity of a particle, is left out. `columns` are the left edges of the symbols (mm from the
+    edge of the panel).
     """
     there = [number for number, value in enumerate(values) if not math.isnan(value[when])]
     sizes = [abs(size) for value in values for size in value if not math.isnan(size)]
@@ -415,7 +416,7 @@ def write_values(
 
 
 def _prefixed(greatest: float) -> int:
-    """Return the power of ten of the prefix that a unit has beside a value."""
+    """Return the power of ten of the unit's prefix for the greatest of some values."""
     greatest = float(f"{greatest:.3g}")
     if not greatest or _PLAIN[0] <= greatest < _PLAIN[1]:
         return 0
@@ -423,15 +424,15 @@ def _prefixed(greatest: float) -> int:
 
 
 def with_unit(value: float, unit: str) -> str:
-    """Return a value in three digits with its unit, that has a prefix where the number is long."""
+    """Return a value in three digits with its unit, with a prefix if the number is long."""
     power = _prefixed(abs(value))
     return f"{short_number(value / 10.0**power, 3)} {_PREFIX[power]}{unit}"
 
 
 def write_value(axes: Axes, left: float, line: int, symbol: str, value: str) -> None:
-    """Write a symbol and its value above a panel, from `left` mm from its edge.
+    """Write a symbol and its value above a panel, `left` mm from its edge.
 
-    Symbols stand alone: a formula takes long to set, and equal ones are set once.
+    The symbol is a text of its own: formulas are slow to typeset, and equal ones are cached.
     """
     digits = sum(map(str.isdigit, symbol))
     write_over(axes, left, line, symbol)
@@ -439,7 +440,7 @@ def write_value(axes: Axes, left: float, line: int, symbol: str, value: str) -> 
 
 
 def write_over(axes: Axes, left: float, line: int, text: str) -> None:
-    """Write above a panel, `left` mm from its edge, in a line counted from below."""
+    """Write a text above a panel, `left` mm from its edge, in a line counted from below."""
     wide, high = panel_size(axes)
     level = 1.0 + (0.9 + 3.3 * line) / high
     axes.text(left / wide, level, text, transform=axes.transAxes, va="baseline", **SAY)
