@@ -1,1 +1,1 @@
-"""Phase portraits: their panels, layers, limits and legend; with energies, and without a run."""
+"""Phase portraits of runs and without a run: panels, layers, limits, legends and energies."""

@@ -1,8 +1,8 @@
 """Phase plane along the whole trace with the jumps, and below it the energies (A, B III.3.6, D).
 
-Above: speed of the centre over the arc length, in which a figure eight is one closed curve whatever
-arcs it runs over. Below, over the same places: potential energy, and the total energy of the body,
-which stays between impacts and jumps with the speed.
+Above: speed of the centre over arc length, where a figure eight is one closed curve even across
+several arcs. Below, over the same places: the potential energy and the total energy of the body,
+which is constant between impacts and jumps with the speed.
 """
 
 from __future__ import annotations
@@ -40,24 +40,24 @@ from vibro_cli.figures.ticks import label_axis, limits_apart, vertical_ticks
 from vibro_cli.mechanics.trace import Trace
 
 _CLEAR = 0.05
-"""Room below the energy 0, as a share of the highest energy: that of a level line is 0."""
+"""Room below the energy 0, as a share of the highest energy, so that level lines are visible."""
 _HIGH = (58.0, 36.0)
 """Heights of the portrait and of the energies (mm)."""
 _TOP = 4.5
-"""Room for the first line of the legend (mm)."""
+"""Room for the first row of the legend (mm)."""
 
 
 def panels_over(
     width: str, window: Window, legend: Rows, symbols: Symbols
 ) -> tuple[Figure, Panel, Panel]:
-    """Return a figure with the portrait and, below it, the energies, with room for a legend."""
+    """Return a figure, its panel for the portrait and, below, that for the energies."""
     figure, (upper, lower) = stacked(width, _HIGH, room_for(legend, _TOP))
     portrait = plane(upper, window, symbols, labelled=False)
     return figure, portrait, plane(lower, window, symbols)
 
 
 def limit_energies(lower: Panel, highest: float, lowest: float = 0.0) -> None:
-    """Set the axis of the energies (J); one that begins with 0 does so clear of its frame."""
+    """Set the axis of the energies (J); one that begins at 0 has room between 0 and the frame."""
     bottom, top = limits_apart(lowest, highest if highest > lowest else lowest + 1.0)
     bottom -= _CLEAR * top if lowest == 0.0 else 0.0
     lower.axes.set_ylim(bottom, top)
@@ -65,9 +65,9 @@ def limit_energies(lower: Panel, highest: float, lowest: float = 0.0) -> None:
 
 
 def draw_energies(lower: Panel, path: Trajectory, energies: Array, until: float | None) -> None:
-    """Draw the total energy of each branch over the place; it changes in lasting contact alone.
+    """Draw the total energy of each branch over place; it varies only in lasting contact.
 
-    `until` is the time (s) with which the colours of time end, None for one colour.
+    `until` is the last time (s) of the colour bar, None for a single colour.
     """
     (branches,) = path.branches
     order = np.argsort(branches.time, kind="stable")
@@ -91,19 +91,19 @@ def draw_energies(lower: Panel, path: Trajectory, energies: Array, until: float 
 _MARGIN = 1.06
 _DENSE = 241
 _SMALL = 0.2
-"""A motion within this share of the trace is shown close, ..."""
+"""A motion within this share of the trace is shown close up, ..."""
 _BESIDE = 0.4
 """... with this share of its extent on both sides."""
 _HIGH_UP = 0.7
-"""Share of the highest energy below which the axis of energies begins with 0."""
+"""Share of the highest energy above which the least potential sets the lower end of the axis."""
 POTENTIAL = line(style.BLACK, 1.0)
 
 
 def energy_portrait(run: Recorded, ball: int, width: str = "single") -> Figure:
-    """Return speed and energies of a body (from 1) of a run over the arc length of the trace.
+    """Draw speed and energies of a body (from 1) of a run over the arc length of the trace.
 
-    Raises ValueError for a width that is neither `single` nor `double`, IndexError for a body that
-    is not there.
+    Raises ValueError for a width that is neither `single` nor `double`, and IndexError for a body
+    that does not exist.
     """
     if not 1 <= ball <= len(run.system.bodies):
         raise IndexError(f"no body {ball}: the run has {len(run.system.bodies)}")
@@ -136,7 +136,7 @@ def energy_portrait(run: Recorded, ball: int, width: str = "single") -> Figure:
 
 
 def along_trace(path: Trajectory, landscape: Landscape) -> Trajectory:
-    """Return a trajectory as one on the whole trace: arc length (m) and speed (m/s)."""
+    """Convert a trajectory by pieces to one along the whole trace: arc length (m), speed (m/s)."""
     pieces = landscape.trace.pieces
     parts = [
         Branches(
@@ -182,7 +182,7 @@ def _jumps_along(jumps: Jumps, landscape: Landscape) -> Jumps:
 def _potential(landscape: Landscape, window: Window) -> tuple[Array, Array]:
     """Return arc lengths (m) along the trace and the potential energies there (J).
 
-    Dense on the whole trace, and again around the window, which may be a very small part of it.
+    Points are dense on the whole trace, and denser around the window, which may be very small.
     """
     beside = window.high - window.low
     places = [np.linspace(window.low - beside, window.high + beside, 3 * _DENSE)]
@@ -206,10 +206,10 @@ def _potential_at(landscape: Landscape, s: Array) -> Array:
 
 
 def _limits(energies: Array, potential: Array, least: float) -> tuple[float, float]:
-    """Return the ends of the axis of energies (J), the upper first, which is `least` at least.
+    """Return the upper and the lower end of the axis of energies (J).
 
-    It begins with 0, or, for a motion high above the lowest place of the trace, just below the
-    least potential energy on its way.
+    The axis begins at 0 and reaches `least` at least. For a motion high above the lowest place of
+    the trace, it begins just below the least potential energy of the motion.
     """
     low, high = float(np.nanmin(potential)), float(np.max(energies))
     if low > _HIGH_UP * high:
@@ -219,10 +219,10 @@ def _limits(energies: Array, potential: Array, least: float) -> tuple[float, flo
 
 
 def _window(trace: Trace, path: Trajectory, behind: Background) -> Window:
-    """Return the whole trace, as high as the motion and the separatrices.
+    """Return the window: the whole trace, as high as the motion and the separatrices.
 
-    Of a motion on a small part of it, that part, with room on both sides; of a body that stays at
-    rest as high as the level curves.
+    If the motion takes a small part of the trace, it is that part with room on both sides. For a
+    body at rest, it is as high as the level curves.
     """
     (branches,), reached = path.branches, greatest_rate(path, [0])
     through = max((float(np.max(curve.rate)) for curve in behind.separatrices), default=0.0)

@@ -1,4 +1,4 @@
-"""Phase planes of the members of a family side by side, each under its title and its type."""
+"""Phase planes of the members of a family side by side, each with its title and type above it."""
 
 from __future__ import annotations
 
@@ -26,15 +26,15 @@ from vibro_cli.figures.source import Array
 from vibro_cli.figures.style import width_of
 
 _DARK = 6
-"""How much rather a name covers a level curve than a separatrix."""
+"""Weight of separatrices as obstacles for names, relative to level curves."""
 _NEVER = 20
-"""How much rather a name covers a level curve than the mark of a point."""
+"""Weight of marks of points as obstacles for names, relative to level curves."""
 _STEP = 0.4
-"""Distance of the points of a curve that names keep clear of (mm)."""
+"""Distance between the obstacle points of a curve (mm)."""
 _MARK = 0.6
-"""Half the size of such a mark (mm)."""
+"""Half the size of a mark (mm)."""
 MOST_MEMBERS = 12
-"""Portraits of a family that are drawn at most."""
+"""Greatest number of portraits of a family that are drawn."""
 _COLUMNS = {"single": 1, "double": 2}
 _HIGH = 27.0
 """Height of a panel (mm)."""
@@ -50,22 +50,22 @@ class Member:
 
     title: str
     type: str
-    """In words, without the names of kinds of points that stand beside them."""
+    """Type in words, without the kinds of points, which are written beside the points."""
     behind: Background
     names: tuple[str, ...]
-    """Of its singular points."""
+    """Names of its singular points."""
     window: Window
 
 
 def shown_of(members: Sequence[Shown]) -> Sequence[Shown]:
-    """Return an even choice of the members, as many as are drawn."""
+    """Return evenly chosen members, at most `MOST_MEMBERS`."""
     return members[:: math.ceil(len(members) / MOST_MEMBERS)]
 
 
 def draw_family(
     members: Sequence[Member], width: str, symbols: Symbols, others: Sequence[Entry] = ()
 ) -> tuple[Figure, list[Panel]]:
-    """Return the portraits of some members and their panels.
+    """Draw the portraits of some members; return the figure and its panels.
 
     `others` are further entries of the legend.
     """
@@ -113,7 +113,7 @@ def name_points(panel: Panel, names: Sequence[str], behind: Background) -> None:
 
 
 def _evenly(line: Array) -> Array:
-    """Return points of a line (mm) at even distances: how many it has is to say how long it is."""
+    """Return evenly spaced points of a line (mm), so that their number measures its length."""
     along = np.append(0.0, np.cumsum(np.hypot(*np.diff(line, axis=0).T)))
     at = np.arange(0.0, along[-1], _STEP)
     return np.column_stack([np.interp(at, along, values) for values in line.T])

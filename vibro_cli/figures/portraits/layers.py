@@ -1,4 +1,4 @@
-"""What is drawn on a portrait: curves behind, branches, jumps at impacts, marks, the legend."""
+"""Layers of a portrait: background curves, branches, jumps at impacts, marks, the legend."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from vibro_cli.mechanics.trace import Piece
 
 
 def legend_of(path: Trajectory, behind: Background, others: Sequence[Entry]) -> list[Entry]:
-    """Return names and looks of everything on a portrait, `others` after what is of the run."""
+    """Return the legend entries of a portrait: run, then `others`, then background."""
     jumps, marked = path.jumps, coloured_until(path) is None
     entries = [("start", START)]
     if np.any(path.first.made):
@@ -49,7 +49,7 @@ def legend_of(path: Trajectory, behind: Background, others: Sequence[Entry]) -> 
 
 
 def behind_entries(*behind: Background) -> list[Entry]:
-    """Return names and looks of what stands behind the branches, of one panel or of several."""
+    """Return the legend entries of the backgrounds of one or several panels."""
     kinds = {point.kind for one in behind for point in one.points}
     return [
         *(
@@ -62,9 +62,10 @@ def behind_entries(*behind: Background) -> list[Entry]:
 
 
 def coloured_until(path: Trajectory) -> float | None:
-    """Return the time (s) with which the colours of time end: of the body's last impact.
+    """Return the last time (s) of the colour bar: that of the body's last impact.
 
-    None for so few impacts that they are numbered and marked one by one: then there is one colour.
+    Returns None if the impacts are few enough to be numbered individually; then there is only one
+    colour.
     """
     if len(path.jumps.number) <= MOST_NUMBERS:
         return None
@@ -73,31 +74,31 @@ def coloured_until(path: Trajectory) -> float | None:
 
 
 _SAME = 1e-9
-"""Separatrices closer than this fraction of the highest are drawn as one."""
+"""Separatrices closer in energy than this fraction of the highest are drawn as one."""
 _APART = 0.05
-"""Between energies closer than this fraction of the highest there are no level curves."""
+"""No level curves are drawn between energies closer than this fraction of the highest."""
 _FRACTIONS = (1.0 / 3.0, 2.0 / 3.0)
-"""Where level curves lie between two energies, by the root of the energy: evenly in rate."""
+"""Level curves between two energies, as fractions of the root of the energy (evenly in rate)."""
 
 
 @dataclass(frozen=True)
 class Background:
-    """Curves behind the branches, each list for the whole trace."""
+    """Curves behind the branches, on the whole trace."""
 
     levels: tuple[LevelCurve, ...]
     points: tuple[SingularPoint, ...]
     separatrices: tuple[LevelCurve, ...] = ()
     """Level curves through the saddles of the trace."""
     eights: tuple[LevelCurve, ...] = ()
-    """Those that are a figure eight, where they are told apart."""
+    """Figure eights, if they are drawn separately from other separatrices."""
     arc_separatrices: tuple[LevelCurve, ...] = ()
-    """On a trace without a saddle, those of the full circles of which the arcs are parts."""
+    """On a trace without a saddle, the separatrices of the full circles that contain the arcs."""
 
 
 def background(landscape: Landscape, highest: float, passed: float = 0.0) -> Background:
     """Return the curves behind a portrait whose branches have energies up to `highest` (J).
 
-    `passed` as in `level_energies`.
+    `passed` is as in `level_energies`.
     """
     points = singular_points(landscape)
     saddles = saddle_energies(points)
@@ -116,21 +117,21 @@ def background(landscape: Landscape, highest: float, passed: float = 0.0) -> Bac
 
 
 def _beyond(landscape: Landscape, piece: Piece, reached: float) -> list[float]:
-    """Return energies (J) of level curves that turn back on a piece which the others do not cross.
+    """Return energies (J) of level curves that turn back on a piece which no other curve reaches.
 
-    Without them its panel would be empty: on a trace that rotates about a distant axis, or climbs,
-    curves with energies up to the one `reached` (J) may be on one of its pieces only.
+    Without them its panel would be empty: if the trace rotates about a distant axis, or climbs,
+    curves with energies up to `reached` (J) may exist on only some of its pieces.
     """
     ends = np.array([piece.angle_start, piece.angle_end])
     if float(landscape.potential(piece, np.mean(ends))) <= reached:
         return []
     low, high = np.sort(landscape.potential(piece, ends)).tolist()
-    rise = (high - low) or low  # over a level piece they pass
+    rise = (high - low) or low  # curves cross a level piece
     return [low + fraction**2 * rise for fraction in _FRACTIONS]
 
 
 def curves_at(landscape: Landscape, energies: Sequence[float]) -> tuple[LevelCurve, ...]:
-    """Return the level curves of some energies (J), piece by piece."""
+    """Return the level curves of the given energies (J), piece by piece."""
     return tuple(
         curve
         for energy in energies
@@ -140,7 +141,7 @@ def curves_at(landscape: Landscape, energies: Sequence[float]) -> tuple[LevelCur
 
 
 def _distinct(energies: Sequence[float], share: float) -> list[float]:
-    """Return energies in order, without those closer to one before than a share of the highest."""
+    """Return sorted energies, spaced by more than a share of the highest."""
     chosen: list[float] = []
     for energy in sorted(energies):
         if not chosen or energy - chosen[-1] > share * max(energies):
@@ -149,16 +150,16 @@ def _distinct(energies: Sequence[float], share: float) -> list[float]:
 
 
 def saddle_energies(points: Sequence[SingularPoint]) -> list[float]:
-    """Return the energies (J) of the separatrices: of all saddles, those that are equal once."""
+    """Return the distinct energies (J) of the saddles, which are those of the separatrices."""
     return _distinct([point.energy for point in points if point.kind == SADDLE], _SAME)
 
 
 def through_saddles(
     points: Sequence[SingularPoint], curves: Callable[[float, list[float]], Sequence[LevelCurve]]
 ) -> tuple[LevelCurve, ...]:
-    """Return the separatrices of those of some points that are saddles.
+    """Return the separatrices through the saddles among some points.
 
-    `curves` gives those of an energy (J) through saddles at arc lengths (m).
+    `curves` gives the separatrices of an energy (J) through saddles at arc lengths (m).
     """
     saddles = [point for point in points if point.kind == SADDLE]
     near = _SAME * max((abs(point.energy) for point in saddles), default=0.0)
@@ -171,9 +172,9 @@ def through_saddles(
 def level_energies(
     points: Sequence[SingularPoint], highest: float, passed: float = 0.0
 ) -> list[float]:
-    """Return energies of level curves: between the singular ones, and above up to the highest.
+    """Return energies (J) of level curves between those of singular points, and up to the highest.
 
-    Where there is no saddle also below and above one that is to be `passed` (J), if it is not 0.
+    Without a saddle, curves lie below and above the energy `passed` (J) as well, unless it is 0.
     """
     saddles = saddle_energies(points)
     centres = [point.energy for point in points if point.kind == CENTRE]
@@ -186,9 +187,9 @@ def level_energies(
 
 
 def both_halves(curve: LevelCurve) -> list[Array]:
-    """Return a level curve with its mirror image as lines of points, each of shape (n, 2).
+    """Return a level curve and its mirror image as lines of points, each of shape (n, 2).
 
-    The halves are one line where the body turns; at a junction they stay apart.
+    The halves form one line if the body turns back; at a junction they are separate.
     """
     upper = np.column_stack([curve.position, curve.rate])
     lower = upper[::-1] * (1.0, -1.0)
@@ -200,7 +201,7 @@ def both_halves(curve: LevelCurve) -> list[Array]:
 
 
 _HAIR = 0.008
-"""How far a curve that is drawn may lie from the true one (mm)."""
+"""Greatest distance of a drawn curve from the true one (mm)."""
 _MARK = 0.7
 """Radius of a mark with some room around it (mm)."""
 _FEW = 60
@@ -209,7 +210,7 @@ _MANY = 150
 _FAINTEST = 0.15
 _OVERVIEW = 0.6
 _HINDERING = 200
-"""Branches that numbers keep clear of; of more an even choice."""
+"""Number of branches, evenly chosen, that numbers keep clear of."""
 
 SEPARATRIX = line(style.SEPARATRIX_GREY, 0.6, (6.0, 2.0))
 EIGHT = line(style.VERMILLION, 1.0)
@@ -233,34 +234,34 @@ CURVES = (
     ("arc_separatrices", "separatrix of the full circle", ARC_SEPARATRIX, 1.1),
     ("levels", "level", LEVEL, 1.0),
 )
-"""The curves of a background, in words, how they look, and which lie over others."""
+"""The curves of a background: attribute, name in the legend, style and drawing order."""
 
 
 def by_time(look: Look, times: Array, until: float) -> Look:
-    """Return the look of lines in the colours of their times (s), from 0 to a last one."""
+    """Return the style of lines coloured by their times (s), from 0 to `until`."""
     coloured = {"array": times, "cmap": style.time_colours(), "norm": Normalize(0.0, until)}
     return {name: value for name, value in look.items() if name != "color"} | coloured
 
 
 def thinner(width: float, lines: int) -> float:
-    """Return the width (pt) of one of many lines, for the width of one of a few."""
+    """Return the width (pt) of each of many lines, given the width for a few lines."""
     return float(np.clip(width * math.sqrt(_FEW / max(lines, 1)), _THINNEST, width))
 
 
 def fainter(lines: int) -> float:
-    """Return the opacity of one of many lines, so that where they lie dense is seen as denser."""
+    """Return the opacity of each of many lines, low enough to show where they are dense."""
     return float(np.clip(0.9 * math.sqrt(_MANY / max(lines, 1)), _FAINTEST, 0.9))
 
 
 def draw_background(one: Panel, behind: Background) -> None:
-    """Draw separatrices, level curves and singular points of one piece."""
+    """Draw the separatrices, level curves and singular points of one piece."""
     for curves, _, look, order in CURVES:
         draw_curves(one, getattr(behind, curves), order, look)
     draw_points(one, behind.points, 1.3)
 
 
 def draw_curves(one: Panel, curves: Sequence[LevelCurve], order: float, look: Look) -> None:
-    """Draw those level curves that are on one piece; `order` is their height over others."""
+    """Draw the level curves that lie on one piece; `order` is their drawing order."""
     shift = np.array([one.shift, 0.0])
     own = [curve for curve in curves if curve.piece == one.piece.index]
     lines = [line + shift for curve in own for line in both_halves(curve)]
@@ -269,7 +270,7 @@ def draw_curves(one: Panel, curves: Sequence[LevelCurve], order: float, look: Lo
 
 
 def draw_points(one: Panel, points: Sequence[SingularPoint], order: float) -> None:
-    """Mark those singular points that are on one piece."""
+    """Mark the singular points that lie on one piece."""
     for point in points:
         if point.piece == one.piece.index and point.kind in MARKER:
             place, marker = point.position + one.shift, MARKER[point.kind]
@@ -277,10 +278,10 @@ def draw_points(one: Panel, points: Sequence[SingularPoint], order: float) -> No
 
 
 def draw_branches(one: Panel, path: Trajectory, until: float | None) -> None:
-    """Draw branches, those of lasting contact in a colour of their own.
+    """Draw branches, with a separate colour for those of lasting contact.
 
-    The others have one colour or, with `until`, those of the time at which they begin, from 0 to
-    then (s). The more there are in all, the thinner they are.
+    With `until`, the others are coloured by the time at which they begin, from 0 to `until` (s),
+    and all are the thinner the more there are.
     """
     branches = path.branches[one.piece.index]
     if not len(branches.time):
@@ -305,10 +306,10 @@ def draw_branches(one: Panel, path: Trajectory, until: float | None) -> None:
 
 
 def _thinned(one: Panel, branches: Branches) -> tuple[list[int], list[Array]]:
-    """Return the branches in order of time, each with only the points that its shape needs.
+    """Return the order of the branches in time, and their lines without superfluous points.
 
-    Of 2ⁿ + 1 points every second, fourth, … is kept, as long as the rest lies within a hair's
-    breadth of the line through them.
+    Of 2ⁿ + 1 points every second, fourth, … is kept, as long as the others lie within `_HAIR` of
+    the line through these.
     """
     lines = np.stack([branches.position + one.shift, branches.rate], axis=-1)
     scale = np.array(
@@ -326,7 +327,10 @@ def _thinned(one: Panel, branches: Branches) -> tuple[list[int], list[Array]]:
 
 
 def _stray(lines: Array, step: int) -> Array:
-    """Return how far points (mm) lie from those between every `step`-th; shape (lines,)."""
+    """Return the greatest distance (mm) of points from lines through every `step`-th point.
+
+    The shape is (lines,).
+    """
     kept = lines[:, ::step]
     share = (np.arange(step) / step)[:, None]
     between = kept[:, :-1, None] * (1.0 - share) + kept[:, 1:, None] * share
@@ -354,20 +358,20 @@ def draw_jumps(one: Panel, jumps: Jumps, marked: bool) -> None:
 
 
 def many_jumps(number: int) -> Look:
-    """Return the look of jumps that are too many to be marked one by one."""
+    """Return the style of jumps that are too many to be marked individually."""
     width = thinner(JUMP["linewidth"], number) * 0.7
     return JUMP | {"linewidth": width, "linestyle": "solid", "alpha": 0.5 * fainter(number)}
 
 
 def draw_start(one: Panel, position: float, rate: float) -> None:
-    """Mark where the body starts, smaller on the overview."""
+    """Mark the start of the body, smaller on the overview."""
     size = START["markersize"] * (0.5 if one.window.overview else 1.0)
     look = START | {"markersize": size}
     one.axes.plot(position + one.shift, rate, zorder=2.6, clip_on=False, **look)
 
 
 def draw_window(one: Panel, close: Window) -> None:
-    """Draw the frame of a closer view behind the curves of the overview of its piece."""
+    """Draw the frame of the close-up view behind the curves of the overview of its piece."""
     low, high = close.low + one.shift, close.high + one.shift
     frame = Rectangle((low, -close.top), high - low, 2.0 * close.top, zorder=0.8, **WINDOW)
     one.axes.add_patch(frame)
@@ -376,7 +380,7 @@ def draw_window(one: Panel, close: Window) -> None:
 def draw_numbers(one: Panel, branches: Branches, jumps: Jumps, marks: Array) -> None:
     """Write the number of each impact beside its representative points.
 
-    Clear of other `marks` too (mm), shape (n, 2).
+    The numbers also keep clear of other `marks` (mm), shape (n, 2).
     """
     here = np.flatnonzero(jumps.piece == one.piece.index)
     if not len(here):
@@ -401,6 +405,6 @@ def draw_numbers(one: Panel, branches: Branches, jumps: Jumps, marks: Array) -> 
 
 
 def _around(marks: list[Array]) -> list[Array]:
-    """Return points all over marks (mm): a number may cross a curve, not a mark."""
+    """Return points that cover marks (mm): a number may cross a curve, but not a mark."""
     around = _MARK * ring(13)[:-1]
     return [points + offset for points in marks for offset in (*around, *0.5 * around)]

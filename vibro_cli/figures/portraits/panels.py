@@ -1,4 +1,4 @@
-"""Panels for the pieces of a trace, side by side in millimetres, in the papers' coordinates."""
+"""Panels for the pieces of a trace side by side, laid out in mm, in the papers' coordinates."""
 
 from __future__ import annotations
 
@@ -26,25 +26,25 @@ from vibro_cli.figures.ticks import (
 from vibro_cli.mechanics.trace import HUMP, LINE, VALLEY, Piece
 
 LEFT = 11.0
-"""Room for a vertical axis' label and numbers (mm)."""
+"""Room for the label and numbers of a vertical axis (mm)."""
 RIGHT = 2.5
 TOP = 8.5
 """Room for the legend and the titles of the panels (mm)."""
 ROW_TOP = 4.0
 """Room for the titles of the panels in further rows (mm)."""
 BOTTOM = 8.5
-"""Room for a horizontal axis' label and numbers (mm)."""
+"""Room for the label and numbers of a horizontal axis (mm)."""
 GAP = 1.5
 LEAST_WIDTH = 16.0
-"""Narrowest panel (mm); with more pieces there are more rows."""
+"""Least width of a panel (mm); more pieces are split into rows."""
 _OVERVIEW = 0.3
-"""Share of an overview in the width."""
+"""Share of the width that an overview takes."""
 _HEIGHT = {"single": 50.0, "double": 64.0}
 
 
 @dataclass(frozen=True)
 class Window:
-    """What a panel shows of a piece."""
+    """The part of a piece's phase plane that a panel shows."""
 
     piece: Piece
     low: float
@@ -54,12 +54,12 @@ class Window:
     top: float
     """Rates go from −top to top: φ̇ or ψ̇ (rad/s), speed on a line (m/s)."""
     overview: bool = False
-    """Whether this is the small panel beside a closer view of the same piece."""
+    """Whether this is the small panel beside a close-up view of the same piece."""
 
 
 @dataclass(frozen=True)
 class Panel:
-    """A window and the axes it is drawn on."""
+    """A window and the axes on which it is drawn."""
 
     axes: Axes
     window: Window
@@ -72,7 +72,7 @@ class Panel:
     left: float = 0.0
     """Distance of the left edge from that of the figure (mm)."""
     row: int = 0
-    """Row, from the top and 0."""
+    """Row, counted from the top and from 0."""
 
     @property
     def piece(self) -> Piece:
@@ -81,7 +81,7 @@ class Panel:
 
     @property
     def shift(self) -> float:
-        """What is added to a position to draw it: arc length of a line's left end (m), else 0."""
+        """Offset of drawn positions: the arc length of the left end (m) of a line, else 0."""
         return self.piece.start_s if self.piece.is_line else 0.0
 
     @property
@@ -90,23 +90,23 @@ class Panel:
         return self.window.low + self.shift, self.window.high + self.shift
 
     def millimetres(self, position: Array, rate: Array) -> Array:
-        """Return points in mm from the lower left corner of the panel, shape (n, 2)."""
+        """Convert states to points in mm from the lower left corner of the panel, shape (n, 2)."""
         window = self.window
         across = (position - window.low) / (window.high - window.low) * self.width
         along = 0.5 * (rate / window.top + 1.0) * self.height
         return np.column_stack([across, along])
 
     def from_millimetres(self, place: tuple[float, float]) -> tuple[float, float]:
-        """Return what to draw at for a point in mm from the lower left corner of the panel."""
+        """Convert a point in mm from the lower left corner of the panel to data coordinates."""
         low, high = self.span
         across = low + place[0] / self.width * (high - low)
         return across, (2.0 * place[1] / self.height - 1.0) * self.window.top
 
 
 def straight(low: float, high: float, top: float) -> Window:
-    """Return the window of a phase plane that is one panel: places (m), and speeds (m/s) up to one.
+    """Return the window of a phase plane in one panel: range of places (m), greatest speed (m/s).
 
-    What it shows is drawn as on a line that begins at 0.
+    The plane is that of a line that begins at 0.
     """
     nowhere = math.nan, math.nan
     line = Piece(
@@ -116,20 +116,20 @@ def straight(low: float, high: float, top: float) -> Window:
 
 
 class Symbols(NamedTuple):
-    """How the axes of a phase plane are named."""
+    """Symbols on the axes of a phase plane."""
 
     place: str
-    """Its symbol (m)."""
+    """Symbol of the place (m)."""
     speed: str
-    """Its symbol (m/s)."""
+    """Symbol of the speed (m/s)."""
     after: str = ""
-    """What is said behind the unit of the place."""
+    """Text after the unit of the place."""
 
 
 def plane(axes: Axes, window: Window, symbols: Symbols, labelled: bool = True) -> Panel:
     """Return a panel of speed against place, with its limits, numbers and names.
 
-    Without `labelled` the horizontal axis has neither numbers nor a name.
+    Without `labelled`, the horizontal axis has neither numbers nor a name.
     """
     axes.set_xlim(window.low, window.high)
     axes.set_ylim(-window.top, window.top)
@@ -142,10 +142,10 @@ def lay_out(
 ) -> tuple[Sheet, tuple[Panel, ...]]:
     """Return an empty sheet with a panel for each window, in the order given.
 
-    `width` is `single` (85 mm) or `double` (170 mm). The panels are as wide as their arcs are in
-    angle; neighbours stand close together, with room between where the unit changes (arc to line).
-    `legend` is that which is to stand over them, `below` the room (mm) left free under them.
-    Raises ValueError for another width.
+    `width` is `single` (85 mm) or `double` (170 mm). The widths of panels are in proportion to the
+    angles of their arcs. Neighbours are close together unless their vertical axes differ (arc and
+    line). Room is left for `legend` above the panels, and `below` mm under them. Raises ValueError
+    for another width.
     """
     across = width_of(width)
     rows = _rows(windows, across)
@@ -166,7 +166,7 @@ def lay_out(
 
 
 def _rows(windows: Sequence[Window], width: float) -> list[Sequence[Window]]:
-    """Return the pieces in as few rows as the least width of a panel allows, evenly filled."""
+    """Return the windows in as few rows as the least width of a panel allows, evenly filled."""
     room = width - RIGHT - sum(map(_margin, [None, *windows], windows))
     if len(windows) == 1 or room / len(windows) >= LEAST_WIDTH:
         return [windows]
@@ -179,7 +179,7 @@ def _rows(windows: Sequence[Window], width: float) -> list[Sequence[Window]]:
 
 
 def _margin(before: Window | None, window: Window) -> float:
-    """Return the room left of a panel (mm): for numbers where it has another vertical axis."""
+    """Return the room left of a panel (mm): room for numbers if its vertical axis differs."""
     if before is None:
         return LEFT
     alike = before.piece.is_line == window.piece.is_line and before.top == window.top
@@ -189,7 +189,7 @@ def _margin(before: Window | None, window: Window) -> float:
 def _across(
     members: Sequence[Window], windows: Sequence[Window], width: float
 ) -> list[tuple[Window, float, float, bool]]:
-    """Return window, left edge (mm), width (mm), and whether it is labelled, of a row's panels."""
+    """Return window, left edge (mm), width (mm) and whether it is labelled, for a row's panels."""
     room = width - RIGHT - sum(map(_margin, [None, *members], members))
     widths = _shared(room, [_extent(window, windows) for window in members])
     left = 0.0
@@ -214,7 +214,7 @@ def _extent(window: Window, windows: Sequence[Window]) -> float:
 
 
 def _shared(room: float, extents: Sequence[float]) -> list[float]:
-    """Return widths (mm) in proportion to the extents, none below the least width."""
+    """Return widths (mm) in proportion to the extents, but none below the least width."""
     least = min(LEAST_WIDTH, room / len(extents))
     spare = room - least * len(extents)
     wanted = [max(0.0, room * extent / sum(extents) - least) for extent in extents]
@@ -255,7 +255,7 @@ def _vertical(row: Sequence[Panel], ball: int | str) -> None:
 
 
 def _rate_symbol(row: Sequence[Panel], one: Panel, ball: int | str) -> str:
-    """Return the symbol of a vertical axis that holds for the row's panels of the same unit."""
+    """Return the symbol of a vertical axis that the panels of the same unit in a row share."""
     if one.piece.is_line:
         return rf"$v_{{{ball}}}$"
     shapes = {other.piece.shape for other in row if not other.piece.is_line}
@@ -265,7 +265,7 @@ def _rate_symbol(row: Sequence[Panel], one: Panel, ball: int | str) -> str:
 
 
 def _titles(panels: Sequence[Panel]) -> None:
-    """Write the titles, all in the longest form for which every panel has room."""
+    """Write the titles, all in the longest form that fits every panel."""
     numbers = [str(one.piece.index + 1) for one in panels]
     short = [f"{number}, {one.piece.shape}" for number, one in zip(numbers, panels, strict=True)]
     for titles in ([_full_title(one) for one in panels], short, numbers):

@@ -24,9 +24,9 @@ from vibro_cli.mechanics.trace import Piece
 FOCUSES = ("auto", "trace", "run")
 
 _FAR = 3.0
-"""A separatrix higher than this multiple of the trajectory is cut off by the frame."""
+"""Multiple of the greatest rate of the motion at which the frame cuts off separatrices."""
 _SMALL = 0.13
-"""A motion within this share of its arc's phase plane is too small to be read on it."""
+"""Share of the arc's phase plane below which a motion is too small to be read on it."""
 _MARGIN = 1.08
 _ROOM = 0.15
 """Room left and right of the motion, as a share of its extent."""
@@ -35,10 +35,10 @@ _ROOM = 0.15
 def windows(
     pieces: Sequence[Piece], path: Trajectory, behind: Background, focus: str = "auto"
 ) -> tuple[Window, ...]:
-    """Return the windows of a portrait: on the whole trace, or only on where the body went.
+    """Return the windows of a portrait, of the whole trace or only of where the body went.
 
-    With `auto` a motion that would be small on its arc is shown close, the whole arc beside it.
-    Raises ValueError for a focus that is not one of `FOCUSES`.
+    With `auto`, a motion that would be small on its arc is shown close up, with the whole arc
+    beside it. Raises ValueError for a focus that is not one of `FOCUSES`.
     """
     if focus not in FOCUSES:
         raise ValueError(f"unknown focus {focus!r}, expected one of {', '.join(FOCUSES)}")
@@ -60,7 +60,7 @@ def windows(
 
 
 def seen(behind: Background, shown: Sequence[Window]) -> Background:
-    """Return what of a background is within some windows."""
+    """Return the part of a background that is visible in some windows."""
 
     def within(curve: LevelCurve) -> bool:
         return any(
@@ -92,13 +92,13 @@ def _is_small(piece: Piece, path: Trajectory, behind: Background) -> bool:
 
 
 def _full_circle(close: Window, behind: Background) -> float:
-    """Return how high the separatrix of the full circle of an arc makes the whole arc."""
+    """Return the height of a window that contains the separatrix of the arc's full circle."""
     curves = [one.rate for one in behind.arc_separatrices if one.piece == close.piece.index]
     return _MARGIN * _highest(curves)
 
 
 def _around(piece: Piece, path: Trajectory) -> Window:
-    """Return the window on a piece around where the body went; all of it for a body at rest."""
+    """Return the window around the motion on a piece, or of the whole piece for a body at rest."""
     position = path.branches[piece.index].position
     room = _ROOM * float(np.ptp(position))
     low, high = float(np.min(position)) - room, float(np.max(position)) + room
@@ -140,14 +140,14 @@ def _highest(rates: Sequence[Array]) -> float:
 
 
 def phase_portrait(run: Recorded, ball: int, width: str = "single", focus: str = "auto") -> Figure:
-    """Return the phase portrait of a body (from 1) of a run, a panel for each piece of the trace.
+    """Draw the phase portrait of a body (from 1) of a run, with a panel for each piece.
 
-    Rate against angle, φ̇ (φ) in valleys and ψ̇ (ψ) on humps, speed against arc length on lines,
-    with one vertical axis for all arcs. Behind the branches run through: separatrices, level curves
-    of energy, centres and saddles. `width` is `single` (85 mm) or `double` (170 mm); `focus` is
-    `trace` (all of it), `run` (only where the body went), or `auto`: the trace, but a motion that
-    would be too small on it is shown close and once more on the whole piece.
-    Raises ValueError for another width or focus and IndexError for a body that is not there.
+    The panels show rate against angle, φ̇ (φ) in valleys and ψ̇ (ψ) on humps, and speed against arc
+    length on lines. All arcs share one vertical axis. Separatrices, level curves of energy, centres
+    and saddles are drawn behind the branches. `width` is `single` (85 mm) or `double` (170 mm).
+    `focus` is `trace` (the whole trace), `run` (only where the body went), or `auto`: the trace,
+    but a motion that would be too small is shown close up beside the whole piece. Raises ValueError
+    for another width or focus and IndexError for a body that does not exist.
     """
     if not 1 <= ball <= len(run.system.bodies):
         raise IndexError(f"no body {ball}: the run has {len(run.system.bodies)}")
@@ -166,7 +166,7 @@ def phase_portrait(run: Recorded, ball: int, width: str = "single", focus: str =
 def legend_rows(
     path: Trajectory, behind: Background, width: str, others: Sequence[Entry] = ()
 ) -> tuple[list[list[Entry]], Bar | None]:
-    """Return the rows of the legend of a portrait, and the bar of time if there is one."""
+    """Return the rows of the legend of a portrait, and its colour bar of time or None."""
     until = coloured_until(path)
     bar = None if until is None else Bar.of_time(until)
     return rows_of(legend_of(path, behind, others), width_of(width) - RIGHT, bar), bar
@@ -175,7 +175,7 @@ def legend_rows(
 def _behind(run: Recorded, ball: int, path: Trajectory) -> Background:
     """Return the background: level curves, separatrices and singular points.
 
-    Of a body that stays at rest that of its portrait without a run: its energy has no level curve.
+    For a body at rest, whose energy has no level curve, it is that of the portrait without a run.
     """
     landscape = Landscape.of(run.system, ball)
     if stays_at_rest(path):
@@ -190,7 +190,7 @@ def _behind(run: Recorded, ball: int, path: Trajectory) -> Background:
 
 
 def draw_motion(panels: Sequence[Panel], path: Trajectory, behind: Background) -> None:
-    """Draw what a body ran through on the panels of a portrait, over what stands behind it."""
+    """Draw the background and the motion of a body on the panels of a portrait."""
     until = coloured_until(path)
     start_piece, position, rate = path.start
     for one in panels:

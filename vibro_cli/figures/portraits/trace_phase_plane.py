@@ -1,8 +1,8 @@
 """Phase portraits without a run: of a body on its trace, of several bodies, of a family.
 
-Of one body, and of several on one trace one over the other (particle, disk and ball), branch by
-branch and along the whole trace: speed of the centre against arc length. A family has the latter
-side by side, for values of a parameter.
+The portrait of one body, or of several overlaid (particle, disk and ball), is drawn piece by piece
+and along the whole trace, as speed of the centre against arc length. A family shows the latter side
+by side for values of a parameter.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ from vibro_cli.figures.style import line, width_of
 from vibro_cli.mechanics.trace import Trace
 
 _ABOVE = 1.35
-"""Level curves go up to this multiple of the highest saddle or end of the trace."""
+"""Level curves reach this multiple of the potential of the highest saddle or end of the trace."""
 _MARGIN = 1.08
 _MARGIN_ALONG = 1.04
 _SYMBOLS = Symbols("$s$", "$v$")
@@ -70,16 +70,16 @@ REST = line(style.SEPARATRIX_GREY, 1.6)
 _HIGH = {"single": 44.0, "double": 50.0}
 """Height of the panel along the trace (mm)."""
 _LINE = 3.1
-"""Height of a line of words (mm)."""
+"""Height of a line of text (mm)."""
 _MOST_LINES = 6
 
 
 def structure(portrait: Portrait, width: str = "single", bodies: str = "") -> Figure:
-    """Return the phase portrait of a body on the whole trace, in both coordinates.
+    """Draw the phase portrait of a body on the whole trace, in both coordinates.
 
-    Above, branch by branch as in the papers: φ̇ against φ, ψ̇ against ψ, speed against arc length on
-    lines. Below, speed against arc length along the trace, over it the values E/(m g) of centres
-    and saddles. `bodies` stands as index of the symbols. Raises ValueError for an unknown width.
+    Above, piece by piece as in the papers: φ̇ against φ, ψ̇ against ψ, speed against arc length on
+    lines. Below, speed against arc length along the trace, with the values E/(m g) of centres and
+    saddles above it. `bodies` is the index of the symbols. Raises ValueError for an unknown width.
     """
     inner = width_of(width) - LEFT - RIGHT
     behind, along = _behind(portrait), behind_along(portrait)
@@ -106,7 +106,7 @@ def structure(portrait: Portrait, width: str = "single", bodies: str = "") -> Fi
 
 
 def _behind(portrait: Portrait) -> Background:
-    """Return curves and points of a portrait piece by piece, figure eights apart."""
+    """Return curves and points of a portrait piece by piece, with separate figure eights."""
     landscape, on_eight = portrait.landscape, _eight_saddles(portrait)
     behind = background(landscape, highest_energy(portrait), highest_place(portrait))
     others = [point for point in portrait.points if point.kind == SADDLE and point not in on_eight]
@@ -119,7 +119,7 @@ def _eight_saddles(portrait: Portrait) -> list[SingularPoint]:
 
 
 def _windows(trace: Trace, curves: Sequence[LevelCurve]) -> list[Window]:
-    """Return windows on all pieces, as high as curves on arcs and on lines are."""
+    """Return windows on all pieces, as high as the curves on arcs or lines."""
     tops = {False: 0.0, True: 0.0}
     for curve in curves:
         is_line = trace.pieces[curve.piece].is_line
@@ -131,13 +131,13 @@ def _windows(trace: Trace, curves: Sequence[LevelCurve]) -> list[Window]:
 
 
 def _panel_below(sheet: Sheet, width: str, window: Window) -> Panel:
-    """Return the panel along the trace, under those of the pieces."""
+    """Return the panel along the trace, below those of the pieces."""
     size = width_of(width) - LEFT - RIGHT, _HIGH[width]
     return plane(sheet.panel(LEFT, BOTTOM, *size), window, _SYMBOLS)
 
 
 def _words(portrait: Portrait, width: float) -> list[str]:
-    """Return what is said of the triggers, in lines of a width (mm)."""
+    """Return the text about triggers and heights in lines of a width (mm)."""
     said = []
     for trigger in portrait.triggers:
         names = "–".join(portrait.name(p) for p in (trigger.left, trigger.saddle, trigger.right))
@@ -156,7 +156,7 @@ def _words(portrait: Portrait, width: float) -> list[str]:
 
 
 def _wrapped(said: Sequence[str], width: float) -> list[str]:
-    """Return sentences in lines of a width (mm), not too many."""
+    """Return sentences in at most `_MOST_LINES` lines of a width (mm)."""
     lines = []
     for one in said:
         first, *words = in_powers(one).split(" ")
@@ -175,9 +175,9 @@ def highest_energy(portrait: Portrait) -> float:
 
 
 def highest_place(portrait: Portrait) -> float:
-    """Return the greatest potential (J) on the trace: where there is no saddle that of an end.
+    """Return the greatest potential (J) of the saddles and ends of the trace.
 
-    A curve has to pass it, or there may be none on the pieces beside it.
+    Some curve must pass it; otherwise the pieces beside it may have none.
     """
     landscape = portrait.landscape
     pieces = landscape.trace.pieces
@@ -187,7 +187,7 @@ def highest_place(portrait: Portrait) -> float:
 
 
 def behind_along(portrait: Portrait, count: int = 97) -> Background:
-    """Return curves and points of a portrait along the trace, `count` points of a curve a piece."""
+    """Return curves and points of a portrait along the trace, with `count` points per piece."""
     landscape, on_eight = portrait.landscape, _eight_saddles(portrait)
     others = [point for point in portrait.points if point not in on_eight]
     curves = partial(speed_curves, landscape, count)
@@ -208,12 +208,12 @@ def _curves_along(
 
 
 def _points_along(portrait: Portrait) -> tuple[SingularPoint, ...]:
-    """Return singular points with their places along the trace (m)."""
+    """Return the singular points with their places along the trace (m)."""
     return tuple(replace(point, piece=0, position=point.s) for point in portrait.points)
 
 
 def _whole(portrait: Portrait, along: Background) -> Window:
-    """Return the window on the whole trace and all curves along it."""
+    """Return the window that contains the whole trace and all curves along it."""
     curves = (*along.levels, *along.separatrices, *along.eights)
     return _along_window(portrait.landscape.trace, curves)
 
@@ -243,16 +243,16 @@ def _rest_entry(portraits: Sequence[Portrait]) -> list[Entry]:
 
 
 MOST = 6
-"""Bodies that can be told apart."""
+"""Number of bodies that can be distinguished."""
 
 
 def comparison(members: Sequence[tuple[str, Portrait]], width: str = "single") -> Figure:
-    """Return curves of equal height E/(m g) of several bodies, in both coordinates.
+    """Draw curves of equal height E/(m g) of several bodies, in both coordinates.
 
-    For each body the separatrices, and a level curve below and one above them, in one line each.
-    Bodies that differ by κ alone have the same curves with rates as 1/√κ. `members` are names and
-    portraits on one trace. Raises ValueError for no member, for more than `MOST` and for an unknown
-    width.
+    For each body the separatrices and one level curve below and above them are drawn in its line
+    style. Bodies that differ only in κ have the same curves, with rates proportional to 1/√κ.
+    `members` are names and portraits on one trace. Raises ValueError for no member, for more than
+    `MOST` and for an unknown width.
     """
     if not 1 <= len(members) <= MOST:
         raise ValueError(f"a comparison has 1 to {MOST} members, found {len(members)}")
@@ -285,7 +285,7 @@ def comparison(members: Sequence[tuple[str, Portrait]], width: str = "single") -
 
 
 def _energies(portrait: Portrait, first: Portrait) -> list[float]:
-    """Return the energies (J) of a body's curves: at the heights of the first body's, its own."""
+    """Return the energies (J) of a body's curves: its saddles, and heights from the first body."""
     saddles = saddle_energies(portrait.points)
     tops = [first.height(energy) for energy in saddle_energies(first.points)]
     highest = first.height(highest_energy(first))
@@ -294,10 +294,10 @@ def _energies(portrait: Portrait, first: Portrait) -> list[float]:
 
 
 def family(members: Sequence[tuple[str, Portrait]], width: str = "single") -> Figure:
-    """Return the portraits along the trace of a family, each under its title and its type.
+    """Draw the portraits along the trace of a family, each with its title and type above it.
 
-    `members` are titles (`r = 0.05`) and portraits; of many an even choice is drawn. Raises
-    ValueError for no member.
+    `members` are titles (`r = 0.05`) and portraits; if there are many, evenly chosen ones are
+    drawn. Raises ValueError for no member.
     """
     if not members:
         raise ValueError("a family needs at least one portrait")
@@ -306,7 +306,7 @@ def family(members: Sequence[tuple[str, Portrait]], width: str = "single") -> Fi
     for title, portrait in shown:
         along = behind_along(portrait, 65)
         window = _whole(portrait, along)
-        # The names stand for the kinds of points, which are written beside them.
+        # The names of the points replace their kinds, the first part of the type.
         words = "; ".join([", ".join(portrait.names), *portrait.type.split("; ")[1:]])
         drawn.append(Member(title, words, along, portrait.names, window))
     portraits = [portrait for _, portrait in shown]

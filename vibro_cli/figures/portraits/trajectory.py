@@ -25,25 +25,25 @@ from vibro_cli.figures.source import (
 from vibro_cli.mechanics.trace import Piece, Trace
 
 MOST_NUMBERS = 12
-"""Impacts that are numbered and marked one by one."""
+"""Number of first impacts that are numbered and marked individually."""
 MOST_BRANCHES = 4000
-"""Of more branches than this an even choice is drawn; more would only make a stain."""
+"""Number of branches above which evenly chosen ones are drawn; more would be indistinguishable."""
 
 _PER_PERIOD = 64
-"""Points of a small oscillation in lasting contact."""
+"""Points per small oscillation in lasting contact."""
 _FIRST_PERIODS = 3.0
-"""Of a long flight at first, then twice as many, until it has come round."""
+"""Periods of a long flight that are sampled at first; doubled until its curve has closed."""
 _FINER = 4.0
-"""As many times as the points that are drawn are sampled of several flights in one branch."""
+"""Ratio of sampled to drawn points of a branch that consists of several flights."""
 _TINY = 1e-3
-"""Branches within this share of the extent of the others, in place and in rate, are left out."""
+"""Branches smaller than this share of the others, both in place and in rate, are left out."""
 _TURNS = 2
-"""Turning points after which, at the next, an oscillation has come round."""
+"""Number of turning points before the one at which an oscillation has closed its curve."""
 
 _SAME_ENERGY = 1e-9
-"""A free flight keeps its energy at least to this fraction, ..."""
+"""Relative change of energy up to which a flight counts as free, ..."""
 _NO_ENERGY = 1e-12
-"""... or to this fraction of what it would need to rise by the length of the trace."""
+"""... besides this fraction of the energy needed to rise by the length of the trace."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class Branches:
     time: Array
     """Time (s) at which each begins; shape (branches,)."""
     contact: Flags
-    """Whether each is one of lasting contact."""
+    """Whether the bodies are in lasting contact; shape (branches,)."""
 
 
 @dataclass(frozen=True)
@@ -77,39 +77,39 @@ class Jumps:
     time: Array
     """Time (s)."""
     through: Flags
-    """Whether the law would send the bodies through one another."""
+    """Whether the bodies would penetrate each other under the impact law."""
     made: Flags
-    """Whether the bodies did so: not at an impact at which the run ended instead."""
+    """Whether the impact took place; False if the run ended there instead."""
 
     def some(self, chosen: slice) -> Jumps:
-        """Return some of the jumps."""
+        """Return the chosen jumps."""
         fields = Jumps.__dataclass_fields__
         return Jumps(**{name: getattr(self, name)[chosen].copy() for name in fields})
 
 
 @dataclass(frozen=True)
 class Trajectory:
-    """What a body ran through, piece by piece."""
+    """The phase trajectory of a body, piece by piece."""
 
     branches: tuple[Branches, ...]
     """One entry for each piece of the trace."""
     jumps: Jumps
     first: Jumps
-    """The jumps at the first impacts, which are marked and numbered one by one."""
+    """The jumps at the first impacts, which are marked and numbered individually."""
     start: tuple[int, float, float]
     """Index of the piece, position and rate at the start."""
     end: float
     """Time (s) at which the run ended."""
     every: int
-    """1 if every branch and every jump is there, else n for one in n."""
+    """1 if every branch and jump is included, n if one in n is."""
 
 
 @kept
 def trajectory(run: Recorded, ball: int) -> Trajectory:
     """Return the phase trajectory of a body (from 1) of a run.
 
-    Free flights are curves of constant energy in closed form; those in lasting contact, and those
-    on a rotating trace, are sampled from the run.
+    Free flights are curves of constant energy in closed form. Flights in lasting contact and on a
+    rotating trace are sampled from the run.
     """
     flights = run.flights()
     mine = flights_of(flights, ball)
@@ -137,8 +137,9 @@ def trajectory(run: Recorded, ball: int) -> Trajectory:
 def strands(flights: Table, mine: Integers) -> tuple[Integers, Integers]:
     """Return the first and the last flight of each branch of one body.
 
-    A flight is a branch, but lasting contact across pieces, which the run has in short segments,
-    is one as long as the body stays on a piece. `mine` are the rows of the body's flights.
+    Each flight is a branch, except in lasting contact across pieces, which a run stores in short
+    segments: there the segments on one piece form a branch. `mine` are the rows of the body's
+    flights.
     """
     contact = flights["contact"][mine]
     arc = flights["arc"][mine]
@@ -152,10 +153,10 @@ def strands(flights: Table, mine: Integers) -> tuple[Integers, Integers]:
 def _large_enough(
     run: Recorded, ball: int, flights: Table, first: Integers, last: Integers
 ) -> Flags:
-    """Return which branches can be seen beside the largest on their piece.
+    """Return which branches are large enough to be visible beside the largest on their piece.
 
-    Hundreds of bounces on a wall come to their end within a hair's breadth; were they counted, the
-    others would be drawn one in so many, and as faint as a thousand lines are.
+    Hundreds of accumulating bounces on a wall are invisibly small. If they counted, fewer of the
+    other branches would be drawn, and more faintly.
     """
     large: Flags = first != last
     for piece in run.system.trace.pieces:
@@ -166,19 +167,20 @@ def _large_enough(
         start, end = flights["angle_start"][rows], flights["angle_end"][rows]
         rate = np.maximum(np.abs(flights["rate_start"][rows]), np.abs(flights["rate_end"][rows]))
         lasts = flights["t_end"][rows] - flights["t_start"][rows]
-        # A short flight has its greatest rate at one of its ends; a long one may go far and return.
+        # A short flight has its greatest rate at an end; a long one may go far and return.
         way = np.where(lasts * _fastest(run, ball, piece) < 1.0, rate * lasts, math.inf)
         extent = max(np.max(start), np.max(end)) - min(np.min(start), np.min(end))
         tiny = (way < _TINY * extent) & (rate < _TINY * np.max(rate))
-        large[here] = ~tiny | (rate == 0.0)  # rest is not a bounce
+        large[here] = ~tiny | (rate == 0.0)  # keep a body at rest
     return large
 
 
 def _passages(flights: Table, first: Integers, most: int) -> Integers:
-    """Return the number of the passage to which each branch belongs, from 0.
+    """Return the number, from 0, of the passage to which each branch belongs.
 
-    One goes on across the pieces until another event, or for `most` branches: whatever is chosen of
-    it is there on every piece. `first` are the first flights of the branches.
+    A passage continues across junctions until another event, up to `most` branches. Whole passages
+    are chosen, so that a chosen motion is drawn on every piece. `first` are the first flights of
+    the branches.
     """
     begins = flights["cause_start"][first] != "crossing"
     begins[0] = True
@@ -188,12 +190,12 @@ def _passages(flights: Table, first: Integers, most: int) -> Integers:
 
 
 def points_each(branches: int) -> int:
-    """Return the points of each branch, one more than a power of 2: fewer where there are many."""
+    """Return the number of points per branch, 2ⁿ + 1; it falls with the number of branches."""
     return int(2 ** np.clip(round(math.log2(160000 / max(branches, 1))), 6, 8)) + 1
 
 
 def _free(run: Recorded, ball: int, flights: Table, rows: Integers) -> Flags:
-    """Return which flights of a body are free: on a trace at rest and not in lasting contact."""
+    """Return which flights keep their energy: none on a rotating trace, in contact or at rest."""
     if run.system.turning is not None:
         return np.zeros(len(rows), dtype=np.bool_)
     landscape = Landscape.of(run.system, ball)
@@ -220,7 +222,7 @@ def _branches(
     free: Flags,
     count: int,
 ) -> Branches:
-    """Return the branches on one piece, of those that begin and end with the given flights."""
+    """Return the branches on one piece; `ends` are the first and last flights of all branches."""
     first, last = ends
     here = flights["arc"][first] == piece.index + 1
     rows = first[here & free]
@@ -254,23 +256,23 @@ def _branches(
 
 
 def _pace(run: Recorded, ball: int, piece: Piece) -> float:
-    """Return how many points a body's motion on a piece wants per second."""
+    """Return the sampling rate (1/s) of a body's motion on a piece."""
     if piece.is_line:
         return 0.0
     return _PER_PERIOD * _fastest(run, ball, piece) / (2.0 * math.pi)
 
 
 def _fastest(run: Recorded, ball: int, piece: Piece) -> float:
-    """Return the fastest rate (rad/s) of a body's motion on a piece: on a line that of turning."""
+    """Return the fastest rate (rad/s) of a body's motion on a piece; the trace's on a line."""
     if piece.is_line:
         return 0.0 if run.system.turning is None else abs(run.system.turning.rate)
     return run.system.fastest_rate(run.system.bodies[ball - 1], piece)
 
 
 def _sampled(run: Recorded, flights: Table, rows: range, pace: float, count: int) -> Array:
-    """Return `count` states of the run, shape (count, 2), along flights that follow one another.
+    """Return `count` states of the run, shape (count, 2), along successive flights.
 
-    An oscillation in lasting contact may go on for long: of its closed curve one period is drawn.
+    A single long flight may be an oscillation: then only one period of its closed curve is taken.
     """
     times = flights["t_end"][rows.start : rows.stop] - flights["t_start"][rows.start : rows.stop]
     if len(rows) == 1:
@@ -284,10 +286,10 @@ def _sampled(run: Recorded, flights: Table, rows: range, pace: float, count: int
 
 
 def _sampled_flight(run: Recorded, row: int, time: float, pace: float, count: int) -> Array:
-    """Return `count` states of the run along one flight, of its closed curve one period.
+    """Return `count` states of the run along one flight, or along one period of a closed curve.
 
-    An oscillation turns after equal times: where it has hardly turned, as many points find that in
-    twice the time.
+    The period is found from turning points, in a sampled time that is doubled until there are
+    enough of them.
     """
     lasts = min(time, _FIRST_PERIODS * _PER_PERIOD / pace if pace > 0.0 else math.inf)
     number = max(count - 1, math.ceil(pace * lasts))
@@ -304,22 +306,22 @@ def _sampled_flight(run: Recorded, row: int, time: float, pace: float, count: in
 
 
 def _chosen(points: Array, count: int) -> Array:
-    """Return `count` points of the line through points, evenly, with both ends."""
+    """Return `count` points, evenly spaced by index, of the line through points, with both ends."""
     place, known = np.linspace(0.0, len(points) - 1.0, count), np.arange(len(points))
     return np.column_stack([np.interp(place, known, column) for column in points.T])
 
 
 Own = Callable[..., Array]
-"""Gives the values of a column of the impacts at the body: from its name without the end of the
-pair, and what follows that."""
+"""Returns a column of the impacts for the body, given the parts of its name before and after the
+suffix `_a` or `_b`."""
 
 
 def _states_on(trace: Trace, own: Own) -> tuple[Array, Array, Array, Array]:
-    """Return piece, position, and rates before and after impacts of a body on a trace."""
+    """Return piece, position, and rates before and after the impacts of a body on a trace."""
     piece = own("arc") - 1
     position, before, after = own("angle"), own("rate", "_pre"), own("rate", "_post")
     for line in (line for line in trace.pieces if line.is_line):
-        on_line = piece == line.index  # the table has no angles there
+        on_line = piece == line.index  # angles are missing in the table
         position[on_line] = own("s")[on_line] - line.start_s
         before[on_line] = own("speed", "_pre")[on_line]
         after[on_line] = own("speed", "_post")[on_line]
@@ -329,7 +331,7 @@ def _states_on(trace: Trace, own: Own) -> tuple[Array, Array, Array, Array]:
 def jumps_of(
     table: Table, ball: int, every: int, states: Callable[[Own], tuple[Array, Array, Array, Array]]
 ) -> tuple[Jumps, Jumps]:
-    """Return one in so many jumps of a body (from 1) at its impacts, and the first ones.
+    """Return one in `every` jumps of a body (from 1) at its impacts, and the first jumps.
 
     `states` gives piece, position, and rates before and after.
     """
