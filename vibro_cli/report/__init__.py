@@ -1,1 +1,1 @@
-"""Reports of runs as web pages; they read what is stored and never simulate."""
+"""Reports as web pages, made from stored results without any simulation."""

@@ -1,4 +1,4 @@
-"""The figures of a benchmark and its page: run time against error, growth of the cost, in words."""
+"""The page of a benchmark and its figures: run time against error, growth of the cost."""
 
 from __future__ import annotations
 
@@ -36,9 +36,9 @@ _HEADS = ["Method", "Setting", "Time per impact [µs]", "Spread", "Error", "Ener
 def benchmark_html(
     rows: Sequence[Row], details: Mapping[str, Any], wide: Mapping[str, Figure]
 ) -> bytes:
-    """Return the page of a benchmark as the bytes of an HTML file that needs no other.
+    """Return the page of a benchmark as the bytes of a self-contained HTML file.
 
-    `wide` are its figures, two columns wide, as of :func:`drawn`.
+    `wide` are its figures, two columns wide, as returned by :func:`drawn`.
     """
     narrow = drawn(rows, "single")
     figures = [
@@ -95,7 +95,7 @@ _LEFT, _RIGHT, _BETWEEN, _BOTTOM, _TITLE = 12.0, 2.5, 4.0, 9.0, 5.0
 _HIGH = {"double": 42.0, "single": 40.0}
 _COLUMNS = {"double": 3, "single": 1}
 _LEAST = 1e-17
-"""Errors below this, and none at all, are drawn here."""
+"""Errors below this, and exact results, are drawn at this value."""
 _LOOKS: dict[str, dict[str, Any]] = {
     "vibro": {"color": style.BLUE, "marker": "*", "markersize": 8.0},
     "vibro, batch": {"color": style.BLUE, "marker": "p", "markerfacecolor": "white"},
@@ -113,7 +113,7 @@ _LOOKS: dict[str, dict[str, Any]] = {
     "series of the papers": {"color": style.PURPLE, "marker": "X"},
 }
 _LINE: dict[str, Any] = {"linewidth": 0.7, "markersize": 3.6, "markeredgewidth": 0.7}
-# Half the height of a mark, with some room, in powers of ten of the axis of time.
+# Half the height of a mark, with some room, in powers of ten on the time axis.
 _MARK = 0.12
 _GROWTH = {
     "bodies": "number of bodies",
@@ -124,14 +124,14 @@ _GROWTH = {
 
 
 def look(method: str) -> dict[str, Any]:
-    """Return colour and mark of a method."""
+    """Return the colour and mark of a method."""
     return _LINE | _LOOKS.get(method, {"color": style.SEPARATRIX_GREY, "marker": "."})
 
 
 def work_precision(rows: Sequence[Row], width: str = "double") -> Figure:
-    """Return time for each impact against error, a panel for each scene.
+    """Draw time per impact against error, with a panel for each scene.
 
-    `width` is `single` or `double`. Raises ``NothingToShow`` without any row to be drawn.
+    `width` is `single` or `double`. Raises ``NothingToShow`` if there is no row to draw.
     """
     drawn = [
         row for row in rows if row.part == "precision" and row.per_impact and row.error is not None
@@ -165,8 +165,8 @@ def _sheet(
 ) -> tuple[Figure, list[Axes]]:
     """Return a figure with panels in rows.
 
-    `heights` are those of the room above a panel and of a panel, and the room between two beside
-    each other (mm), `top` the room above all.
+    `heights` are the room above a panel, the height of a panel and the room between two neighbours
+    (mm); `top` is the room above all panels.
     """
     above, high, gap = heights
     wide = width_of(width)
@@ -193,9 +193,9 @@ def _draw(panel: Axes, rows: Sequence[Row], methods: Sequence[str]) -> None:
 
 
 def growth(rows: Sequence[Row], width: str = "double") -> Figure:
-    """Return time for each impact against bodies, arcs, scenarios and threads.
+    """Draw time per impact against the numbers of bodies, arcs, scenarios and threads.
 
-    Raises ``NothingToShow`` without any row to be drawn.
+    Raises ``NothingToShow`` if there is no row to draw.
     """
     measured = {
         part: [row for row in rows if row.part == part and row.per_impact] for part in _GROWTH
@@ -238,7 +238,7 @@ _FIGURES = {
 
 
 def drawn(rows: Sequence[Row], width: str = "double") -> dict[str, Figure]:
-    """Return the figures by their stems; a benchmark of some scenes only has no growth."""
+    """Return the figures by the stems of their files; there is no growth if scenes were named."""
     figures = {}
     for name, (_, _, draw) in _FIGURES.items():
         with contextlib.suppress(NothingToShow):

@@ -1,4 +1,4 @@
-"""What stands in a report of runs, as plain values for its template, and its page."""
+"""The report of runs: its content as plain values for the template, and the page."""
 
 from __future__ import annotations
 
@@ -33,18 +33,18 @@ from vibro_cli.systems.columns import Column
 from vibro_cli.systems.describe import own_settings
 
 FIRST_ROWS = 100
-"""Rows of the table of impacts that stand in the report."""
+"""Number of rows of the table of impacts in the report."""
 MOST_JUMPS = 40
-"""Jumps across the figure eight, or between regimes, that stand in the report, about."""
+"""Approximate number of jumps across the figure eight, or between regimes, in the report."""
 _COLUMNS = (
     "n", "t", "dt", "ball_a", "ball_b", "arc_a", "arc_b", "angle_a", "angle_b", "s_a", "s_b",
     "omega_a_pre", "omega_a_post", "omega_b_pre", "omega_b_post", "energy_a_post",
     "energy_b_post", "energy_loss", "impulse_moment", "approach_speed", "separation_speed", "gap",
     "admissible", "substituted", "contact",
 )  # fmt: skip
-"""Columns of the impacts on a trace that are shown, ..."""
+"""Columns shown of impacts on a trace."""
 _LEFT_OUT = ("t_low", "law", "simultaneous", "grazing")
-"""... and those of other systems that are not."""
+"""Columns left out of the impacts of other systems."""
 _KEY_FIGURES = (
     ("End", "end_time", "s"),
     ("Impacts", "collisions", ""),
@@ -63,13 +63,13 @@ _ACCURACY = (
     ("Corrections that keep the energy, sum of absolute values", "energy_correction", "J"),
 )
 _ROUNDING = ("max_gap", "energy_drift", "energy_correction")
-"""Columns whose numbers are those of rounding: their size is shown."""
+"""Columns of rounding errors, of which only the order of magnitude is shown."""
 
 
 def report_html(runs: Sequence[StoredRun], beside: Path) -> bytes:
     """Return the report of one run, or of several compared, as the bytes of an HTML file.
 
-    `beside` is the folder in which the file is to stand, for its links to the tables.
+    `beside` is the folder of the file, from which its links to the tables start.
     """
     method = dict.fromkeys(
         line for run in runs for line in method_of(run.kind, run.scenario.resolved())
@@ -96,7 +96,7 @@ def report_html(runs: Sequence[StoredRun], beside: Path) -> bytes:
 
 
 def names_of(runs: Sequence[StoredRun]) -> list[str]:
-    """Return names that tell the runs apart: those of the scenarios, else with the folders'."""
+    """Return distinct names of the runs: those of the scenarios, with folders if necessary."""
     names = [run.scenario.name for run in runs]
     if len(set(names)) == len(names):
         return names
@@ -104,7 +104,7 @@ def names_of(runs: Sequence[StoredRun]) -> list[str]:
 
 
 def section_of_trace(run: StoredRun, name: str, beside: Path) -> dict[str, Any]:
-    """Return what a report says of a run on a trace."""
+    """Return the content of the section on a run on a trace."""
     notes = mechanics_warnings(run.system, run.summary["end_time"])
     return {
         **_section(run, name, notes, "Largest distance of the surfaces left at an impact"),
@@ -118,7 +118,7 @@ def section_of_trace(run: StoredRun, name: str, beside: Path) -> dict[str, Any]:
 
 
 def section(run: StoredRun, name: str, beside: Path) -> dict[str, Any]:
-    """Return what a report says of a run of a system besides the trace."""
+    """Return the content of the section on a run of another system."""
     notes = run.kind.warnings(run.scenario, run.system)
     return {
         **_section(run, name, notes, "Largest distance left at an impact"),
@@ -132,13 +132,13 @@ def section(run: StoredRun, name: str, beside: Path) -> dict[str, Any]:
 
 
 def _section(run: StoredRun, name: str, notes: Sequence[str], gap: str) -> dict[str, Any]:
-    """What is said of every run."""
+    """Return the content common to the sections of all systems."""
     rolls = not all(body.slides for body in run.system.bodies)
     refused = int(np.sum(~run.collisions["admissible"]))
     return {
         "key_figures": key_figures(run),
         "figures": pictured(partial(draw_all, run, None), f"run {name}"),
-        # The forms side by side are those of paper B, with its speeds and one k for each pair.
+        # The comparison is that of paper B, with its speeds and one k for each pair.
         "analogy": analogy(run.system, run.collisions) if "B" in run.kind.papers else None,
         "energy": energy_balance(run),
         "validity": validity(run.summary, rolls, refused, notes),
@@ -147,12 +147,12 @@ def _section(run: StoredRun, name: str, notes: Sequence[str], gap: str) -> dict[
 
 
 def key_figures(run: StoredRun) -> list[tuple[str, str]]:
-    """Return what came out, as labels and values with units."""
+    """Return the key figures as labels and values with units."""
     return _labelled(run, _KEY_FIGURES)
 
 
 def _labelled(run: StoredRun, wanted: Sequence[tuple[str, str, str]]) -> list[tuple[str, str]]:
-    """Some columns of the summary in words, those that there are."""
+    """Return labels and values of the wanted columns of the summary, without missing ones."""
     known = [one for one in wanted if run.summary.get(one[1]) is not None]
     return [
         (label, number(run.summary[name], unit, 2 if name in _ROUNDING else 6))
@@ -189,7 +189,7 @@ def _setting_of_trace(run: StoredRun) -> list[tuple[str, str]]:
 
 
 def _tables(run: StoredRun, name: str) -> list[tuple[str, Sequence[str], list[list[str]]]]:
-    """Captions, heads and rows of the tables of the problem."""
+    """Return captions, heads and rows of the tables of pieces and of bodies."""
     return [
         (
             f"Pieces of the trace of {name}, from left to right",
@@ -223,15 +223,15 @@ def _body(run: StoredRun, index: int) -> list[str]:
 
 
 def setting(run: StoredRun) -> list[tuple[str, str]]:
-    """Return what is solved, of a system besides the trace, as labels and values with units."""
+    """Return the settings of a system other than a trace, as labels and values with units."""
     data, system = run.scenario.resolved(), run.system
     found: list[tuple[str, str]] = [("System", run.scenario.system)]
     for table, values in own_settings(data).items():
         found += _settings(run, table, values)
-    if "law" not in data["collision"]:  # nothing to choose between
+    if "law" not in data["collision"]:  # the system has only one law
         found += _settings(run, "collision", data["collision"])
     elif len(system.bodies) > 1:
-        restitution = flat(data["collision"]["k"]).values()  # of every pair, or of each
+        restitution = flat(data["collision"]["k"]).values()  # one for all pairs, or one per pair
         found += [
             ("Impact law", f"{system.law}: {LAWS[system.law].summary}"),
             ("Coefficient of restitution k", ", ".join(map(number, restitution))),
@@ -241,7 +241,7 @@ def setting(run: StoredRun) -> list[tuple[str, str]]:
 
 
 def _settings(run: StoredRun, table: str, values: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """The settings of a table of the scenario, or outside tables, in the words of their keys."""
+    """Return the settings of a table of the scenario, or of none (""), labelled by their keys."""
     found = []
     for key, value in flat(values).items():
         words, unit = named(table, key, type(run.scenario))
@@ -251,7 +251,7 @@ def _settings(run: StoredRun, table: str, values: Mapping[str, Any]) -> list[tup
 
 
 def _bodies(run: StoredRun, name: str) -> tuple[str, list[str], list[list[str]]]:
-    """Caption, heads and rows of the table of bodies: what they are, and how they start."""
+    """Return caption, heads and rows of the table of bodies and their initial states."""
     given = [flat(_beside_the_body(ball)) for ball in run.scenario.resolved()["balls"]]
     keys = list(dict.fromkeys(key for ball in given for key in ball))
     rows = [
@@ -267,7 +267,7 @@ def _bodies(run: StoredRun, name: str) -> tuple[str, list[str], list[list[str]]]
 
 
 def _beside_the_body(ball: dict[str, Any]) -> dict[str, Any]:
-    """What a scenario says of a body beside what it is: its start, and what holds it."""
+    """Return the keys of a body other than its own properties: its start, and its spring."""
     return {key: value for key, value in ball.items() if key not in BodyTable.model_fields}
 
 
@@ -275,7 +275,7 @@ BODY_HEADS = ("Body", "Kind", "Radius", "Mass", "κ", "J_P")
 
 
 def body_cells(index: int, body: Body) -> list[str]:
-    """Return what a body is, as `BODY_HEADS` says; `index` counts from 0."""
+    """Return the cells of a body under `BODY_HEADS`; `index` counts from 0."""
     return [
         str(index + 1),
         body.kind,
@@ -287,7 +287,7 @@ def body_cells(index: int, body: Body) -> list[str]:
 
 
 def energy_balance(run: StoredRun) -> list[tuple[str, str]]:
-    """Return where the energy went: in the impacts of the tables, elsewhere, and what is left."""
+    """Return the energy balance: start, losses in tabulated impacts and elsewhere, end."""
     tables = {name: log.words for name, log in run.kind.impact_logs.items()}
     elsewhere, digits = "Rounding, and ends of accumulations", 6
     if not tables:  # on a trace impacts on walls have no table
@@ -306,7 +306,7 @@ def energy_balance(run: StoredRun) -> list[tuple[str, str]]:
 
 
 def _jumps(run: StoredRun, column: str) -> list[list[str]]:
-    """The first impacts at which a body jumps from one word of a column to another."""
+    """Return the first impacts at which a column of words changes for a body."""
     table, found = run.collisions, []
     before, after = (
         [np.asarray(table[f"{column}_{end}_{when}"], dtype=object) for end in "ab"]
@@ -327,7 +327,7 @@ def _jumps(run: StoredRun, column: str) -> list[list[str]]:
 
 def _impacts(run: StoredRun, name: str, beside: Path) -> dict[str, Any]:
     known = {column.name: column for column in run.kind.table("collisions", ()).columns}
-    # Folders that an older version wrote may have fewer columns.
+    # Folders written by an older version may have fewer columns.
     columns = [known[name] for name in _COLUMNS if name in run.collisions]
     words = {
         "words": "impacts",
@@ -339,7 +339,7 @@ def _impacts(run: StoredRun, name: str, beside: Path) -> dict[str, Any]:
 
 
 def _logs(run: StoredRun, name: str, beside: Path) -> list[dict[str, Any]]:
-    """The first rows of the tables of impacts."""
+    """Return the first rows of the tables of impacts."""
     found = []
     for table, kept in run.kind.impact_logs.items():
         columns = [column for column in kept.table.columns if column.name not in _LEFT_OUT]
@@ -356,9 +356,9 @@ def first_rows(
     name: str,
     beside: Path,
 ) -> dict[str, Any]:
-    """Return the first rows of a table, with what each column means and where the others are.
+    """Return the first rows of a table, with its columns and a link to the whole table.
 
-    `folder` is that of the file of the table `name`, None where there is none.
+    `folder` holds the file of the table `name`; it is None if there is no file.
     """
     total = len(table["n"])
     table = first_of(table, FIRST_ROWS)
@@ -375,7 +375,7 @@ def first_rows(
 def compared(
     runs: Sequence[StoredRun], names: Sequence[str], sections: Sequence[Mapping[str, Any]]
 ) -> dict[str, Any]:
-    """Return the key figures of several runs side by side, and what differs in the scenarios."""
+    """Return the key figures of several runs side by side, and the differences of scenarios."""
     results = [dict(section["key_figures"]) for section in sections]
     labels = list(dict.fromkeys(label for result in results for label in result))
     settings = [flat(run.scenario.resolved()) for run in runs]

@@ -1,4 +1,4 @@
-"""What stands in the report of a grid, as plain values for its template, and its page."""
+"""The report of a grid: its content as plain values for the template, and the page."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from vibro_cli.systems import system_named
 from vibro_cli.systems.columns import Column
 
 FIRST_ROWS = 200
-"""Rows of the table of points that stand in the report."""
+"""Number of rows of the table of points in the report."""
 _MOST_REASONS = 20
 _QUANTITIES = (
     "collisions", "bounces", "contacts", "crossings", "end_time", "first_collision_time",
@@ -40,9 +40,9 @@ _OF_POINTS = (
 
 
 def grid_html(grid: StoredGrid, beside: Path, columns: Sequence[str] = ()) -> bytes:
-    """Return the report of a grid as the bytes of an HTML file that is to stand in `beside`.
+    """Return the report of a grid as the bytes of an HTML file in the folder `beside`.
 
-    `columns` are those of the summary whose maps are shown too.
+    Maps of `columns` of the summary are shown, too.
     """
     values = {
         "title": grid.name,
@@ -66,7 +66,7 @@ def grid_html(grid: StoredGrid, beside: Path, columns: Sequence[str] = ()) -> by
 
 
 def _endings(grid: StoredGrid) -> list[list[str]]:
-    """Causes, or states where there is none, with their numbers of points."""
+    """Return the end causes, or statuses of points without one, with their numbers of points."""
     found = Endings.of(grid, np.arange(grid.points))
     counts = np.bincount(found.code, minlength=len(found.causes)).tolist()
     return [
@@ -98,13 +98,13 @@ def _axis(grid: StoredGrid, path: str) -> list[str]:
 
 
 def _common(grid: StoredGrid) -> list[list[str]]:
-    """The keys of the scenario that no axis changes."""
+    """Return the keys of the scenario that no axis changes, and their values."""
     settings = flat(grid.definition["scenario"])
     return [[path, number(value)] for path, value in settings.items() if path not in grid.axes]
 
 
 def _quantity(grid: StoredGrid, name: str) -> list[list[str]]:
-    """Least, median and greatest value of a column; nothing where it has none."""
+    """Return a row with the least, median and greatest value of a column, if it has any."""
     values = np.asarray(grid.summary[name], dtype=np.float64)
     finite = values[np.isfinite(values)]
     if not len(finite):
@@ -115,7 +115,7 @@ def _quantity(grid: StoredGrid, name: str) -> list[list[str]]:
 
 
 def _refused(grid: StoredGrid) -> list[list[str]]:
-    """The reasons of points that could not be solved, those of most points first."""
+    """Return the reasons why points could not be solved, the most frequent first."""
     status = grid.summary["status"].astype(str)
     bad = status != "ok"
     if not np.any(bad):
@@ -129,7 +129,7 @@ def _refused(grid: StoredGrid) -> list[list[str]]:
 
 
 def _points(grid: StoredGrid) -> dict[str, Any]:
-    """The first rows of the summary, with what each column means."""
+    """Return the first rows of the summary, with its columns."""
     known = {column.name: column for column in system_named(grid.system).summary(0).columns}
     axes = [_axis_column(grid, path) for path in grid.axes]
     first = Column("scenario", "int64", "", "number of the scenario in the grid, from 1")

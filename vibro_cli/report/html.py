@@ -1,7 +1,7 @@
-"""Pages as one HTML file each: nothing is loaded from elsewhere, and nothing can be.
+"""Self-contained HTML pages: they load nothing, and their content policy forbids it.
 
-Figures are SVG, or PNG where that is too much, in addresses that hold their data. A film is one
-such page too: the states at every frame, drawn by the page itself.
+Figures are embedded as SVG, or as PNG if they have too many points. A film is such a page, too: it
+holds the states at every frame and draws them itself.
 """
 
 from __future__ import annotations
@@ -28,17 +28,17 @@ GENERATORS = {
     "report": "vibro report", "grid": "vibro report", "benchmark": "vibro bench",
     "film": "vibro film",
 }  # fmt: skip
-"""What a page says that it is from, by its template."""
+"""Generator named in the page's metadata, by template."""
 _DPI = 192.0
-"""Resolution of figures with too many points for SVG: two pixels for each of a plain screen."""
+"""Resolution of figures with too many points for SVG: twice that of a standard screen."""
 _FILM_DPI = 100.0
 _TYPES = {"png": "png", "svg": "svg+xml"}
 
 
 def pictured(draw: Callable[[str], Iterator[Drawn]], of: str) -> list[dict[str, Any]]:
-    """Return figures as the page has them, with their words, wide and for narrow screens.
+    """Return figures as values for the page: texts, and images for wide and narrow screens.
 
-    `draw` draws them in a width, `of` says whose they are.
+    `draw` draws the figures in a given width; `of` names their subject.
     """
     return [
         shown(wide.title, wide.caption, f"{wide.title}, {of}", wide.figure, narrow.figure)
@@ -47,7 +47,7 @@ def pictured(draw: Callable[[str], Iterator[Drawn]], of: str) -> list[dict[str, 
 
 
 def shown(title: str, caption: str, name: str, wide: Figure, narrow: Figure) -> dict[str, Any]:
-    """Return a figure as the page has it; `name` and caption are read to those who see none."""
+    """Return a figure as values for the page; `name` and caption are its alternative text."""
     return {
         "title": title,
         "caption": caption,
@@ -58,7 +58,7 @@ def shown(title: str, caption: str, name: str, wide: Figure, narrow: Figure) -> 
 
 
 def _image(figure: Figure) -> dict[str, str]:
-    """Return a figure as the address of an image with its size (CSS pixels)."""
+    """Return the data URL of a figure and its size (CSS pixels)."""
     form = "png" if has_rasters(figure) else "svg"
     width, height = figure.get_size_inches() * 96.0
     return {
@@ -69,13 +69,13 @@ def _image(figure: Figure) -> dict[str, str]:
 
 
 def _address(figure: Figure, form: str, dpi: float) -> str:
-    """Return an address that holds a figure as its data."""
+    """Return a data URL that holds a figure."""
     content = base64.b64encode(render(figure, form, dpi)).decode()
     return f"data:image/{_TYPES[form]};base64,{content}"
 
 
 def rendered(name: str, values: Mapping[str, Any]) -> bytes:
-    """Return the page of a template with its style and its script, and a policy for these alone."""
+    """Render a template with its style and script, and a content policy that allows only these."""
     environment = Environment(
         loader=PackageLoader("vibro_cli.report"),
         autoescape=True,
@@ -89,14 +89,14 @@ def rendered(name: str, values: Mapping[str, Any]) -> bytes:
         "default-src 'none'; img-src data:; base-uri 'none'; form-action 'none'; "
         f"style-src {_hash(style)}; script-src {_hash(script)}"
     )
-    ours = {"policy": policy, "style": style, "script": script}  # the template takes them as is
+    ours = {"policy": policy, "style": style, "script": script}  # not escaped by the template
     values = {**values, **ours, "generator": GENERATORS[name], "version": __version__}
     text = environment.get_template(f"{name}.html").render(values)
-    return text.encode(errors="replace")  # of names of files in other letters than UTF-8
+    return text.encode(errors="replace")  # for names of files that are not UTF-8
 
 
 def is_report(content: bytes, name: str = "report") -> bool:
-    """Return whether the bytes are those of a report of ours, or of a page of another template."""
+    """Return whether the bytes are a page that this program made from the template `name`."""
     return f'<meta name="generator" content="{GENERATORS[name]}">'.encode() in content[:2000]
 
 
@@ -105,14 +105,14 @@ def _asset(name: str) -> str:
 
 
 def _hash(text: str) -> str:
-    """Return the source expression that lets just this text through the content policy."""
+    """Return the source expression that allows exactly this text in a content policy."""
     return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
 
 
 def film_html(frames: Frames, rate: int, name: str) -> bytes:
-    """Return the film of a run called `name` as the bytes of an HTML file that needs no other.
+    """Return the film of a run called `name` as the bytes of a self-contained HTML file.
 
-    `rate` is the number of frames in a second.
+    `rate` is the number of frames per second.
     """
     frame = FilmFrame(frames, _FILM_DPI)
     ground = frames.ground
@@ -160,5 +160,5 @@ def _actor(frames: Frames, frame: FilmFrame, body: int) -> dict[str, Any]:
 
 
 def _plain(values: Array) -> list[float | None]:
-    """Return numbers for JSON, null where there is none."""
+    """Return numbers for JSON, with None for NaN."""
     return [None if np.isnan(value) else value for value in values.tolist()]

@@ -1,8 +1,9 @@
-"""Runs beside the papers: translation and rolling side by side, and their series for times.
+"""Comparison of runs with the papers: translation against rolling, and the series for times.
 
-For the impacts of a run translation stands beside rolling (B table 1), and exact times of the first
-intervals beside the series (A (7)–(9), B (58)–(61), (83)–(84)). The papers expand both roots of the
-elliptic integral to second order. Of a way with turning points their series is summed leg by leg.
+The impacts of a run are given as translation and as rolling (B table 1), and the exact times of its
+first intervals beside those of the series (A (7)–(9), B (58)–(61), (83)–(84)). The papers expand
+both roots of the elliptic integral to second order. For a motion with turning points, their series
+is summed leg by leg.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ from vibro_cli.storage.stored import StoredRun
 def forms(system: Any, table: Mapping[str, Any], row: int) -> tuple[CentralImpact, CentralImpact]:
     """Return the impact in a row of the table (from 0) as translation and as rolling.
 
-    On a table those are the components along the line of centres, C (1)–(3).
+    On a table, the velocity components along the line of centres are used, C (1)–(3).
     """
     balls = [int(table[f"ball_{side}"][row]) for side in "ab"]
     bodies = [system.bodies[ball - 1] for ball in balls]
@@ -52,15 +53,15 @@ _NORMAL = "normal_speed"
 
 
 def _speed_of(table: Mapping[str, Any]) -> str:
-    """How columns of the speeds begin on which the laws act."""
+    """Return the prefix of the columns of the speeds on which the laws act."""
     return _NORMAL if f"{_NORMAL}_a_pre" in table else "speed"
 
 
 def analogy(system: Any, table: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Return the tables of the impacts that rolling bodies made; None without one.
+    """Return the tables of the impacts of rolling bodies as values for the page.
 
-    Those that were solved with others at one instant are left out: no form of two bodies is theirs.
-    Nor is there one where a row names no pair, as of a body and what is driven.
+    Simultaneous impacts that do not follow the two-body formulas are left out. Returns None if no
+    impact is left, if rows name no pair (such as a body and a driven support), or if a body slides.
     """
     if "ball_a" not in table:
         return None
@@ -73,7 +74,7 @@ def analogy(system: Any, table: Mapping[str, Any]) -> dict[str, Any] | None:
         return None
     row = rows[0]
     if any(system.bodies[int(table[f"ball_{side}"][row]) - 1].slides for side in "ab"):
-        return None  # a particle slides: there is no rolling to compare
+        return None  # a particle slides, so there is no rolling to compare
     translation, rolling = forms(system, table, row)
     law = str(table["law"][row])
     return {
@@ -91,7 +92,7 @@ def analogy(system: Any, table: Mapping[str, Any]) -> dict[str, Any] | None:
 
 
 def _is_of_two(system: Any, table: Mapping[str, Any], row: int) -> bool:
-    """Whether two bodies leave an impact as the form of its law says, if it has one."""
+    """Return whether an impact obeys the two-body formulas of its law, if the law has any."""
     law, speed = str(table["law"][row]), _speed_of(table)
     if law not in _USED or not bool(table["simultaneous"][row]):
         return True
@@ -107,11 +108,11 @@ def _is_of_two(system: Any, table: Mapping[str, Any], row: int) -> bool:
 
 
 _USED = {"translational": "translation", "hedrih": "rolling"}
-"""The forms of the laws that have one."""
+"""Form of the laws that are those of translation or of rolling."""
 _ROUNDING = 1e-9
-"""Speeds that differ by less than this share of all are the same."""
+"""Relative difference below which speeds count as equal."""
 _MOST = 100
-"""Impacts that stand in both forms in the report."""
+"""Number of impacts that the report gives in both forms."""
 _HEADS = [
     "Impact", "Pair", "k", "Impulse", "E before", "E after", "Loss", "Moment of impulse",
     "E before, rolling", "E after, rolling", "Loss, rolling",
@@ -135,7 +136,7 @@ def _line(system: Any, table: Mapping[str, Any], row: int) -> list[str]:
 
 
 _UNITS = (("kg", "m/s", "kg m/s", "N s"), ("kg m²", "rad/s", "kg m²/s", "N m s"))
-"""Of inertia, velocity, momentum and impulse, in translation and in rolling."""
+"""Units of inertia, velocity, momentum and impulse, in translation and in rolling."""
 
 
 def _pair(values: Pair, unit: str) -> str:
@@ -143,7 +144,7 @@ def _pair(values: Pair, unit: str) -> str:
 
 
 def _special(one: CentralImpact, restitution: float, unit: str) -> str:
-    """Velocities after with another k, and the loss."""
+    """Return the velocities after the impact with another k, and the loss."""
     special = replace(one, restitution=restitution)
     return f"{_pair(special.after, unit)}; loss {number(special.loss, 'J')}"
 
@@ -166,14 +167,14 @@ _ROWS: tuple[tuple[str, Any], ...] = (
 
 MOST_INTERVALS = 6
 _SAME = 1e-9
-"""Two instants closer than this share of their time are one."""
+"""Relative difference below which two instants count as equal."""
 
 
 def series_rows(run: StoredRun) -> list[list[str]]:
-    """Return a row for each body of the first intervals that lie in one valley, as in the papers.
+    """Return a row for each body and each of the first intervals that lies in one valley.
 
-    Interval, body, angles from and to, turning points, and times: exact, by the series as printed,
-    and by the series with its coefficient corrected.
+    Its cells are interval, body, first and last angle, modulus, turning points, and three times:
+    exact, by the series as printed, and by the series with its coefficient corrected.
     """
     if run.system.turning is not None:
         return []
@@ -187,13 +188,13 @@ def series_rows(run: StoredRun) -> list[list[str]]:
 
 
 def _way(run: StoredRun, row: int, end: str) -> tuple[Swing, float, float] | None:
-    """Return the swing of a body before an impact, the angle there (rad) and the time (s) of it.
+    """Return the swing of a body before an impact, its angle there (rad) and its duration (s).
 
-    None unless it swung freely in one valley since its impact before, or the start.
+    Returns None unless the body swung freely in one valley since its last impact or the start.
     """
     table, flights = run.collisions, run.flights()
     t, ball = float(table["t"][row]), int(table[f"ball_{end}"][row])
-    # Flights stand body by body in order of time.
+    # Flights are sorted by body, then by time.
     first, beyond = np.searchsorted(flights["ball"], (ball, ball + 1))
     ends = flights["t_end"][first:beyond]
     flight = int(first + np.searchsorted(ends, t - _SAME * max(t, 1e-300)))
@@ -216,7 +217,7 @@ def _row(run: StoredRun, row: int, end: str, way: tuple[Swing, float, float]) ->
     swing, angle, lasts = way
     ball = int(run.collisions[f"ball_{end}"][row])
     turns = turning_points(swing, angle, lasts)
-    # The last bracket of A (9) and B (61) has the constants of ball 1 in the same interval.
+    # The last bracket of A (9) and B (61) uses the constants of ball 1 in the same interval.
     other = _way(run, row, "a" if end == "b" else "b")
     first = other[0] if ball == 2 and other is not None else None
     printed = time_between(swing, angle, turns, lambda u: printed_time(swing, u, first))
@@ -235,7 +236,7 @@ def _row(run: StoredRun, row: int, end: str, way: tuple[Swing, float, float]) ->
 
 
 def turning_points(swing: Swing, angle: float, lasts: float) -> int:
-    """Return how many turning points lie on the way to an angle that takes a time (s)."""
+    """Return the number of turning points of a swing that reaches an angle after a time (s)."""
     if swing.modulus <= 1.0:
         return 0
     counts = range(2 * math.ceil(2.0 * lasts / swing.period) + 3)
@@ -246,9 +247,10 @@ def turning_points(swing: Swing, angle: float, lasts: float) -> int:
 def time_between(
     swing: Swing, angle: float, turns: int, from_bottom: Callable[[float], float]
 ) -> float:
-    """Return the time (s) of a way with some turning points, by times from the bottom to u.
+    """Return the time (s) of a swing to an angle with `turns` turning points.
 
-    A body that starts at rest begins at a turning point, which is not counted.
+    `from_bottom` gives the time from the bottom to u. A body that starts at rest begins at a
+    turning point, which is not counted.
     """
     start, end = math.sin(0.5 * swing.angle), math.sin(0.5 * angle)
     way = swing.way

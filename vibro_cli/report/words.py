@@ -1,4 +1,4 @@
-"""What a report says: causes, numbers and validity in words."""
+"""Texts of reports: end causes, numbers, validity, links."""
 
 from __future__ import annotations
 
@@ -36,13 +36,13 @@ REFERENCES = {
 
 
 def ending(cause: str) -> str:
-    """Return what ended a run, or its state where it has no such cause, as a sentence."""
+    """Return an end cause, or the status of a run without one, as a sentence."""
     words = END_CAUSES.get(cause) or _STATES.get(cause, cause)
     return f"{words[:1].upper()}{words[1:]}."
 
 
 def named(table: str, key: str, root: Model) -> tuple[str, str]:
-    """Return the words of a key of a scenario's table, itself where it has none, and its unit.
+    """Return the title of a key in a table of the scenario (default: the key), and its unit.
 
     `table` is empty for a key outside tables; `root` is the model of the scenario.
     """
@@ -52,14 +52,14 @@ def named(table: str, key: str, root: Model) -> tuple[str, str]:
 
 
 def method_of(kind: System, scenario: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return how a scenario of a system is solved, and the references."""
+    """Return the description of how a scenario is solved, and the references."""
     return (kind.method(scenario), *(REFERENCES[letter] for letter in kind.papers))
 
 
 def number(value: float | None, unit: str = "", digits: int = 6) -> str:
-    """Return a number with its unit, the minus sign a minus and powers of ten as such.
+    """Return a number with its unit, with a true minus sign and powers of ten.
 
-    The sign of degrees stands without a space, unlike all other units.
+    The degree sign follows without a space, unlike all other units.
     """
     if value is None or (isinstance(value, float) and math.isnan(value)):
         return "–"
@@ -76,9 +76,9 @@ def number(value: float | None, unit: str = "", digits: int = 6) -> str:
 def validity(
     summary: Mapping[str, Any], rolls: bool, refused: int, warnings: Sequence[str]
 ) -> list[str]:
-    """Return what there is to say on whether the motion is possible as it was computed.
+    """Return sentences on whether the computed motion is physically possible.
 
-    `rolls`: whether any body rolls; else no friction is told of.
+    `rolls` is whether any body rolls; if none does, friction is not mentioned.
     """
     said, off = [], summary.get("end_cause") == "lift_off"
     force, friction = summary.get("min_normal_force"), summary.get("max_friction_demand")
@@ -105,7 +105,7 @@ def validity(
 
 
 def cell(table: Mapping[str, Any], column: Column, row: int) -> tuple[str, str]:
-    """Return a value to sort by and the value as it is shown."""
+    """Return a value as a sort key and as displayed text."""
     value = table[column.name][row]
     if value is None or value is np.ma.masked or (isinstance(value, float) and math.isnan(value)):
         return "", "–"
@@ -115,20 +115,20 @@ def cell(table: Mapping[str, Any], column: Column, row: int) -> tuple[str, str]:
 
 
 def link(target: Path, beside: Path) -> str:
-    """Return a link to a file from a page in a folder."""
+    """Return the relative link to `target` from a page in the folder `beside`."""
     path = os.path.relpath(target.resolve(), beside.resolve()).replace(os.sep, "/")
     return quote(os.fsencode(path))
 
 
 def versions(manifest: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Return what the results were made with."""
+    """Return the versions of the program and libraries that made the results."""
     program = manifest["program"]
     environment = manifest.get("environment", {})
     return [(program["name"], program["version"]), *environment.items()]
 
 
 def flat(value: Any, path: str = "") -> dict[str, Any]:
-    """Return plain values by their key path: `balls[1].radius`."""
+    """Flatten plain values to a dictionary by key path: `balls[1].radius`."""
     if isinstance(value, dict):
         inner = ((f"{path}.{key}" if path else key, each) for key, each in value.items())
     elif isinstance(value, list | tuple):
