@@ -1,1 +1,1 @@
-"""Run time against error, of this solver and of others: scenes, methods, measurements, words."""
+"""Run time against error, of this solver and others: scenes, methods, measurements, conclusions."""

@@ -1,4 +1,4 @@
-"""What the numbers say, in words made from them."""
+"""Conclusions of a benchmark, as sentences generated from its numbers."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ _OURS = (COMPILED, KEPT, BATCH, INTERPRETED)
 _HEYOKA = ("heyoka", "heyoka, defaults")
 _FLAT = 0.2
 _LEAST = 3
-"""Sizes of which times are called flat."""
+"""Least number of sizes whose times may be called flat."""
 
 
 def conclude(rows: Sequence[Row]) -> list[str]:
-    """Return the conclusions, a sentence or a few each."""
+    """Return the conclusions, each of one or a few sentences."""
     precise = [row for row in rows if row.part == "precision"]
     return [
         *_of_scenes(precise), *_against_heyoka(precise), *_of_lost(precise), *_of_series(precise),
@@ -46,7 +46,7 @@ def _find(rows: Sequence[Row], scene: str, method: str) -> Row | None:
 
 
 def _of_scenes(rows: Sequence[Row]) -> Iterator[str]:
-    """Our time and error on each scene, and the fastest other method that is nearly as exact."""
+    """Yield our time and error on each scene, with the most exact and the fastest other method."""
     for scene in dict.fromkeys(row.scene for row in rows):
         ours = _find(rows, scene, COMPILED)
         if ours is None or ours.per_impact is None or ours.error is None:
@@ -106,7 +106,7 @@ def _of_lost(rows: Sequence[Row]) -> Iterator[str]:
 
 
 def _of_series(rows: Sequence[Row]) -> Iterator[str]:
-    """How bad the papers' series is, and how slowly higher orders help."""
+    """Yield the error of the papers' series on each scene, and the gain from higher orders."""
     for scene in dict.fromkeys(row.scene for row in rows if row.method == SERIES):
         own = [row for row in rows if row.scene == scene and row.method == SERIES]
         good = [row for row in own if row.error is not None]
@@ -141,7 +141,7 @@ def _of_growth(rows: Sequence[Row]) -> Iterator[str]:
         times = [row.per_impact or 0.0 for row in own]
         middle = 0.5 * (max(times) + min(times))
         swing = (max(times) - middle) / middle
-        few = len(times) < _LEAST  # two times may be alike by chance
+        few = len(times) < _LEAST  # two times may agree by chance
         flat = f"flat within ±{100.0 * swing:.0f} %" if swing <= _FLAT and not few else (
             f"from {_time(times[0])} to {_time(times[-1])}, a factor of {times[-1] / times[0]:.1f}"
         )  # fmt: skip
@@ -153,7 +153,7 @@ def _of_growth(rows: Sequence[Row]) -> Iterator[str]:
 
 
 def _of_grid(rows: Sequence[Row]) -> Iterator[str]:
-    """One grid on all cores, by our batches and by others."""
+    """Yield the times of one grid on all cores, with our batches and other methods."""
     own = [row for row in rows if row.part == "grid" and row.per_impact]
     ours = next((row for row in own if row.method == BATCH), None)
     if ours is None or not ours.per_impact:
@@ -170,7 +170,7 @@ def _of_grid(rows: Sequence[Row]) -> Iterator[str]:
 
 
 def _of_kept(rows: Sequence[Row]) -> Iterator[str]:
-    """What is left of the kernel's rate when a grid goes to the disk."""
+    """Yield the rate of whole grids, written to disk, as a share of the rate of their kernels."""
     own = [row for row in rows if row.part == GRID_PART and row.per_impact]
     for setting, group in groupby(own, key=lambda row: row.setting):
         pair = {row.method: row for row in group}
@@ -204,7 +204,7 @@ def _of_skips(rows: Sequence[Row]) -> Iterator[str]:
 
 
 def _of_commands(rows: Sequence[Row]) -> Iterator[str]:
-    """What an impact costs from the shell to the tables, beside its event loop."""
+    """Yield the cost of an impact in `vibro run`, compared with the event loop alone."""
     own = [row for row in rows if row.part == COMMAND_PART and row.seconds]
     for scene, group in groupby(own, key=lambda row: row.scene):
         both = list(group)
@@ -231,7 +231,7 @@ def _of_commands(rows: Sequence[Row]) -> Iterator[str]:
 
 
 def _ratio(value: float) -> str:
-    """Return a ratio with no more digits than timings have."""
+    """Return a ratio as text, with no more digits than timings justify."""
     return f"{value:.1f}" if value < 100.0 else f"{float(f'{value:.2g}'):,.0f}"
 
 

@@ -1,8 +1,7 @@
-"""What an impact costs: by the number of bodies, arcs, scenarios and cores, and by what is skipped.
+"""Cost of an impact by the numbers of bodies, arcs, scenarios and cores, and by skipped work.
 
-A grid of scenarios on all cores, summaries only: our batches in threads, heyoka's in processes.
-
-heyoka calls back into Python for each impact, so that its batches need a process for each core.
+A grid of scenarios, summaries only, is solved on all cores: by our batches in threads, and by
+heyoka's in processes, since heyoka calls back into Python at each impact.
 """
 
 from __future__ import annotations
@@ -54,15 +53,15 @@ _DENSITY = (7800.0, 2700.0)
 EACH = 100
 """Impacts of each scenario of a batch."""
 _STRETCH = 1000
-"""Scenarios that a thread takes at once; its memory does not grow beyond them."""
+"""Scenarios that a thread solves at once, which limits its memory."""
 _THREADED = 20_000
 _FEW = 20
 """Impacts of each scenario of a grid."""
 
 
 def row_of_bodies(count: int) -> Scene:
-    """Return so many balls side by side in one valley, of two densities by turns."""
-    # All their energy together would not carry one of the light ones over the end of the valley.
+    """Return a scene of `count` balls side by side in one valley, with alternating densities."""
+    # Even with all their energy, a light ball could not leave the valley.
     span = 0.9 * min(1.0, math.sqrt(20.0 / count))
     step = span / max(count - 1, 1)
     balls = tuple(
@@ -74,7 +73,7 @@ def row_of_bodies(count: int) -> Scene:
 
 
 def chain_of_arcs(count: int) -> Scene:
-    """Return three arcs that two balls roam over, in a chain of so many in all."""
+    """Return a chain of `count` arcs, on three of which two balls roll."""
     middle: list[tuple[str, float, int]] = [
         ("valley", 1.0, 50), ("hump", 0.5, -50), ("valley", 1.0, 90),
     ]  # fmt: skip
@@ -84,7 +83,7 @@ def chain_of_arcs(count: int) -> Scene:
     after = [("hump" if end < 0 else "valley", 0.5, end) for end in slopes]
     start, before = -90, []
     if left:
-        # Leftwards from the hump above the middle: humps and valleys by turns, mirrored.
+        # To the left of the middle: humps and valleys alternate, mirrored.
         ends = [-90] + [30 if number % 2 == 0 else -30 for number in range(left)]
         start = ends[-1]
         before = [
@@ -101,7 +100,7 @@ def chain_of_arcs(count: int) -> Scene:
 
 
 def measure_growth(plan: Plan) -> Iterator[list[Row]]:
-    """Measure how cost and memory grow; give the rows of each kind as they come."""
+    """Measure how cost and memory grow; yield the rows of each kind."""
     WORK.report("more and more bodies")
     yield _measure_scenes(plan, "bodies", {count: row_of_bodies(count) for count in plan.bodies})
     WORK.report("more and more arcs")
@@ -113,7 +112,7 @@ def measure_growth(plan: Plan) -> Iterator[list[Row]]:
 
 
 def _measure_scenes(plan: Plan, part: str, scenes: dict[int, Scene]) -> list[Row]:
-    """Single compiled runs of scenes that differ in size."""
+    """Measure single compiled runs of scenes of different sizes."""
     impacts = _IMPACTS if plan.form != "quick" else 500
     rows = [
         Row(part, scene.name, COMPILED, size=size, impacts=impacts)
@@ -132,14 +131,14 @@ def _measure_scenes(plan: Plan, part: str, scenes: dict[int, Scene]) -> list[Row
 
 
 def first_halves(numbers: Any, count: int) -> Any:
-    """Half the angles (rad) at which the first ball starts in so many scenarios."""
+    """Return half the starting angles (rad) of the first ball, for some of `count` scenarios."""
     return -0.36 - 0.05 * numbers / count
 
 
 class Crew:
-    """Threads that solve a number of scenarios, a stretch at a time.
+    """Threads that solve a number of scenarios, `_STRETCH` at a time.
 
-    They are circles that differ in where the first ball starts.
+    The scenarios are circles that differ in the starting angle of the first ball.
     """
 
     def __init__(self, threads: int, count: int) -> None:
@@ -148,7 +147,7 @@ class Crew:
         self._batches = [Batch(self._scene.system) for _ in range(threads)]
 
     def go(self) -> int:
-        """Solve all scenarios; return the impacts there were."""
+        """Solve all scenarios; return the number of impacts."""
         firsts = range(0, self._count, _STRETCH)
         return shared_out(firsts, [partial(self._solve, batch) for batch in self._batches])
 
@@ -164,7 +163,7 @@ class Crew:
 
 
 def _measure_batches(plan: Plan) -> list[Row]:
-    """Batches of ever more scenarios on all cores, then one size on ever more cores."""
+    """Measure batches of increasing size in one thread, then one size on increasing threads."""
     cores = available_cores()
     size = _THREADED if plan.form != "quick" else 1000
     jobs = [
@@ -188,7 +187,7 @@ collisions = true
 
 
 def _measure_memory(plan: Plan) -> list[Row]:
-    """Greatest memory of `vibro grid` with every impact kept, in a process of its own."""
+    """Measure the peak memory of `vibro grid` with every impact kept, in a separate process."""
     counts = {"quick": (100,), "default": (1000, 30_000), "full": (1000, 30_000, 1_000_000)}
     rows = []
     for count in counts[plan.form]:
@@ -213,7 +212,7 @@ _SCENARIOS = {"quick": 64, "default": 10_000, "full": 10_000}
 
 
 class Processes:
-    """heyoka's batches of the scenarios of a `Crew`, in processes that wait for their work."""
+    """Waiting processes that solve the scenarios of a `Crew` with heyoka's batches."""
 
     def __init__(self, processes: int, count: int, tolerance: float) -> None:
         context = multiprocessing.get_context("spawn")
@@ -227,7 +226,7 @@ class Processes:
             self._ends.append(here)
 
     def go(self) -> int:
-        """Solve all scenarios; return the impacts there were."""
+        """Solve all scenarios; return the number of impacts."""
         for end in self._ends:
             end.send(True)
         return sum(end.recv() for end in self._ends)
@@ -239,7 +238,7 @@ class Processes:
 
 
 def _serve(end: Connection, share: range, count: int, tolerance: float) -> None:
-    """Solve a share of the scenarios whenever told to; answer with the impacts there were."""
+    """Solve a share of the scenarios at each request; answer with the number of impacts."""
     motion = Motion(BY_NAME[_SCENE].system)
     lanes = Lanes(motion, tolerance)
     angles = 2.0 * first_halves(np.array(share), count)
@@ -247,7 +246,7 @@ def _serve(end: Connection, share: range, count: int, tolerance: float) -> None:
         total = 0
         for first in range(0, len(angles), lanes.count):
             starts = np.tile(np.array(motion.start)[:, None], lanes.count)
-            # The last ones again in lanes that would be empty.
+            # Lanes that would be empty repeat the last start.
             own = angles[first : first + lanes.count]
             starts[0] = own[np.minimum(np.arange(lanes.count), len(own) - 1)]
             total += lanes.go(starts, EACH)
@@ -255,7 +254,7 @@ def _serve(end: Connection, share: range, count: int, tolerance: float) -> None:
 
 
 def measure_on_all_cores(plan: Plan) -> list[Row]:
-    """Measure one grid by every way there is, by turns."""
+    """Measure one grid with our batches and, if installed, heyoka's, interleaved."""
     count, cores = _SCENARIOS[plan.form], available_cores()
     jobs = [(Row(PART, _SCENE, BATCH, "exact", size=count), Job(Crew(cores, count).go))]
     others: list[Processes] = []
@@ -272,7 +271,7 @@ def measure_on_all_cores(plan: Plan) -> list[Row]:
 
 
 def measure_other_systems(plan: Plan) -> list[Row]:
-    """Measure every scene by turns; an impact is one of two bodies, of a lone ball a bounce."""
+    """Measure the scenes of all systems, interleaved; bounces of a single ball are its impacts."""
     long = 5_000 if plan.form == "quick" else 200_000
     jobs = []
     for name, scene in timed_scenes("systems").items():
@@ -283,7 +282,7 @@ def measure_other_systems(plan: Plan) -> list[Row]:
 
 
 def _system_run(document: Document, impacts: int) -> Job:
-    """Runs of a scene of any system, so many impacts or bounces each."""
+    """Return a job that runs a scene of any system for `impacts` impacts or bounces."""
     scenario = any_scenario_of(document)
     lone = len(document["balls"]) == 1
     limits = Limits(bounces=impacts) if lone else Limits(collisions=impacts)
@@ -306,7 +305,7 @@ _SHORT_RUN = 300
 
 
 class _Searching(DriverRunner):
-    """Single runs in which no pair is taken for apart because its pieces are out of reach."""
+    """Single runs without the skip of pairs whose pieces are out of reach of each other."""
 
     def ready(self, impacts: int) -> None:
         super().ready(impacts)
@@ -316,7 +315,7 @@ class _Searching(DriverRunner):
 
 
 def measure_skips(plan: Plan) -> list[Row]:
-    """Measure each skip on a scene where it matters, with and without it by turns."""
+    """Measure each skip on a scene where it matters, with and without it, interleaved."""
     impacts = 500 if plan.form == "quick" else _IMPACTS
     jobs = []
     for skip, name, without in (
@@ -334,7 +333,7 @@ def measure_skips(plan: Plan) -> list[Row]:
 
 
 def _make_tables(all_of_them: bool) -> None:
-    """A short interpreted run and its impacts, or all its tables."""
+    """Make a short interpreted run with its impacts only, or with all its tables."""
     wanted = OutputRequest(step=0.01, turning_points=True, friction=0.3) if all_of_them else None
     system = BY_NAME["three_arcs"].system
     run: Run = simulate_system(system, None, _SHORT_RUN, "python", wanted)
@@ -346,7 +345,7 @@ def _make_tables(all_of_them: bool) -> None:
 
 
 def _measure_figures(plan: Plan) -> list[Row]:
-    """Whole processes of `vibro run` with and without figures."""
+    """Measure whole processes of `vibro run` with and without figures."""
     document = BY_NAME["three_arcs"].document | {"stop": {"collisions": _SHORT_RUN}}
     jobs = []
     with tempfile.TemporaryDirectory(prefix="vibro-bench-") as folder:

@@ -1,9 +1,8 @@
-"""From end to end against the kernels alone: what planning, encoding, writing and starting cost.
+"""End-to-end cost compared with the kernels alone: planning, encoding, writing and starting.
 
-A grid and its kernel both run in threads of this process, on all cores. The kernel has the points
-of the grid planned, and leaves the rows that the grid keeps as columns; without them, it has the
-summaries alone. A single run is measured as a command, from the shell to the tables, beside its
-event loop.
+A grid and its kernel both run in threads of this process, on all cores. The kernel gets the points
+of the grid already planned, and returns the kept rows as columns, or only the summaries. A single
+run is measured as a command, from the shell to the tables, and compared with its event loop.
 """
 
 from __future__ import annotations
@@ -57,11 +56,11 @@ ROWS, SUMMARIES = "every impact", "summaries only"
 _SCENE = "three_arcs"
 _SIDE = {"quick": 12, "default": 700, "full": 1000}
 _MOST = 50
-"""Impacts of a point."""
+"""Greatest number of impacts of a point."""
 
 
 def measure_grid(plan: Plan) -> list[Row]:
-    """Measure one grid, with every impact and with summaries only, and its kernel, by turns."""
+    """Measure one grid, with every impact and with summaries only, and its kernel, interleaved."""
     jobs: list[tuple[Row, Job]] = []
     with _grid(_SIDE[plan.form]) as grid:
         for setting, one in ((ROWS, grid), (SUMMARIES, grid.without_collisions())):
@@ -79,7 +78,7 @@ def measure_grid(plan: Plan) -> list[Row]:
 
 @contextmanager
 def _grid(side: int) -> Iterator[Grid]:
-    """A grid of so many starts of either ball, read from a folder that is there for its block."""
+    """Provide a grid of `side` starts of either ball, read from a temporary folder."""
     axes = [
         {"path": "balls[1].angle", "linspace": [-1.4, -0.2, side]},
         {"path": "balls[2].angle", "linspace": [-0.4, 1.4, side]},
@@ -95,7 +94,7 @@ def _grid(side: int) -> Iterator[Grid]:
 
 
 class _Whole:
-    """The grid, planned, solved, encoded and written, with its checksums."""
+    """The whole grid: planned, solved, encoded and written, with its checksums."""
 
     def __init__(self, grid: Grid, chunks: Chunks) -> None:
         self._grid = grid
@@ -103,11 +102,11 @@ class _Whole:
         self._folder = Path(tempfile.mkdtemp(prefix="vibro-bench-"))
 
     def ready(self) -> None:
-        """Remove the parts of the last time."""
+        """Remove the files of the last run."""
         shutil.rmtree(self._folder, ignore_errors=True)
 
     def go(self) -> int:
-        """Solve the grid; return its impacts."""
+        """Solve the grid; return the number of impacts."""
         for name in ("summary", *self._grid.kept_tables):
             (self._folder / name).mkdir(parents=True)
         receipts = solve_in_threads(
@@ -118,7 +117,7 @@ class _Whole:
 
 
 class _Kernels:
-    """The kernel of the grid, a batch for each thread, on points that are planned."""
+    """The kernel of the grid, with a batch for each thread, on planned points."""
 
     def __init__(self, grid: Grid, chunks: Chunks) -> None:
         scenario = scenario_of(grid.base.data)
@@ -137,12 +136,12 @@ class _Kernels:
         return Task.of(self._template.starts(values, systems), systems, points)
 
     def go(self) -> int:
-        """Solve all points; return their impacts."""
+        """Solve all points; return the number of impacts."""
         return shared_out(self._work, [solver.solve for solver in self._solvers])
 
 
 class _Solver:
-    """A batch, and the memory of one thread."""
+    """The batch and the memory of one thread."""
 
     def __init__(self, system: TraceSystem, kept: Table | None) -> None:
         self._batch = Batch(system)
@@ -151,7 +150,7 @@ class _Solver:
         self._most = 0.0
 
     def solve(self, work: tuple[Array, Task]) -> int:
-        """Solve a stretch; return how many impacts it has."""
+        """Solve a stretch; return the number of impacts."""
         points, task = work
         count = len(task.points)
         results = empty_results(count, task.starts.piece.shape[1], 0)
@@ -182,7 +181,7 @@ REPEATS = 3
 
 
 def _rotating() -> Document:
-    """Three arcs between walls, which turn about the vertical through the hump."""
+    """Return three arcs between walls that rotate about the vertical through the hump."""
     turning = {"through_arc": 2, "rate": 0.8}
     return BY_NAME["three_arcs"].document | {
         "trace": three_arcs(90) | {"turning": turning},
@@ -210,7 +209,7 @@ COMMANDS: dict[str, TimedScene] = {
 
 
 def measure_command(plan: Plan) -> Iterator[list[Row]]:
-    """Measure scene by scene, without figures; the event loop by turns with the command."""
+    """Measure scene by scene, without figures, the command interleaved with the event loop."""
     for name, scene in COMMANDS.items():
         WORK.report(f"commands, {name}")
         rows = []
@@ -225,7 +224,7 @@ def _measured(name: str, document: Document, impacts: int) -> list[Row]:
     with tempfile.TemporaryDirectory(prefix="vibro-bench-") as folder:
         source = Path(folder) / "scene.json"
         source.write_bytes(json_bytes(document))
-        _, found = _event_loop(document, impacts)  # machine code is loaded, or made anew
+        _, found = _event_loop(document, impacts)  # loads or compiles machine code
         rows = [
             Row(COMMAND_PART, name, method, size=impacts, impacts=found)
             for method in (EVENT_LOOP, COMMAND)
@@ -242,13 +241,13 @@ def _measured(name: str, document: Document, impacts: int) -> list[Row]:
 
 
 def _event_loop(document: Document, impacts: int) -> tuple[float, int]:
-    """Time (s) of a run and its impacts; the rows of a trace are dropped."""
+    """Return the time (s) of a run and its number of impacts; drop the rows of a trace."""
     scenario: Any = any_scenario_of(document)
     driver = driver_of(scenario)
     start = time.perf_counter()
     driver.run()
     taken = time.perf_counter() - start
     found = int(driver.clock_value("collisions"))
-    if found < impacts:  # more are those of the instant at which it stops
+    if found < impacts:  # more may happen at the instant of the stop
         raise RuntimeError(f"{scenario.name}: found {found} impacts, expected {impacts}")
     return taken, found

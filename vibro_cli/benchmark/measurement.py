@@ -1,4 +1,4 @@
-"""What is measured, as rows of one table; how long, by turns; how much of it; on which machine."""
+"""Rows of the table of measurements, plans, interleaved timing, and the machine."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from vibro_cli.storage.files import available_cores
 from vibro_cli.storage.tables import Origin, parquet_bytes, to_arrow
 from vibro_cli.systems.columns import Column, Table
 
-# Words of the table: methods, settings, and parts with the methods they have.
+# Names in the table: methods, settings, and parts with their methods.
 COMPILED = "vibro"
 KEPT = "vibro, all rows kept"
 INTERPRETED = "vibro, interpreted"
@@ -40,7 +40,7 @@ EVENT_LOOP, COMMAND = "event loop alone", "vibro run"
 
 @dataclass
 class Row:
-    """One row of the table, whose columns its fields declare, with their meaning and unit."""
+    """One row of the table; its fields declare the columns, with their meaning and unit."""
 
     part: Annotated[
         str,
@@ -64,11 +64,11 @@ class Row:
     note: Annotated[str | None, "what happened, if the status is not ok"] = None
 
     def lose(self, why: object) -> None:
-        """Say why the impacts are not those of the motion."""
+        """Mark the row as lost, with the reason why its impacts are not those of the motion."""
         self.status, self.note = "lost", str(why)
 
     def take_times(self, times: Sequence[float]) -> None:
-        """Set what follows from the times of the runs."""
+        """Set the statistics of the times (s) of the runs."""
         self.repeats, self.seconds = len(times), median(times)
         quarters = np.quantile(times, (0.25, 0.75))
         self.spread = float(quarters[1] - quarters[0]) / self.seconds
@@ -77,7 +77,7 @@ class Row:
 
 
 def _column(name: str, hint: Any) -> Column:
-    """The column that a field of a row declares."""
+    """Return the column that a field of a row declares."""
     kind, text, *unit = get_args(hint)
     plain, *null = get_args(kind) or (kind,)
     types: dict[type, Any] = {str: "string", int: "int64", float: "float64"}
@@ -93,7 +93,7 @@ TABLE = Table(
 
 @dataclass(frozen=True)
 class Plan:
-    """How much is measured."""
+    """The extent of the measurements."""
 
     form: str
     """quick, default or full."""
@@ -116,19 +116,19 @@ PLANS = {
 
 
 _LONG = 5.0
-"""Runs that take so many times the time planned for one are repeated three times only."""
+"""Ratio to the planned time above which a run is repeated only three times."""
 
 
 class Job(NamedTuple):
-    """Work that is timed, again and again; what makes it ready is not."""
+    """Work that is timed repeatedly; its preparation is not timed."""
 
     go: Callable[[], int | None]
-    """Does the work; returns its impacts where only that tells."""
+    """Does the work; returns the number of impacts if it is not known before."""
     ready: Callable[[], object] = lambda: None
 
 
 def by_turns(jobs: Sequence[Job], plan: Plan) -> list[list[float]]:
-    """Return the times (s) of jobs, each done in turn with the others, as a list for each."""
+    """Return the times (s) of interleaved repeats of jobs, a list for each job."""
     times: list[list[float]] = [[] for _ in jobs]
     for turn in range(plan.repeats):
         for job, taken in zip(jobs, times, strict=True):
@@ -142,7 +142,7 @@ def by_turns(jobs: Sequence[Job], plan: Plan) -> list[list[float]]:
 
 
 def done_once(jobs: Sequence[Job]) -> list[int | None]:
-    """Do all jobs, so that machine code is loaded and memory is there; return their impacts."""
+    """Do all jobs once, to load machine code and allocate memory; return their impacts."""
     impacts = []
     for job in jobs:
         job.ready()
@@ -151,7 +151,7 @@ def done_once(jobs: Sequence[Job]) -> list[int | None]:
 
 
 def timed(jobs: Sequence[tuple[Row, Job]], plan: Plan) -> list[Row]:
-    """Do jobs once, then by turns; return the rows, which are given their times and impacts."""
+    """Do jobs once, then interleaved; set times and impacts of the rows and return them."""
     rows, work = [row for row, _ in jobs], [job for _, job in jobs]
     for row, impacts in zip(rows, done_once(work), strict=True):
         row.impacts = impacts or row.impacts
@@ -161,7 +161,7 @@ def timed(jobs: Sequence[tuple[Row, Job]], plan: Plan) -> list[Row]:
 
 
 def parquet(rows: Sequence[Row], details: dict[str, Any]) -> bytes:
-    """Return the table of the rows as a parquet file; the details go into its metadata."""
+    """Return the rows as a parquet file, with the details in its metadata."""
     columns = columns_of_records([vars(row) for row in rows], TABLE)
     return parquet_bytes(to_arrow(TABLE, columns, Origin(details, __version__)))
 
@@ -170,7 +170,7 @@ _LIBRARIES = ("numpy", "scipy", "heyoka", "diffrax", "jax", "CyRK")
 
 
 def describe_machine() -> dict[str, str]:
-    """Return processor, cores, system and versions, as words."""
+    """Return processor, cores, load, system and versions, as text."""
     found = {
         "Processor": _processor(),
         "Cores that may be used": str(available_cores()),
@@ -200,7 +200,7 @@ Work = TypeVar("Work")
 
 
 def shared_out(work: Iterable[Work], solvers: Sequence[Callable[[Work], int]]) -> int:
-    """Have solvers, each in a thread of its own, take work until none is left; return their sum."""
+    """Let solvers, each in its own thread, share the work; return the sum of their results."""
     free: queue.SimpleQueue[Callable[[Work], int]] = queue.SimpleQueue()
     for solver in solvers:
         free.put(solver)
@@ -217,10 +217,11 @@ def shared_out(work: Iterable[Work], solvers: Sequence[Callable[[Work], int]]) -
 
 
 def command(*arguments: str) -> tuple[float, int | None]:
-    """Run a command of this program; return its time (s) and the greatest memory it had (B).
+    """Run a command of this program; return its time (s) and its peak memory (B).
 
-    The memory is asked for while it runs: what the system tells afterwards begins with that of this
-    process. It is None where nobody tells. Raises ``subprocess.CalledProcessError`` if it fails.
+    The memory is read while the command runs, because the value that the system gives afterwards
+    includes this process. It is None if the system does not provide it. Raises
+    ``subprocess.CalledProcessError`` if the command fails.
     """
     start, greatest = time.perf_counter(), None
     words = [sys.executable, "-m", "vibro_cli", *arguments, "-q"]

@@ -1,8 +1,8 @@
-"""The scenes that every method is measured on, with their references; those of this solver alone.
+"""The scenes on which all methods are measured, with their references; those of this solver alone.
 
-The times of first impacts are kept in the folder ``references``. They come from
-``stress.oracles.reference_solver``, a Taylor integration in 50 digits fed with the very doubles
-that the methods get.
+The folder ``references`` holds the times of the first impacts. They come from
+``stress.oracles.reference_solver``, a Taylor integration in 50 digits that starts from the same
+doubles as the methods.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ VALLEY, THREE_ARCS = valley(160), three_arcs(150)
 
 @dataclass(frozen=True)
 class Scene:
-    """A motion to be computed."""
+    """A motion to compute."""
 
     name: str
     title: str
@@ -38,9 +38,9 @@ class Scene:
     law: str = "hedrih"
     k: float = 1.0
     compared: int = 10
-    """Impacts from the start whose times are compared with the reference."""
+    """Number of first impacts whose times are compared with the reference."""
     most: int | None = None
-    """Impacts of the whole motion, if it ends."""
+    """Number of impacts of the whole motion, if it ends."""
 
     @property
     def document(self) -> Document:
@@ -55,12 +55,12 @@ class Scene:
 
     @cached_property
     def system(self) -> TraceSystem:
-        """The system that every method gets, in doubles."""
+        """The system that every method solves, in doubles."""
         return build_system(scenario_of(self.document))
 
 
 def ball(angle: float | str, density: float, arc: int = 1, **more: Any) -> Document:
-    """A ball of radius 0.1 m."""
+    """Return a ball of radius 0.1 m."""
     return {"radius": 0.1, "density": density, "arc": arc, "angle": angle, **more}
 
 
@@ -126,11 +126,11 @@ DIGITS = 40
 
 
 class ReferenceOutdated(Failure):
-    """A reference is not there, or is of another scene; the message says how to renew it."""
+    """Raised if a reference is missing or of another scene; the message says how to renew it."""
 
 
 def reference_file(scene: Scene) -> str:
-    """Name of a scene's file of references."""
+    """Return the name of the reference file of a scene."""
     return f"{scene.name}.json"
 
 
@@ -140,7 +140,7 @@ def reference_times(scene: Scene) -> list[str]:
     Raises
     ------
     ReferenceOutdated
-        If there is no reference of just this scene.
+        If there is no reference of exactly this scene.
     """
     path = files("vibro_cli.benchmark") / "references" / reference_file(scene)
     try:
@@ -157,7 +157,7 @@ def reference_times(scene: Scene) -> list[str]:
 
 
 def computed_reference(scene: Scene) -> dict[str, Any]:
-    """Return the content of a scene's file, computed anew; needs mpmath."""
+    """Compute the content of a scene's reference file; mpmath is required."""
     from vibro_cli.stress.oracles.reference_solver import ReferenceSolver, events_of
     from vibro_cli.stress.oracles.scene import mp, scene_of_system
     from vibro_cli.systems.trace import simulate_system
@@ -173,13 +173,13 @@ def computed_reference(scene: Scene) -> dict[str, Any]:
 
 
 def errors_of_times(times: Sequence[float | str], exact: list[str]) -> list[float]:
-    """Relative errors of times, formed in exact fractions and rounded once."""
+    """Return the relative errors of times, computed as exact fractions and rounded once."""
     pairs = zip(times, exact, strict=False)
     return [float(abs(Fraction(time) - Fraction(true)) / Fraction(true)) for time, true in pairs]
 
 
 def reference_difference(scene: Scene, content: dict[str, Any]) -> str:
-    """Say in words how a content computed anew differs from the reference in use."""
+    """Return a text on how newly computed content differs from the reference in use."""
     try:
         used = reference_times(scene)
     except ReferenceOutdated:

@@ -1,4 +1,4 @@
-"""The whole benchmark in order, first of all run time against error on every scene."""
+"""The whole benchmark in order, beginning with run time against error on every scene."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from vibro_cli.progress import WORK
 
 _QUICK_SCENES = ("circle",)
 _ASTRAY = 1e-2
-"""A time that is off by more than this share belongs to another impact; series are just so bad."""
+"""Relative error above which a time must be that of another impact, except for series."""
 
 
 def run(plan: Plan, scenes: Sequence[str] = ()) -> Iterator[list[Row]]:
-    """Measure scenes of these names; all of them, with growth and skips, when none is named."""
+    """Measure the named scenes or, if none is named, all scenes and all other parts."""
     yield from _measure_precision(plan, scenes)
     if not scenes:
         yield from measure_growth(plan)
@@ -41,7 +41,7 @@ def run(plan: Plan, scenes: Sequence[str] = ()) -> Iterator[list[Row]]:
 
 
 def _measure_precision(plan: Plan, names: Sequence[str]) -> Iterator[list[Row]]:
-    """Measure scenes of these names (all when empty); give the rows of each as they come."""
+    """Measure the named scenes (all if empty); yield the rows of each scene."""
     found = methods(plan.form == "quick")
     if not names and plan.form == "quick":
         names = _QUICK_SCENES
@@ -82,7 +82,7 @@ def _measure_scene(plan: Plan, scene: Scene, found: list[Method]) -> list[Row]:
 def _compared(
     row: Row, scene: Scene, method: Method, setting: Setting, exact: list[str]
 ) -> Runner | None:
-    """Run the impacts that the reference has; return the runner if it gets through."""
+    """Run the impacts of the reference and set their error; return the runner unless it is lost."""
     try:
         runner = method.prepare(scene, setting)
         runner.ready(scene.compared)
@@ -108,7 +108,7 @@ def _timed(runner: Runner, impacts: int) -> float:
 
 
 def _fitted(plan: Plan, scene: Scene, row: Row, runner: Runner, method: Method) -> bool:
-    """Choose how many impacts are timed; return whether the method gets through so many."""
+    """Choose how many impacts are timed; return whether the method computes them all."""
     row.impacts = scene.compared
     most = method.impacts if scene.most is None or method.repeats else scene.compared
     try:
@@ -117,7 +117,7 @@ def _fitted(plan: Plan, scene: Scene, row: Row, runner: Runner, method: Method) 
             if taken > 0.5 * plan.target or 2 * row.impacts > most:
                 return True
             more = min(2.0, 0.9 * plan.target / taken) if taken > 0.2 * plan.target else 4.0
-            # Whole motions of a scene that ends, or many impacts of one that goes on.
+            # Time whole motions of a scene that ends, or more impacts of one that continues.
             row.impacts = max(1, int(more * row.impacts / scene.compared)) * scene.compared
             row.impacts = min(row.impacts, most // scene.compared * scene.compared)
     except Lost as lost:

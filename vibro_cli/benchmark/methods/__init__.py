@@ -1,4 +1,4 @@
-"""The methods that are measured: this solver, the papers' series, and integrators of others."""
+"""The methods that are measured: this solver, the papers' series, and other integrators."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from vibro_cli.benchmark.methods.runner import Method
 
 
 class _Source(NamedTuple):
-    """Methods that belong together."""
+    """Methods with the same requirements."""
 
     methods: Callable[[], list[Method]]
     library: str = ""
-    """What has to be installed."""
+    """Library that must be installed."""
     quick: bool = False
     """Whether the quick form measures them."""
 
@@ -38,9 +38,9 @@ def installed_peers() -> tuple[str, ...]:
 
 
 def methods(quick: bool) -> list[Method]:
-    """Return the methods that can be measured here.
+    """Return the methods that can be measured with the installed libraries.
 
-    In the quick form few, each with the first and the second of its settings only.
+    With `quick`, only a few are returned, each with its first two settings.
     """
     found: list[Method] = []
     for source in _SOURCES:

@@ -1,6 +1,6 @@
-"""What every method offers to be measured: a run that can be repeated, and what came of it.
+"""Interface of the measured methods (a repeatable run and its results), and the equations.
 
-The equations of the model are in plain numbers, as a user of an ODE solver would write them.
+The equations of the model use plain numbers, as a user of an ODE solver would write them.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from vibro_cli.mechanics.reachability import contact_angle
 from vibro_cli.mechanics.system import TraceSystem
 
 INSIDE = 4e-16
-"""A body that has just crossed is put so far (rad) inside its new arc: an event function that is
-zero at the start of a step hides a return through the junction within that step."""
+"""Distance (rad) inside its new arc at which a body is placed after a crossing: an event function
+that is zero at the start of a step would hide a return through the junction within that step."""
 
 State = list[float]
-"""Angle and rate of each body in turn."""
+"""Angle and rate of each body, one after the other."""
 
 
 class Event(NamedTuple):
-    """What ended a leg: a pair in contact, or a body at a junction (side −1 or +1)."""
+    """The event that ended a leg: a pair in contact, or a body at a junction (side −1 or +1)."""
 
     pair: int
     ball: int = -1
@@ -33,11 +33,11 @@ class Event(NamedTuple):
 
 
 EventFunction = Callable[[float, Any], Any]
-"""Of time and state; positive before its event."""
+"""Function of time and state that is positive before its event."""
 
 
 def _room(place: int, side: float, end: float) -> EventFunction:
-    """The angle left before a junction."""
+    """Return the event function of a junction: the remaining angle (rad)."""
     return lambda t, y: side * (end - y[place])
 
 
@@ -71,10 +71,10 @@ class Motion:
         count = len(system.bodies)
         self.pairs = list(pairwise(range(count)))
         if self.ring:
-            self.pairs.append((count - 1, 0))  # across the top: angles go on beyond half a turn
+            self.pairs.append((count - 1, 0))  # across the top: angles continue beyond half a turn
 
     def least_angle(self, pair: int, piece: int) -> float:
-        """Angle (rad) from the left to the right body in contact, less a turn over the top."""
+        """Return the angle (rad) from left to right body in contact, less a turn over the top."""
         a, b = self.pairs[pair]
         radii = self.bodies[a].radius, self.bodies[b].radius
         return contact_angle(self.arcs[piece], *radii) - (math.tau if b < a else 0.0)
@@ -84,7 +84,8 @@ class Motion:
     ) -> list[tuple[Event, EventFunction]]:
         """Return the events that may end a leg on these pieces, with their functions.
 
-        These take numbers alone, for a compiler, or with other `sin` and `cos` expressions.
+        The functions take numbers only, so that they can be compiled, or expressions if `sin` and
+        `cos` do.
         """
         found = [
             (Event(pair), self._gap(pair, pieces, sin, cos)) for pair in range(len(self.pairs))
@@ -96,7 +97,7 @@ class Motion:
         return found
 
     def _gap(self, pair: int, pieces: Sequence[int], sin: Any, cos: Any) -> EventFunction:
-        """What is positive while a pair is apart: an angle on one arc, else d² − (r_a + r_b)²."""
+        """Return the event function of a pair: an angle on one arc, else d² − (r_a + r_b)²."""
         a, b = self.pairs[pair]
         i, j = 2 * a, 2 * b
         if pieces[a] == pieces[b]:
@@ -114,7 +115,7 @@ class Motion:
         )
 
     def centre(self, ball: int, piece: int, y: Sequence[float]) -> tuple[float, float]:
-        """Centre of a body (m)."""
+        """Return the centre of a body (m)."""
         arc, rho = self.arcs[piece], self.radius[ball][piece]
         return (
             arc.centre[0] + rho * math.sin(y[2 * ball]),
@@ -122,7 +123,7 @@ class Motion:
         )
 
     def junctions(self, pieces: Sequence[int]) -> list[tuple[int, int]]:
-        """Ends of arcs that bodies may cross: (body, −1 or +1)."""
+        """Return the junctions that bodies may cross: (body, −1 or +1)."""
         last = len(self.arcs) - 1
         return [
             (ball, side)
@@ -132,7 +133,7 @@ class Motion:
         ]
 
     def cross(self, ball: int, side: int, pieces: Sequence[int], y: State) -> tuple[int, ...]:
-        """Carry a body over a junction; return the pieces all bodies are on now."""
+        """Move a body across a junction; return the new pieces of all bodies."""
         old, new = pieces[ball], pieces[ball] + side
         arc = self.arcs[new]
         y[2 * ball] = arc.angle_start + INSIDE if side > 0 else arc.angle_end - INSIDE
@@ -144,7 +145,7 @@ class Motion:
     ) -> tuple[float, float, float, float]:
         """Return (p, q, α, β) of an impact: c = p ω_a − q ω_b, ω_a⁺ = ω_a − α c, ω_b⁺ = ω_b + β c.
 
-        ω are the rates of the angles, c the speed of closing; the four are constant on one arc.
+        ω are the rates of the angles, c is the closing speed; the four are constant on one arc.
         """
         a, b = self.pairs[pair]
         k = self.system.restitution_of(pair)
@@ -161,13 +162,13 @@ class Motion:
         return rho_a * ca, rho_b * cb, share * ca / ma / rho_a, share * cb / mb / rho_b
 
     def jump_on_one_arc(self, pair: int, piece: int) -> tuple[float, float, float, float]:
-        """Return the same of a pair on one arc, where it is constant."""
+        """Return the constant result of `jump` for a pair on one arc."""
         touching = [0.0] * (2 * len(self.bodies))
         touching[2 * self.pairs[pair][1]] = self.least_angle(pair, piece) % math.tau
         return self.jump(pair, [piece] * len(self.bodies), touching)
 
     def hit(self, pair: int, pieces: Sequence[int], y: State) -> bool:
-        """Carry out an impact; return whether the bodies were closing in at all."""
+        """Apply an impact to the state; return whether the bodies were approaching."""
         a, b = self.pairs[pair]
         p, q, alpha, beta = self.jump(pair, pieces, y)
         closing = p * y[2 * a + 1] - q * y[2 * b + 1]
@@ -180,7 +181,7 @@ class Motion:
     def _along(
         self, a: int, b: int, pieces: Sequence[int], y: Sequence[float]
     ) -> tuple[float, float]:
-        """Components of the line of centres along the tangents of both paths."""
+        """Return the components of the line of centres along the tangents of both paths."""
         (xa, ya), (xb, yb) = self.centre(a, pieces[a], y), self.centre(b, pieces[b], y)
         distance = math.hypot(xb - xa, yb - ya)
         nx, ny = (xb - xa) / distance, (yb - ya) / distance
@@ -191,7 +192,7 @@ class Motion:
         return ca, cb
 
     def energy(self, pieces: Sequence[int], y: Sequence[float]) -> float:
-        """Kinetic and potential energy of all bodies (J), from the lowest centre on the trace."""
+        """Return the kinetic and potential energy of all bodies (J), from their lowest places."""
         return sum(
             float(Landscape.of(self.system, ball + 1).energy(self.arcs[piece], *y[2 * ball :][:2]))
             for ball, piece in enumerate(pieces)
@@ -202,19 +203,19 @@ _STUCK = 4
 
 
 class Lost(Exception):
-    """A method did not get through a motion; the message says what happened."""
+    """Raised if a method fails to compute a motion; the message says what happened."""
 
 
 @dataclass
 class Course:
-    """What a run left."""
+    """The results of a run."""
 
     times: list[float] = field(default_factory=list)
     """Times of the first impacts (s)."""
     impacts: int = 0
     crossings: int | None = None
     energy_drift: float | None = None
-    """Relative change of the energy; None where it is not to be kept."""
+    """Relative change of the energy; None if impacts dissipate."""
 
 
 class Runner(ABC):
@@ -222,7 +223,7 @@ class Runner(ABC):
 
     @abstractmethod
     def ready(self, impacts: int) -> None:
-        """Go back to the start, for a run of so many impacts; not timed."""
+        """Return to the start and prepare a run of `impacts` impacts; not timed."""
 
     @abstractmethod
     def go(self) -> None:
@@ -230,19 +231,19 @@ class Runner(ABC):
 
     @abstractmethod
     def course(self) -> Course:
-        """Return what the last run left; not timed."""
+        """Return the results of the last run; not timed."""
 
 
 @dataclass(frozen=True)
 class Setting:
-    """How a method is set: its tolerance, or the order of a series."""
+    """The setting of a method: its tolerance, or the order of a series."""
 
     name: str
     value: float = 0.0
 
 
 def tolerances(*values: float) -> tuple[Setting, ...]:
-    """Settings of an integrator."""
+    """Return the settings of an integrator."""
     return tuple(Setting(f"{value:g}", value) for value in values)
 
 
@@ -253,19 +254,19 @@ class Method(NamedTuple):
     settings: tuple[Setting, ...]
     prepare: Callable[[Any, Setting], Runner]
     impacts: int
-    """Most impacts of a timed run."""
+    """Greatest number of impacts of a timed run."""
     suits: Callable[[Any], bool] = lambda scene: True
-    """Whether the method can be used on a scene at all."""
+    """Whether the method can be used on a scene."""
     repeats: bool = False
-    """Whether a run begins a motion that ends anew, until it has its impacts."""
+    """Whether a run restarts a motion that ends, until it has made all its impacts."""
 
 
 Leg = Callable[[tuple[int, ...], float, State], tuple[float, Sequence[float], Event]]
-"""From pieces, time and state to time and state at the next event."""
+"""Function of pieces, time and state: time and state at the next event, and the event."""
 
 
 class LegRunner(Runner):
-    """Runs a library that stops at each event: `leg` goes to the next one."""
+    """Runs a library that stops at each event; `leg` integrates to the next one."""
 
     def __init__(self, motion: Motion, leg: Leg) -> None:
         self._motion = motion
@@ -273,7 +274,7 @@ class LegRunner(Runner):
         self.ready(0)
 
     def ready(self, impacts: int) -> None:
-        """Go back to the start."""
+        """Return to the start."""
         self._wanted = impacts
         self._pieces = self._motion.pieces
         self._y = list(self._motion.start)
@@ -282,7 +283,7 @@ class LegRunner(Runner):
         self._crossings = 0
 
     def go(self) -> None:
-        """Go from event to event; raises Lost when the events repeat without any progress."""
+        """Integrate from event to event; raise Lost if events repeat without progress."""
         motion, stuck = self._motion, 0
         while len(self._times) < self._wanted:
             before = self._t
@@ -298,7 +299,7 @@ class LegRunner(Runner):
                 raise Lost(f"the same event again and again at t = {self._t:.6g} s")
 
     def course(self) -> Course:
-        """Return times, counts and drift of energy."""
+        """Return times, counts and energy drift."""
         return course_of(self._motion, self._times, self._crossings, self._pieces, self._y)
 
 
@@ -309,7 +310,7 @@ def course_of(
     pieces: Sequence[int],
     y: Sequence[float],
 ) -> Course:
-    """Return what a run left that ended in a state."""
+    """Return the results of a run that ended in the state `y`."""
     drift = None
     if all(k == 1.0 for k in motion.system.restitution):
         first = motion.energy(motion.pieces, motion.start)

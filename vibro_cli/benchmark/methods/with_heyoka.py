@@ -1,12 +1,12 @@
 """heyoka's Taylor integrator with terminal events.
 
-One integrator for each set of arcs the bodies are on, built once. Impacts are carried out in the
-event's callback, so that heyoka goes on by itself until a body changes its arc; `fast_math` lets it
-reorder sums. Both make it faster than its defaults and a loop over steps do, and cost no accuracy
-here; the plain form is measured too.
+One integrator is built for each combination of arcs that the bodies are on. Impacts are applied in
+the event's callback, so that heyoka continues by itself until a body changes its arc; `fast_math`
+lets it reorder sums. Both make it faster than its defaults and cost no accuracy here. The default
+form is measured, too.
 
-Its batches have the same two bodies from several starts, in the lanes of SIMD registers; impacts
-that lanes have while they wait for others count as its own.
+Its batches solve the same two bodies from several starts, in the lanes of SIMD registers. Impacts
+that lanes make while they wait for others are counted, too.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _FAR = 1.0e9
 def _equations(
     hy: Any, motion: Motion, pieces: tuple[int, ...]
 ) -> tuple[list[Any], list[tuple[Event, Any]]]:
-    """Equations of motion of bodies on their pieces, and their events as expressions."""
+    """Return the equations of motion of bodies on pieces, and their events as expressions."""
     names = [name for ball in range(len(pieces)) for name in (f"a{ball}", f"v{ball}")]
     variables = hy.make_vars(*names)
     angles, rates = list(variables[::2]), list(variables[1::2])
@@ -48,7 +48,7 @@ def _equations(
 
 
 class _HeyokaRunner(Runner):
-    """A scene for heyoka; fast: impacts are carried out in callbacks, and `fast_math` is on."""
+    """A scene for heyoka; `fast` applies impacts in callbacks and turns `fast_math` on."""
 
     def __init__(self, motion: Motion, tolerance: float, fast: bool) -> None:
         self._motion, self._tolerance, self._fast = motion, tolerance, fast
@@ -56,7 +56,7 @@ class _HeyokaRunner(Runner):
         self.ready(0)
 
     def ready(self, impacts: int) -> None:
-        """Go back to the start; the integrators built so far are kept."""
+        """Return to the start; keep the integrators built so far."""
         self._wanted = impacts
         self._times: list[float] = []
         self._crossings = 0
@@ -64,7 +64,7 @@ class _HeyokaRunner(Runner):
         self._enter(self._motion.pieces, 0.0, list(self._motion.start))
 
     def _enter(self, pieces: tuple[int, ...], t: float, y: list[float]) -> None:
-        """Go on with the integrator of these pieces."""
+        """Continue with the integrator of these pieces."""
         if pieces not in self._integrators:
             self._integrators[pieces] = self._build(pieces)
         self._pieces = pieces
@@ -74,7 +74,7 @@ class _HeyokaRunner(Runner):
         self._state[:] = y
 
     def go(self) -> None:
-        """Go on until enough impacts have happened; the callbacks do what is to be done."""
+        """Integrate until enough impacts have happened; the callbacks handle the events."""
         import heyoka as hy
 
         stopped = (hy.taylor_outcome.success, hy.taylor_outcome.err_nf_state)
@@ -140,7 +140,7 @@ class _HeyokaRunner(Runner):
 
 
 def methods() -> list[Method]:
-    """Return heyoka with fast options and as it is by default."""
+    """Return heyoka with fast options and with its defaults."""
 
     def prepare(fast: bool, scene: Scene, setting: Setting) -> Runner:
         return _HeyokaRunner(Motion(scene.system), setting.value, fast)
@@ -155,13 +155,13 @@ def methods() -> list[Method]:
 NAME = "heyoka, batch"
 TOLERANCES = (1e-16, 1e-9)
 _EACH = 60
-"""Impacts of each lane, as of each run of our own batches."""
+"""Impacts of each lane, as many as of each run of our own batches."""
 _FEWEST = 10
-"""Impacts of each lane at least, for comparison with the reference."""
+"""Least number of impacts of each lane, for comparison with the reference."""
 
 
 class Lanes:
-    """Two bodies on one arc that they never leave, as often as there are lanes."""
+    """Two bodies on one arc that they never leave, from one start per lane."""
 
     def __init__(self, motion: Motion, tolerance: float) -> None:
         import heyoka as hy
@@ -182,7 +182,7 @@ class Lanes:
         self.first_times: list[float] = []
 
     def go(self, starts: Any, impacts: int) -> int:
-        """Run from states (four rows, a column for each lane); return all impacts there were."""
+        """Run from states (four rows, a column for each lane); return the number of impacts."""
         self._wanted = impacts
         self._impacts = [0] * self.count
         self._done = 0
@@ -196,7 +196,7 @@ class Lanes:
         return sum(self._impacts)
 
     def _impact(self) -> Any:
-        """What is done at an impact; a function, since heyoka would copy an object with its own."""
+        """Return the callback for an impact: a function, since heyoka would copy an object."""
 
         def impact(integrator: Any, direction: int, lane: int) -> bool:
             state = self._state
@@ -216,15 +216,15 @@ class Lanes:
 
 
 class _HeyokaBatchRunner(Runner):
-    """A scene in all lanes, again and again from the same start."""
+    """A scene in all lanes, repeated from the same start."""
 
     def __init__(self, motion: Motion, tolerance: float) -> None:
         self._motion = motion
         self._lanes = Lanes(motion, tolerance)
 
     def ready(self, impacts: int) -> None:
-        """Lay out the starts, each lane with its part of the impacts."""
-        # All lanes together have the impacts, but for a few at the start, where one must have all.
+        """Prepare the starts, and each lane's share of the impacts."""
+        # The lanes share the impacts, except the first few, which one lane must make alone.
         self._runs = max(1, impacts // (_EACH * self._lanes.count))
         self._each = max(round(impacts / (self._runs * self._lanes.count)), min(impacts, _FEWEST))
         self._starts = np.tile(np.array(self._motion.start)[:, None], self._lanes.count)
@@ -238,7 +238,7 @@ class _HeyokaBatchRunner(Runner):
 
 
 def batches() -> list[Method]:
-    """Return heyoka's batches, for two bodies on one arc that they do not leave."""
+    """Return heyoka's batches, for two bodies that stay on one arc."""
 
     def possible(scene: Scene) -> bool:
         trace = scene.system.trace

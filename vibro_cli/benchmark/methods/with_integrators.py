@@ -24,7 +24,7 @@ from vibro_cli.benchmark.methods.runner import (
 from vibro_cli.benchmark.scenes import Scene
 
 _FAR = 1.0e3
-"""End of the span of time that is asked for (s); an event comes long before."""
+"""Requested time span of a leg (s); an event comes long before its end."""
 _COMPILED_TOLERANCES = tolerances(1e-7, 1e-10, 1e-13)
 _TOLERANCES = {
     "RK45": (1e-4, 1e-7, 1e-10),
@@ -32,11 +32,11 @@ _TOLERANCES = {
     "LSODA": (1e-4, 1e-7, 1e-10),
     "Radau": (1e-4, 1e-7),
 }
-"""As far as each gets in reasonable time: Radau at 1e-13 takes a second for an impact."""
+"""Tolerances that each reaches in reasonable time: Radau at 1e-13 takes a second per impact."""
 
 
 def _terminal(function: EventFunction) -> Any:
-    """A plain function around one: it carries the attributes that the libraries look for."""
+    """Wrap an event function in one that has the attributes the libraries look for."""
 
     def event(t: float, y: Any) -> Any:
         return function(t, y)
@@ -80,7 +80,7 @@ def _prepare_scipy(kind: str, scene: Scene, setting: Setting) -> Runner:
 
 
 def scipy() -> list[Method]:
-    """Return SciPy's methods: what most users would reach for."""
+    """Return SciPy's methods, which most users would try first."""
     return [
         Method(f"SciPy {kind}", tolerances(*values), partial(_prepare_scipy, kind), 12)
         for kind, values in _TOLERANCES.items()
@@ -126,7 +126,7 @@ def _prepare_cyrk(scene: Scene, setting: Setting) -> Runner:
 
 
 def cyrk() -> list[Method]:
-    """Return CyRK's DOP853, equations and events compiled by numba."""
+    """Return CyRK's DOP853 with equations and events compiled by numba."""
     return [Method("CyRK DOP853", _COMPILED_TOLERANCES, _prepare_cyrk, 40)]
 
 
@@ -147,8 +147,8 @@ def _flight(motion: Motion, tolerance: float) -> Any:
     p, q, alpha, beta = (jnp.array(column) for column in zip(*jumps, strict=True))
 
     def gap(pair: int) -> Any:
-        # One event for each pair. Of several in one step diffrax need not take the first; the least
-        # gap as the only event would hide all others behind the pair that has just met.
+        # One event for each pair. If several occur in one step, diffrax need not take the first.
+        # The least gap as the only event would be hidden by the pair that has just met.
         return lambda t, y, args, **_: y[0][right[pair]] - y[0][left[pair]] - least[pair]
 
     term = diffrax.ODETerm(lambda t, y, args: (y[1], -w2 * jnp.sin(y[0])))
@@ -175,7 +175,7 @@ def _flight(motion: Motion, tolerance: float) -> Any:
 
 
 class _DiffraxRunner(Runner):
-    """A scene on one arc for diffrax; the tolerance is that of steps and of the event."""
+    """A scene on one arc for diffrax; the tolerance is that of the steps and of the event."""
 
     def __init__(self, motion: Motion, tolerance: float) -> None:
         import jax
@@ -202,13 +202,13 @@ class _DiffraxRunner(Runner):
         self._wanted = impacts
 
     def go(self) -> None:
-        """Run, to the end of the computation."""
+        """Run and wait for the end of the computation."""
         import jax
 
         self._result = jax.block_until_ready(self._run(self._wanted, *self._start))
 
     def course(self) -> Course:
-        """Return times, counts and drift of energy; raises Lost if an impact was missed."""
+        """Return times, counts and energy drift; raise Lost if a flight ended without an event."""
         _, (angles, rates), times = self._result
         if not np.all(np.isfinite(angles)):
             raise Lost("diffrax ended without an event")
@@ -218,9 +218,9 @@ class _DiffraxRunner(Runner):
 
 
 def diffrax() -> list[Method]:
-    """Return diffrax with Tsit5, the whole run one compiled loop over impacts.
+    """Return diffrax with Tsit5, whose whole run is one compiled loop over impacts.
 
-    Bodies on one arc only: with the arc of a body its equation and the events would change.
+    It is used for bodies on one arc only: on another arc, equations and events would change.
     """
 
     def prepare(scene: Scene, setting: Setting) -> Runner:

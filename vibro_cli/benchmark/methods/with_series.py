@@ -1,10 +1,10 @@
-"""The papers' series: the elliptic integral of a leg, both roots expanded and cut off.
+"""The papers' series: the elliptic integral of a leg, with both roots expanded and truncated.
 
 With c² = φ̇₀² + 4a sin²(φ₀/2), q² = 4a/c², u = sin(φ/2):
 t = (2/c) Σ_{i,j} C_i C_j q^{2i} u^{2(i+j)+1}/(2(i+j)+1), C_n = (2n−1)!!/(2n)!!, for a leg between
 turning points (A (8)–(9), B (58)–(61), its misprinted term corrected). The papers stop at i, j ≤ 2.
-At a turning point qu = 1: there the series of the root diverges, and that of the integral gains a
-digit for each hundredfold of its terms. It is used as they use it, turning points included.
+At a turning point qu = 1, the series of the root diverges, and that of the integral gains a digit
+for each hundredfold of its terms. It is used as in the papers, including at turning points.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def coefficients(order: int) -> list[float]:
 
 
 class Leg:
-    """A body on its way from one turning point to the next.
+    """The motion of a body from one turning point to the next.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ class Leg:
     order
         Greatest i and j of the series.
     t, angle, rate
-        Where the body is at an instant.
+        An instant (s), and the state of the body then.
     """
 
     def __init__(self, a: float, order: int, t: float, angle: float, rate: float) -> None:
@@ -64,7 +64,7 @@ class Leg:
         self.t_end = self.time(self.way * self.amplitude)
 
     def _from_bottom(self, angle: float) -> float:
-        """Time from the bottom to an angle by the series (s); odd."""
+        """Return the time from the bottom to an angle by the series (s), an odd function."""
         u = math.sin(0.5 * angle)
         x = min(1.0, (self._modulus * u) ** 2)
         total = 0.0
@@ -73,11 +73,11 @@ class Leg:
         return self._scale * u * total
 
     def time(self, angle: float) -> float:
-        """Instant at which the body is at an angle of this leg (s)."""
+        """Return the instant at which the body is at an angle of this leg (s)."""
         return self._t + self.way * self._from_bottom(angle)
 
     def rate(self, angle: float) -> float:
-        """Rate at an angle of this leg: exact, from the energy."""
+        """Return the rate at an angle of this leg: exact, from the energy."""
         squares = math.sin(0.5 * self.amplitude) ** 2 - math.sin(0.5 * angle) ** 2
         return self.way * 2.0 * math.sqrt(self._a * max(squares, 0.0))
 
@@ -85,7 +85,7 @@ class Leg:
 def terms(q2: float, order: int) -> list[float]:
     """Return the double sum collected by k = i + j, as coefficients of (qu)^{2k}.
 
-    In powers of qu, not of u: those of q² are beyond all doubles for a small swing.
+    Powers of qu are used instead of u, because powers of q² overflow for a small swing.
     """
     each: Any = np.array(coefficients(order))
     together: Any = np.convolve(each, each * q2 ** -np.arange(order + 1.0))
@@ -94,7 +94,7 @@ def terms(q2: float, order: int) -> list[float]:
 
 
 class _SeriesRunner(Runner):
-    """Two bodies swinging in one valley, leg by leg, by series of an order."""
+    """Two bodies that swing in one valley, leg by leg, by series of a given order."""
 
     def __init__(self, motion: Motion, order: int) -> None:
         self._motion, self._order = motion, order
@@ -115,7 +115,7 @@ class _SeriesRunner(Runner):
         ]
 
     def go(self) -> None:
-        """Go from impact to impact; raises Lost where the legs no longer fit together."""
+        """Integrate from impact to impact; raise Lost if the legs no longer fit together."""
         turns = 0
         while len(self._times) < self._wanted:
             met = self._meeting()
@@ -133,7 +133,7 @@ class _SeriesRunner(Runner):
             self._legs[ball] = turned
 
     def _impact(self, angle: float) -> None:
-        """Carry out an impact with body a at an angle."""
+        """Apply an impact with body a at an angle."""
         a, b = self._legs
         self._y = [angle, a.rate(angle), angle + self._beta, b.rate(angle + self._beta)]
         t = a.time(angle)
@@ -143,7 +143,7 @@ class _SeriesRunner(Runner):
         self._begin(t)
 
     def _meeting(self) -> float | None:
-        """Angle of body a at which both are at the place of contact at one time, or None."""
+        """Return the angle of body a at which both bodies are in contact, or None."""
         a, b = self._legs
         ends = sorted((a.start, a.way * a.amplitude))
         others = sorted((b.start - self._beta, b.way * b.amplitude - self._beta))
@@ -154,9 +154,9 @@ class _SeriesRunner(Runner):
         def lag(angle: float) -> float:
             return a.time(angle) - b.time(angle + self._beta)
 
-        count = 2 if a.way != b.way else _SAMPLES  # lag grows or falls all along if they approach
+        count = 2 if a.way != b.way else _SAMPLES  # lag is monotonic if they face each other
         places = np.linspace(low, high, count) if a.way > 0.0 else np.linspace(high, low, count)
-        # Closing in: from ahead b comes to meet a, or the one behind still is the later one.
+        # Sign of the lag before contact: b comes towards a, or the body behind is still later.
         sign = -1.0 if a.way != b.way else a.way
         values = [sign * lag(float(place)) for place in places]
         for number in range(count - 1):

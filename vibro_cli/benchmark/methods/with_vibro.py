@@ -29,7 +29,7 @@ from vibro_cli.systems.trace.world import make_world
 
 
 def driver_of(scenario: Any, limits: Limits | None = None) -> Driver:
-    """A compiled run of a scenario of any system to its limits; the rows of a trace are dropped."""
+    """Return a compiled driver for a scenario of any system; drop the rows of a trace."""
     kind, system = system_named(scenario.system), build_any(scenario)
     world = kind.world(system, limits or kind.limits(scenario))
     if hasattr(world.settings[0], "keep_rows"):
@@ -38,14 +38,14 @@ def driver_of(scenario: Any, limits: Limits | None = None) -> Driver:
 
 
 _FIRST = 64
-"""Impacts whose times are told."""
+"""Number of first impacts whose times are returned."""
 
 
 class DriverRunner(Runner):
-    """Single runs through the driver; short motions several times over.
+    """Single runs through the driver.
 
-    Rows of impacts and flights are kept if told to; a motion that ends is begun again after its
-    most impacts.
+    With `keep`, rows of impacts and flights are kept. A motion that ends restarts after `most`
+    impacts.
     """
 
     def __init__(
@@ -70,11 +70,11 @@ class DriverRunner(Runner):
             driver.run()
 
     def course(self) -> Course:
-        """Return what the last of the runs left."""
+        """Return the results of the last of the runs."""
         driver = self.drivers[-1]
         pieces, y = self._state(driver)
         times = []
-        if len(self.drivers) == 1:  # from a run that keeps them
+        if len(self.drivers) == 1:  # times are from a run that keeps them
             run = simulate_system(self._system, None, _FIRST, self._engine)
             times = run.collisions["t"].tolist()
         crossings = int(driver.clock_value("crossings"))
@@ -85,7 +85,7 @@ class DriverRunner(Runner):
         return course
 
     def _state(self, driver: Driver) -> tuple[list[int], list[float]]:
-        """Pieces, angles and rates of the bodies where their last flights began."""
+        """Return pieces, angles and rates of the bodies at the start of their last flights."""
         pieces, y = [], []
         for ball in range(len(self._system.bodies)):
             flight: Any = driver.world.flights[ball]
@@ -102,13 +102,13 @@ class DriverRunner(Runner):
 
 EXACT = (Setting("exact"),)
 _EACH = 60
-"""Impacts of each run of a batch; it starts as the scene does."""
+"""Impacts of each run of a batch; all runs start as the scene does."""
 
 
 class _BatchRunner(Runner):
-    """Many runs of one scene by the kernel of grids, in one thread.
+    """Many runs of one scene with the kernel of grids, in one thread.
 
-    A motion that ends is begun again after its most impacts.
+    A motion that ends restarts after `most` impacts.
     """
 
     def __init__(self, system: TraceSystem, most: int | None) -> None:
@@ -116,18 +116,18 @@ class _BatchRunner(Runner):
         self._batch = Batch(system)
 
     def ready(self, impacts: int) -> None:
-        """Lay out the points, each with its part of the impacts."""
+        """Prepare the points, each with its share of the impacts."""
         each = min(impacts, _EACH, self._most or _EACH)
         self._count = impacts // each
         self._points = points_of(self._system, self._count, each)
 
     def go(self) -> None:
-        """Run all points, their summaries alone kept."""
+        """Run all points, keeping only their summaries."""
         room = empty_results(self._count, len(self._system.bodies), 0)
         self._results = self._batch.run_all(self._points, room)
 
     def course(self) -> Course:
-        """Return the times of the first run, with its impacts kept this once."""
+        """Return the times of the first run, which is repeated with its impacts kept."""
         own: Any = self._points.own
         one = points_of(self._system, 1, int(own["stop_collisions"][0]))
         kept = self._batch.run_all(one, empty_results(1, len(self._system.bodies), 1024))
@@ -142,7 +142,7 @@ def _driver(engine: str, keep: bool, scene: Scene, setting: Setting) -> Runner:
 
 
 def methods() -> list[Method]:
-    """Return the ways to run this solver."""
+    """Return the modes in which this solver is measured."""
     return [
         Method(COMPILED, EXACT, partial(_driver, "compiled", False), 20_000, repeats=True),
         Method(KEPT, EXACT, partial(_driver, "compiled", True), 20_000),
