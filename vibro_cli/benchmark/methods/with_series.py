@@ -154,7 +154,7 @@ class _SeriesRunner(Runner):
         def lag(angle: float) -> float:
             return a.time(angle) - b.time(angle + self._beta)
 
-        count = 2 if a.way != b.way else _SAMPLES  # lag is monotonic if they face each other
+        count = 2 if a.way != b.way else _SAMPLES  # lag is monotonic if they approach head-on
         places = np.linspace(low, high, count) if a.way > 0.0 else np.linspace(high, low, count)
         # Sign of the lag before contact: b comes towards a, or the body behind is still later.
         sign = -1.0 if a.way != b.way else a.way
