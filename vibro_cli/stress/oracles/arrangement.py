@@ -1,10 +1,10 @@
-"""What happens at one instant: what touches, impacts of all that does, what stays in contact.
+"""Events of one instant: touching bodies, their simultaneous impacts, lasting contacts.
 
-Bodies and walls alike are constraints: a row ``c`` of factors of the bodies' speeds such that
-``c v`` is the speed of parting. All constraints that close are solved jointly, each with its own
-restitution, a wall as a body of infinite mass; then those that close now, and so on to the end, or
-to the limit of the sequence. What has no speed of parting then stays in contact if the forces
-press it (a linear complementarity problem).
+Contacts of pairs and with walls are constraints: a row ``c`` of factors of the bodies' speeds such
+that ``c v`` is the separation speed. All closing constraints are solved jointly, each with its own
+restitution, with a wall as a body of infinite mass; then those that close afterwards, and so on, to
+the end or to the limit of the sequence. Constraints without separation speed then stay in contact
+if the forces press them (a linear complementarity problem).
 """
 
 from __future__ import annotations
@@ -15,23 +15,23 @@ from dataclasses import dataclass
 from vibro_cli.stress.oracles.motion import State
 from vibro_cli.stress.oracles.scene import Path, Real, Scene, mp, weight_and_response
 
-# Speeds below this share of the fastest are zero.
+# Speeds below this share of the greatest count as zero.
 ZERO = mp.mpf(10) ** -30
-# Normals that differ by less (relative) are those of one line, for doubles.
+# Relative difference below which two directions count as equal, for doubles.
 SAME_LINE = mp.mpf(10) ** -12
-# Of a sequence that does not end, so many impacts are carried out.
+# Number of rounds after which a sequence of impacts counts as endless.
 MOST_ROUNDS = 20_000
 
 Row = dict[int, Real]
 
 
 class Inadmissible(Exception):
-    """The law drives bodies into one another, and nothing else is to be done then.
+    """Raised if the law drives bodies into each other, and no other law is substituted.
 
     Parameters
     ----------
     approach
-        The greatest speed (m/s) at which touching bodies came together.
+        The greatest approach speed (m/s) of touching bodies.
     """
 
     def __init__(self, approach: Real) -> None:
@@ -41,7 +41,7 @@ class Inadmissible(Exception):
 
 @dataclass(frozen=True)
 class Touch:
-    """One pair of bodies that touch, or a body at a wall."""
+    """A pair of bodies that touch, or a body at a wall."""
 
     bodies: tuple[int, ...]  # a, b; or the body alone
     row: Row
@@ -50,13 +50,13 @@ class Touch:
 
 
 class Laws:
-    """Impulses of the laws on bodies of a scene."""
+    """Impulses of the impact laws on the bodies of a scene."""
 
     def __init__(self, scene: Scene, law: str) -> None:
         self.scene, self.law = scene, law
 
     def _of(self, touch: Touch, law: str) -> tuple[Row, Row]:
-        """Row of the speed that a law acts on, and the changes of speed by its unit of impulse."""
+        """Return the row of the speed on which a law acts, and the changes by its unit impulse."""
         row, change = {}, {}
         signs = [mp.sign(touch.row[n]) for n in touch.bodies] if touch.key < 0 else [-1, 1]
         for n, sign in zip(touch.bodies, signs, strict=True):
@@ -65,13 +65,13 @@ class Laws:
         return row, change
 
     def act_along(self, touch: Touch) -> bool:
-        """Tell whether the law acts on the speed of parting of a touch, up to a factor."""
+        """Return whether the law acts on the separation speed of a touch, up to a factor."""
         row, _ = self._of(touch, self.law)
         shares = [row[n] / touch.row[n] for n in touch.bodies]
         return bool(abs(shares[0] - shares[-1]) <= SAME_LINE * abs(shares[0]))
 
     def solve(self, touches: Sequence[Touch], speeds: list[Real], law: str) -> list[Real]:
-        """Speeds after the simultaneous impact of some touches, each with its restitution."""
+        """Return the speeds after the simultaneous impact of touches, each with its restitution."""
         rows, changes = zip(*(self._of(touch, law) for touch in touches), strict=True)
         wanted = [
             -(1 + touch.restitution) * speed_of(row, speeds)
@@ -80,7 +80,7 @@ class Laws:
         return self._apply(rows, changes, wanted, speeds)
 
     def equalise(self, touches: Sequence[Touch], speeds: list[Real], law: str) -> list[Real]:
-        """Speeds when the bounces of some touches are at an end: no speed along the normals."""
+        """Return the speeds at the end of the bounces of touches: without separation speeds."""
         rows = [touch.row for touch in touches]
         changes = [self._of(touch, law)[1] for touch in touches]
         wanted = [-speed_of(row, speeds) for row in rows]
@@ -93,7 +93,7 @@ class Laws:
         wanted: Sequence[Real],
         speeds: list[Real],
     ) -> list[Real]:
-        """Speeds changed by impulses such that every row's speed changes as is wanted."""
+        """Return the speeds after impulses that change every row's speed by the wanted amount."""
         impulses = solve_rows(rows, changes, wanted)
         after = list(speeds)
         for impulse, change in zip(impulses, changes, strict=True):
@@ -103,12 +103,12 @@ class Laws:
 
 
 def speed_of(row: Row, speeds: Sequence[Real]) -> Real:
-    """Speed of parting of a constraint."""
+    """Return the separation speed of a constraint."""
     return mp.fsum(value * speeds[n] for n, value in row.items())
 
 
 def solve_rows(rows: Sequence[Row], changes: Sequence[Row], wanted: Sequence[Real]) -> list[Real]:
-    """Impulses (or forces) by which the rows change as is wanted."""
+    """Return the impulses (or forces) that change the rows by the wanted amounts."""
     size = len(rows)
     matrix = mp.matrix(size, size)
     for i, row in enumerate(rows):
@@ -120,7 +120,7 @@ def solve_rows(rows: Sequence[Row], changes: Sequence[Row], wanted: Sequence[Rea
 
 
 def runs_of(touches: Sequence[Touch]) -> list[list[Touch]]:
-    """Touches in sets that share bodies."""
+    """Return the touches in connected sets, which share bodies."""
     found: list[list[Touch]] = []
     for touch in touches:
         joined = [one for one in found if any(set(touch.bodies) & set(t.bodies) for t in one)]
@@ -150,7 +150,7 @@ def collide(
                     raise Inadmissible(max(-speed_of(touch.row, speeds) for touch in run))
                 law = "normal-impulse"
                 after = laws.solve(run, speeds, law)
-            # Runs share no bodies: none changes what another one meets.
+            # Runs share no bodies, so their order does not matter.
             speeds = after
             used |= {touch.key: law for touch in run}
     raise ArithmeticError("the impacts of one instant do not end")
@@ -162,7 +162,7 @@ def _with_forces(
     accelerations: Sequence[Real],
     mobility: Sequence[Real],
 ) -> list[Real]:
-    """Accelerations of parting when forces keep some of the touches together."""
+    """Return the separation accelerations if forces hold some of the touches together."""
     if not held:
         return list(accelerations)
     rows = [touches[n].row for n in held]
@@ -182,11 +182,11 @@ def pressing(
     mobility: Sequence[Real],
     size: Real,
 ) -> tuple[list[Touch], list[Touch]]:
-    """Of touches without speed those that stay: pressed ones, and ones with no force at all.
+    """Return the touches without speed that stay: the pressed ones, and those without any force.
 
-    ``accelerations`` are those of parting without contact forces. What presses once does so in the
-    end (a force presses the bodies more against their other neighbours), so that the set only
-    grows. ``size`` is an acceleration beside which rounding is nothing.
+    ``accelerations`` are separation accelerations without contact forces. A touch once pressed
+    stays pressed (its force presses the bodies more against their other neighbours), so that the
+    set only grows. ``size`` is the scale of accelerations for the rounding tolerance.
     """
     held: list[int] = []
     while True:
@@ -205,21 +205,21 @@ def closing_acceleration(
     mobility: Sequence[Real],
     size: Real,
 ) -> Real:
-    """Acceleration with which the last touch closes, among the others, which have no speed."""
+    """Return the acceleration with which the last touch closes; the others have no speed."""
     held, _ = pressing(touches[:-1], accelerations[:-1], mobility, size)
     kept = [n for n in range(len(touches) - 1) if touches[n] in held]
     return -_with_forces(touches, kept, accelerations, mobility)[-1]
 
 
-NEAR = mp.mpf(10) ** -33  # m: closer than this is contact
-NO_GAP = mp.mpf(10) ** -46  # m: what is left where bodies are put into contact
-# What the solver takes for contact at the start (m, relative).
+NEAR = mp.mpf(10) ** -33  # m: greatest gap in contact
+NO_GAP = mp.mpf(10) ** -46  # m: remaining gap of bodies that are put into contact
+# Relative gap up to which the solver assumes contact at the start.
 TOUCHING = 16 * 2.0**-52
-LEFT_WALL, RIGHT_WALL = -1, -2  # beside the numbers of pairs
+LEFT_WALL, RIGHT_WALL = -1, -2  # keys of the walls, besides the numbers of pairs
 
 
 class Arrangement:
-    """Bodies of a scene, their places and speeds: ``states``, at first those of its start."""
+    """The bodies of a scene with their ``states`` (places and speeds), initially its start."""
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
@@ -241,25 +241,25 @@ class Arrangement:
         ]
 
     def path(self, ball: int) -> Path:
-        """Path of a body on its piece."""
+        """Return the path of a body on its piece."""
         return Path(self.scene, ball, self.states[ball].piece)
 
     def centre(self, ball: int) -> tuple[Real, Real]:
-        """Centre of a body."""
+        """Return the centre of a body (m)."""
         return self.path(ball).centre(self.states[ball].place)
 
     def reach(self, pair: int) -> Real:
-        """Distance (m) of the centres of a pair in contact."""
+        """Return the distance (m) of the centres of a pair in contact."""
         a, b = self.pairs[pair]
         return self.scene.bodies[a].radius + self.scene.bodies[b].radius
 
     def gap(self, pair: int) -> Real:
-        """Distance (m) of the surfaces of a pair."""
+        """Return the distance (m) of the surfaces of a pair."""
         (ax, ay), (bx, by) = (self.centre(n) for n in self.pairs[pair])
         return mp.hypot(bx - ax, by - ay) - self.reach(pair)
 
     def into_contact(self) -> None:
-        """Put bodies that touch up to rounding exactly into contact."""
+        """Move bodies that touch up to rounding exactly into contact."""
         for number, (a, b) in enumerate(self.pairs):
             size = max(1, *(abs(x) for n in (a, b) for x in self.centre(n)))
             while NO_GAP < abs(gap := self.gap(number)) <= TOUCHING * size:
@@ -268,7 +268,7 @@ class Arrangement:
                 self.states[b] = old._replace(place=old.place - gap / rate)
 
     def row(self, pair: int) -> Row:
-        """Factors of the speeds in the speed of parting of a touching pair."""
+        """Return the factors of the speeds in the separation speed of a touching pair."""
         a, b = self.pairs[pair]
         (ax, ay), (bx, by) = (self.centre(n) for n in (a, b))
         (ac, as_), (bc, bs) = (self.path(n).tangent(self.states[n].place) for n in (a, b))
@@ -277,7 +277,7 @@ class Arrangement:
         return {a: -(nx * ac + ny * as_), b: nx * bc + ny * bs}
 
     def wall_place(self, ball: int, wall: int) -> Real | None:
-        """Where a body on the last piece touches a wall; None if there is none, or not there."""
+        """Return the place where a body touches a wall of its piece, None if there is no wall."""
         right = wall == RIGHT_WALL
         piece = len(self.scene.pieces) - 1 if right else 0
         restitution = self.scene.walls[1 if right else 0]
@@ -288,7 +288,7 @@ class Arrangement:
         return place if path.shape.low < place < path.shape.high else None
 
     def touches(self, held: set[int]) -> list[Touch]:
-        """Everything that touches now; pairs that are held do."""
+        """Return all present touches, including those of held pairs."""
         found = []
         for number, pair in enumerate(self.pairs):
             if number in held or abs(self.gap(number)) < NEAR:
@@ -302,11 +302,11 @@ class Arrangement:
         return found
 
     def mobility(self) -> list[Real]:
-        """1/M of all bodies."""
+        """Return 1/M of all bodies."""
         return [1 / (body.kappa * body.mass) for body in self.scene.bodies]
 
     def accelerations(self, touches: Sequence[Touch]) -> list[Real]:
-        """Accelerations of parting without contact forces."""
+        """Return the separation accelerations of touches without contact forces."""
         free = [self._free(ball) for ball in range(len(self.states))]
         found = []
         for touch in touches:
@@ -317,14 +317,14 @@ class Arrangement:
         return found
 
     def _free(self, ball: int) -> Real:
-        """Acceleration of a body along its path without contact forces."""
+        """Return the acceleration of a body along its path without contact forces."""
         path = self.path(ball)
         c, s = path.tangent(self.states[ball].place)
         arm = self.centre(ball)[0] - self.scene.axis
         return (self.scene.turning_square * arm * c - self.scene.gravity * s) / path.body.kappa
 
     def _bend(self, a: int, b: int) -> Real:
-        """What the curvatures of the paths and the turning of the normal add to the parting."""
+        """Return the separation acceleration due to curved paths and the turning of the normal."""
         (ax, ay), (bx, by) = (self.centre(n) for n in (a, b))
         size = mp.hypot(bx - ax, by - ay)
         total, velocity = mp.zero, []

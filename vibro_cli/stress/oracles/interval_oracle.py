@@ -1,11 +1,11 @@
-"""A judge of first contacts that knows nothing of the solver.
+"""A judge of first contacts that is independent of the solver.
 
-Two bodies move from exact initial states on one piece of a trace, or on two that join. Their paths
-are Taylor polynomials of the plain pendulum equation ``f'' = -sign w^2 sin f`` in numbers of two
-doubles, each with a proved bound of what it leaves out. On each of their steps the squared distance
-of the centres less ``(r_a + r_b)^2`` is a polynomial ``D``; it is proved positive on an interval of
+Two bodies move from exact initial states on one piece of a trace, or on two adjacent pieces. Their
+paths are Taylor polynomials of the plain pendulum equation ``f'' = -sign w^2 sin f`` in numbers of
+two doubles, each with a proved bound of the remainder. On each step the squared distance of the
+centres less ``(r_a + r_b)^2`` is a polynomial ``D``; it is proved positive on an interval of
 midpoint ``m`` and half width ``h`` by ``D(m) - |D'(m)| h - B h^2/2 > e``, with ``B`` a bound of
-``|D''|`` from the coefficients and ``e`` the bound of all errors. Where that fails the interval is
+``|D''|`` from the coefficients and ``e`` the bound of all errors. If that fails, the interval is
 halved. The verdict is a proof: contact within an enclosure, or none up to the horizon.
 
 Remainder. ``s = sin f, c = cos f, v = f'/w`` obey ``s' = c v, c' = -s v, v' = -sign s`` in ``w t``.
@@ -17,7 +17,7 @@ order n + 1 on are below ``70 (u/r)^(n+1)/(1 - u/r)``. For large V the majorant 
 
 Arithmetic. A number is ``high + low`` with ``|low| <= ulp(high)/2``. Every operation has a relative
 error of a few 2^-104 of its result, or of the larger operand for sums (Joldes, Muller and Popescu
-2017); the judge counts 2^-98 for each. It shares no line with the solver's own.
+2017); the judge assumes 2^-98 for each. No code is shared with the solver's own arithmetic.
 """
 
 from __future__ import annotations
@@ -49,14 +49,14 @@ _QUARTER_LOW = -1.4973849048591833e-33
 
 @kernel
 def quick_sum(a: float, b: float) -> Wide:
-    """Exact sum of two doubles, ``|a| >= |b|``."""
+    """Return the exact sum of two doubles, ``|a| >= |b|``."""
     total = a + b
     return total, b - (total - a)
 
 
 @kernel
 def exact_sum(a: float, b: float) -> Wide:
-    """Exact sum of two doubles (Knuth)."""
+    """Return the exact sum of two doubles (Knuth)."""
     total = a + b
     part = total - a
     return total, (a - (total - part)) + (b - part)
@@ -64,14 +64,14 @@ def exact_sum(a: float, b: float) -> Wide:
 
 @kernel
 def exact_product(a: float, b: float) -> Wide:
-    """Exact product of two doubles."""
+    """Return the exact product of two doubles."""
     product = a * b
     return product, fused(a, b, -product)
 
 
 @kernel
 def add(a: Wide, b: Wide) -> Wide:
-    """Sum of two wide numbers."""
+    """Return the sum of two wide numbers."""
     high, low = exact_sum(a[0], b[0])
     more, least = exact_sum(a[1], b[1])
     high, low = quick_sum(high, low + more)
@@ -80,27 +80,27 @@ def add(a: Wide, b: Wide) -> Wide:
 
 @kernel
 def negative(a: Wide) -> Wide:
-    """The negative of a wide number."""
+    """Return the negative of a wide number."""
     return -a[0], -a[1]
 
 
 @kernel
 def multiply(a: Wide, b: Wide) -> Wide:
-    """Product of two wide numbers."""
+    """Return the product of two wide numbers."""
     high, low = exact_product(a[0], b[0])
     return quick_sum(high, low + (a[0] * b[1] + a[1] * b[0]))
 
 
 @kernel
 def scale(a: Wide, b: float) -> Wide:
-    """Product of a wide number and a double."""
+    """Return the product of a wide number and a double."""
     high, low = exact_product(a[0], b)
     return quick_sum(high, low + a[1] * b)
 
 
 @kernel
 def divide(a: Wide, b: Wide) -> Wide:
-    """Quotient of two wide numbers, by three steps of long division."""
+    """Return the quotient of two wide numbers, by three steps of long division."""
     first = a[0] / b[0]
     rest = add(a, negative(scale(b, first)))
     second = rest[0] / b[0]
@@ -111,7 +111,7 @@ def divide(a: Wide, b: Wide) -> Wide:
 
 @kernel
 def square_root(a: Wide) -> Wide:
-    """Square root of a positive wide number, by two steps of Newton's iteration."""
+    """Return the square root of a positive wide number, by two steps of Newton's iteration."""
     root = (a[0] ** 0.5, 0.0)
     for _ in range(2):
         rest = add(a, negative(multiply(root, root)))
@@ -121,7 +121,7 @@ def square_root(a: Wide) -> Wide:
 
 @kernel
 def sine_cosine(a: Wide) -> tuple[Wide, Wide]:
-    """Sine and cosine, absolute error below 1e-28 for ``|a| < 1e3``."""
+    """Return sine and cosine with an absolute error below 1e-28 for ``|a| < 1e3``."""
     quarters = float(round(a[0] / _QUARTER_HIGH))
     small = add(a, exact_product(-quarters, _QUARTER_HIGH))
     small = add(small, exact_product(-quarters, _QUARTER_MIDDLE))
@@ -150,7 +150,7 @@ UNDECIDED = 2
 ORDER = 30
 STEP = 0.15  # of the radius within which the majorant is bounded
 MOST_STEPS = 20000
-FINEST = 0.5**45  # share of a step below which nothing is halved any more
+FINEST = 0.5**45  # share of a step below which intervals are no longer halved
 GRID = 0.5**40  # of the horizon: instants are multiples of it, so that their sums are exact
 WIDE_ROUNDING = 1.0e-26  # of one step, relative; some hundred operations of 2^-98 each
 DOUBLE_ROUNDING = 2.0e-14  # of D evaluated in doubles, relative to its largest terms
@@ -158,7 +158,7 @@ DOUBLE_ROUNDING = 2.0e-14  # of D evaluated in doubles, relative to its largest 
 
 @struct
 class JudgedFlight:
-    """What the judge is told of a flight, beside its two bodies."""
+    """The data of a flight for the judge, besides its two bodies."""
 
     gravity: float  # m/s^2
     slope: float  # at the junction, or of the line, rad
@@ -167,7 +167,7 @@ class JudgedFlight:
 
 @struct
 class JudgedBody:
-    """What the judge is told of a body."""
+    """The data of a body for the judge."""
 
     sign: float  # of its piece: +1 valley, -1 hump, 0 line
     size: float  # radius of the arc, length of the line, m
@@ -180,7 +180,7 @@ class JudgedBody:
 
 @struct
 class Verdict:
-    """What the judge finds."""
+    """The judge's result."""
 
     status: int  # CONTACT, NO_CONTACT or UNDECIDED
     low: float  # the enclosure of the instant of the first contact, s
@@ -194,7 +194,7 @@ HIGH, LOW = 0, 1
 
 
 class Workspace(NamedTuple):
-    """Room for the judge's work on one flight."""
+    """Working memory of the judge for one flight."""
 
     states: FloatArray3
     """[body, one of s, c, v, high or low]"""
@@ -203,17 +203,17 @@ class Workspace(NamedTuple):
     paths: FloatArray4
     """Series of the centres' places on a step: [body, axis, high or low, power]"""
     between: FloatArray3
-    """Their difference."""
+    """Difference of the centres' series: [axis, high or low, power]"""
     stack: FloatMatrix
     """Intervals to examine."""
 
 
 @kernel
 def _origin(flight: JudgedFlight, body: JudgedBody) -> tuple[Wide, Wide]:
-    """Centre of a body's arc, or the place of its centre at the junction end of its line.
+    """Return the centre of a body's arc, or the body's centre at the junction end of its line.
 
-    The junction of two pieces is the origin; a single arc has its centre there, a single line its
-    left end.
+    The origin is the junction of two pieces, the centre of a single arc, or the left end of a
+    single line.
     """
     sine, cosine = sine_cosine((flight.slope, 0.0))
     sign, radius = body.sign, body.radius
@@ -227,7 +227,7 @@ def _origin(flight: JudgedFlight, body: JudgedBody) -> tuple[Wide, Wide]:
 def _line_step(
     flight: JudgedFlight, body: JudgedBody, t: float, h: float, path: FloatArray3
 ) -> None:
-    """Coefficients of the centre's place on a line, in powers of ``(time - t)/h``."""
+    """Set the coefficients of the centre's place on a line, in powers of ``(time - t)/h``."""
     sine, cosine = sine_cosine((flight.slope, 0.0))
     pull = divide(scale(sine, -flight.gravity), (body.kappa, 0.0))
     place = exact_sum(body.place, 0.0)
@@ -251,7 +251,7 @@ def _line_step(
 
 @kernel
 def _arc_series(sign: float, w_h: Wide, state: FloatMatrix, rows: FloatArray3) -> None:
-    """Coefficients of ``s, c, v`` in powers of the share of a step ``w h``."""
+    """Set the coefficients of ``s, c, v`` in powers of the share of a step ``w h``."""
     for row in range(3):
         rows[row, HIGH, 0], rows[row, LOW, 0] = state[row, HIGH], state[row, LOW]
     for k in range(ORDER):
@@ -269,7 +269,7 @@ def _arc_series(sign: float, w_h: Wide, state: FloatMatrix, rows: FloatArray3) -
 
 @kernel
 def majorant(v: float) -> tuple[float, float]:
-    """Radius within which the majorant of the series stays below a bound, and that bound."""
+    """Return a radius within which the majorant of the series is bounded, and the bound."""
     plain = math.sqrt(2.0) * (1.45 - math.atan(v / math.sqrt(2.0)))
     q = max(1.0, v)
     if plain > 0.8 / q:
@@ -284,7 +284,7 @@ def _path_radius(body: JudgedBody) -> Wide:
 
 @kernel
 def _frequency(flight: JudgedFlight, body: JudgedBody) -> Wide:
-    """``w = sqrt(g/(kappa rho))``, 0 on a line."""
+    """Return ``w = sqrt(g/(kappa rho))``, or 0 on a line."""
     if body.sign == 0.0:
         return 0.0, 0.0
     inertia = scale(_path_radius(body), body.kappa)
@@ -293,7 +293,7 @@ def _frequency(flight: JudgedFlight, body: JudgedBody) -> Wide:
 
 @kernel
 def _start(flight: JudgedFlight, body: JudgedBody, state: FloatMatrix) -> None:
-    """``(sin f, cos f, f'/w)`` at the start, f the papers' angle phi or psi."""
+    """Set ``(sin f, cos f, f'/w)`` at the start, where f is the papers' angle phi or psi."""
     if body.sign == 0.0:
         return
     sine, cosine = sine_cosine((body.place, 0.0))
@@ -313,7 +313,7 @@ def _arc_step(
     rows: FloatArray3,
     path: FloatArray3,
 ) -> float:
-    """Coefficients of the centre's place on an arc, and the state at the end of the step.
+    """Set the coefficients of the centre's place on an arc, and the state at the step's end.
 
     Returns the bound of the error that the step adds to the state.
     """
@@ -351,7 +351,7 @@ def _step_length(flight: JudgedFlight, body: JudgedBody, state: FloatMatrix) -> 
 
 @kernel
 def _wide_gap(between: FloatArray3, touch: Wide, u: float) -> float:
-    """``D`` at a share ``u`` of the step, in numbers of two doubles."""
+    """Return ``D`` at a share ``u`` of the step, in numbers of two doubles."""
     gap = negative(multiply(touch, touch))
     for axis in range(2):
         value = (0.0, 0.0)
@@ -363,7 +363,7 @@ def _wide_gap(between: FloatArray3, touch: Wide, u: float) -> float:
 
 @kernel
 def _gap(between: FloatArray3, touch: float, u: float) -> tuple[float, float]:
-    """``D`` and ``dD/du`` at a share ``u`` of the step, in doubles."""
+    """Return ``D`` and ``dD/du`` at a share ``u`` of the step, in doubles."""
     gap, rate = -touch * touch, 0.0
     for axis in range(2):
         value, slope = 0.0, 0.0
@@ -377,7 +377,7 @@ def _gap(between: FloatArray3, touch: float, u: float) -> tuple[float, float]:
 
 @kernel
 def _bounds(between: FloatArray3) -> tuple[float, float, float, float]:
-    """Bounds over a step: of ``|D''|``, ``|D'|``, the squared distance, and ``|dx| + |dy|``."""
+    """Return bounds over a step of ``|D''|``, ``|D'|``, squared distance, and ``|dx| + |dy|``."""
     second, slope, square, extent = 0.0, 0.0, 0.0, 0.0
     for axis in range(2):
         zeroth, first, last = 0.0, 0.0, 0.0
@@ -397,10 +397,10 @@ def _bounds(between: FloatArray3) -> tuple[float, float, float, float]:
 def _examine(
     between: FloatArray3, touch: Wide, end: float, error: float, stack: FloatMatrix
 ) -> tuple[float, float, float]:
-    """Go through a step from left to right, halving what is not proved.
+    """Examine a step from left to right, halving intervals that are not decided.
 
-    Returns the first share not proved free (above 1: none), the first share proved to be overlap
-    (above 1: none), and dD/du there.
+    Returns the first share not proved free of contact (above 1: none), the first share proved to
+    be overlap (above 1: none), and dD/du there.
     """
     second, steepest, square, extent = _bounds(between)
     exact_error = error * (2.0 * extent + error) + WIDE_ROUNDING * (square + touch[0] ** 2)
@@ -420,7 +420,7 @@ def _examine(
         if gap - spread > exact_error:
             continue
         if gap < -exact_error:
-            # Overlap: what lies to the right no longer matters.
+            # Overlap: intervals to the right no longer matter.
             overlap, rate, count = middle, slope, 0
         if half < FINEST:
             doubtful = min(doubtful, low)
@@ -444,7 +444,7 @@ def _step(
     rows: FloatArray3,
     path: FloatArray3,
 ) -> float:
-    """Path of one body on a step; returns the bound of the error of its state there."""
+    """Set the path of one body on a step; return the error bound of its state at the end."""
     if body.sign == 0.0:
         _line_step(flight, body, t, h, path)
         return WIDE_ROUNDING
@@ -455,7 +455,7 @@ def _step(
 
 @kernel
 def _reach(flight: JudgedFlight, body: JudgedBody) -> float:
-    """Length (m) that turns a bound of the state's error into one of the place's."""
+    """Return the length (m) that converts an error bound of the state to one of the place."""
     if body.sign == 0.0:
         way: float = abs(body.size) + abs(body.speed * flight.horizon)
         return 1.0 + way
@@ -476,7 +476,7 @@ def _subtract(paths: FloatArray4, between: FloatArray3) -> None:
 def judge(
     flight: JudgedFlight, a: JudgedBody, b: JudgedBody, work: Workspace, verdict: Verdict
 ) -> None:
-    """Judge one flight of two bodies, with room to work in."""
+    """Judge one flight of two bodies and set the verdict."""
     states = work.states
     rows = work.rows
     paths = work.paths
@@ -521,14 +521,14 @@ def judge_flights(
     work: Workspace,
     verdicts: Sequence[Verdict],
 ) -> None:
-    """Judge many flights; ``bodies`` has two of each, ``verdicts`` gets what is found."""
+    """Judge many flights and set the verdicts; ``bodies`` has two entries for each flight."""
     for number in range(len(flights)):
         a, b = bodies[2 * number], bodies[2 * number + 1]
         judge(flights[number], a, b, work, verdicts[number])
 
 
 def judge_all(flights: Any, bodies: Any) -> Any:
-    """Return the `Verdict` of each `JudgedFlight`; ``bodies`` has two `JudgedBody` of each."""
+    """Return the `Verdict` of each `JudgedFlight`; ``bodies`` has two `JudgedBody` for each."""
     import numpy as np
 
     rows = ORDER + 1

@@ -1,19 +1,19 @@
-"""Motion of bodies that are free or in lasting contact, as Taylor series in whole numbers.
+"""Motion of bodies that are free or in lasting contact, as Taylor series in fixed point.
 
-A number is a whole multiple of ``2^-BITS``. Of each body: place ``(x, y)`` of the centre, tangent
-``(c, s)`` of its path, speed ``v``, coordinate ``q`` of its piece. With the path's curvature
-``kappa_c`` and the force along the path
+A number is an integer multiple of ``2^-BITS``. Each body has the place ``(x, y)`` of its centre,
+the tangent ``(c, s)`` of its path, a speed ``v`` and a coordinate ``q`` on its piece. With the
+path's curvature ``kappa_c`` and the force along the path
 
 ``x' = v c,  y' = v s,  c' = -kappa_c v s,  s' = kappa_c v c,``
 ``kappa v' = -g s + Omega^2 (x - x_0) c + (contact forces)/m.``
 
 Bodies in contact keep their distance: ``n (A_b - A_a) + |V_b - V_a|^2/d = 0``, n from a to b, which
-determines the forces, order by order. Lines, arcs and pairs on two pieces are one formula; nothing
-is known here of elliptic functions, of periods or of the energy.
+determines the forces, order by order. Lines, arcs and pairs on two pieces share one formula;
+neither elliptic functions nor periods nor the energy are used.
 
-The first zero of a polynomial on (0, 1]: an interval of midpoint m and half width h has none if
-``p(m) > |p'(m)| h + B h^2/2``, with B a bound of ``|p''|`` from the coefficients; else it is
-halved.
+The first zero of a polynomial on (0, 1] is found by bisection: an interval of midpoint m and half
+width h has none if ``p(m) > |p'(m)| h + B h^2/2``, with B a bound of ``|p''|`` from the
+coefficients; else it is halved.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ from vibro_cli.stress.oracles.scene import Path, Real, Scene, mp
 
 BITS = 168
 ORDER = 44
-# The last terms of a series are below this.
+# Bound of the last terms of a series.
 LEFT_OUT = 2.0**-156
-# A first guess of a step (s) and the most it may grow from one to the next.
+# First guess of a step (s), and the greatest growth from one step to the next.
 FIRST_STEP = 0.05
 GROWTH = 3.0
-# Series of a much longer step lose digits when they are shortened.
+# Least ratio by which a series is shortened; shortening more would lose digits.
 SHORTER = 0.2
 
 Whole = int
@@ -41,28 +41,28 @@ Series = list[int]
 
 
 def whole(value: Real) -> Whole:
-    """A number as a multiple of ``2^-BITS``."""
+    """Convert a number to a multiple of ``2^-BITS``."""
     return int(mp.nint(mp.ldexp(value, BITS)))
 
 
 def real(value: Whole) -> Real:
-    """A multiple of ``2^-BITS`` as a number."""
+    """Convert a multiple of ``2^-BITS`` to a number."""
     return mp.ldexp(mp.mpf(value), -BITS)
 
 
 def product(a: Series, b: Series, k: int) -> Whole:
-    """Coefficient k of the product of two series."""
+    """Return coefficient k of the product of two series."""
     total: int = sum(map(mul, a[: k + 1], b[k::-1]))
     return total >> BITS
 
 
 def scaled(a: Whole, b: Whole) -> Whole:
-    """Product of two numbers."""
+    """Return the product of two numbers."""
     return (a * b) >> BITS
 
 
 class State(NamedTuple):
-    """Where a body is and how fast."""
+    """Place and speed of a body."""
 
     piece: int
     place: Real  # phi, psi or a distance
@@ -71,7 +71,7 @@ class State(NamedTuple):
 
 @dataclass
 class Course:
-    """Series of one body over a step, in shares of it."""
+    """Series of one body over a step, in powers of the share of the step."""
 
     x: Series
     y: Series
@@ -85,7 +85,7 @@ class Course:
 
 
 class Constraint(NamedTuple):
-    """A pair that keeps its distance: a, b among the bodies of the group."""
+    """A pair that keeps its distance; a and b are indices within the group."""
 
     a: int
     b: int
@@ -93,10 +93,10 @@ class Constraint(NamedTuple):
 
 
 class Group:
-    """Bodies that move together: one free one, or several in contact.
+    """Bodies that move together: one free body, or several in contact.
 
-    ``constraints`` are the pairs that keep their distance, bodies counted within the group; where
-    it is ``still`` a wall holds them all.
+    ``constraints`` are the pairs that keep their distance, with bodies counted within the group. If
+    it is ``still``, a wall holds all its bodies.
     """
 
     def __init__(
@@ -148,11 +148,11 @@ class Group:
         )  # fmt: skip
 
     def _series(self) -> list[Series]:
-        """All series of all bodies."""
+        """Return all series of all bodies."""
         return [one for course in self.courses for one in vars(course).values()]
 
     def tail(self) -> float:
-        """Size of the last terms."""
+        """Return the size of the last terms."""
         last = max(abs(value) for one in self._series() for value in one[-3:])
         return float(last) / 2.0**BITS
 
@@ -168,7 +168,7 @@ class Group:
                 one[k] = scaled(value, powers[k])
 
     def at(self, u: Whole) -> list[State]:
-        """States at a share of the step."""
+        """Return the states at a share of the step."""
         return [
             State(old.piece, real(value_of(course.q, u)), real(value_of(course.v, u)))
             for old, course in zip(self.states, self.courses, strict=True)
@@ -176,7 +176,7 @@ class Group:
 
 
 class _Constants(NamedTuple):
-    """Numbers of one body on its piece that do not change."""
+    """Constants of one body on its piece."""
 
     h: Whole
     curvature_h: Whole
@@ -187,7 +187,7 @@ class _Constants(NamedTuple):
 
 
 def value_of(series: Series, u: Whole) -> Whole:
-    """Sum of a series at a share of the step."""
+    """Return the value of a series at a share of the step."""
     total = 0
     for coefficient in reversed(series):
         total = ((total * u) >> BITS) + coefficient
@@ -195,7 +195,7 @@ def value_of(series: Series, u: Whole) -> Whole:
 
 
 def _force_free(course: Course, constant: _Constants, k: int, still: bool) -> None:
-    """Coefficient k of the velocity, and of ``v'`` without contact forces."""
+    """Append coefficient k of the velocity, and of ``v'`` without contact forces."""
     course.along.append(product(course.v, course.c, k))
     course.across.append(product(course.v, course.s, k))
     rate = -scaled(constant.pull, course.s[k])
@@ -207,7 +207,7 @@ def _force_free(course: Course, constant: _Constants, k: int, still: bool) -> No
 
 
 def _advance(course: Course, constant: _Constants, k: int) -> None:
-    """Coefficient k + 1 of everything that is integrated."""
+    """Append coefficient k + 1 of all integrated series."""
     along, across = course.along[k], course.across[k]
     course.x.append(scaled(along, constant.h) // (k + 1))
     course.y.append(scaled(across, constant.h) // (k + 1))
@@ -234,7 +234,7 @@ class _Contact:
         self.relative: tuple[Series, Series] = ([], [])  # V_b - V_a
 
     def extend(self, k: int) -> Whole:
-        """Coefficient k of all that is known; return that of what the forces must balance."""
+        """Append coefficient k of all known series; return that of what the forces balance."""
         a, b = self.courses
         for axis, (one, other) in enumerate(((a.x, b.x), (a.y, b.y))):
             self.normal[axis].append(scaled(other[k] - one[k], self.inverse_distance))
@@ -253,7 +253,7 @@ class _Contact:
 
 
 def _inverse(group: Group, contacts: list[_Contact]) -> list[list[Whole]]:
-    """Inverse of the matrix that turns forces into accelerations of the distances."""
+    """Return the inverse of the matrix from forces to accelerations of the distances."""
     if not contacts or group.still:
         return []
     normals = []
@@ -278,9 +278,9 @@ def _inverse(group: Group, contacts: list[_Contact]) -> list[list[Whole]]:
 
 
 def _add_forces(group: Group, contacts: list[_Contact], inverse: list[list[Whole]], k: int) -> None:
-    """Coefficient k of the contact forces, and their part of ``v'``.
+    """Append coefficient k of the contact forces, and add their part of ``v'``.
 
-    What is known of order k is put in first, with the forces' coefficient k as zero.
+    The known parts of order k are added first, with the forces' coefficient k set to zero.
     """
     balances = [one.extend(k) for one in contacts]
     for one, force in zip(contacts, group.forces, strict=True):
@@ -299,9 +299,9 @@ def _add_forces(group: Group, contacts: list[_Contact], inverse: list[list[Whole
 
 
 def expand_all(groups: Sequence[Group], guess: Real, order: int = ORDER) -> Real:
-    """Expand groups over one step, the longest (up to a guess, s) that all series allow.
+    """Expand groups over the longest step, up to a guess (s), that all series allow; return it.
 
-    If a guessed order does not suffice, to the full one.
+    If the given order does not suffice, the full order is used.
     """
     for group in groups:
         group.expand(guess, order)
@@ -319,28 +319,28 @@ def expand_all(groups: Sequence[Group], guess: Real, order: int = ORDER) -> Real
 
 
 def order_for(step: float, longest: float) -> int:
-    """The order that a step (s) needs, if the longest one of the full order is known."""
+    """Return the order that a step (s) needs, given the longest step of the full order."""
     if step >= longest:
         return ORDER
-    # The terms of the full order fall by this factor from one to the next at the longest step.
+    # Ratio of successive terms of the full order at the longest step.
     fall = LEFT_OUT ** (1.0 / ORDER)
     return min(max(math.ceil(math.log(LEFT_OUT) / math.log(fall * step / longest)) + 3, 8), ORDER)
 
 
-# Terms below this share of the greatest are rounding where the polynomial must begin with a zero.
+# Leading terms smaller than this share of the greatest term (in bits) count as zero.
 ROUNDING_BITS = 104
 FINEST = 150  # halvings
-SLOPPY = 1.0 + 1.0e-9  # for the doubles that the bounds are computed in
+SLOPPY = 1.0 + 1.0e-9  # allowance for rounding of bounds computed in doubles
 
 
 class Undecided(ArithmeticError):
-    """What happens depends on digits beyond the working precision."""
+    """Raised if the outcome depends on digits beyond the working precision."""
 
 
 def without_leading_zeros(series: Series) -> Series:
-    """The polynomial divided by the power of its variable that it begins with.
+    """Return the polynomial divided by its leading power of the variable.
 
-    Empty if nothing of it is above rounding.
+    It is empty if all terms are within rounding.
     """
     least = max(abs(value) for value in series) * 2.0**-ROUNDING_BITS
     for k, value in enumerate(series):
@@ -354,7 +354,7 @@ def _derivative(series: Series) -> Series:
 
 
 def first_zero(series: Series, end: Whole) -> Whole | None:
-    """Return where a polynomial that is positive at 0 first is not, None if nowhere up to ``end``.
+    """Return the first zero up to ``end`` of a polynomial that is positive at 0, or None.
 
     Raises
     ------
@@ -380,14 +380,14 @@ def first_zero(series: Series, end: Whole) -> Whole | None:
             continue
         if abs(float(rate)) > second * half and value_of(series, low) > 0:
             return _polished(series, slope, low, middle)
-        negative, stack = middle, [(low, middle)]  # what lies to the right no longer matters
+        negative, stack = middle, [(low, middle)]  # the right half no longer matters
     if negative is not None:
         return negative
     return None if value_of(series, end) > 0 else end
 
 
 def _polished(series: Series, slope: Series, low: Whole, high: Whole) -> Whole:
-    """The zero between a positive and a negative value, in steps of Newton that stay between."""
+    """Return the zero between a positive and a negative value, by bracketed Newton steps."""
     u = high
     for _ in range(4 * BITS):
         value = value_of(series, u)

@@ -1,9 +1,9 @@
-"""An oracle: the whole motion of a scene in 40 digits, found by itself, event after event.
+"""An oracle that computes the whole motion of a scene in 40 digits, event by event.
 
-It knows the model and nothing of the solver: Taylor series of the equations of motion, first zeros
-of polynomials, simultaneous impacts with walls among them, lasting contact with its forces.
-Bounces that accumulate are followed until their rest is shorter than ``REST``; then they have come
-to their end.
+It implements the model independently of the solver: Taylor series of the equations of motion, first
+zeros of polynomials, simultaneous impacts including walls, lasting contact with its forces.
+Accumulating bounces are followed until the remaining time is shorter than ``REST``, which counts as
+their end.
 """
 
 from __future__ import annotations
@@ -48,15 +48,15 @@ from vibro_cli.stress.oracles.motion import (
 from vibro_cli.stress.oracles.scene import Path, Real, Scene, mp
 
 REST = mp.mpf(10) ** -17  # s
-SAME = mp.mpf(10) ** -30  # s: closer than this is one instant
-# A step that is to reach the next bounce is so much longer than the estimate.
+SAME = mp.mpf(10) ** -30  # s: events closer than this are simultaneous
+# Ratio of a step that must reach the next bounce to the estimated time of flight.
 BEYOND = mp.mpf("1.1")
-# Speeds of what is left of a sequence of impacts that was broken off, of ``instant.ZERO``.
+# Relative speeds left by a truncated sequence of impacts, in units of ``arrangement.ZERO``.
 LEFT_OVER = 1000
 
 
 class Event(NamedTuple):
-    """Something that happened; bodies from 0."""
+    """An event; bodies are counted from 0."""
 
     t: Real
     kind: str  # impact, wall, crossing, contact_closed, contact_opened
@@ -70,7 +70,7 @@ class Bounce(NamedTuple):
     t: Real
     bodies: tuple[int, ...]
     before: Real
-    """Speed (m/s) at which they parted before it; of an impact of this instant if positive."""
+    """Separation speed (m/s) before it; positive only amid several impacts at one instant."""
     after: Real
     along: bool
     """Whether the law acts along the line of centres."""
@@ -78,16 +78,16 @@ class Bounce(NamedTuple):
 
 @dataclass
 class Told:
-    """What an oracle tells of a motion."""
+    """The oracle's record of a motion."""
 
     events: list[Event] = field(default_factory=list)
     bounces: list[Bounce] = field(default_factory=list)
     samples: list[list[tuple[State, Real, Real]]] = field(default_factory=list)
-    """At each wanted instant of every body its state and its centre."""
+    """State and centre of every body at each requested instant."""
     end_cause: str = "time"
     end_time: Real = mp.zero
     end_approach: Real = mp.zero
-    """Speed of approach (m/s) of the inadmissible impact that ended it."""
+    """Approach speed (m/s) of the inadmissible impact that ended the motion."""
 
 
 class _Watch(NamedTuple):
@@ -99,22 +99,22 @@ class _Watch(NamedTuple):
 
 
 class _EndOfTrace(Exception):
-    """A body has come to an end of the trace without a wall."""
+    """Raised if a body reaches an end of the trace without a wall."""
 
 
 class Oracle:
-    """Bodies of a scene on their way.
+    """The motion of the bodies of a scene.
 
     Parameters
     ----------
     scene
-        What is run.
+        The scene to compute.
     law
         ``hedrih``, ``normal-impulse`` or ``translational``.
     substitute
         Whether an inadmissible impact follows ``normal-impulse`` (else it ends the motion).
     most_events
-        More than these are too many.
+        Greatest number of events.
     """
 
     def __init__(self, scene: Scene, law: str, substitute: bool, most_events: int = 20_000) -> None:
@@ -131,14 +131,14 @@ class Oracle:
         self._longest = 0.0  # s, of the last step of the full order
 
     def run(self, until: Real, times: Sequence[Real] = (), last: str = "") -> Told:
-        """Go on to an instant (s) and tell what happened, with samples at some instants.
+        """Continue to an instant (s) and return the record, with samples at the given instants.
 
-        The first event of the kind ``last`` ends it.
+        The first event of the kind ``last`` ends the motion.
 
         Raises
         ------
         Undecided
-            Where what happens depends on digits that are not there, and after too many events.
+            If the events depend on digits beyond the working precision, or are too many.
         """
         waiting = list(times)
         try:
@@ -181,10 +181,10 @@ class Oracle:
             for ball, state in enumerate(states)
         ]
 
-    # -- what may happen in a step ------------------------------------------------------------
+    # -- possible events of a step ------------------------------------------------------------
 
     def _groups(self) -> list[Group]:
-        """Bodies that move together."""
+        """Return the groups of bodies that move together."""
         groups = []
         for balls in self._sets():
             pairs = self._held_among(balls)
@@ -201,7 +201,7 @@ class Oracle:
         return groups
 
     def _sets(self) -> list[list[int]]:
-        """Bodies joined by held pairs."""
+        """Return the sets of bodies that are joined by held pairs."""
         sets = [{n} for n in range(len(self.scene.bodies))]
         for pair, bodies in enumerate(self.now.pairs):
             if pair in self.held:
@@ -218,7 +218,7 @@ class Oracle:
         ]  # fmt: skip
 
     def _watches(self, groups: Sequence[Group]) -> list[_Watch]:
-        """Polynomials of everything that may happen."""
+        """Return the polynomials of all possible events."""
         courses = {n: c for g in groups for n, c in zip(g.balls, g.courses, strict=True)}
         found = []
         for ball, course in courses.items():
@@ -239,7 +239,7 @@ class Oracle:
         return [*found, *self._openings(groups)]
 
     def _openings(self, groups: Sequence[Group]) -> list[_Watch]:
-        """Polynomials of the contact forces."""
+        """Return the polynomials of the contact forces."""
         found = []
         for group in groups:
             if not group.still:
@@ -249,13 +249,13 @@ class Oracle:
         return found
 
     def _first(self, watches: Sequence[_Watch], end: Whole) -> tuple[Whole, list[_Watch]]:
-        """Share of the step at which something first happens, and what."""
+        """Return the share of the step at which the first events happen, and these events."""
         found: list[tuple[Whole, _Watch]] = []
         for watch in watches:
             series = without_leading_zeros(watch.series)
             zero: Whole | None = None
             if series and series[0] < 0 and len(series) < len(watch.series):
-                # It begins at zero and goes the forbidden way.
+                # It begins at zero and becomes negative.
                 if watch.kind not in ("opening", "crossing"):
                     raise Undecided(f"{watch.kind} {watch.key} at once, t = {float(self.t)}")
                 zero = 0
@@ -270,7 +270,7 @@ class Oracle:
     # -- events -------------------------------------------------------------------------------
 
     def _happen(self, happening: Sequence[_Watch]) -> None:
-        """Carry out everything that happens at the present instant; crossings first."""
+        """Carry out all events of the present instant, crossings first."""
         for watch in happening:
             if watch.kind == "crossing":
                 self._cross(watch.key // 2, watch.key % 2 == 1)
@@ -298,14 +298,14 @@ class Oracle:
         self.told.events.append(Event(self.t, "crossing", ball))
 
     def _settle(self, touches: Sequence[Touch], used: dict[int, str], fastest: Real) -> None:
-        """Find out what stays in contact; ``fastest`` is a speed before the impacts (m/s)."""
+        """Determine lasting contacts; ``fastest`` is the greatest speed before impacts (m/s)."""
         held_before, speeds = self.held, self.now.speeds
         most = LEFT_OVER * ZERO * fastest
         still = [touch for touch in touches if abs(speed_of(touch.row, speeds)) <= most]
         ended = self._at_an_end(touches, still, used)
         still = [touch for touch in touches if touch in still or touch in ended]
         if still:
-            # What is left of a sequence that was broken off, of bounces at their end, of rounding.
+            # Remove what is left by a truncated sequence, by bounces at their end, or by rounding.
             law = next((used[t.key] for t in still if t.key in used), self.laws.law)
             self.now.speeds = self.laws.equalise(still, speeds, law)
         held, idle = pressing(
@@ -321,7 +321,7 @@ class Oracle:
     def _at_an_end(
         self, touches: Sequence[Touch], still: Sequence[Touch], used: dict[int, str]
     ) -> list[Touch]:
-        """Touches whose further bounces take no time that counts."""
+        """Return touches whose further bounces take less time than `REST`."""
         found = []
         for touch in touches:
             if touch in still or touch.key not in used:
@@ -339,9 +339,9 @@ class Oracle:
         return found
 
     def _keep_idle(self, idle: Sequence[Touch]) -> None:
-        """Hold the touches without a force, except those that a force would have to pull at once.
+        """Hold touches without a force, except those whose force would immediately become negative.
 
-        Where there is none a little later either, contact is kept.
+        If there is no force a little later either, the contact is kept.
         """
         waiting = {touch.key for touch in idle}
         self.held |= waiting
@@ -360,7 +360,7 @@ class Oracle:
 
 
 def _states(groups: Sequence[Group], share: Whole) -> list[State]:
-    """States of all bodies at a share of the step, in their order."""
+    """Return the states of all bodies, in order, at a share of the step."""
     found = {
         ball: state
         for group in groups
@@ -370,7 +370,7 @@ def _states(groups: Sequence[Group], share: Whole) -> list[State]:
 
 
 def _distance(one: Course, other: Course, reach: Real) -> Series:
-    """Squared distance of two centres less that of contact."""
+    """Return the series of the squared distance of two centres less that of contact."""
     sides = [
         [after - before for before, after in zip(*axis, strict=True)]
         for axis in ((one.x, other.x), (one.y, other.y))
@@ -381,9 +381,9 @@ def _distance(one: Course, other: Course, reach: Real) -> Series:
 
 
 def first_contact(scene: Scene, until: Real) -> Real | None:
-    """Instant (s) up to a given one at which two bodies, each on its piece, first touch, or None.
+    """Return the first instant (s) up to ``until`` at which two bodies touch, or None.
 
-    Pieces go on beyond their ends.
+    Each body stays on its piece, which extends beyond its ends.
     """
     now = Arrangement(scene)
     t, guess = mp.zero, mp.mpf(FIRST_STEP)

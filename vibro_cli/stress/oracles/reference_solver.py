@@ -1,16 +1,16 @@
-"""A slow twin of the solver: the same events, every one of them recomputed to 40 digits.
+"""A slow twin of the solver: the same events, each of them recomputed to 40 digits.
 
 On an arc the angle f from the lowest point of the full circle obeys ``f'' = -w^2 sin f``. In
 ``S = sin(f/2)``, ``C = cos(f/2)``, ``P = f'/(2w)`` that is ``S' = wPC, C' = -wPS, P' = -wSC``;
 their Taylor coefficients follow from one another by products of series. On a rotating trace
-``P' = w(-SC + tilt (C^2 - S^2)/2 + spread SC(C^2 - S^2))``. Nothing is known here of elliptic
-functions, of periods or of the energy.
+``P' = w(-SC + tilt (C^2 - S^2)/2 + spread SC(C^2 - S^2))``. Neither elliptic functions nor periods
+nor the energy are used.
 
-The twin is told which events happen and, to a few digits, when; it never looks for them. From that
-it finds each instant by Newton's iteration on the Taylor series of the motion, and carries out
-crossings, walls and impacts by the formulas of the model, written down once more and otherwise.
-What it computes from the solver's own doubles differs from the solver's tables by the solver's
-rounding errors alone.
+The twin gets the list of events with approximate instants; it does not search for them. It finds
+each instant by Newton's iteration on the Taylor series of the motion, and carries out crossings,
+walls and impacts by an independent implementation of the formulas of the model. Since it starts
+from the solver's own doubles, its results differ from the solver's tables only by the solver's
+rounding errors.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ STEP = mp.mpf("0.25")
 def series(
     state: State, pull: tuple[Real, Real] | None = None
 ) -> tuple[list[Real], list[Real], list[Real]]:
-    """Taylor coefficients of S, C, P in ``w t`` from the state at 0; ``pull`` as in `ArcMotion`."""
+    """Return the Taylor coefficients of S, C, P in ``w t`` at 0; ``pull`` as in `ArcMotion`."""
     s, c, p = ([value] for value in state)
     sines: list[Real] = []  # of S C and of C^2 - S^2
     cosines: list[Real] = []
@@ -56,7 +56,7 @@ def series(
 
 
 class ArcMotion:
-    """The half-angle variables of a body on an arc as functions of time; the series are kept.
+    """The half-angle variables of a body on an arc as functions of time; series are cached.
 
     Parameters
     ----------
@@ -74,14 +74,14 @@ class ArcMotion:
         self.frequency = frequency
         size = state[0] ** 2 + state[2] ** 2
         if pull is not None:
-            # The singularities come nearer with the square root of the strongest pull.
+            # The distance of the singularities falls with the square root of the strongest pull.
             size += 2 * (abs(pull[0]) + abs(pull[1]))
         self._step = STEP / mp.sqrt(max(size, 1))
         self._pull = pull
         self._series = [series(state, pull)]
 
     def at(self, t: Real) -> State:
-        """``(S, C, P)`` a time t (s) after the start; slightly negative times are allowed."""
+        """Return ``(S, C, P)`` at a time t (s) after the start, which may be slightly negative."""
         u = self.frequency * t
         number = max(int(mp.floor(u / self._step)), 0)
         while len(self._series) <= number:
@@ -97,12 +97,12 @@ class ArcMotion:
 
 
 ENOUGH = mp.mpf(10) ** -44
-# A body farther beyond its piece, or two deeper in one another, have missed an event.
+# Distance beyond a piece, or depth of an overlap, above which an event has been missed.
 SLACK = mp.mpf(10) ** -9
 
 
 class SolverEvent(NamedTuple):
-    """One event as the solver tells it; bodies and pieces from 0."""
+    """One event from the solver's tables; bodies are counted from 0."""
 
     t: float
     kind: str  # crossing, wall, impact
@@ -114,7 +114,7 @@ class SolverEvent(NamedTuple):
 
 
 class Place(NamedTuple):
-    """Where a body is and how it moves."""
+    """Place and motion of a body at an instant."""
 
     piece: int
     place: Real  # phi, psi or a distance
@@ -137,7 +137,7 @@ class Impact:
 
 
 class ReferenceSolver:
-    """Bodies of a scene on their way."""
+    """The motion of the bodies of a scene through given events."""
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
@@ -164,7 +164,7 @@ class ReferenceSolver:
         return ArcMotion(w, (s, c, speed / (2 * w * rho)), pull if strength else None)
 
     def _line_motion(self, path: Path, place: Real, speed: Real) -> Any:
-        """A parabola; on a rotating trace ``s'' = pull + growth^2 (s - place)``."""
+        """Return a parabola; on a rotating trace ``s'' = pull + growth^2 (s - place)``."""
         body, slope = path.body, path.shape.slopes[0]
         pull = -self.scene.gravity / body.kappa * mp.sin(slope)
         square = self.scene.turning_square / body.kappa * mp.cos(slope)
@@ -175,14 +175,14 @@ class ReferenceSolver:
 
         def motion(h: Real) -> tuple[Real, Real]:
             cosh, sinh = mp.cosh(growth * h), mp.sinh(growth * h) / growth
-            # Not cosh - 1: a line that is upright but for rounding has next to no growth.
+            # Avoid cosh - 1: on a line that is vertical up to rounding, the growth is tiny.
             way = speed * sinh + 2 * pull * (mp.sinh(growth * h / 2) / growth) ** 2
             return place + way, speed * cosh + pull * sinh
 
         return motion
 
     def at(self, ball: int, t: Real) -> Place:
-        """State of a body at an instant of its present flight."""
+        """Return the place and motion of a body at an instant of its present flight."""
         piece, path, start, motion = self._motions[ball]
         if path.shape.sign == 0:
             place, speed = motion(t - start)
@@ -195,7 +195,7 @@ class ReferenceSolver:
         return Place(piece, place, speed, path.centre(place), path.tangent(place))
 
     def _reach(self, ball: int, goal: Real, guess: float) -> Real:
-        """Instant at which a body is at a place of its piece."""
+        """Return the instant at which a body reaches a place on its piece."""
         t, path = mp.mpf(guess), self._motions[ball][1]
         for _ in range(12):
             now = self.at(ball, t)
@@ -210,7 +210,7 @@ class ReferenceSolver:
         self._motions[ball] = (piece, path, self.t, self._motion(path, place, speed))
 
     def cross(self, ball: int, to_right: bool, guess: float) -> Real:
-        """Carry a body over the end of its piece onto the next one; return the instant."""
+        """Move a body across the end of its piece to the next one; return the instant."""
         piece = self._motions[ball][0]
         shape = self.scene.pieces[piece]
         self.t = self._reach(ball, shape.high if to_right else shape.low, guess)
@@ -222,7 +222,7 @@ class ReferenceSolver:
         return self.t
 
     def rebound(self, ball: int, guess: float) -> Real:
-        """Let a body rebound from the wall it moves to; return the instant."""
+        """Let a body rebound from the wall that it approaches; return the instant."""
         piece, path, *_ = self._motions[ball]
         right = self.at(ball, mp.mpf(guess)).speed > 0
         goal = path.at_wall(right)
@@ -232,7 +232,7 @@ class ReferenceSolver:
         return self.t
 
     def meet(self, a: int, b: int, guess: float) -> Real:
-        """Instant at which two bodies touch."""
+        """Return the instant at which two bodies touch."""
         touch = (self.scene.bodies[a].radius + self.scene.bodies[b].radius) ** 2
         t = mp.mpf(guess)
         for _ in range(14):
@@ -251,7 +251,7 @@ class ReferenceSolver:
         return self.scene.restitution[-1 if across_seam else min(a, b)]
 
     def hit(self, happening: SolverEvent) -> Impact:
-        """Carry out an impact (an inadmissible one that ends a run changes nothing)."""
+        """Carry out an impact; one that is not `carried_out` leaves the motion unchanged."""
         a, b = happening.a, happening.b
         self.t = self.meet(a, b, happening.t)
         pa, pb = self.at(a, self.t), self.at(b, self.t)
@@ -270,7 +270,10 @@ class ReferenceSolver:
     def _law(
         self, law: str, a: int, b: int, along: tuple[Real, Real], speeds: tuple[Real, Real]
     ) -> tuple[Real, Real]:
-        """Speeds after an impact: A (3), B (15)-(16) in omega; B (1)-(12) in v; Newton along n."""
+        """Return the speeds after an impact.
+
+        Laws: A (3), B (15)-(16) in omega; B (1)-(12) in v; Newton's along n.
+        """
         one, two = self.scene.bodies[a], self.scene.bodies[b]
         va, vb = speeds
         k = self._restitution(a, b)
@@ -285,7 +288,7 @@ class ReferenceSolver:
         return va + changes[0], vb + changes[1]
 
     def check(self) -> None:
-        """Raise if some body has left its piece without an event, or is inside a neighbour."""
+        """Raise ArithmeticError if a body is off its piece without an event, or bodies overlap."""
         places = [self.at(ball, self.t) for ball in range(len(self.scene.bodies))]
         for ball, now in enumerate(places):
             shape = self.scene.pieces[now.piece]
@@ -300,7 +303,7 @@ class ReferenceSolver:
                     raise ArithmeticError(f"bodies {b + 1}, {a + 1} overlap at t = {self.t}")
 
     def follow(self, events: Iterable[SolverEvent]) -> list[Impact]:
-        """Carry out events in their order; return the impacts."""
+        """Carry out events in order; return the impacts."""
         impacts = []
         for happening in events:
             before = self.t
@@ -317,7 +320,7 @@ class ReferenceSolver:
 
 
 def events_of(run: Any) -> list[SolverEvent]:
-    """The events of a run of the solver, from its tables."""
+    """Return the events of a run of the solver, from its tables."""
     found: list[tuple[float, int, SolverEvent]] = []
     events, rows = run.events, run.collisions
     for number, kind in enumerate(events["event"]):
@@ -335,6 +338,6 @@ def events_of(run: Any) -> list[SolverEvent]:
         parted = bool(rows["admissible"][number] or rows["substituted"][number])
         law = str(rows["law"][number])
         found.append((t, 1, SolverEvent(t, "impact", a, b, law=law, carried_out=parted)))
-    # Contact and crossing at one time: crossing first.
+    # If contact and crossing coincide, the crossing comes first.
     found.sort(key=lambda event: event[:2])
     return [event for _, _, event in found]

@@ -1,4 +1,4 @@
-"""A scene in high precision, from the solver's own doubles; the laws as the papers print them."""
+"""Scenes in high precision, from the solver's own doubles; the laws as printed in the papers."""
 
 from __future__ import annotations
 
@@ -19,10 +19,11 @@ Pair = Sequence[Any]
 
 
 def weight_and_response(law: str, body: Any, normal: Any) -> Pair:
-    """Return the weight of a body's speed in what a law turns, and the speed its impulse gives.
+    """Return a body's weight and response under a law.
 
-    ``normal`` is the component of its path along the line of centres. The body has a radius, a
-    mass and kappa.
+    The weight is the factor of its speed in the relative speed that the law reverses; the response
+    is the change of its speed by a unit of impulse. ``normal`` is the component of its path along
+    the line of centres. The body has a radius, a mass and kappa.
     """
     if law == "hedrih":
         return 1 / body.radius, 1 / (body.kappa * body.mass * body.radius)
@@ -36,16 +37,16 @@ def weight_and_response(law: str, body: Any, normal: Any) -> Pair:
 def speed_changes(
     law: str, k: Any, speeds: Pair, radii: Pair, masses: Pair, rolling: Pair
 ) -> tuple[Any, Any]:
-    """Return what an impact changes of two speeds along the line of centres, or along a line.
+    """Return the changes by an impact of two speeds along the line of centres, or along a line.
 
     Parameters
     ----------
     law, k
-        Its name, and the coefficient of restitution.
+        Name of the law, and the coefficient of restitution.
     speeds, radii, masses
-        Of both bodies.
+        Speeds, radii and masses of both bodies.
     rolling
-        Masses with what the bodies' rolling adds, κ m.
+        Rolling masses κ m of both bodies.
     """
     more = 1 + k
     if law == "hedrih":  # C (3), with moments of inertia about the contacts
@@ -78,12 +79,12 @@ class Piece:
 
     @property
     def low(self) -> Real:
-        """Place of the left end."""
+        """The place of the left end."""
         return self.sign * self.slopes[0] if self.sign else mp.zero
 
     @property
     def high(self) -> Real:
-        """Place of the right end."""
+        """The place of the right end."""
         return self.sign * self.slopes[1] if self.sign else self.size
 
 
@@ -98,7 +99,7 @@ class Body:
 
 @dataclass(frozen=True)
 class Scene:
-    """Everything a run starts from."""
+    """All data from which a run starts."""
 
     gravity: Real
     pieces: tuple[Piece, ...]
@@ -107,8 +108,8 @@ class Scene:
     starts: tuple[tuple[int, Real, Real], ...]  # piece from 0, place, speed of the centre
     restitution: tuple[Real, ...]
     walls: tuple[Real | None, Real | None]
-    axis: Real = mp.zero  # about which the trace rotates
-    turning_square: Real = mp.zero  # of its rate, 1/s^2
+    axis: Real = mp.zero  # x of the axis about which the trace rotates, m
+    turning_square: Real = mp.zero  # square of its rate, 1/s^2
 
 
 class Path:
@@ -123,7 +124,7 @@ class Path:
         self.per_length = 1 / self.rho if on_arc else mp.one  # change of the coordinate
 
     def centre(self, place: Real) -> tuple[Real, Real]:
-        """Centre of the body."""
+        """Return the centre of the body (m)."""
         x, y = self.shape.origin
         cosine, sine = self.tangent(place)
         if self.shape.sign == 0:
@@ -132,18 +133,18 @@ class Path:
         return x + self.shape.sign * self.rho * sine, y - self.shape.sign * self.rho * cosine
 
     def tangent(self, place: Real) -> tuple[Real, Real]:
-        """Direction in which the centre moves to the right."""
+        """Return the unit vector in which the centre moves to the right."""
         slope = self.shape.sign * place if self.shape.sign else self.shape.slopes[0]
         return mp.cos(slope), mp.sin(slope)
 
     def at_wall(self, right: bool) -> Real:
-        """Place at which the body touches a wall at the right or left end of the piece."""
+        """Return the place at which the body touches a wall at the right or left end."""
         offset = mp.asin(self.body.radius / self.rho) if self.shape.sign else self.body.radius
         return self.shape.high - offset if right else self.shape.low + offset
 
 
 def chain(start_slope: Real, shapes: Sequence[tuple[str, Real, Real | None]]) -> tuple[Piece, ...]:
-    """Lay (shape, radius or length, end slope) one after another from the origin."""
+    """Chain pieces, given as (shape, radius or length, end slope), from the origin."""
     pieces: list[Piece] = []
     slope, x, y = start_slope, mp.zero, mp.zero
     for shape, size, end_slope in shapes:
@@ -160,7 +161,7 @@ def chain(start_slope: Real, shapes: Sequence[tuple[str, Real, Real | None]]) ->
 
 
 def slope_of(double: float) -> Real:
-    """The angle a double stands for; the double nearest to some right angles stands for them."""
+    """Return the angle meant by a double: multiples of a right angle are exact."""
     quarters = round(double / (0.5 * math.pi))
     if quarters and double == quarters * (0.5 * math.pi):
         return quarters * mp.pi / 2
@@ -168,7 +169,7 @@ def slope_of(double: float) -> Real:
 
 
 def scene_of_system(system: TraceSystem) -> Scene:
-    """The scene of the very doubles that the solver gets."""
+    """Return the scene with exactly the doubles that the solver gets."""
     pieces = system.trace.pieces
     shapes = [
         (piece.shape, mp.mpf(piece.length if piece.is_line else piece.radius),

@@ -1,7 +1,7 @@
-"""How much a change of the inputs grows: at each collision, and as the tangent map in 50 digits.
+"""Growth of changes of the inputs: at each collision, and as the tangent map in 50 digits.
 
-Both by differences of neighbouring motions: the solver's for the growth, those of twins, the
-reference solver's for a trace, for the map.
+Both come from differences of neighbouring motions: of the solver for the growth, and of twins (on a
+trace, the reference solver) for the map.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from vibro_cli.systems import system_named
 from vibro_cli.systems.run import Stretch
 from vibro_cli.systems.tangents import followed
 
-# Large against the solver's rounding errors, small enough for the response to stay linear.
+# Large compared with the solver's rounding errors, small enough for a linear response.
 CHANGE = 2.0**-30
 
 Columns = dict[str, list[float]]
@@ -31,7 +31,7 @@ Solve = Callable[[TraceSystem], Columns]
 
 
 def neighbouring(system: TraceSystem, change: float = CHANGE) -> Iterator[TraceSystem]:
-    """The system with each of its inputs in turn changed by a relative ``change``."""
+    """Yield the system with each of its inputs changed by a relative ``change`` in turn."""
     factor = 1.0 + change
     yield replace(system, gravity=system.gravity * factor)
     for number, body in enumerate(system.bodies):
@@ -60,7 +60,7 @@ def _with(items: tuple[Any, ...], number: int, item: Any) -> tuple[Any, ...]:
 
 
 def _stretched(trace: Trace, number: int, factor: float) -> Trace:
-    """The trace with one piece larger."""
+    """Return the trace with one piece enlarged by a factor."""
     shapes = []
     for piece in trace.pieces:
         size = factor if piece.index == number else 1.0
@@ -73,10 +73,10 @@ def _stretched(trace: Trace, number: int, factor: float) -> Trace:
 
 
 def amplification(system: TraceSystem, solve: Solve) -> Columns:
-    """Greatest change of every quantity of every collision for a relative change of 1 of an input.
+    """Return the greatest change of each quantity and collision per relative change of an input.
 
-    At least the quantity itself, which is what the rounding of the result alone would change.
-    ``solve`` returns the columns of a system's collisions.
+    It is at least the quantity itself, which accounts for the rounding of the result. ``solve``
+    returns the columns of a system's collisions.
     """
     base = solve(system)
     greatest = {name: [abs(value) for value in column] for name, column in base.items()}
@@ -90,21 +90,21 @@ def amplification(system: TraceSystem, solve: Solve) -> Columns:
     return greatest
 
 
-# Small enough for an error of the second order to be none, large against rounding in 50 digits.
+# Small enough to make second-order errors negligible, large compared with rounding in 50 digits.
 STEP = mp.mpf(10) ** -18
 
 
 def derivative(
     follow: Callable[[Sequence[Any]], Sequence[Any]], start: Sequence[Any]
 ) -> NDArray[np.float64]:
-    """Return the derivative of the end of a motion to its start.
+    """Return the derivative of the end of a motion with respect to its start.
 
     Parameters
     ----------
     follow
-        From the numbers of a start to those of the end.
+        Function from the numbers of a start to those of the end.
     start
-        Where the derivative is taken.
+        Numbers of the start at which the derivative is taken.
     """
     columns = []
     for number in range(len(start)):
@@ -125,16 +125,17 @@ def differences(
     Parameters
     ----------
     scene
-        What is run.
+        The scene to compute.
     events
-        Its events, which are those of its neighbours too.
+        Its events, which are also those of its neighbours.
     end
-        Instant (s) after all of them.
+        Instant (s) after all events.
 
     Returns
     -------
-    Derivatives to ways and speeds of all bodies at the start, ``[2 body + 0 or 1, component]`` of
-    ways and speeds (m, m/s) and ``[impact, component]`` of times (s).
+    Derivatives with respect to displacements and speeds of all bodies at the start:
+    ``[2 body + 0 or 1, component]`` of displacements and speeds (m, m/s), and
+    ``[impact, component]`` of times (s).
     """
     count = len(scene.bodies)
 
@@ -165,18 +166,18 @@ def differences(
     return found[: 2 * count], found[2 * count :]
 
 
-# Beyond it the rounding of the motion itself shows in its derivatives.
+# Growth beyond which the rounding of the motion itself affects its derivatives.
 MOST_GROWTH = 1.0e4
 
 Neighbours = Callable[
     [Any, Stretch], tuple[Sequence[float], Callable[[Sequence[Any]], Sequence[Any]]]
 ]
-"""From a system and its run: the numbers of its start, and what leads from others, with the same
-events, to the numbers of the end."""
+"""Function of a system and its run: the numbers of its start, and the function from the numbers of
+a start, with the same events, to those of the end."""
 
 
 def error_of(found: NDArray[np.float64], exact: NDArray[np.float64]) -> float:
-    """Greatest error of derivatives, as a share of the largest of them."""
+    """Return the greatest error of derivatives, relative to the largest of them."""
     return float(np.max(np.abs(found - exact)) / np.max(np.abs(exact)))
 
 
@@ -186,7 +187,7 @@ def check_maps(
     neighbours: Neighbours,
     tried: str,
 ) -> Finding:
-    """Return the greatest error of the maps of scenes that are drawn."""
+    """Return the greatest error of the tangent maps of random scenes."""
     worst, number = Finding("error of the map, of its largest element", tried, 1e-10), 0
     while worst.cases < plan.scenes(6, 200):
         document = drawn(np.random.default_rng([plan.seed, 6, number]))
@@ -198,9 +199,9 @@ def check_maps(
 
 
 def map_error(document: Document, neighbours: Neighbours) -> float | None:
-    """Error of the tangent map of a scene, None where it has none or rounding grows too far.
+    """Return the error of the tangent map of a scene.
 
-    None also without an impact.
+    Returns None if there is no tangent map or no impact, or if rounding grows too much.
     """
     scenario = any_scenario_of(document)
     kind = system_named(scenario.system)
