@@ -1,1 +1,1 @@
-"""The stability suite: every mark of the solver, what was tried against it and what was reached."""
+"""The stability suite: the accuracy marks of the solver, the cases tried and the results."""

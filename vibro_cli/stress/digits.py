@@ -1,15 +1,15 @@
-"""Scenes drawn at random against high precision: motions in 40 digits, tangent maps in 50.
+"""Random scenes against high precision: motions in 40 digits, tangent maps in 50.
 
-A motion is compared with the oracle's at instants spread over it, in units of what a small change
-of the inputs does to it, as far as that is not lost and nothing turns at a wall, but not amid
-bounces that are summed; contacts by the instants at which they begin and end. A tangent map is
-compared with differences of neighbouring motions, in the scenes whose motion has a derivative
-through its first impacts: of two bodies or more that do not touch at the start, none of which comes
-to rest at a wall, until the first impact that is not smooth.
+A motion is compared with the oracle's at instants spread over it, in units of the effect of a small
+change of the inputs. Instants are left out after the motion is lost in rounding, after a body turns
+at a wall up to rounding, and within summed bounces. Contacts are compared by the instants at which
+they begin and end. A tangent map is compared with differences of neighbouring motions, up to the
+first impact that is not smooth, in scenes of two or more bodies that neither touch at the start nor
+come to rest at a wall.
 
-The rounding of places leaves something of a motion with impacts open, which the oracle's bounces
-tell. Bodies nearer than it touch: a program in doubles cannot know bounces lower than it, nor the
-order of two impacts that are nearer to one another in time than the way it takes.
+The rounding of places makes motions with impacts uncertain; the oracle's bounces tell by how much.
+Bodies closer than this rounding touch. A program in doubles cannot know bounces lower than it, nor
+the order of two impacts that are closer in time than a body takes for such a distance.
 """
 
 from __future__ import annotations
@@ -45,9 +45,9 @@ from vibro_cli.systems.run import Run
 from vibro_cli.systems.trace import simulate_system
 from vibro_cli.systems.trace.tangents import follow_system, time_scale
 
-# Times gravity: how fast the motion in contact and that of the bounces before it come apart.
+# Greatest relative acceleration of motion in contact and with bounces instead, times gravity.
 PUSH = 4.0
-STILL = 1.0e-20  # m/s: parting bodies that stay together
+STILL = 1.0e-20  # m/s: separation speed of bodies that stay together
 INTERRUPTED = ("contact_opened", "contact_closed")
 
 
@@ -56,41 +56,41 @@ Lasting = list[tuple[Bounce, Any]]
 
 
 class LeftOpen(NamedTuple):
-    """An instant (s) that is known up to a time (s), and later motion up to a speed (m/s) by it."""
+    """An uncertain instant (s): its uncertainty (s), and that of speeds (m/s) after it."""
 
     t: float
     time: float
     speed: float
     until: float = math.inf
-    """When it is gone: relative speeds and their instants do not outlast a contact that closes."""
+    """When the uncertainty ends (s): that of relative speeds does not outlast a closing contact."""
 
 
 def begun(told: Told) -> list[Event]:
-    """Beginnings of lasting contact."""
+    """Return the beginnings of lasting contact."""
     return [event for event in told.events if event.kind == "contact_closed"]
 
 
 def size_of(run: Run, told: Told) -> float:
-    """Size (m) of the four coordinates, or twice the radii, of the places of a pair."""
+    """Return `size_of_places` of the oracle's samples."""
     return size_of_places(
         run, (float(abs(x)) for row in told.samples for _, *xy in row for x in xy)
     )
 
 
 def untold(told: Told, event: Event, size: float) -> float:
-    """What of an instant (s) at which contact begins or ends the rounding of places leaves open.
+    """Return the uncertainty (s) of the beginning or end of a contact due to rounding of places.
 
-    Bounces lower than it are one contact, unless they have a sum: those of one pair under a law
-    along its line of centres. An impact above them comes as much earlier or later as its bodies
-    take for such a way. Where contact opens and closes again without an impact, nothing has moved
-    the bodies apart: it may as well have lasted, or close later from such a distance.
+    Bounces lower than the rounding count as one contact, unless they can be summed: those of one
+    pair under a law along its line of centres. A higher impact is uncertain by the time that its
+    bodies take for such a distance. A contact that opens and closes again without an impact may as
+    well have lasted, or close later from such a distance, since nothing has moved the bodies apart.
     """
     lost = _begin_and_time(_lasting(told), event, CONTACT_ROUNDING * size)[1]
     return max(lost, _without_force(told, event))
 
 
 def _without_force(told: Told, event: Event) -> float:
-    """How long (s) contact of the bodies is interrupted at an event, with no impact at its end."""
+    """Return how long (s) the contact at an event is interrupted without an impact, else 0."""
     alike = [e for e in told.events if (e.a, e.b) == (event.a, event.b)]
     for one, other in pairwise(alike):
         if event in (one, other) and (one.kind, other.kind) == INTERRUPTED:
@@ -99,27 +99,27 @@ def _without_force(told: Told, event: Event) -> float:
 
 
 def _begin_and_time(lasting: Lasting, event: Event, height: float) -> tuple[float, float]:
-    """Return when the bounces that are lost before an event begin (s), and what is `untold` (s)."""
+    """Return when the bounces lost before an event begin (s), and the uncertainty `untold` (s)."""
     lost = _lost_before(lasting, event, height)
     first = min((bounce.t for bounce in lost), default=event.t)
     if first == event.t:
         fastest = max((-float(bounce.before) for bounce in lost), default=0.0)
         return float(first), height / fastest if fastest > 0.0 else 0.0
     summed = len({bounce.bodies for bounce in lost}) == 1 and all(one.along for one in lost)
-    summed = summed and first > 0  # at the start others may touch the pair: a row has no sum
+    summed = summed and first > 0  # other bodies may touch at the start: a row cannot be summed
     return float(first), 0.0 if summed else float(event.t - first)
 
 
 def left_open(told: Told, size: float, gravity: float) -> list[LeftOpen]:
-    """What each event leaves open."""
+    """Return the uncertainties of all events."""
     return _bounces_left_open(told, size, gravity) + _impacts_left_open(told, size)
 
 
 def _bounces_left_open(told: Told, size: float, gravity: float) -> list[LeftOpen]:
-    """Instants at which contact begins, and at which bounces that are lost in rounding have passed.
+    """Return the uncertain instants at which contact begins, or bounces lost in rounding end.
 
-    The latter need not end in contact: bodies pressed together may be drawn apart before. Until
-    then the motion in contact and that of the bounces come apart.
+    Such bounces need not end in contact: bodies pressed together may be pulled apart first. Until
+    then, motions in contact and with bounces diverge.
     """
     height = CONTACT_ROUNDING * size
     lasting = _lasting(told)
@@ -131,17 +131,17 @@ def _bounces_left_open(told: Told, size: float, gravity: float) -> list[LeftOpen
     for event in ends:
         begin, time = _begin_and_time(lasting, event, height)
         if event.kind == "impact" and begin == float(event.t):
-            continue  # what is left open here is told where the next ones have passed
+            continue  # included in the uncertainty after the next bounces
         if begin not in widest or time > widest[begin].time:
             widest[begin] = LeftOpen(float(event.t), time, PUSH * gravity * time)
     return list(widest.values())
 
 
 def _impacts_left_open(told: Told, size: float) -> list[LeftOpen]:
-    """Impacts of bodies that have parted before: up to the time they take for a last place.
+    """Return the uncertain instants of impacts of bodies that have separated before.
 
-    The accelerations of both draw them together; who meets so much earlier does so at a speed that
-    is so much lower. No change of the inputs is like that.
+    The uncertainty is the time that they take for a unit of rounding of places. Since they
+    accelerate towards each other, an earlier impact is slower. No change of the inputs shows this.
     """
     found = []
     opened = [(e.t, (e.a, e.b), mp.zero) for e in told.events if e.kind == "contact_opened"]
@@ -158,7 +158,7 @@ def _impacts_left_open(told: Told, size: float) -> list[LeftOpen]:
             closes = [e.t for e in begun(told) if (e.a, e.b) == bounce.bodies and e.t >= bounce.t]
             until = float(min(closes, default=mp.inf))
             if not bounce.along and _is_low(speed, bounce.t - t, CONTACT_ROUNDING * size):
-                # What is one contact as well: the law may throw its bodies apart, or keep them.
+                # In doubles this is one contact: the law may throw its bodies apart, or keep them.
                 lost, until = max(lost, abs(float(bounce.after))), math.inf
             found.append(LeftOpen(float(bounce.t), time, lost, until))
         parted[bounce.bodies] = (bounce.t, bounce.after)
@@ -166,10 +166,10 @@ def _impacts_left_open(told: Told, size: float) -> list[LeftOpen]:
 
 
 def order_left_open(told: Told, size: float) -> float:
-    """The first instant (s) whose impacts may come one after the other, or at once; else infinite.
+    """Return the first instant (s) whose impacts may be successive or simultaneous, else infinity.
 
-    A body is hit from two sides there within the time that the rounding of places takes. What
-    follows from impacts one by one and from joint ones differs, by as much as their speeds.
+    There a body is hit from two sides within the time that it takes for a distance lost in
+    rounding. Successive and simultaneous impacts lead to speeds that differ by as much as they are.
     """
     height = CONTACT_ROUNDING * size
     for one, other in pairwise(told.bounces):
@@ -181,10 +181,10 @@ def order_left_open(told: Told, size: float) -> float:
 
 
 def throw_left_open(told: Told, size: float) -> float:
-    """The first instant (s) from which bodies that a law throws apart may stay together.
+    """Return the first instant (s) after which bodies that a law throws apart may stay together.
 
-    A law that does not act along the line of centres may make each bounce higher than the one
-    before: motion grows out of bounces that are one contact for the program. Infinite if none does.
+    A law that does not act along the line of centres may make each bounce higher than the previous
+    one: motion grows out of bounces that are one contact for the program. Infinite if none does.
     """
     height = CONTACT_ROUNDING * size
     lost = dict[tuple[int, ...], bool]()
@@ -198,9 +198,9 @@ def throw_left_open(told: Told, size: float) -> float:
 
 
 def _lost_before(lasting: Lasting, event: Event, height: float) -> list[Bounce]:
-    """Bounces lower than the height that lead to an event, and those that end at it."""
+    """Return the bounces lower than a height that lead to an event or end at it."""
     row, lost = {event.a, event.b}, list[Bounce]()
-    high = -mp.inf  # when a bounce began that is not lost
+    high = -mp.inf  # when a bounce that is not lost began
     for bounce, lasts in reversed(lasting):
         if bounce.t > event.t or not row & set(bounce.bodies):
             continue
@@ -215,12 +215,12 @@ def _lost_before(lasting: Lasting, event: Event, height: float) -> list[Bounce]:
 
 
 def _is_low(speed: Any, lasts: Any, height: float) -> bool:
-    """Whether parting bodies come no further apart until their next impact, 0 s later if held."""
+    """Return whether separating bodies stay within a height until their next impact (0 s: held)."""
     return bool(lasts == 0 or speed * lasts / 4 <= height)
 
 
 def _lasting(told: Told) -> Lasting:
-    """Bounces with the time (s) to the next of the same bodies; 0 for one that ends in contact."""
+    """Return all bounces, each with the time to the next one, as `Lasting` describes."""
     closed = {(event.t, event.a, event.b) for event in begun(told)}
     following: dict[tuple[int, ...], Any] = {}
     found = []
@@ -232,19 +232,19 @@ def _lasting(told: Told) -> Lasting:
     return found[::-1]
 
 
-MARK = 64.0  # of eps times the amplification
+MARK = 64.0  # in units of eps times the amplification
 INSTANTS = 16
-# Of an input, relative. A greater one can grow to what it changes, such as the speeds of small
-# bounces, and no further: what is lost by then would look as if it were known.
+# Relative change of an input. The effect of a greater change may saturate, such as that on the
+# speeds of small bounces: a lost motion would then look as if it were known.
 CHANGE = 2.0**-40
-# Gaps (m) that part bodies: clear of the rounding of places, below which they touch. Where the
-# narrower one grows as much as the wider one does, both tell what the motion does to a gap.
+# Gaps (m) that separate bodies: wider than the rounding of places, below which they touch. If the
+# narrower gap grows as much as the wider one, both show the effect of the motion on a gap.
 GAP, NARROW_GAP = 2.0**-30, 2.0**-38
-ALIKE = 8.0  # times: what does not grow at all is 256 times as many of the narrower gaps
-# Motion beyond this amplification says nothing any more.
+ALIKE = 8.0  # ratio of growths: 256 for a change that does not depend on the gap
+# Amplification beyond which a motion is lost.
 LOST = 1.0e6
 MOST_EVENTS = 300
-SECONDS = 60.0  # of the processor
+SECONDS = 60.0  # of processor time
 NEARBY = 1.0e-4  # s
 CONTACT_KINDS = ("contact_closed", "contact_opened")
 
@@ -252,20 +252,20 @@ Floats = Any  # an array of numbers
 
 
 class Verdict(NamedTuple):
-    """How far a run is from the oracle's; None where there was nothing to compare."""
+    """Differences of a run from the oracle's; None if there was nothing to compare."""
 
     motion: float | None = None
-    """Greatest distance in units of eps times amplification, up to the first lasting contact."""
+    """Greatest difference in units of eps times amplification, up to the first lasting contact."""
     after: float | None = None
-    """Greatest distance (m, m/s) beyond 64 of these units, and what instants leave open, after."""
+    """Greatest difference (m, m/s) after it, beyond `MARK` of these units and the uncertainty."""
     contacts: float | None = None
-    """Greatest distance (s) of instants at which a contact begins or ends, beyond what is known."""
+    """Greatest difference (s) of beginnings and ends of contacts, beyond their uncertainty."""
     why: str = ""
     """Why there was nothing to compare, or what else is wrong."""
 
 
 def check_digits(plan: Plan) -> list[Finding]:
-    """Motion and contacts of drawn scenes."""
+    """Check motions and contacts of random scenes."""
     tried = "scenes drawn at random, followed by an oracle of 40 digits"
     motion = Finding("error of the motion / (eps x amplification)", tried, MARK)
     after = Finding("error beyond that after lasting contact (m, m/s)", tried, 1e-10)
@@ -310,7 +310,7 @@ def compared(document: Document) -> Verdict:
         oracle.run(mp.mpf(float(times[known - 1])), [mp.mpf(t) for t in times[:known]])
     except ArithmeticError as reason:
         why = str(reason)
-        known = len(oracle.told.samples)  # as far as it came
+        known = len(oracle.told.samples)  # as far as the oracle came
     if _decided_by_rounding(run, oracle.told):
         known = len(oracle.told.samples)
     if known == 0:
@@ -319,14 +319,14 @@ def compared(document: Document) -> Verdict:
 
 
 def motion_at(run: Run, times: Floats) -> Floats:
-    """Instants by bodies by ``x, y, speed`` (m, m/s)."""
+    """Return the motion as an array: instants by bodies by ``x, y, speed`` (m, m/s)."""
     sample = run.sample(times)
     shape = (len(times), len(run.system.bodies))
     return np.stack([sample[name].reshape(shape) for name in ("x", "y", "speed")], axis=2)
 
 
 def changed_documents(document: Document) -> Iterator[Document]:
-    """The document with each of its numbers in turn a little different."""
+    """Yield the document with each of its numbers slightly changed, one at a time."""
     places: list[tuple[tuple[Any, ...], str]] = [((), "gravity")]
     for number in range(len(document["balls"])):
         places += [(("balls", number), key) for key in ("radius", "mass", "angle", "position")]
@@ -346,10 +346,10 @@ def changed_documents(document: Document) -> Iterator[Document]:
 
 
 def parted_documents(document: Document, run: Run, gap: float = GAP) -> Iterator[Document]:
-    """The document with a gap (m) before each body in turn that touches its neighbour at the start.
+    """Yield the document with a gap (m) before each body that touches its neighbour at the start.
 
-    No other change does that. Bodies that are pressed together are left: the rounding of their
-    places does not make bounces of a contact.
+    No other change separates bodies. Those that are pressed together are left out: rounding of
+    their places does not turn a contact into bounces.
     """
     begun = run.events["t"] == 0.0
     held = set(np.ma.filled(run.events["other"][begun], 0).tolist())  # crossings have no other
@@ -366,7 +366,7 @@ def parted_documents(document: Document, run: Run, gap: float = GAP) -> Iterator
 
 
 def amplification(document: Document, run: Run, times: Floats, ours: Floats) -> Floats:
-    """What a relative change of 1 of an input would do to the motion, at least its own size."""
+    """Return the change of the motion per relative change of an input, at least its own size."""
     size = np.abs(ours).max(axis=0)
     grown = np.broadcast_to(np.maximum(size, 1.0), ours.shape).copy()
     for other in changed_documents(document):
@@ -377,25 +377,25 @@ def amplification(document: Document, run: Run, times: Floats, ours: Floats) -> 
         if change.max() >= LOST:
             wider, change = change, _growth_to(narrow, NARROW_GAP, times, ours)
             if change.max() >= ALIKE * wider.max():
-                continue  # what was one impact of several is another sequence
+                continue  # the gap turns a simultaneous impact into another sequence
         grown = np.maximum(grown, change)
     return np.maximum.accumulate(grown.max(axis=1, keepdims=True), axis=0) + 0.0 * grown
 
 
 def _growth_to(document: Document, change: float, times: Floats, ours: Floats) -> Floats:
-    """How far a changed motion is, in units of the change; 0 where there is none."""
+    """Return the difference of a changed motion, divided by the change; 0 if it has no motion."""
     try:
         theirs = motion_at(solve(document, "compiled"), times)
     except (ScenarioError, ArithmeticError, ValueError):
-        return 0.0 * ours  # a closed trace does not close any more, bodies overlap, it ends before
+        return 0.0 * ours  # the trace no longer closes, bodies overlap, or the run ends earlier
     return np.abs(theirs - ours) / change
 
 
 def _decided_by_rounding(run: Run, told: Told) -> bool:
-    """Whether an inadmissible impact has ended a motion that goes on if it is none.
+    """Return whether an inadmissible impact that rounding decides has ended the motion.
 
-    Where a closed trace closes up to rounding only, or slopes at a junction are equal up to it, a
-    body in contact that goes over them makes an impact, from a height lost in rounding.
+    If a closed trace, or the slopes at a junction, match only up to rounding, a body in contact
+    that crosses makes an impact, from a height lost in rounding.
     """
     height = float(told.end_approach) ** 2 / (2.0 * run.system.gravity)
     size = float(np.abs(motion_at(run, [0.0])[..., :2]).max()) + 1.0
@@ -431,7 +431,7 @@ def _verdict(run: Run, told: Told, ours: Floats, grown: Floats, times: Floats) -
 
 
 class _Growth:
-    """How what events leave open has grown later: as changes of the inputs do from then on."""
+    """Growth of the uncertainties of events: as that of changes of the inputs from then on."""
 
     def __init__(
         self, told: Told, times: Floats, grown: Floats, size: float, gravity: float
@@ -441,12 +441,12 @@ class _Growth:
         self._grown = grown[: len(times)]
 
     def _at(self, t: float) -> float:
-        """Growth from the start to the first compared instant from t on."""
+        """Return the growth from the start to the first compared instant not before t."""
         row = min(int(np.searchsorted(self._times, t)), len(self._times) - 1)
         return float(self._grown[row])
 
     def left_open(self, t: float) -> LeftOpen:
-        """Root of the sum of squares of what all events before an instant (s) have left open."""
+        """Return the root sum square of the uncertainties of all events before an instant (s)."""
         before = [
             (one, self._at(t) / self._at(one.t)) for one in self._events if one.t < t <= one.until
         ]
@@ -455,17 +455,18 @@ class _Growth:
 
 
 def _amid_bounces(run: Run, times: Floats) -> Floats:
-    """Whether an instant is within bounces that are summed: the motion told there is contact's."""
+    """Return which instants lie within summed bounces, where the run reports motion in contact."""
     closed = run.events["event"] == "contact_closed"
     end, lasted = (run.events[name][closed, None] for name in ("t", "value"))
     return ((end - lasted <= times) & (times < end)).any(axis=0)
 
 
 def _contacts_off(run: Run, told: Told, end: float, size: float, growth: _Growth) -> float | None:
-    """How far apart (s) contacts begin and end in both, beyond what doubles can tell.
+    """Return the greatest difference (s) of contact events, beyond their uncertainty.
 
-    Where no force presses (two alike on a line) contact and none are one motion, and only one of
-    both may speak of contact: events without one like them nearby are not compared.
+    Without a contact force (two equal bodies on a line), motions with and without contact are the
+    same, and only one of run and oracle may report it. Events without a match nearby are not
+    compared.
     """
     events = run.events
     theirs = np.array([float(event.t) for event in told.events])
@@ -486,7 +487,7 @@ MOST_IMPACTS = 3
 
 
 def check_tangent(plan: Plan) -> list[Finding]:
-    """Errors of maps and of derivatives of instants, as shares of their largest elements."""
+    """Check tangent maps and derivatives of instants, relative to their largest elements."""
     tried = f"scenes drawn at random, up to {MOST_IMPACTS} impacts, with walls, junctions and laws"
     maps = Finding("error of the tangent map, of its largest element", tried, 1e-10)
     times = Finding("error of the instants' derivatives, of the largest", tried, 1e-10)
@@ -504,7 +505,7 @@ def check_tangent(plan: Plan) -> list[Finding]:
 
 
 def smooth_impacts(document: Document) -> int:
-    """Number of first impacts, up to a few, through which a motion has a derivative."""
+    """Return the number of first impacts, at most `MOST_IMPACTS`, with a smooth tangent map."""
     balls = document["balls"]
     if len(balls) < 2 or any("touching" in b for b in balls):
         return 0
@@ -513,15 +514,15 @@ def smooth_impacts(document: Document) -> int:
     found = follow_system(system, stop, MOST_IMPACTS)
     good = found.smooth & (found.amplification < MOST_GROWTH)
     count = len(good) if good.all() else int(np.argmin(good))
-    # Lasting contact, and rest at a wall, take directions; the twin knows of neither.
+    # Lasting contact and rest at a wall remove directions; the twin supports neither.
     kept = count > 0 and bool(np.isfinite(follow_system(system, None, count).sums).all())
     return count if kept else 0
 
 
 def errors_of(system: TraceSystem, count: int) -> tuple[float, float]:
-    """Errors of the map after so many impacts and of their instants' derivatives.
+    """Return the errors of the map after `count` impacts and of their instants' derivatives.
 
-    Ways (m) and speeds, as the way in the time scale of the system, are compared with one another.
+    Displacements (m) and speeds are made comparable by the time scale of the system.
     """
     told = events_of(simulate_system(system, None, count))
     found = follow_system(system, None, count)

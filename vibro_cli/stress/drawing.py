@@ -1,9 +1,8 @@
-"""Scenes drawn at random from everything a scenario may say, without regard to the solver.
+"""Random scenes with all features of scenarios, independent of the solver.
 
-Open and closed traces, lines of every slope (level ones above all), walls, bodies that touch at the
-start, unequal ones, every law, restitution from 0 to 1, rotating traces, and scenes that are their
-own mirror image, where impacts meet at one instant. A scene has the number of its draw: the same
-seed and number give the same scene.
+They have open and closed traces, lines of every slope (often level ones), walls, bodies that touch
+at the start, unequal bodies, all laws, restitution from 0 to 1, and rotating traces. Some are their
+own mirror image, with simultaneous impacts. Seed and number determine a scene.
 """
 
 from __future__ import annotations
@@ -22,14 +21,14 @@ Chain = tuple[float, list[Document]]
 KINDS = ("ball", "disk", "hoop", "particle", "hollow_ball")
 COUNTS = (1, 2, 3, 4, 5, 6)
 COUNT_SHARES = (0.03, 0.36, 0.27, 0.24, 0.06, 0.04)
-# Under a law that does not act along the line of centres a row may make millions of impacts.
+# Under a law that does not act along the line of centres, a row may make millions of impacts.
 MOST_IMPACTS = 20_000
-# Of some hundred attempts at least one is a scene that mechanics allows.
+# At least one in some hundred attempts gives a mechanically possible scene.
 ATTEMPTS = 1000
 
 
 def draw(seed: int, number: int) -> Document:
-    """The scene of a number: the first of its draws that mechanics does not refuse."""
+    """Return the scene of a number: its first attempt that is mechanically possible."""
     rng = np.random.default_rng([seed, 41, number])
     for _ in range(ATTEMPTS):
         document = _scene(rng)
@@ -71,7 +70,7 @@ def _scene(rng: Random) -> Document:
 
 
 def _slope(rng: Random) -> float:
-    """A slope (rad): mostly any below a right angle, often level, sometimes beyond."""
+    """Return a slope (rad): mostly less than a right angle, often level, sometimes more."""
     kind = rng.random()
     if kind < 0.2:
         return 0.0
@@ -94,7 +93,7 @@ def _arc(rng: Random, slope: float, end: float) -> Document:
 
 
 def _open_chain(rng: Random) -> Chain:
-    """One to six pieces, from a slope mostly down to one mostly up."""
+    """Return one to six pieces, mostly downhill at the left end and uphill at the right end."""
     start = slope = float(rng.uniform(-2.0, -0.3)) if rng.random() < 0.7 else _slope(rng)
     count = int(rng.integers(1, 7))
     arcs: list[Document] = []
@@ -111,7 +110,7 @@ def _open_chain(rng: Random) -> Chain:
 
 
 def _closed_chain(rng: Random) -> Chain:
-    """Half a closed trace of any slopes, and the same turned by 180 degrees: together closed."""
+    """Return a closed trace: random pieces, followed by the same pieces turned by 180 degrees."""
     start = float(rng.choice([-math.pi, -0.5 * math.pi, 0.0, rng.uniform(-math.pi, 0.0)]))
     if rng.random() < 0.15:
         radius = float(rng.uniform(0.4, 2.0))
@@ -139,7 +138,7 @@ def _closed_chain(rng: Random) -> Chain:
 
 
 def slopes_of(start: float, arcs: list[Document]) -> list[float]:
-    """Slopes (rad) at the ends of all pieces, from the left end on."""
+    """Return the slopes (rad) at the ends of all pieces, from left to right."""
     slopes = [start]
     for arc in arcs:
         slopes.append(arc.get("end_slope", slopes[-1]))
@@ -147,7 +146,7 @@ def slopes_of(start: float, arcs: list[Document]) -> list[float]:
 
 
 def _with_mirror_image(start: float, arcs: list[Document]) -> Chain:
-    """A chain and its mirror image to the right of it, level in the middle."""
+    """Return a chain followed by its mirror image, level in the middle."""
     arcs = arcs[:3]
     if slopes_of(start, arcs)[-1] != 0.0:
         arcs[-1] = {"shape": "valley", "radius": 1.0, "end_slope": 0.0}
@@ -168,7 +167,7 @@ def _axis(rng: Random, arcs: list[Document]) -> Document:
 
 
 def _end(rng: Random) -> Any:
-    """A wall, or nothing that holds the bodies."""
+    """Return an end of the trace: a wall, or an open end."""
     if rng.random() < 0.2:
         return "stop"
     restitution = rng.choice([0.0, 0.3, 0.9, 1.0, rng.uniform(0.0, 1.0)])
@@ -176,7 +175,7 @@ def _end(rng: Random) -> Any:
 
 
 def restitution(rng: Random) -> float:
-    """A coefficient of restitution: mostly low, often at an end of its range."""
+    """Return a coefficient of restitution: mostly low, often at an end of its range."""
     kind = rng.random()
     if kind < 0.25:
         return 0.0
@@ -200,7 +199,7 @@ def _collision(rng: Random, count: int, closed: bool, symmetric: bool) -> Docume
 
 
 def _bodies(rng: Random, start: float, arcs: list[Document]) -> list[Document]:
-    """Bodies in order along the trace, some of them in contact with the one before."""
+    """Return bodies in order along the trace, some of them in contact with the previous one."""
     count = int(rng.choice(COUNTS, p=COUNT_SHARES))
     lengths, slopes = [], slopes_of(start, arcs)
     for arc, low, high in zip(arcs, slopes, slopes[1:], strict=False):
@@ -241,7 +240,7 @@ def _speed(rng: Random, still: bool, together: float) -> float:
 def _place(
     arcs: list[Document], lengths: list[float], slopes: list[float], along: float
 ) -> Document:
-    """The piece and the place on it of an arc length."""
+    """Return the piece, and the place on it, of an arc length (m)."""
     number = 0
     while number < len(arcs) - 1 and along > lengths[number]:
         along -= lengths[number]
@@ -253,7 +252,7 @@ def _place(
 
 
 def _mirror_the_bodies(balls: list[Document], arcs: list[Document]) -> None:
-    """Make the bodies of the right half the mirror images of those of the left half."""
+    """Replace the bodies on the right half by mirror images of those on the left half."""
     left = [ball for ball in balls if ball["arc"] <= len(arcs) // 2]
     if any("touching" in ball for ball in left):
         left = left[:1]

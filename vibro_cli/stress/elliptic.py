@@ -1,4 +1,4 @@
-"""The elliptic functions against mpmath, from the middle to the last edge of the separatrix."""
+"""Checks of the elliptic functions against mpmath, up to the immediate neighbourhood of m = 1."""
 
 from __future__ import annotations
 
@@ -25,9 +25,10 @@ PLAINLY = "relative error of cn, dn / (eps max(1, u))"
 
 
 def _exact(u: float, root: float) -> tuple[Any, Any, Any]:
-    """sn, cn, dn of parameter ``1 - root^2``, by Jacobi's imaginary transformation (DLMF 22.6.21).
+    """Return sn, cn, dn of parameter ``1 - root^2`` by Jacobi's imaginary transformation.
 
-    ``root`` is exact; its square may be as small as 1e-300, so the digits must reach beyond it.
+    See DLMF 22.6.21. ``root`` is exact; its square may be as small as 1e-300, so the working
+    precision must exceed that.
     """
     with mp.workdps(50 + 2 * max(0, -int(2 * mp.log10(root)))):
         complement = mp.mpf(root) ** 2
@@ -37,7 +38,7 @@ def _exact(u: float, root: float) -> tuple[Any, Any, Any]:
 
 
 def check_elliptic(plan: Plan) -> list[Finding]:
-    """sn, cn, dn over a period, and Carlson's integral, for 1 - m from 0.5 to 1e-300."""
+    """Check sn, cn, dn over a period, and Carlson's integral, for 1 - m from 0.5 to 1e-300."""
     rng = np.random.default_rng([plan.seed, 7])
     return [
         *_jacobi(rng, plan.amount(150, 4000)),
@@ -61,8 +62,8 @@ def _jacobi(rng: np.random.Generator, count: int) -> list[Finding]:
         exact = _exact(u, root)
         off = [abs(mp.mpf(f) / common - e) for f, e in zip(functions, exact, strict=True)]
         absolute.take(_greatest(off) / (1.0e-14 + 2.0 * math.ulp(u)))
-        # A flight's argument is rounded, which moves the zeros of cn: there its slope stands
-        # beside it.
+        # The argument in a flight is rounded, which moves the zeros of cn: add the slope to the
+        # scale of its error.
         unit, (sn, cn, dn) = EPSILON * max(1.0, abs(u)), exact
         relative.take(
             _greatest(
@@ -74,25 +75,25 @@ def _jacobi(rng: np.random.Generator, count: int) -> list[Finding]:
 
 
 def _greatest(errors: Iterable[Any]) -> float:
-    """The greatest of some numbers in many digits; nan if one is."""
+    """Return the greatest of some mpmath numbers as a double, NaN if one is NaN."""
     return float(np.max([float(error) for error in errors]))
 
 
 def _root_of_complement(rng: np.random.Generator, number: int) -> float:
-    """Root of ``1 - m``, every third time hard by the separatrix."""
+    """Return the root of ``1 - m``, for every third number very close to the separatrix."""
     exponent = rng.uniform(-300.0, -16.0) if number % 3 == 0 else rng.uniform(-16.0, LARGEST)
     return math.sqrt(10.0**exponent)
 
 
 def _plain_error(jacobi: Jacobi, u: float, exact: Any) -> float:
-    """The greater of the relative errors of cn and dn by themselves."""
+    """Return the greater of the plain relative errors of cn and dn."""
     unit = EPSILON * max(1.0, abs(u))
     pairs = zip(jacobi.functions(u)[1:], exact[1:], strict=True)
     return _greatest(abs(mp.mpf(found) / true - 1) / unit for found, true in pairs)
 
 
 def _zeros(rng: np.random.Generator, count: int) -> Finding:
-    """cn and dn plainly, 1e-15 to 1e-2 from the zeros of cn, on both sides of several."""
+    """Check plain errors of cn and dn 1e-15 to 1e-2 from several zeros of cn, on both sides."""
     tried = "1e-15 to 1e-2 from the zeros of cn, 1 - m from 0.5 to 1e-300, against mpmath"
     plain = Finding(PLAINLY, tried, 16.0)
     for number in range(count):
@@ -106,7 +107,7 @@ def _zeros(rng: np.random.Generator, count: int) -> Finding:
 
 
 def _carlson(rng: np.random.Generator, count: int) -> Finding:
-    """K and F as the solver computes them, by R_F."""
+    """Check K and F as the solver computes them, by R_F."""
     tried = "F and K by Carlson's R_F, 1 - m from 0.5 to 1e-300, against mpmath"
     ulps = Finding("error (ulp)", tried, 4.0)
     for _ in range(count):

@@ -1,6 +1,6 @@
-"""Very fast, very long, very unequal: single motions, first contacts, penetration at impacts.
+"""Checks of very fast, very long and very unequal motions, and of penetration at impacts.
 
-Extreme sizes, gravities, masses and coefficients of restitution are among them; motions and first
+They cover extreme sizes, gravities, masses and coefficients of restitution. Motions and first
 contacts are compared with those in 50 digits.
 """
 
@@ -41,13 +41,13 @@ COEFFICIENTS = (0.0, 1.0e-300, 0.5, 1.0 - 2.0**-53, 1.0)
 
 
 def check_extremes(plan: Plan) -> list[Finding]:
-    """Scaled scenes against the one they are scaled from, mass ratios and k at their ends."""
+    """Check scaled scenes against their original, extreme mass ratios and k, and penetration."""
     rng = np.random.default_rng([plan.seed, 23])
     return [_scaled(rng, plan.amount(3, 20)), *_ratios(plan), _penetration(rng, plan)]
 
 
 def _scene(rng: np.random.Generator) -> Document:
-    """Two balls on three arcs; the angles of the trace in radians, so that scaling is exact."""
+    """Return two balls on three arcs, with slopes in radians, so that scaling is exact."""
     arcs = [{**arc, "end_slope": 0.9 * (-1.0) ** n} for n, arc in enumerate(THREE_ARCS["arcs"])]
     arcs[2]["end_slope"] = 2.0
     trace = {"start_slope": -2.0, "arcs": arcs}
@@ -59,7 +59,7 @@ def _scene(rng: np.random.Generator) -> Document:
 
 
 def _times_as_large(document: Document, length: float, gravity: float) -> Document:
-    """The same scene, all lengths times ``length`` and gravity times ``gravity``."""
+    """Return the scene with all lengths times ``length`` and gravity times ``gravity``."""
     speed = math.sqrt(length * gravity)
     arcs = [{**arc, "radius": arc["radius"] * length} for arc in document["trace"]["arcs"]]
     balls = [
@@ -81,7 +81,7 @@ def _scaled(rng: np.random.Generator, count: int) -> Finding:
         base = solve(document).collisions["t"]
         for power in SCALES:
             for other in (power, -power, 0):
-                # Times change by a power of two too, so that nothing is rounded by scaling.
+                # Times, too, must change by a power of two, so that scaling does not round.
                 if (power - other) % 2:
                     continue
                 changed = _times_as_large(document, 2.0**power, 2.0**other)
@@ -94,7 +94,7 @@ def _scaled(rng: np.random.Generator, count: int) -> Finding:
 
 
 def _ratios(plan: Plan) -> list[Finding]:
-    """Mass ratios to 1e9 with k at its ends: every run ends, no energy is gained."""
+    """Check that runs with mass ratios up to 1e9 and extreme k end and gain no energy."""
     tried = "two balls, mass ratios to 1e9, k = 0, 1e-300, 0.5, 1 - 2^-53, 1"
     failed = Finding(FAILED, tried, 0.0)
     gained = Finding("relative energy gained", tried, 1e-12)
@@ -109,7 +109,7 @@ def _ratios(plan: Plan) -> list[Finding]:
 
 
 def _penetration(rng: np.random.Generator, plan: Plan) -> Finding:
-    """Overlap at the impacts, in units in the last place of the positions."""
+    """Measure the overlap at impacts, in units in the last place of the positions."""
     tried = "two balls on three arcs, k = 0.9, up to 50 impacts each, distances to 50 digits"
     penetration = Finding("penetration (ulp of the positions)", tried, 8.0)
     for _ in range(plan.amount(20, 400)):
@@ -123,7 +123,7 @@ def _penetration(rng: np.random.Generator, plan: Plan) -> Finding:
 
 
 def _overlap(scene: Scene, run: Run, row: int) -> float:
-    """How far the bodies of an impact are in one another, from their angles, in ulp of places."""
+    """Return the overlap of the bodies of an impact, from their angles, in ulp of the places."""
     centres = []
     for ball_number, end in enumerate("ab"):
         piece = int(run.collisions[f"arc_{end}"][row]) - 1
@@ -142,14 +142,15 @@ ANGLE = "error of the angle / (eps x amplification)"
 
 
 def check_limits(plan: Plan) -> list[Finding]:
-    """A million turns, a billion periods, mixed ratios, the ends of the number range."""
+    """Check a million turns, a billion periods, extreme ratios, the ends of the number range."""
     rng = np.random.default_rng([plan.seed, 31])
     return [turns(rng, plan), swings(rng, plan), *unequal(rng, plan), ends_of_range(plan)]
 
 
 def _state(rate: Any, t: float) -> tuple[Any, Any]:
-    """Sine and cosine of half the angle of a ball of 0.1 m in a valley of 1 m, from ``(0, rate)``.
+    """Return sine and cosine of half the angle of a ball of 0.1 m in a valley of 1 m at a time (s).
 
+    The ball starts at the bottom with ``rate`` (rad/s).
     ``S = k sn(w t | k^2)`` for a libration, ``S = sn(k w t | 1/k^2)`` for a rotation, where
     ``k = rate/(2 w)`` is the ratio to the rate that just reaches the top (DLMF 22.19.2-3).
     """
@@ -163,21 +164,21 @@ def _state(rate: Any, t: float) -> tuple[Any, Any]:
 
 
 def _phase_error(document: Document, t: float) -> float:
-    """Error of a ball's angle in eps x what a relative change of its rate makes of it."""
+    """Return the error of a ball's angle in eps x the effect of a relative change of its rate."""
     run = solve(document, "compiled")
     # The solver gets the speed of the centre, which is the rate times the radius of its path.
     rate = mp.mpf(run.system.initial[0].speed) / (mp.mpf(1) - mp.mpf(0.1))
     sine, cosine = _state(rate, t)
     sample = run.sample([t])
     half = mp.mpf(float(sample["angle"][0])) / 2
-    # The sine of half the difference, whatever number of turns lies between.
+    # The sine of half the difference does not depend on whole turns.
     off = 2 * abs(mp.sin(half) * cosine - mp.cos(half) * sine)
     path = abs(float(sample["speed"][0])) / 0.9 * t
     return float(off / (EPSILON * max(path, 1.0)))
 
 
 def turns(rng: np.random.Generator, plan: Plan) -> Finding:
-    """A ball that goes round its circle, the last time a million turns after it began."""
+    """Check a ball that goes round its circle, up to a million turns."""
     tried = f"one ball on a circle, {plan.amount(1, 100) / 100 * TURNS:g} turns, against 50 digits"
     error = Finding(ANGLE, tried, 64.0)
     for _ in range(plan.amount(1, 4)):
@@ -189,7 +190,7 @@ def turns(rng: np.random.Generator, plan: Plan) -> Finding:
 
 
 def swings(rng: np.random.Generator, plan: Plan) -> Finding:
-    """A ball that swings undisturbed for a billion periods."""
+    """Check a ball that swings undisturbed for a billion periods."""
     tried = f"one ball in a valley, about {PERIODS:g} periods without an event, against 50 digits"
     error = Finding(ANGLE, tried, 64.0)
     for _ in range(plan.amount(5, 40)):
@@ -201,7 +202,7 @@ def swings(rng: np.random.Generator, plan: Plan) -> Finding:
 
 
 def unequal(rng: np.random.Generator, plan: Plan) -> list[Finding]:
-    """Radii to 1 : 1e4 with masses to 1 : 1e9 and k at its ends: right, or refused."""
+    """Check radii to 1 : 1e4 with masses to 1 : 1e9 and extreme k: solved or refused."""
     tried = "two balls, radii to 1 : 1e4, masses to 1 : 1e9, k = 0, 1e-300, 0.5, 1 - 2^-53, 1"
     first = Finding("relative error of the first impact", f"{tried}, against 50 digits", 1e-13)
     gained = Finding("relative energy gained", tried, 1e-12)
@@ -232,7 +233,7 @@ def unequal(rng: np.random.Generator, plan: Plan) -> list[Finding]:
 
 
 def ends_of_range(plan: Plan) -> Finding:
-    """Times and gravities near the ends of double precision: run, or refused with the reason."""
+    """Check times and gravities near the ends of the range of doubles: solved or refused."""
     tried = "stop.time to 1.7e308 s, gravity from 1e-320 to 1.7e308 m/s^2: right or refused"
     failed = Finding(FAILED, tried, 0.0)
     pair, alone = [ball(-0.5), ball(0.5)], [ball(0.5)]

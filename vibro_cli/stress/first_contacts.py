@@ -1,12 +1,12 @@
-"""First contacts: the solver's against the judge's, 50 digits and SciPy's event finder.
+"""First contacts of the solver against those of the judge, of 50 digits and of SciPy.
 
-The solver's come from its own compiled event loop, many flights one after another; SciPy's DOP853
-finds its events by changes of sign.
+The solver's contacts come from its compiled event loop, many flights one after another. SciPy's
+DOP853 finds events by changes of sign.
 
-Flights that just touch, or just do not, are made at the instant of grazing and followed backwards.
-At that instant the gap is ``-overshoot R``, its rate zero and its second derivative positive. The
-backward motion is in plain doubles (short Taylor steps of the pendulum equation), which places a
-flight within some 1e-15 R of what was meant; what then truly happens the judge decides.
+Flights that just touch, or just do not, are constructed at the instant of grazing and followed
+backwards. At that instant the gap is ``-overshoot``, its rate zero and its second derivative
+positive. The backward motion uses plain doubles (short Taylor steps of the pendulum equation),
+which places a flight within some 1e-15 R of the intended one; the judge decides what then happens.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ LEAST_GAP = 1.0e-6
 
 @dataclass(frozen=True)
 class Family:
-    """A trace with two bodies, whose initial states vary."""
+    """A trace with two bodies whose initial states vary."""
 
     document: Document
     system: TraceSystem
@@ -69,7 +69,7 @@ class Family:
 
     @property
     def sizes(self) -> list[float]:
-        """Their radii (m), lengths of lines."""
+        """Sizes of both pieces: radii of arcs, lengths of lines (m)."""
         return [piece.length if piece.is_line else piece.radius for piece in self.pieces]
 
     @property
@@ -79,7 +79,7 @@ class Family:
 
 
 def random_family(rng: np.random.Generator, number: int) -> Family:
-    """A random family, every kind in turn; what the mechanics refuse is drawn again."""
+    """Return a random family; `number` selects the kind. Impossible scenes are drawn again."""
     kind = KINDS[number % len(KINDS)]
     while True:
         document = _document(rng, kind)
@@ -120,14 +120,14 @@ def _document(rng: np.random.Generator, kind: str) -> Document:
 
 
 def _first_slope(rng: np.random.Generator, shapes: list[str]) -> float:
-    """A slope at the left end such that the middle of the trace is about level."""
+    """Return a slope at the left end such that the middle of the trace is about level."""
     if shapes[0] == "line":
         return float(rng.uniform(-0.6, 0.6))
     return float(rng.uniform(0.3, 1.3)) * (-1.0 if shapes[0] == "valley" else 1.0)
 
 
 def _middle(arcs: list[Document], start: float, index: int, share: float) -> Document:
-    """A place within a piece."""
+    """Return the place at a share of a piece."""
     arc = arcs[index]
     if arc["shape"] == "line":
         return {"position": share * arc["length"]}
@@ -145,12 +145,12 @@ class States:
     horizon: Any  # (n,)
 
     def part(self, chosen: Any) -> States:
-        """Those of some flights."""
+        """Return the states of the chosen flights."""
         return States(self.places[chosen], self.speeds[chosen], self.horizon[chosen])
 
 
 def random_states(rng: np.random.Generator, family: Family, count: int) -> States:
-    """States of bodies apart, from nearly touching to far away, slow and fast."""
+    """Return random states of separate bodies, from nearly touching to far apart, slow and fast."""
     first, last = family.pieces
     places = np.empty((count, 2))
     for ball, piece in enumerate((first, last)):
@@ -169,7 +169,7 @@ def random_states(rng: np.random.Generator, family: Family, count: int) -> State
 
 
 def _centres(piece: Piece, positions: Any, body_radius: float) -> tuple[Any, Any]:
-    """Centres (m) of a body at positions on a piece, to rounding: ``Piece.body_centre`` has one."""
+    """Return the centres (m) of a body at many positions, as ``Piece.body_centre`` does for one."""
     if piece.is_line:
         sine, cosine = math.sin(piece.start_slope), math.cos(piece.start_slope)
         return (
@@ -184,7 +184,7 @@ def _centres(piece: Piece, positions: Any, body_radius: float) -> tuple[Any, Any
 
 
 def centres_of(family: Family, states: States) -> list[tuple[Any, Any]]:
-    """Centres of both bodies at the start (m)."""
+    """Return the centres of both bodies at the start (m)."""
     return [
         _centres(piece, states.places[:, ball], family.system.bodies[ball].radius)
         for ball, piece in enumerate(family.pieces)
@@ -192,13 +192,13 @@ def centres_of(family: Family, states: States) -> list[tuple[Any, Any]]:
 
 
 def distances(family: Family, states: States) -> Any:
-    """Distances of the centres at the start (m)."""
+    """Return the distances of the centres at the start (m)."""
     (ax, ay), (bx, by) = centres_of(family, states)
     return np.hypot(bx - ax, by - ay)
 
 
 def for_judge(family: Family, states: States, horizon: Any) -> tuple[Any, Any]:
-    """Flights up to a horizon (s), and the bodies of each, as the judge is told of them."""
+    """Return the judge's records of flights up to a horizon (s), and of their bodies."""
     count = len(states.places)
     flights, bodies = zeros(count, JudgedFlight), zeros(2 * count, JudgedBody)
     first, last = family.pieces
@@ -215,7 +215,7 @@ def for_judge(family: Family, states: States, horizon: Any) -> tuple[Any, Any]:
 
 
 def scene_of_flight(family: Family, states: States, number: int) -> Scene:
-    """The scene of the doubles that the judge gets of one flight, kappa among them."""
+    """Return the scene of one flight with exactly the judge's doubles, including kappa."""
     scene = scene_of_system(family.system)
     bodies = tuple(
         replace(exact, kappa=mp.mpf(body.kappa))
@@ -231,7 +231,7 @@ def scene_of_flight(family: Family, states: States, number: int) -> Scene:
 
 
 def scenario_of_flight(family: Family, states: States, number: int) -> Document:
-    """The scenario that reproduces one flight."""
+    """Return the scenario that reproduces one flight."""
     document: Document = {**family.document, "balls": []}
     for ball, old in enumerate(family.document["balls"]):
         key = "position" if "position" in old else "angle"
@@ -242,7 +242,7 @@ def scenario_of_flight(family: Family, states: States, number: int) -> Document:
 
 
 _HALVINGS = 70
-_CHECKS = 8  # instants of the way back at which the bodies must be on their pieces
+_CHECKS = 8  # instants of the backward motion at which the bodies must be on their pieces
 _SMALLEST, _LARGEST = -13.0, -2.0  # powers of ten of the overshoot, in radii of the arc
 
 
@@ -250,7 +250,7 @@ _ORDER, _STEP = 18, 0.15  # of the series of a flight, and of a step in t max(1,
 
 
 def _followed(sign: float, angle: Any, rate: Any, t: Any) -> tuple[Any, Any]:
-    """Angles and rates of ``f'' = -sign sin f`` after times, flight by flight."""
+    """Return angles and rates of ``f'' = -sign sin f`` after times, one for each flight."""
     steps = math.ceil(np.max(np.abs(t) * (2.0 + np.abs(rate)), initial=0.0) / _STEP) + 1
     for _ in range(steps):
         sines, cosines, rates = [np.sin(angle)], [np.cos(angle)], [rate]
@@ -265,7 +265,7 @@ def _followed(sign: float, angle: Any, rate: Any, t: Any) -> tuple[Any, Any]:
 
 
 def _follow_body(family: Family, ball: int, states: States, times: Any) -> tuple[Any, Any]:
-    """Places and speeds of one body after the given times (negative: before)."""
+    """Return places and speeds of one body after the given times (negative: before)."""
     piece, body = family.pieces[ball], family.system.bodies[ball]
     places, speeds = states.places[:, ball].copy(), states.speeds[:, ball].copy()
     if piece.is_line:
@@ -279,7 +279,7 @@ def _follow_body(family: Family, ball: int, states: States, times: Any) -> tuple
 
 
 def _place_beside(family: Family, places: Any, distance: Any) -> tuple[Any, Any]:
-    """Places of the right body at the given distances of the centres, and where there is one."""
+    """Return places of the right body at given distances of the centres, and which exist."""
     first, last = family.pieces
     low = places.copy() if first is last else np.full(len(places), last.angle_start)
     high = np.full(len(places), last.angle_end)
@@ -298,7 +298,7 @@ def _place_beside(family: Family, places: Any, distance: Any) -> tuple[Any, Any]
 
 
 def _second_derivative(family: Family, states: States) -> tuple[Any, Any]:
-    """Speed of the right body at which the gap has no rate, and the gap's second derivative."""
+    """Return the right body's speed at which the gap's rate is 0, and its second derivative."""
     centres = centres_of(family, states)
     dx, dy = (centres[1][axis] - centres[0][axis] for axis in range(2))
     tangents = []
@@ -321,14 +321,14 @@ def _second_derivative(family: Family, states: States) -> tuple[Any, Any]:
 
 
 def near_grazing(rng: np.random.Generator, family: Family, tries: int) -> tuple[States, Any]:
-    """Flights of a family close to grazing, and their overshoots (m; negative: they stay apart).
+    """Return flights of a family close to grazing, and overshoots (m; negative: no contact).
 
-    Returns fewer than ``tries``: where bodies would leave their pieces or press there are none.
+    There are fewer than ``tries``: flights that leave their pieces or do not graze are dropped.
     """
     first, last = family.pieces
     sizes, touch = family.sizes, family.touch
     powers = rng.uniform(_SMALLEST, _LARGEST, tries)
-    # Every fourth a whole power of ten, both ends among them.
+    # Round every fourth to a whole power of ten, including both ends.
     powers = np.where(rng.random(tries) < 0.25, np.round(powers), powers)
     overshoot = min(sizes) * 10.0**powers
     overshoot *= rng.choice([-1.0, 1.0], tries)
@@ -349,7 +349,7 @@ def near_grazing(rng: np.random.Generator, family: Family, tries: int) -> tuple[
 
 
 def _go_back(family: Family, states: States, overshoot: Any) -> tuple[States, Any]:
-    """The states before grazing, of those that come from within their pieces and from apart."""
+    """Return the states before grazing of flights that stay on their pieces and start apart."""
     inside = np.ones(len(overshoot), dtype=bool)
     step = -states.horizon / _CHECKS
     before = States(states.places.copy(), states.speeds.copy(), 2.0 * states.horizon)
@@ -368,10 +368,10 @@ TOLERANCES = (1.0e-9, 1.0e-12)
 
 
 def first_event(one: Sample, tolerance: float) -> float | None:
-    """Instant (s) at which ``solve_ivp`` finds the gap to close, None if it finds no such.
+    """Return the instant (s) at which ``solve_ivp`` finds the gap to close, or None.
 
-    DOP853 with ``rtol = tolerance`` and a hundredth of it as ``atol``, an event function for the
-    gap, terminal and falling: as a user writes it.
+    It uses DOP853 with ``rtol = tolerance``, a hundredth of it as ``atol``, and a terminal, falling
+    event function for the gap, as a user would.
     """
     from scipy.integrate import solve_ivp
 
@@ -404,7 +404,7 @@ def first_event(one: Sample, tolerance: float) -> float | None:
 
 
 def first_contacts(family: Family, states: States) -> Any:
-    """The solver's first contacts of flights, up to the first end of one: an `Answer` for each."""
+    """Return an `Answer` for each flight: the solver's contact before either body's flight ends."""
     world = compiled_world(SYSTEM.loop, make_world(family.system, Limits(collisions=1)))
     copies: list[Any] = [np.array(array) for array in world]
     fresh = World(*copies)
@@ -425,9 +425,9 @@ def first_contacts(family: Family, states: States) -> Any:
     return answers
 
 
-# A contact is another one, not the same a little displaced, beyond this part of a radius.
+# Displacement, as a share of a radius, above which two contacts count as different.
 DISPLACED = 1.0e-11
-# A contact and the end of a flight closer than this (relative) are not told apart.
+# Relative distance below which a contact and the end of a flight are not distinguished.
 AT_THE_END = 1.0e-12
 WORKERS = 2
 FLIGHTS_OF_A_FAMILY = 2500
@@ -439,21 +439,21 @@ class Sample(NamedTuple):
     family: Family
     states: States
     number: int
-    """Of the flight among these"""
+    """Index of the flight among the states."""
     horizon: float
-    """How long the solver and the judge have looked ahead, s"""
+    """Time up to which the solver and the judge have searched (s)."""
     judged: float
     solved: float
 
 
 @dataclass
 class Tally:
-    """What became of many flights."""
+    """The results of many flights."""
 
     flights: int = 0
     contacts: int = 0
     kinds: Counter[str] = field(default_factory=Counter)
-    """How many are missed, invented, undecided or agreed upon."""
+    """Numbers of flights: missed, invented, undecided or agreed."""
     displacement: float = 0.0
     """Greatest distance (relative to the largest radius) by which a contact is displaced."""
     wrong: Document | None = None
@@ -461,7 +461,7 @@ class Tally:
     sample: list[Sample] = field(default_factory=list)
 
     def add(self, other: Tally) -> None:
-        """Add what became of other flights."""
+        """Add the results of other flights."""
         self.flights += other.flights
         self.contacts += other.contacts
         self.kinds += other.kinds
@@ -472,7 +472,7 @@ class Tally:
 
 
 def compare(family: Family, states: States, keep: int) -> Tally:
-    """Give the flights of a family to the solver and to the judge."""
+    """Compare the results of the solver and of the judge for the flights of a family."""
     answers = first_contacts(family, states)
     on_the_way = np.flatnonzero(answers["horizon"] > 0.0)
     answers, states = answers[on_the_way], states.part(on_the_way)
@@ -497,7 +497,7 @@ def compare(family: Family, states: States, keep: int) -> Tally:
 
 
 def _classify(answer: Any, verdict: Any, size: float) -> tuple[str, float]:
-    """What became of one flight: its kind, and by how much its contact is displaced."""
+    """Return the result of one flight: its kind, and the displacement of its contact."""
     horizon, met, instant = answer
     status, low, high, speed = verdict
     if status == UNDECIDED or (status == CONTACT and (high - low) * speed > DISPLACED * size):
@@ -515,7 +515,7 @@ def _classify(answer: Any, verdict: Any, size: float) -> tuple[str, float]:
 
 
 def _portion(seed: np.random.SeedSequence, kind: int, grazing: bool, keep: int) -> Tally:
-    """One family: drawn, solved and judged."""
+    """Draw, solve and judge one family."""
     rng = np.random.default_rng(seed)
     family = random_family(rng, kind)
     if grazing:
@@ -526,7 +526,7 @@ def _portion(seed: np.random.SeedSequence, kind: int, grazing: bool, keep: int) 
 
 
 def run_flights(seed: int, wanted: int, grazing: bool, keep: int) -> Tally:
-    """Families one after another, on two cores, until so many flights are judged."""
+    """Judge family after family, on two cores, until `wanted` flights are judged."""
     seeds = np.random.SeedSequence([seed, int(grazing)])
     total, kind = Tally(), 0
     with ThreadPoolExecutor(WORKERS) as workers:
@@ -543,7 +543,7 @@ def run_flights(seed: int, wanted: int, grazing: bool, keep: int) -> Tally:
 
 
 def check_contacts(plan: Plan) -> list[Finding]:
-    """Missed and invented contacts on random and near-grazing flights."""
+    """Check for missed and invented contacts on random and near-grazing flights."""
     findings: list[Finding] = []
     hostile: list[Sample] = []
     for name, grazing, wanted in (
@@ -585,7 +585,7 @@ def _by_fifty_digits(sample: list[Sample], plan: Plan) -> Finding:
 
 
 def _by_scipy(sample: list[Sample], plan: Plan) -> list[Finding]:
-    """What SciPy's event finder makes of near-grazing flights that do meet."""
+    """Count the contacts of near-grazing flights that SciPy's event finder misses."""
     meeting = [one for one in sample if one.judged < np.inf]
     chosen = _spread(meeting, plan.amount(20, 200))
     findings = []
@@ -601,7 +601,7 @@ def _by_scipy(sample: list[Sample], plan: Plan) -> list[Finding]:
 
 
 def _spread(items: list[Any], count: int) -> list[Any]:
-    """So many items, evenly from all."""
+    """Return at most `count` items, evenly chosen."""
     if len(items) <= count:
         return items
     return [items[int(k * len(items) / count)] for k in range(count)]

@@ -1,8 +1,8 @@
-"""What impacts do, one or several at an instant, against their law and against 50 digits.
+"""Checks of single and simultaneous impacts against their law and against 50 digits.
 
-Energy is kept over a million impacts at k = 1 and lost by the law below it, by one pair and by
-several; accumulating impacts end when a continuation in 50 digits says, and rightly go on; several
-pairs collide at one instant in Newton's cradle, by hits from both sides and with small k.
+Energy is conserved over a million impacts at k = 1, and lost as the law says for k < 1, by one pair
+and by several. Accumulations end at the time computed in 50 digits, and the runs continue. Several
+pairs collide simultaneously in Newton's cradle, by hits from both sides and with small k.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ Factors = tuple[Pair, Pair]
 
 
 def single_losses(plan: Plan) -> Finding:
-    """Loss of every impact of one pair against the law, from the row's own speeds."""
+    """Check the loss of every impact of one pair against the law, from the speeds of its row."""
     tried = "every law, k = 0, 1e-300 ... 1 - 2^-53, against 50 digits"
     error = Finding(QUANTITY.format("an impact's"), tried, 4.0)
     for law in LAW_NAMES:
@@ -64,7 +64,7 @@ def single_losses(plan: Plan) -> Finding:
 
 
 def simultaneous_losses(plan: Plan) -> Finding:
-    """Loss of every pair of an impact of two to five pairs at one instant."""
+    """Check the loss of every pair in simultaneous impacts of two to five pairs."""
     tried = "3 to 6 bodies in a row that all close at one instant, every law, against 50 digits"
     error = Finding(QUANTITY.format("a simultaneous impact's"), tried, 4.0)
     rng = np.random.default_rng([plan.seed, 37])
@@ -79,9 +79,9 @@ def simultaneous_losses(plan: Plan) -> Finding:
 
 
 def _closing_row(rng: np.random.Generator) -> Document:
-    """Bodies in contact at the start, each of a greater angular rate than the next one.
+    """Return bodies in contact at the start, each with a greater angular rate than the next one.
 
-    On the arc this is what closes a pair: a larger body that is faster than the next may part.
+    On an arc, pairs close if their angular rates do; a larger body with a greater speed may part.
     """
     equal = bool(rng.random() < 0.3)
     balls, rate = [], 2.0
@@ -102,10 +102,11 @@ def _closing_row(rng: np.random.Generator) -> Document:
 
 
 def _error(run: Run, rows: Sequence[int], k: Sequence[float]) -> float:
-    """Greatest error of the losses (ulp) of rows that are one impact of neighbouring pairs.
+    """Return the greatest error (ulp) of the losses in one impact of neighbouring pairs.
 
-    A relative speed is a difference of two speeds, and resolved no better than they are; the loss
-    goes with its square, in simultaneous impacts with it and the impulse, to which all pairs add.
+    A relative speed is a difference of two speeds, and has their absolute accuracy. The loss is
+    proportional to its square; in simultaneous impacts, to it and to the impulse, to which all
+    pairs contribute.
     """
     table = run.collisions
     bodies = scene_of_system(run.system).bodies
@@ -117,7 +118,7 @@ def _error(run: Run, rows: Sequence[int], k: Sequence[float]) -> float:
         va, vb = (mp.mpf(float(table[f"speed_{end}_pre"][row])) for end in "ab")
         relative.append(qa * va - qb * vb)
         resolved.append(max(abs(qa * va), abs(qb * vb)) / abs(relative[-1]))
-    # Of every pair its relative speed, and what its unit of impulse takes from that.
+    # For every pair, the row of its relative speed, and the changes by its unit of impulse.
     speeds, changes = (
         [{n: pair[0][which], n + 1: -pair[1][which]} for n, pair in enumerate(factors)]
         for which in (0, 1)
@@ -129,7 +130,7 @@ def _error(run: Run, rows: Sequence[int], k: Sequence[float]) -> float:
     worst = 0.0
     for n, row in enumerate(rows):
         exact = (1 - mp.mpf(k[n])) / 2 * impulses[n] * relative[n]
-        # What of the sum of q v^2/h, which is kept at k = 1, is energy: all are disks.
+        # Convert the sum of q v^2/h, which is conserved at k = 1, to energy: all are disks.
         body, (weight, response) = bodies[first + n], factors[n][0]
         exact *= body.kappa * body.mass * response / weight
         found = mp.mpf(float(table["energy_loss"][row]))
@@ -139,7 +140,7 @@ def _error(run: Run, rows: Sequence[int], k: Sequence[float]) -> float:
 
 
 def _factors(law: str, size: Any, one: Any, two: Any) -> Factors:
-    """The factors of two bodies in contact in a valley of this radius (m)."""
+    """Return the factors of two bodies in contact in a valley of radius `size` (m)."""
     paths = [size - one.radius, size - two.radius]
     beta = 2 * mp.asin(mp.sqrt(one.radius * two.radius / (paths[0] * paths[1])))
     normals = [path * mp.sin(beta) / (one.radius + two.radius) for path in reversed(paths)]
@@ -152,7 +153,7 @@ EXPONENT = 0.5 + 2.0 * (2.0 / 128.0) ** 0.5 / math.log(16.0)
 
 
 def check_energy(plan: Plan) -> list[Finding]:
-    """Drift and corrections at k = 1, growth of the RMS over seeds, loss of every impact."""
+    """Check drift and corrections at k = 1, growth of the RMS over seeds, and losses of impacts."""
     return [*_drift(plan), _growth(plan), single_losses(plan), simultaneous_losses(plan)]
 
 
@@ -186,7 +187,7 @@ def _drift(plan: Plan) -> list[Finding]:
 
 
 def _growth(plan: Plan) -> Finding:
-    """Growth of the RMS of the drift with the number of impacts, as an exponent."""
+    """Return the exponent with which the RMS of the drift grows with the number of impacts."""
     short = plan.amount(100, 4000)
     squares = [0.0, 0.0]
     for seed in range(SEEDS):
@@ -207,11 +208,11 @@ def _growth(plan: Plan) -> Finding:
 SHORT = (0.0, 0.05, 0.3, 0.5, 0.8)
 LONG = (*SHORT, 1.0e-300, 0.1, 0.2, 0.4, 0.6, 0.7, 0.85, 0.9, 0.95, 0.97, 0.98, 0.99)
 LONGEST = 4000.0  # s
-SLOW = 0.95  # thousands of impacts from here on: fewer cases
+SLOW = 0.95  # k from which runs have thousands of impacts: fewer cases
 
 
 def check_accumulation(plan: Plan) -> list[Finding]:
-    """Time of accumulation of a pair in a valley; lasting contact and the end of the run."""
+    """Check the time of accumulation of a pair in a valley, and that the run then continues."""
     rng = np.random.default_rng([plan.seed, 17])
     tried = "two balls in a valley, k = 0, 1e-300 ... 0.99" if plan.full else "k = 0 ... 0.8"
     error = Finding(
@@ -223,7 +224,7 @@ def check_accumulation(plan: Plan) -> list[Finding]:
             balls = [ball(float(rng.uniform(-1.2, -0.3))), ball(float(rng.uniform(0.3, 1.2)))]
             balls[0]["mass"] = float(rng.uniform(0.3, 3.0))
             document = scene(VALLEY, balls, k, time=LONGEST if k > 0.9 else 400.0)
-            document |= WALLS  # a light ball may come so far
+            document |= WALLS  # a light ball may reach them
             run = solve(document)
             closed = run.events["event"] == "contact_closed"
             found = float(run.events["t"][closed][0]) if closed.any() else float("nan")
@@ -235,12 +236,12 @@ def check_accumulation(plan: Plan) -> list[Finding]:
     return [error, ended]
 
 
-# Accumulations of many bodies take tens of thousands of impacts; more than this is no end.
+# Accumulations of many bodies take tens of thousands of impacts; beyond this a run has failed.
 MOST_IMPACTS = 200_000
 
 
 def _touching(masses: list[float]) -> list[Document]:
-    """Balls at rest in contact, about the bottom of a valley."""
+    """Return balls at rest in contact, centred on the bottom of a valley."""
     two = system_of(scene(VALLEY, [ball(-0.5), ball(0.5)], time=1.0))
     beta = contact_angle(two.trace.pieces[0], 0.1, 0.1)
     first = -0.5 * beta * (len(masses) - 1)
@@ -250,12 +251,12 @@ def _touching(masses: list[float]) -> list[Document]:
 
 
 def check_cradle(plan: Plan) -> list[Finding]:
-    """Speeds after a cradle's hit, symmetric scenes, and that every run ends."""
+    """Check the speeds after a cradle's hit, symmetric scenes, and that every run ends."""
     return [*_cradles(plan), *_symmetric(plan)]
 
 
 def _cradles(plan: Plan) -> list[Finding]:
-    """One ball hits n at rest: energy is kept, and the same speed leaves at the other end."""
+    """Check that a ball hitting a row at rest conserves energy and passes on its speed (k = 1)."""
     tried = "a ball against a row at rest in contact, k = 1, 0.7, 0.05, 0"
     gained = Finding("relative energy gained (k = 1: changed)", tried, 1e-13)
     lost = Finding("speed not passed on to the last ball at k = 1, relative", tried, 64.0 * EPSILON)
@@ -277,7 +278,7 @@ def _cradles(plan: Plan) -> list[Finding]:
 
 
 def _not_passed_on(run: Run) -> float:
-    """How far the speeds just after the first hit are from 0, ..., 0, v."""
+    """Return the relative deviation of the speeds just after the first hit from 0, ..., 0, v."""
     first = float(run.collisions["t"][0])
     incident = float(run.collisions["speed_a_pre"][0])
     same = np.abs(run.collisions["t"] - first) < 1.0e-9
@@ -292,7 +293,7 @@ def _not_passed_on(run: Run) -> float:
 
 
 def _symmetric(plan: Plan) -> list[Finding]:
-    """Masses 1:2:1 and rows struck from both sides stay their own mirror images, to the bit."""
+    """Check that symmetric rows struck from both sides stay their own mirror images, to the bit."""
     tried = "masses m : 2 : m struck from both sides at one instant, k = 1 ... 0"
     lopsided = Finding("distance from the mirror image (rad)", tried, 0.0)
     failed = Finding(FAILED, tried, 0.0)

@@ -1,10 +1,9 @@
-"""Instants and places of impacts, and of what ends a single flight, against 50 digits.
+"""Checks of instants and places of impacts, and of the ends of single flights, against 50 digits.
 
-The reference solver is told which events happen and computes every one of them anew from the very
-doubles that the solver starts from; it refuses a history in which bodies overlap or leave their
-pieces. Starts from a crest, 1e-3 to 1e-300 rad off it, are compared with elliptic integrals: when
-the body leaves, and where it goes. Traces that rotate about a vertical axis have their energy and
-their lasting contacts checked too.
+The reference solver gets the list of events and computes each of them anew from the same initial
+doubles; it rejects a history in which bodies overlap or leave their pieces. Starts 1e-3 to 1e-300
+rad off a crest are compared with elliptic integrals: when the body leaves, and where it goes. On
+traces that rotate about a vertical axis, energy and lasting contact are checked, too.
 """
 
 from __future__ import annotations
@@ -48,7 +47,7 @@ from vibro_cli.stress.scenes import (
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.trace import simulate_system
 
-# What is compared of an impact, as the twin has it.
+# The compared quantities of an impact, from the twin's record.
 QUANTITIES: dict[str, Callable[[Impact], Any]] = {
     "t": lambda impact: impact.t,
     "place_a": lambda impact: impact.a.place,
@@ -57,7 +56,7 @@ QUANTITIES: dict[str, Callable[[Impact], Any]] = {
 
 
 def solved(run: Run, quantity: str, row: int) -> Any:
-    """One of `QUANTITIES` of a row, without rounding: the time as the sum of both doubles."""
+    """Return one of `QUANTITIES` of a row without rounding; the time is the sum of two doubles."""
     table = run.collisions
     if quantity == "t":
         return mp.mpf(float(table["t"][row])) + mp.mpf(float(table["t_low"][row]))
@@ -70,17 +69,17 @@ def solved(run: Run, quantity: str, row: int) -> Any:
 
 
 def columns(run: Run) -> dict[str, list[float]]:
-    """All quantities of all rows, in doubles."""
+    """Return all quantities of all rows, in doubles."""
     count = len(run.collisions["n"])
     return {name: [float(solved(run, name, row)) for row in range(count)] for name in QUANTITIES}
 
 
 FIRST = 10
 LONGEST = 30.0  # s
-# Where a unit in the last place of a start moves the end by more than this part of a flight, the
-# states taken up again, rounded to doubles, do not hold the flight to its mark.
+# Shift of the end of a flight, relative to its length, by a unit in the last place of its start. If
+# it is greater than this, states rounded to doubles are too coarse for the mark of single flights.
 RESOLVED = 2.5e-14
-# What the response to a change of an input may be for it to be a linear one.
+# Greatest amplification for which the response to a change of an input is linear.
 MOST_AMPLIFIED = 1.0e6
 LINE_BETWEEN: Document = {
     "start_slope": "-120 deg",
@@ -93,7 +92,7 @@ LINE_BETWEEN: Document = {
 
 
 def check_impacts(plan: Plan) -> list[Finding]:
-    """The first impacts of many scenes, and every flight of them on its own."""
+    """Check the first impacts of many scenes, and each of their flights separately."""
     tried = "2 and 3 bodies on a circle, a valley, three arcs, a line between valleys; 50 digits"
     again = "taken up from reference states"
     whole = Finding(
@@ -129,9 +128,9 @@ def check_impacts(plan: Plan) -> list[Finding]:
 def _scenes(
     rng: np.random.Generator, count: int
 ) -> Iterator[tuple[Document, Run, dict[str, list[float]]]]:
-    """Scenes with ten ordinary impacts each, their runs, and how much a change of an input grows.
+    """Yield scenes with ten ordinary impacts each, their runs, and their amplification.
 
-    Simultaneous impacts and lasting contact are drawn again.
+    Scenes with simultaneous impacts or lasting contact are drawn again.
     """
     found = 0
     while found < count:
@@ -159,7 +158,7 @@ def _scene(rng: np.random.Generator, number: int) -> Document:
         own: Document = {"mass": float(rng.uniform(0.3, 3.0)), "body": str(rng.choice(KINDS))}
         own["speed"] = float(rng.normal(0.0, 1.0))
         if arcs > 1:
-            # The first body on the first piece, the others one after another on the last.
+            # Put the first body on the first piece, the others one after another on the last.
             own["arc"] = 1 if n == 0 else arcs
             place = float(rng.uniform(-1.4, -0.2)) if n == 0 else 0.5 * n + 0.1 * place
         balls.append(ball(place, radius=float(rng.uniform(0.05, 0.1)), **own))
@@ -184,7 +183,7 @@ def _amplified(run: Run) -> dict[str, list[float]]:
 
 
 def _error(run: Run, grown: dict[str, list[float]], exact: list[Impact]) -> float:
-    """Greatest error of an instant or a place, in eps x the amplification of a change."""
+    """Return the greatest error of an instant or a place, in eps x amplification."""
     worst = 0.0
     for quantity, value in QUANTITIES.items():
         for row, impact in enumerate(exact):
@@ -194,10 +193,10 @@ def _error(run: Run, grown: dict[str, list[float]], exact: list[Impact]) -> floa
 
 
 class _Flight:
-    """The time from one event to the next, begun anew from the twin's states, in doubles.
+    """The motion from one event to the next, started from the twin's states rounded to doubles.
 
-    Two bodies that have just hit one another are in contact: the left one is where its double says,
-    the right one where it touches, which the doubles nearest to both places stand for.
+    Two bodies that have just collided are in contact: the left one is exactly at its rounded place,
+    the right one where it touches the left one.
     """
 
     def __init__(
@@ -219,13 +218,13 @@ class _Flight:
         self.twin = ReferenceSolver(replace(start.scene, starts=tuple(start.states)))
 
     def is_a_start(self) -> bool:
-        """Whether the bodies stand in order; those that have gone over the seam once do not."""
+        """Return whether the bodies are in order; after crossing the seam once they are not."""
         return not any(out_of_order(*both) for both in pairwise(self.system.initial))
 
     def error_and_resolution(self) -> tuple[float, float]:
-        """Error of the event's instant, and what a unit of the last place of the start does to it.
+        """Return the error of the event's instant, and its shift by an ulp of the start.
 
-        Both relative to the flight's length.
+        Both are relative to the length of the flight.
         """
         event, twin = self.event, self.twin
         begun = [twin.at(number, mp.zero) for number in range(len(self.system.bodies))]
@@ -243,7 +242,7 @@ class _Flight:
 
 
 def _first_event(system: TraceSystem, told: SolverEvent) -> Any:
-    """The solver's instant of the first event of a kind."""
+    """Return the solver's instant of the first event of the kind of `told`."""
     run = simulate_system(system, 2.0 * told.t, 1, "python")
     if told.kind == "impact":
         return solved(run, "t", 0) if len(run.collisions["n"]) else mp.inf
@@ -253,7 +252,7 @@ def _first_event(system: TraceSystem, told: SolverEvent) -> Any:
 
 
 def _as_document(document: Document, system: TraceSystem) -> Document:
-    """The scenario of a system that differs from a scenario's in its start alone."""
+    """Return a scenario with its initial states replaced by those of a system."""
     balls = []
     for old, state in zip(document["balls"], system.initial, strict=True):
         own = {key: value for key, value in old.items() if key not in ("angle", "position")}
@@ -268,7 +267,7 @@ RETURNS = 6
 
 
 def check_crest(plan: Plan) -> list[Finding]:
-    """Departure and first impact against 50 digits; the decision to return over the crest."""
+    """Check departure and first impact against 50 digits, and the decisions to pass the crest."""
     rng = np.random.default_rng([plan.seed, 13])
     exponents = np.linspace(-3.0, -300.0, plan.amount(12, 199))
     offsets = [float(10.0**e * rng.uniform(1.0, 9.0)) for e in exponents]
@@ -276,7 +275,7 @@ def check_crest(plan: Plan) -> list[Finding]:
 
 
 def time_from_rest(w: Any, offset: Any, angle: Any) -> Any:
-    """Time (s) from rest at ``offset`` to ``angle`` on a hump: Carlson's form of the integral.
+    """Return the time (s) from rest at ``offset`` to ``angle`` on a hump, by Carlson's integral.
 
     ``w t = R_F(U12^2, U13^2, U23^2)`` (DLMF 19.29.4) of ``dx / sqrt(x (1-x) (x - x0))``, with
     ``x = sin^2(psi/2)``.
@@ -288,13 +287,13 @@ def time_from_rest(w: Any, offset: Any, angle: Any) -> Any:
 
 
 def _start_off_crest(offset: float) -> Document:
-    """A ball at rest off the crest, another at rest at the bottom of the right valley."""
+    """Return a ball at rest off the crest, and one at rest at the bottom of the right valley."""
     balls = [ball(offset, arc=2), ball(0.0, arc=3)]
     return scene(THREE_ARCS, balls, 1.0, collisions=1, time=1.0e6)
 
 
 def _exact(offset: float) -> tuple[Any, Any]:
-    """Instants of the departure from the hump and of the first impact."""
+    """Return the exact instants of the departure from the hump and of the first impact (s)."""
     junction = mp.mpf(5) / 18 * mp.pi
     radius = mp.mpf(RADIUS)
     kappa = mp.mpf(KAPPA)
@@ -332,7 +331,7 @@ def _times(offsets: list[float]) -> list[Finding]:
 
 
 def _decisions(offsets: list[float]) -> Finding:
-    """A body at rest beside a crest never comes over it; one moving on it always does."""
+    """Check that a body at rest beside a crest never passes it and one moving on it always does."""
     tried = (
         f"alone on three arcs for {RETURNS} crossings or more, at rest beside or moving on a crest"
     )
@@ -354,12 +353,12 @@ def _decisions(offsets: list[float]) -> Finding:
 
 
 def check_turning(plan: Plan) -> list[Finding]:
-    """Times of the first impacts, drift of energy at k = 1, balance of lasting contact."""
+    """Check, on rotating traces, first impacts, energy drift at k = 1, and the energy balance."""
     return [_first_impacts(), _energy(plan), _balance()]
 
 
 def _turning_document(on_axis: bool, rate: float, k: float, law: str, **stop: float) -> Document:
-    """Two balls in a valley on its axis, or on three arcs about the axis of the hump."""
+    """Return two balls in a valley rotating about its axis, or on three arcs about the hump's."""
     body: Document = {"radius": 0.1, "density": 7800.0}
     balls = [
         {**body, "arc": 1, "angle": "-75 deg", "rate": 0.0 if on_axis else -5.0},

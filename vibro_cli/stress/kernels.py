@@ -1,4 +1,4 @@
-"""The kernel of the checks of first contacts: the solver on many starts."""
+"""The kernel for the checks of first contacts: the solver's search from many starts."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from vibro_cli.kernels.world import Flight, World
 class Answer:
     """The first contact of two bodies that the solver finds."""
 
-    horizon: float  # s: how long to look ahead; then how long it did, to the first end of a flight
-    met: int  # 0 if there is none
+    horizon: float  # s: of the search; on return, at most the first end of a flight
+    met: int  # 0 if there is no contact
     t: float  # s
 
 
@@ -25,7 +25,7 @@ def find_first_contacts(
 ) -> None:
     """Find the first contact of the two bodies from one start after another.
 
-    Of ``fresh`` clock and pairs are taken, which know nothing of what was before.
+    Clock and pairs are reset from ``fresh`` for each start.
     """
     settings = world.settings[0]
     for number in range(len(answers)):

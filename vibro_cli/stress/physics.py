@@ -1,9 +1,9 @@
-"""What every motion must keep, judged from a finished run: no formula of the solver is used.
+"""Laws that every motion must obey, checked on finished runs without formulas of the solver.
 
-No overlap of any two bodies at any sampled instant, the bodies in their order, none beyond a wall,
-no jump, energy that never grows, and that only impacts and walls take away; bodies that touch at
-their impacts, and impacts that obey their law; the motion of the mirror image is the mirror image
-of the motion. Scenes drawn at random are held to it: every run ends, in little time and memory.
+At sampled instants no two bodies overlap, all are in order, none is beyond a wall, and none jumps.
+Energy never grows, and only impacts and walls dissipate it. Bodies touch at their impacts, and
+impacts obey their law. The motion of the mirror image is the mirror image of the motion. Random
+scenes are checked, whose runs must also end in little time and memory.
 """
 
 from __future__ import annotations
@@ -34,21 +34,21 @@ from vibro_cli.stress.scenes import (
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.trace import simulate_system
 
-# m, at sizes of a few metres: what rounding of places may do.
+# Overlap (m) that rounding of places may cause, at sizes of a few metres.
 OVERLAP = 1.0e-12
-NEARBY = 1.0e-9  # m: touches
-# Of the energy that moves.
+NEARBY = 1.0e-9  # m: distance of bodies that touch
+# Relative tolerance of the energy that varies.
 ENERGY = 1.0e-10
-# Impacts in less than this time (s) do not get on.
+# A run with so many impacts in so short a time (s) makes no progress.
 CROWDED, MOMENT = 10_000, 1.0e-9
-# Relative, of what a law keeps at one impact.
+# Relative tolerance of the quantity that a law conserves at an impact.
 LAW = 1.0e-12
 
 Floats = Any  # an array of numbers
 
 
 class Fault(NamedTuple):
-    """One thing that is wrong with a run."""
+    """One fault of a run."""
 
     kind: str
     text: str
@@ -66,9 +66,9 @@ class Motion(NamedTuple):
 
 
 def motion_of(run: Run, samples: int) -> Motion:
-    """The motion at so many instants spread evenly, and where flights end."""
+    """Sample the motion at evenly spaced instants and at the ends of flights."""
     end = float(run.checkpoint()["end_time"])
-    # Ends of flights: crossings, impacts, walls, and where contacts begin and end.
+    # Flights end at crossings, impacts and walls, and where contacts begin and end.
     known = run.flights()["t_end"][:samples]
     times = np.unique(np.concatenate([np.linspace(0.0, end, samples), known[known <= end]]))
     table = run.sample(times)
@@ -78,7 +78,7 @@ def motion_of(run: Run, samples: int) -> Motion:
 
 
 def faults_of(run: Run) -> list[Fault]:
-    """Everything that is wrong with a run."""
+    """Return all faults of a run."""
     motion = motion_of(run, 500)
     faults = [*ending(run), *overlaps(run, motion), *order(run, motion), *walls(run, motion)]
     faults += [*jumps(run, motion), *standing(run, motion), *energy(run, motion)]
@@ -86,7 +86,7 @@ def faults_of(run: Run) -> list[Fault]:
 
 
 def ending(run: Run) -> list[Fault]:
-    """Why the run may not have ended as it says."""
+    """Return faults of the end cause."""
     system, cause = run.system, run.end_cause
     if cause == "inadmissible":
         newton = system.law == "normal-impulse" or system.inadmissible == "normal-impulse"
@@ -105,7 +105,7 @@ def ending(run: Run) -> list[Fault]:
 
 
 def overlaps(run: Run, motion: Motion) -> list[Fault]:
-    """Pairs of bodies, neighbours or not, that are inside one another."""
+    """Return pairs of bodies, neighbours or not, that overlap."""
     faults = []
     radii = [body.radius for body in run.system.bodies]
     size = max(1.0, float(np.abs([motion.x, motion.y]).max()))
@@ -121,7 +121,7 @@ def overlaps(run: Run, motion: Motion) -> list[Fault]:
 
 
 def order(run: Run, motion: Motion) -> list[Fault]:
-    """Bodies that are not in the order of the start."""
+    """Return a fault if the bodies are not in their initial order."""
     trace = run.system.trace
     if trace.closed:
         around = np.mod(np.diff(motion.s, axis=1, append=motion.s[:, :1]), trace.length)
@@ -136,7 +136,7 @@ def order(run: Run, motion: Motion) -> list[Fault]:
 
 
 def walls(run: Run, motion: Motion) -> list[Fault]:
-    """Bodies beyond a wall."""
+    """Return walls that bodies have passed."""
     faults = []
     pieces = run.system.trace.pieces
     for right, wall in enumerate((run.system.left_end, run.system.right_end)):
@@ -145,7 +145,7 @@ def walls(run: Run, motion: Motion) -> list[Fault]:
         piece = pieces[-1 if right else 0]
         radii = np.array([body.radius for body in run.system.bodies])
         depth = _beyond_wall(run.system, bool(right), motion.x, motion.y) + radii
-        # The plane goes on beyond the trace, which may come back to it on the other side.
+        # The plane extends beyond the trace, which may return to its other side.
         near = np.abs(motion.s - (piece.start_s + piece.length if right else 0.0))
         beside = (motion.arc == piece.index + 1) & (near < 1.5 * piece.radius)
         depth = np.where(beside, depth, -1.0)
@@ -156,7 +156,7 @@ def walls(run: Run, motion: Motion) -> list[Fault]:
 
 
 def _beyond_wall(system: TraceSystem, right: bool, x: Any, y: Any) -> Any:
-    """How far (m) places are beyond the plane of the left or right wall."""
+    """Return how far (m) places are beyond the plane of the left or right wall."""
     piece = system.trace.pieces[-1 if right else 0]
     corner = piece.end if right else piece.start
     slope = piece.end_slope if right else piece.start_slope
@@ -165,7 +165,7 @@ def _beyond_wall(system: TraceSystem, right: bool, x: Any, y: Any) -> Any:
 
 
 def jumps(run: Run, motion: Motion) -> list[Fault]:
-    """Centres that move farther between two instants than their speeds allow."""
+    """Return a fault if a centre moves farther between two instants than its speed allows."""
     dt = np.diff(motion.t)[:, None]
     way = np.hypot(np.diff(motion.x, axis=0), np.diff(motion.y, axis=0))
     table = run.collisions
@@ -181,9 +181,9 @@ def jumps(run: Run, motion: Motion) -> list[Fault]:
 
 
 def standing(run: Run, motion: Motion) -> list[Fault]:
-    """Bodies that stand still with nothing to lean on.
+    """Return a fault if a body stands still against a force without a support.
 
-    Not those that move between two instants, and are stopped at each of them.
+    A body that moves between two instants and is at rest at both is not a fault.
     """
     flights = run.flights()
     still = (motion.speed[:-1] == 0.0) & (motion.speed[1:] == 0.0)
@@ -199,7 +199,7 @@ def standing(run: Run, motion: Motion) -> list[Fault]:
 
 
 def _pull(run: Run, motion: Motion, row: int, body: int) -> float:
-    """Force of gravity and turning along the trace (N/kg)."""
+    """Return the force of gravity and rotation along the trace (N/kg)."""
     system: TraceSystem = run.system
     piece = system.trace.pieces[int(motion.arc[row, body]) - 1]
     slope = piece.start_slope
@@ -213,7 +213,7 @@ def _pull(run: Run, motion: Motion, row: int, body: int) -> float:
 
 
 def _leans(run: Run, motion: Motion, row: int, body: int, side: int) -> bool:
-    """Whether a body touches a wall or a neighbour on a side (1 right, -1 left)."""
+    """Return whether a body touches a wall or a neighbour on a side (1 right, -1 left)."""
     system, count = run.system, len(run.system.bodies)
     wall = system.right_end if side > 0 else system.left_end
     radius = system.bodies[body].radius
@@ -230,7 +230,7 @@ def _leans(run: Run, motion: Motion, row: int, body: int, side: int) -> bool:
 
 
 def _energy_of(run: Run, motion: Motion) -> tuple[Floats, float]:
-    """Energy (J) at every instant, and how much of it moves."""
+    """Return the energy (J) at every instant, and a scale (J) for its changes."""
     kinetic, height = energies(run, motion.speed, motion.x, motion.y)
     total = (kinetic + height).sum(axis=1)
     scale = float(kinetic.sum(axis=1).max() + np.ptp(height, axis=0).sum() + np.abs(height).max())
@@ -238,13 +238,13 @@ def _energy_of(run: Run, motion: Motion) -> tuple[Floats, float]:
 
 
 def grows_by_its_law(run: Run) -> bool:
-    """Whether impacts may add rolling energy: m v is kept, not kappa m v."""
+    """Return whether impacts may add rolling energy, since they conserve m v, not kappa m v."""
     kappas = {body.kappa for body in run.system.bodies}
     return run.system.law == "translational" and len(kappas) > 1
 
 
 def energy(run: Run, motion: Motion) -> list[Fault]:
-    """Energy that grows, or is lost where nothing happens."""
+    """Return faults where energy grows, or is lost without an impact."""
     total, scale = _energy_of(run, motion)
     steps = np.diff(total) / scale
     flights = run.flights()
@@ -267,7 +267,7 @@ def energy(run: Run, motion: Motion) -> list[Fault]:
 
 
 def impacts(run: Run) -> list[Fault]:
-    """Impacts without contact, or against their law."""
+    """Return impacts without contact, or that violate their law."""
     table = run.collisions
     faults = []
     gap = np.abs(table["gap"])
@@ -288,7 +288,7 @@ def impacts(run: Run) -> list[Fault]:
 
 
 def _against_law(table: Any, row: int, one: Any, two: Any) -> float:
-    """How far (relative) an impact is from keeping what its law keeps."""
+    """Return the relative error of the quantity that the law of an impact conserves."""
     law = str(table["law"][row])
     if law == "normal-impulse":
         return 0.0
@@ -301,30 +301,29 @@ def _against_law(table: Any, row: int, one: Any, two: Any) -> float:
     return float(abs(given + taken) / (abs(given) + abs(taken) + most))
 
 
-# Instants at which a motion and its mirror image are compared.
+# Number of instants at which a motion and its mirror image are compared.
 INSTANTS = 24
-# Of the trace's length: what is not looked into any further.
+# Difference, as a share of the trace's length, that is not examined further.
 NEAR = 1.0e-9
-# The same under laws that do not act along the line of centres: what would come of bounces lower
-# than the rounding of the places (1e-7 m/s) is not known there. From then on that a body turns at a
-# wall, up to rounding, too: no change of the inputs shows it where the body, or its row, has
-# started from that wall at rest.
+# The same for laws that do not act along the line of centres, where the outcome of bounces lower
+# than the rounding of places (1e-7 m/s) is unknown. It also holds after a body turns at a wall up
+# to rounding: no change of the inputs shows this if the body, or its row, started at rest there.
 FAINT = 1.0e-7
-# Times the speed of bounces as high as that rounding: two bodies, in the motion and in its image,
-# part faster or slower by so much for what decides whether they are in contact.
+# Multiple of the speed of bounces as high as that rounding. Separation speeds in a motion and its
+# image may differ by so much where rounding decides whether bodies are in contact.
 FEW = 8.0
 # Rounding of a place, as a share of the size of its coordinates.
 PLACES = 64.0 * EPSILON
 # Rounding of places and speeds, as a relative change of the inputs.
 ROUNDING = 2.0**-40
-# Of the trace's length: where such a change does as much, nothing is told from rounding.
+# Effect of such a change, as a share of the trace's length, at which the motion is lost.
 LOST = 1.0e-3
 
 Solve = Any  # a function of a system that returns its run
 
 
 def mirrored_system(system: TraceSystem) -> TraceSystem:
-    """The mirror image of any system: right for left."""
+    """Return the mirror image of a system, with left and right exchanged."""
     pieces = system.trace.pieces
     starts = []
     for state in reversed(system.initial):
@@ -347,13 +346,13 @@ def mirrored_system(system: TraceSystem) -> TraceSystem:
 
 
 def _places(run: Run, times: Any) -> Any:
-    """Arc lengths (m) at some instants: a row for each, a column for each body."""
+    """Return arc lengths (m) at some instants, shape (instants, bodies)."""
     count = len(run.system.bodies)
     return run.sample(times)["s"].reshape(-1, count)
 
 
 def _distances(run: Run, one: Any, other: Any) -> Any:
-    """How far apart (m) two motions are at every instant."""
+    """Return the distance (m) of two motions at every instant."""
     apart = np.abs(one - other)
     if run.system.trace.closed:
         apart = np.minimum(apart, run.system.trace.length - apart)
@@ -361,10 +360,10 @@ def _distances(run: Run, one: Any, other: Any) -> Any:
 
 
 def first_graze(run: Run) -> float:
-    """When a body, or a row, first comes to a wall from elsewhere at a speed lost in rounding (s).
+    """Return when a body, or a row, first reaches a wall at a speed lost in rounding (s).
 
-    It turns there, then, up to the rounding of its place: the height that is left over, or lacks,
-    decides by rounding when it comes and with which speed. Infinite if none does.
+    There it turns, up to the rounding of its place; rounding decides when it arrives and with what
+    speed. Flights that begin at a wall do not count. Infinite if there is none.
     """
     flights = run.flights()
     hits = (flights["cause_end"] == "wall") & (flights["cause_start"] != "wall")
@@ -381,22 +380,25 @@ def first_graze(run: Run) -> float:
 
 
 def size_of_places(run: Run, places: Iterable[float]) -> float:
-    """Size (m) of the four coordinates, or twice the radii, of the places of a pair."""
+    """Return the size (m) that scales the rounding of places: four times the largest coordinate.
+
+    The radii of the arcs count as coordinates.
+    """
     radii = [piece.radius for piece in run.system.trace.pieces if not piece.is_line]
     return 4.0 * float(max(*places, *radii))
 
 
 def _size(run: Run) -> float:
-    """Return `size_of_places` of where the bodies start."""
+    """Return `size_of_places` of the start."""
     places = run.sample([0.0])
     return size_of_places(run, (float(np.abs(places[axis]).max()) for axis in ("x", "y")))
 
 
 def _first_doubt(run: Run) -> tuple[float, float]:
-    """When rounding first decides what comes of impacts (s), and the speed that is open then (m/s).
+    """Return when rounding first decides the outcome of impacts (s), and the uncertain speed (m/s).
 
-    Bounces as high as the rounding of places have that speed. They are in doubt, and so are
-    sequences of impacts at one instant, which are what is left of such bounces of several pairs.
+    It is the speed of bounces as high as the rounding of places. The outcome is also uncertain for
+    sequences of impacts at one instant, which may stand for such bounces of several pairs.
     """
     speed = math.sqrt(2.0 * run.system.gravity * CONTACT_ROUNDING * _size(run))
     t, approach = run.collisions["t"], run.collisions["approach_speed"]
@@ -406,14 +408,14 @@ def _first_doubt(run: Run) -> tuple[float, float]:
 
 
 def _order_in_doubt(run: Run) -> float:
-    """When bodies first meet again from a gap lost in rounding, one of them hit meanwhile (s).
+    """Return when bodies first meet again from a gap lost in rounding, one hit meanwhile (s).
 
-    Which impact of such a row comes before which is then decided by rounding, and what comes of
-    it differs by as much as the speeds of the impacts. Infinite if there is no such row.
+    Rounding then decides the order of the impacts in the row, and outcomes differ by as much as
+    the speeds of the impacts. Infinite if there is no such row.
     """
     height = CONTACT_ROUNDING * _size(run)
-    parted = dict[tuple[int, int], tuple[float, float]]()  # of each pair: when, and how fast
-    disturbed = set[tuple[int, int]]()  # those of which another pair has hit a body since
+    parted = dict[tuple[int, int], tuple[float, float]]()  # per pair: time and separation speed
+    disturbed = set[tuple[int, int]]()  # pairs of which another impact has hit a body since
     names = ("t", "ball_a", "ball_b", "approach_speed", "separation_speed")
     for t, a, b, came, left in zip(*(run.collisions[name].tolist() for name in names), strict=True):
         since, speed = parted.get((a, b), (t, 0.0))
@@ -426,11 +428,11 @@ def _order_in_doubt(run: Run) -> float:
 
 
 def distance_from_image(run: Run, solve: Solve) -> tuple[float, float]:
-    """How far (m) the motion of the mirror image is from the mirror image of the motion, and when.
+    """Return the distance (m) of the motion of the image from the image of the motion, and when.
 
-    Zero as long as it is no more than what rounding does. That of the inputs moves both of them by
-    what changes of that size of every input in turn do: where contact begins or ends it grows with
-    their square root. That of places leaves speeds open once bounces are as low.
+    It is zero if rounding explains it. The effect of rounding of the inputs is measured by changes
+    of that size of each input; where contact begins or ends, it grows with their square root.
+    Rounding of places makes speeds uncertain once bounces are as low.
     """
     system, length = run.system, run.system.trace.length
     image = solve(mirrored_system(system))
@@ -454,7 +456,7 @@ def distance_from_image(run: Run, solve: Solve) -> tuple[float, float]:
         places = _distances(run, ours[known], _places(changed, times[known]))
         moved[known] = np.maximum(moved[known], places)
         if there < end * (1.0 - NEAR):
-            moved[~known] = np.inf  # it ends otherwise: nothing is told of what comes later
+            moved[~known] = np.inf  # it ends otherwise: nothing is known of later instants
         before = min(moved[times <= doubt].max(initial=ROUNDING * length), length)
         grown = np.maximum.accumulate(np.clip(moved / before, 1.0, 1.0 / ROUNDING))
         bad = (off > near + 2.0 * moved + faint * grown) & (moved < LOST * length)
@@ -464,13 +466,13 @@ def distance_from_image(run: Run, solve: Solve) -> tuple[float, float]:
     return float(off[row]), float(times[row])
 
 
-SECONDS = 10.0  # of the processor, for a run
-JUDGING = 120.0  # for a scene, its mirror image and all runs that tell how far both may be apart
+SECONDS = 10.0  # of processor time, for a run
+JUDGING = 120.0  # for a scene, its mirror image and all runs with changed inputs
 MEMORY = 2**30
 
 
 def check_drawn(plan: Plan) -> list[Finding]:
-    """Faults of the program, broken laws of mechanics, and wrong mirror images."""
+    """Check random scenes for program faults, broken laws of mechanics, wrong mirror images."""
     tried = "scenes drawn at random, open and closed, 1 to 6 bodies, and their mirror images"
     failed = Finding("runs that fail, or take over 10 s or 1 GB", tried, 0.0)
     broken = Finding("laws of mechanics that a run breaks", tried, 0.0)
@@ -486,7 +488,7 @@ def check_drawn(plan: Plan) -> list[Finding]:
 
 
 def judge(seconds: float = JUDGING) -> Callable[[Document], list[Fault]]:
-    """A function that tells what is wrong with the run of a document, which may not end."""
+    """Return a function that finds the faults of the run of a document, even if it never ends."""
     watched = Watched(faults_of_document, MEMORY)
 
     def judged(document: Document) -> list[Fault]:
@@ -499,7 +501,7 @@ def judge(seconds: float = JUDGING) -> Callable[[Document], list[Fault]]:
 
 
 def faults_of_document(document: Document) -> list[Fault]:
-    """What is wrong with the run of a document."""
+    """Return the faults of the run of a document."""
     stop = document["stop"]
 
     def solve(system: TraceSystem) -> Run:

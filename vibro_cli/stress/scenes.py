@@ -1,6 +1,6 @@
-"""Scenes that several checks share, running them, and what a check reports.
+"""Scenes that several checks share, their runs, and the findings of checks.
 
-Runs that may never end or fill the memory have a process of their own, which can be given up.
+Runs that might never end or fill the memory are made in a separate process, which can be ended.
 """
 
 from __future__ import annotations
@@ -30,43 +30,43 @@ Document = dict[str, Any]
 
 @dataclass(frozen=True)
 class Plan:
-    """How much is tried."""
+    """The extent of the suite."""
 
     seed: int
     full: bool
     cases: int | None = None
-    """How many scenes the checks draw that draw whole scenes; None for as many as they think."""
+    """Number of scenes that checks of random scenes draw; None for their own numbers."""
 
     def amount(self, short: int, long: int) -> int:
-        """A number of cases for the short or the full form."""
+        """Return the number of cases for the short or the full form."""
         return long if self.full else short
 
     def scenes(self, short: int, long: int) -> int:
-        """A number of whole scenes, unless it is given."""
+        """Return the number of random scenes: `cases`, or that of the form."""
         return self.amount(short, long) if self.cases is None else self.cases
 
 
 @dataclass
 class Finding:
-    """The greatest of many values of one quantity: one line of the table."""
+    """The greatest of many values of one quantity: one row of the table."""
 
     check: str = field(default="", kw_only=True)
-    """Name of the check that made it (the word for ``--only``), given by the suite."""
+    """Name of the check (as for ``--only``), set by the suite."""
     quantity: str
-    """What is measured, with its unit."""
+    """The measured quantity, with its unit."""
     tried: str
-    """What it is measured on."""
+    """The cases on which it is measured."""
     cases: int = field(default=0, kw_only=True)
-    """How many cases that were."""
+    """Number of cases."""
     worst: float = field(default=0.0, kw_only=True)
     """The greatest value found."""
     mark: float | None
-    """What it may be at most; None where it is only told."""
+    """The greatest value allowed; None if the quantity is only reported."""
     scenario: Document | None = field(default=None, kw_only=True)
     """The scenario of the worst case."""
 
     def take(self, value: float, scenario: Document | None = None) -> None:
-        """Take the value of one more case into account; nan counts as infinite."""
+        """Include the value of one more case; NaN counts as infinite."""
         self.cases += 1
         value = float("inf") if value != value else float(value)
         if value > self.worst or self.scenario is None:
@@ -74,8 +74,8 @@ class Finding:
 
     @property
     def met(self) -> bool:
-        """Whether the mark is met (a value that is only told meets it; nan never does)."""
-        return self.mark is None or bool(self.worst <= self.mark)  # and no truth value of numpy
+        """Whether the mark is met; always true without a mark, otherwise never for NaN."""
+        return self.mark is None or bool(self.worst <= self.mark)  # bool, not numpy.bool_
 
 
 GRAVITY = 9.81
@@ -87,7 +87,7 @@ CIRCLE: Document = {
 
 
 def valley(slope: int) -> Document:
-    """One valley of radius 1 m between two slopes (deg) of that size."""
+    """Return one valley of radius 1 m between the slopes ``-slope`` and ``slope`` (deg)."""
     return {
         "start_slope": f"-{slope} deg",
         "arcs": [{"shape": "valley", "radius": 1.0, "end_slope": f"{slope} deg"}],
@@ -95,7 +95,7 @@ def valley(slope: int) -> Document:
 
 
 def three_arcs(slope: int) -> Document:
-    """Two valleys of radius 1 m and a hump of half of it, between slopes (deg) of that size."""
+    """Return valleys of radius 1 m beside a hump of 0.5 m, from ``-slope`` to ``slope`` (deg)."""
     return {
         "start_slope": f"-{slope} deg",
         "arcs": [
@@ -108,18 +108,18 @@ def three_arcs(slope: int) -> Document:
 
 VALLEY, THREE_ARCS = valley(170), three_arcs(120)
 WALLS: Document = {"ends": {"left": {"wall": 1.0}, "right": {"wall": 1.0}}}
-"""The part of a scenario that has elastic walls at both ends of its trace."""
+"""Part of a scenario: elastic walls at both ends of the trace."""
 
 
 def ball(angle: float, arc: int = 1, **more: Any) -> Document:
-    """A ball of radius 0.1 m and mass 1 kg at an angle of an arc."""
+    """Return a ball of radius 0.1 m and mass 1 kg at an angle on an arc."""
     return {"radius": 0.1, "mass": 1.0, "arc": arc, "angle": angle, **more}
 
 
 def scene(
     trace: Document, balls: list[Document], k: float = 1.0, law: str = "normal-impulse", **stop: Any
 ) -> Document:
-    """A scenario as a document."""
+    """Return a scenario as a document."""
     document: Document = {"gravity": GRAVITY, "trace": trace, "balls": balls, "stop": stop}
     if len(balls) > 1:
         document["collision"] = {"law": law, "k": k}
@@ -127,23 +127,23 @@ def scene(
 
 
 def system_of(document: Document) -> TraceSystem:
-    """The system of a document."""
+    """Build the system of a document."""
     return build_system(scenario_of(document))
 
 
 def solve(document: Document, engine: str = "python") -> Run:
-    """Run a document."""
+    """Run the scenario of a document."""
     stop = document["stop"]
     return simulate_system(system_of(document), stop.get("time"), stop.get("collisions"), engine)
 
 
 def solve_any(document: Document, engine: str = "compiled") -> Run:
-    """Run the document of any system."""
+    """Run the scenario of a document of any system."""
     return simulate(any_scenario_of(document), engine)
 
 
 def energies(run: Run, speed: Any, x: Any, y: Any) -> tuple[Any, Any]:
-    """Kinetic and potential energies (J) of the bodies, along the last axis of their states."""
+    """Return kinetic and potential energies (J); bodies are along the last axis of the arrays."""
     system = run.system
     mass = np.array([body.mass for body in system.bodies])
     kappa = np.array([body.kappa for body in system.bodies])
@@ -154,30 +154,30 @@ def energies(run: Run, speed: Any, x: Any, y: Any) -> tuple[Any, Any]:
 
 
 def energy_at(run: Run, t: float, side: str) -> float:
-    """Energy (J) from places and speeds alone, on either side of an instant."""
+    """Return the energy (J), from places and speeds alone, before or after an instant."""
     sample = run.sample([t], side)
     return math.fsum(np.concatenate(energies(run, *(sample[name] for name in ("speed", "x", "y")))))
 
 
 def energy_gained(run: Run) -> float:
-    """Change of the energy from the start to the end of a run, relative."""
+    """Return the relative change of the energy from the start to the end of a run."""
     before = energy_at(run, 0.0, "before")
     after = energy_at(run, run.checkpoint()["end_time"], "after")
     return (after - before) / abs(before)
 
 
-# Seconds of the processor, however many they are on a busy machine; far more than any run takes.
+# Processor time (s), independent of other load; far more than any run takes.
 PATIENCE = 20.0
 
 Answer = TypeVar("Answer")
 
 
 class GivenUp(Exception):
-    """The other process did not answer; the message says why."""
+    """Raised if the other process did not answer; the message says why."""
 
 
 def _limit_memory(function: Callable[[Document], Any], memory: int) -> None:
-    """Let this process grow by so many bytes of addresses from what small runs need."""
+    """Limit the growth of this process's address space, after small runs, to `memory` bytes."""
     for trace in (VALLEY, {**VALLEY, "turning": {"through_arc": 1, "rate": 1.0}}):
         function(scene(trace, [ball(-0.5), ball(0.5)], 0.9, time=1.0))
     pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
@@ -188,7 +188,7 @@ def _limit_memory(function: Callable[[Document], Any], memory: int) -> None:
 def _serve(connection: Connection, function: Callable[[Document], Any], memory: int | None) -> None:
     """Answer documents as they come.
 
-    What takes too long ends the process by a signal: it may be in machine code.
+    A signal ends the process if a call takes too long, since it may be in machine code.
     """
     if memory is not None:
         _limit_memory(function, memory)
@@ -196,7 +196,7 @@ def _serve(connection: Connection, function: Callable[[Document], Any], memory: 
         try:
             document, seconds = connection.recv()
         except EOFError:
-            return  # nobody asks any more
+            return  # the other end is closed
         signal.setitimer(signal.ITIMER_PROF, seconds)
         answer = function(document)
         signal.setitimer(signal.ITIMER_PROF, 0.0)
@@ -204,14 +204,14 @@ def _serve(connection: Connection, function: Callable[[Document], Any], memory: 
 
 
 class Watched(Generic[Answer]):
-    """A function of a document, called in another process, which is made when it is first needed.
+    """A function of a document, called in another process, which is started at the first call.
 
     Parameters
     ----------
     function
-        What is called; it is at the top of a module and raises nothing.
+        Function at the top level of a module; must not raise.
     memory
-        Bytes that it may take, None for as many as there are.
+        Memory limit (bytes), None for no limit.
     """
 
     def __init__(self, function: Callable[[Document], Answer], memory: int | None = None) -> None:
@@ -229,12 +229,12 @@ class Watched(Generic[Answer]):
         other.close()
 
     def __call__(self, document: Document, seconds: float = PATIENCE) -> Answer:
-        """Return the function's answer, found in so many seconds of the processor.
+        """Return the function's answer, computed within `seconds` of processor time.
 
         Raises
         ------
         GivenUp
-            If there is none by then, or the process has ended.
+            If there is no answer by then, or the process has ended.
         """
         if self._process is None:
             self._begin()
@@ -265,9 +265,9 @@ _watched_fault = Watched(_fault)
 
 
 def fault_of(document: Document, seconds: float = PATIENCE) -> str:
-    """What a run of a document comes to grief by: a fault or no end in so many seconds; or "".
+    """Return how a run of a document fails: by an exception or a timeout (s); "" if it does not.
 
-    To be refused is none.
+    An invalid scenario is not a failure.
     """
     try:
         return _watched_fault(document, seconds)
@@ -279,7 +279,7 @@ FAILED = "runs that hang or fail"
 
 
 def attempted(document: Document, failed: Finding) -> Run | None:
-    """The run of a document; None if it comes to grief, which is taken into account."""
+    """Run a document; count a failure in `failed` and return None then."""
     fault = fault_of(document)
     failed.take(float(bool(fault)), document)
     return None if fault else solve(document)

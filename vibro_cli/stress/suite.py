@@ -1,4 +1,4 @@
-"""The checks by name, running them, and their table: as text, plain values and a folder."""
+"""The checks by name, their execution, and their table as text, plain values and a folder."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ from vibro_cli.systems import NAMES as SYSTEMS
 from vibro_cli.systems import system_named
 from vibro_cli.systems.columns import Column, Table
 
-# The function ``check_NAME`` of each is in this module beside this one; the quick ones first. Those
-# of a system are ``check`` in the module ``stress`` of its folder, where there is one.
+# Module of the function ``check_NAME`` of each check, the quick checks first. The check of a system
+# is ``check`` in the module ``stress`` of the system's folder, if there is one.
 OF_SYSTEMS = tuple(name for name in SYSTEMS[1:] if system_named(name).has_part("stress"))
 HOMES = {
     "elliptic": "elliptic",
@@ -45,16 +45,16 @@ HOMES = {
 }
 NAMES = tuple(HOMES)
 
-# Processes of the long form.
+# Number of processes in the long form.
 WORKERS = 2
 
 
 class MissingLibrary(VibroError):
-    """A library that only this suite needs is not installed."""
+    """Raised if a library that only this suite needs is not installed."""
 
 
 def findings_of(name: str, plan: Plan) -> list[Finding]:
-    """What one check finds."""
+    """Run one check and return its findings."""
     check: Callable[[Plan], list[Finding]]
     if name in OF_SYSTEMS:
         check = system_named(name).part("stress").check
@@ -70,11 +70,11 @@ def findings_of(name: str, plan: Plan) -> list[Finding]:
 
 
 def run(plan: Plan, names: Sequence[str]) -> Iterator[Finding]:
-    """Run the checks of these names (all when empty) and yield in the order of ``NAMES``.
+    """Run the named checks (all if empty) and yield their findings in the order of ``NAMES``.
 
-    Those of the long form run two at a time, each in a process.
+    In the long form, two checks run at a time, each in its own process.
 
-    Raises MissingLibrary without mpmath, before anything else.
+    Raises MissingLibrary, before any check, if mpmath is not installed.
     """
     if find_spec("mpmath") is None:
         raise MissingLibrary("mpmath is missing; install it with: pip install 'vibro-cli[stress]'")
@@ -109,7 +109,7 @@ TABLE = Table(
 
 
 def line_of(finding: Finding) -> str:
-    """One finding on one line of text."""
+    """Return a finding as one line of text."""
     verdict = "told" if finding.mark is None else ("met" if finding.met else "MISSED")
     mark = "" if finding.mark is None else f" (mark {finding.mark:.3g})"
     return (
@@ -119,17 +119,17 @@ def line_of(finding: Finding) -> str:
 
 
 def record_of(finding: Finding) -> dict[str, Any]:
-    """One finding as plain values; what is not finite is null."""
+    """Return a finding as plain values, with None if the worst value is not finite."""
     record = asdict(finding) | {"met": finding.met}
     record["worst"] = finding.worst if math.isfinite(finding.worst) else None
     return record
 
 
 def write(findings: Sequence[Finding], plan: Plan, target: Path) -> None:
-    """Write the table and the scenario of every worst case into a folder.
+    """Write the table and the scenario of every worst case to a folder.
 
-    Raises FolderRefused when ``target`` is there and is none of ours, OSError when it cannot be
-    written.
+    Raises FolderRefused if ``target`` exists and was not written by this program, and OSError if
+    it cannot be written.
     """
     names = [
         f"{finding.check}_{number}.json" if finding.scenario is not None else None

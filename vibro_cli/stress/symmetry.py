@@ -1,4 +1,4 @@
-"""Mirror images, time reversal, and runs that go on from a checkpoint."""
+"""Checks of mirror images, time reversal, and runs continued from a checkpoint."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from vibro_cli.systems.trace import simulate_system
 
 
 def check_symmetry(plan: Plan) -> list[Finding]:
-    """Mirror images on one arc and on three, motion reversed, runs in two parts."""
+    """Check mirror images on one arc and on three, reversed motions, and runs in two parts."""
     rng = np.random.default_rng([plan.seed, 11])
     count = plan.amount(20, 400)
     return [
@@ -38,7 +38,7 @@ def check_symmetry(plan: Plan) -> list[Finding]:
 
 
 def _balls(rng: np.random.Generator, count: int, low: float, high: float) -> list[Document]:
-    """Balls of random masses and speeds in slots of one arc."""
+    """Return balls of random masses and speeds, each in its own interval of one arc."""
     edges = np.linspace(low, high, count + 1)
     return [
         ball(
@@ -50,17 +50,17 @@ def _balls(rng: np.random.Generator, count: int, low: float, high: float) -> lis
 
 
 def run_of_image(run: Run, document: Document) -> Run:
-    """The run of the mirror image of a document's scene, of which there is a run."""
+    """Solve the mirror image of the scene of a run and its document."""
     stop = document["stop"]
     image = mirrored_system(run.system)
     return simulate_system(image, stop.get("time"), stop.get("collisions"), "python")
 
 
 def _pairs_of_columns(run: Run, image: Run) -> list[tuple[Any, Any]]:
-    """Columns of a run and the same of its image, mirrored back.
+    """Return columns of a run, each with that of its image mirrored back.
 
-    Separate pairs that meet at one instant, to the bit, have their rows from left to right; in the
-    image that is the other order.
+    Simultaneous impacts of separate pairs are in order from left to right, which is reversed in the
+    image.
     """
     one, other = run.collisions, image.collisions
     rows = np.lexsort((one["ball_a"], one["t_low"], one["t"]))
@@ -98,7 +98,7 @@ CHANGE = 2.0**-30
 def _growth(
     document: Document, values: Any, values_of: Callable[[Run], Any], changed: Callable[..., float]
 ) -> Any:
-    """Greatest change of values of a run for changes of 1 of the numbers of its start in turn."""
+    """Return the greatest change of values of a run per change of each number of its start."""
     greatest = np.zeros(len(values))
     for number, old in enumerate(document["balls"]):
         for key in ("angle", "speed"):
@@ -133,7 +133,7 @@ def _mirror_on_three(rng: np.random.Generator, count: int) -> Finding:
 
 
 def _reversal(rng: np.random.Generator, count: int) -> Finding:
-    """Forward, every speed reversed, back: the start again."""
+    """Check that a motion with all speeds reversed returns to the start."""
     tried = "two balls in a valley for 4 s, all speeds reversed, back for 4 s"
     distance = Finding("distance from the start / (eps x amplification)", tried, 64.0)
     for _ in range(count):
