@@ -45,7 +45,7 @@ class Panel:
 
 @dataclass(frozen=True)
 class Link:
-    """The spring that holds a body: a polyline from a fixed foot to the centre of the body."""
+    """The link that holds a body: a polyline from a fixed foot to the centre of the body."""
 
     foot: tuple[float, float]
     """Place of the foot (m)"""
@@ -77,7 +77,7 @@ class Ground:
     panel: Panel | None
     """The phase plane, None if the points move on the plan itself"""
     links: tuple[Link, ...] = ()
-    """The springs that hold the bodies, one for each body, or none"""
+    """The links that hold the bodies, one for each body, or none"""
 
 
 @dataclass(frozen=True)

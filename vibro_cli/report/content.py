@@ -267,7 +267,7 @@ def _bodies(run: StoredRun, name: str) -> tuple[str, list[str], list[list[str]]]
 
 
 def _beside_the_body(ball: dict[str, Any]) -> dict[str, Any]:
-    """Return the keys of a body other than its own properties: its start, and its spring."""
+    """Return the keys of a body other than its own properties: its start, and what holds it."""
     return {key: value for key, value in ball.items() if key not in BodyTable.model_fields}
 
 
