@@ -26,7 +26,7 @@ def _measured(cells: Any, number: int = 2) -> Basins:
 
 
 def _cantor(levels: int) -> Any:
-    """One where the middle third of an interval was taken away, at one of some levels."""
+    """Return 1 on the Cantor set of some levels, 0 on the middle thirds that it removes."""
     kept = np.ones(1, dtype=np.int64)
     for _ in range(levels):
         kept = np.concatenate([kept, np.zeros_like(kept), kept])
@@ -57,7 +57,7 @@ def test_outcomes_by_chance_have_the_exponent_zero_and_fractal_boundaries() -> N
     assert found.exponent is not None
     assert abs(found.exponent.value) < 0.01
     assert found.fractal
-    # 25 draws of 4 fall short of ln 4 by nearly 3/(2 * 25).
+    # The mean of 25 draws of 4 falls short of ln 4 by nearly 3/(2 * 25).
     assert found.entropy.value == pytest.approx(math.log(4.0) - 3.0 / 50.0, abs=0.01)
 
 
@@ -84,7 +84,7 @@ def test_one_outcome_has_no_boundary() -> None:
 
 
 def test_a_particle_leaves_the_trace_beyond_the_separatrix_through_its_end() -> None:
-    """On one valley: the end of the trace is reached from above its energy, by hand."""
+    """Compare with the energy that the end of one valley requires, computed by hand."""
     trace = {"trace.start_slope": -1.2, "trace.arcs": [
         {"shape": "valley", "radius": 1.0, "end_slope": 1.2}
     ]}  # fmt: skip
@@ -193,7 +193,7 @@ def test_what_is_found_is_worded_as_an_indication(
 
 
 def test_the_axis_of_a_share_ends_at_one() -> None:
-    """It went on to 10 where nearly all starts are uncertain, and an error of 0.0003 was 0.000."""
+    """The axis used to extend to 10, and an error of 0.0003 was printed as 0.000."""
     cells = np.random.default_rng(3).integers(0, 5, 400)
     found = _measured(cells, 5)
     place = Coordinate("collision.k", "", np.linspace(0.0, 1.0, 400), ())

@@ -1,4 +1,4 @@
-"""Branches between two states against the motion integrated in time."""
+"""Branches between two states, compared with the motion integrated in time."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 def moved(
     hills: Landscape, piece: Piece, position: float, rate: float, time: float
 ) -> tuple[float, float]:
-    """The state after a time, by many small steps of Runge and Kutta."""
+    """Return the state after a time, by many small Runge-Kutta steps."""
     scale = hills.path_scale(piece)
 
     def change(state: Array) -> Array:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from vibro_cli.analysis.paper_formulas import CentralImpact
 
 INERTIA = st.floats(1e-3, 1e3)
-# Energies of slower bodies would have fewer digits than a double.
+# The energies of slower bodies would have fewer digits than a double.
 SPEED = st.floats(-50.0, 50.0).filter(lambda speed: speed == 0.0 or abs(speed) > 1e-140)
 
 

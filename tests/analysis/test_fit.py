@@ -1,4 +1,4 @@
-"""Numbers fitted to instants of impacts with known noise: the true ones lie where they should."""
+"""Parameters fitted to instants of impacts with known noise are distributed as expected."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def test_a_motion_of_any_pace_is_fitted_alike_without_its_noise(length: int, tim
 def test_a_wrong_minimum_tells_of_impacts_that_are_nearer_to_another(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Without the noise no sum of squares is too great."""
+    """Without a given noise, no sum of squares is too large to be accepted."""
     balls = [ball(0.625933, mass=2.82355), ball(0.975102, mass=1.90052)]
     true = scenario_of(scene(valley(150), balls, 0.920916, "hedrih", collisions=20))
     instants = _instants(true)
@@ -124,7 +124,7 @@ def test_the_error_of_one_impact_alone_is_its_sensitivity(path: str) -> None:
     beside = [scenario.replace({path: value + side}) for side in (change, -change)]
     ahead, behind = (_instants(one)[9] for one in beside)
     found = fit(scenario, {"n": [10], "t": [_instants(scenario)[9]]}, [path], noise=1.0)
-    # Of the difference the square of its change is lost.
+    # The difference has an error of the second order in the change.
     assert found.errors[0] == pytest.approx(2.0 * change / abs(ahead - behind), rel=1e-6)
 
 
@@ -132,7 +132,7 @@ def test_the_error_of_one_impact_alone_is_its_sensitivity(path: str) -> None:
 def test_the_errors_of_numbers_that_instants_hardly_tell_apart_keep_their_digits(
     radius: float,
 ) -> None:
-    """Gravity and the radius of a valley are told apart by the angle of contact alone, as 2r/R."""
+    """Only the contact angle distinguishes gravity from the radius of a valley, as 2r/R."""
 
     def errors(radius: float) -> Any:
         bodies = [
@@ -225,7 +225,7 @@ def test_noise_below_the_rounding_of_instants_is_refused(noise: float) -> None:
     assert noise < np.spacing(times[-1])
     with pytest.raises(NoFit, match=r"found a noise of .* than the rounding of its instant"):
         fit(_circle(), times, PATHS, noise)
-    # An error of its own for one instant is held against that one.
+    # An error given for one instant is compared with the rounding of that instant.
     table = {"t": times, "error": np.where(np.arange(12) == 7, noise, 1e-6)}
     with pytest.raises(NoFit, match=r"impact 8: found a noise"):
         fit(_circle(), table, PATHS)
@@ -238,7 +238,7 @@ def test_noise_is_a_time_greater_than_0(noise: Any) -> None:
 
 
 def test_of_elastic_bodies_the_least_sum_with_k_up_to_1_is_found() -> None:
-    """With k held at 1 the other number has a sum of squares of its own, which is no smaller."""
+    """The fit with k fixed at 1 cannot have a smaller sum of squares."""
     scenario = example("particle_on_arcs").replace({"stop.collisions": 11})
     paths = ["collision.k", "balls[2].radius", "gravity", "balls[1].radius"]
     exact, rng = _instants(scenario), np.random.default_rng(7)
@@ -256,7 +256,7 @@ def test_of_elastic_bodies_the_least_sum_with_k_up_to_1_is_found() -> None:
 
 
 def test_a_start_whose_motion_soon_is_another_one_is_good_enough() -> None:
-    """Its first impacts only are those that were measured."""
+    """Only the first impacts of its motion are the measured ones."""
     scenario = example("three_arcs").replace({"stop.collisions": 25})
     start = scenario.replace({"collision.k": 0.87})
     found = fit(start, _instants(scenario), ["collision.k"], SIGMA)
@@ -266,7 +266,7 @@ def test_a_start_whose_motion_soon_is_another_one_is_good_enough() -> None:
 
 
 def _on_a_level_line(masses: Any, count: int) -> Any:
-    """Instants of elastic impacts of three balls on a level line between walls."""
+    """Return the instants of elastic impacts of three balls on a level line between walls."""
     x, v, radius = np.array([0.2, 0.5, 1.2]), np.array([1.0, 0.0, 0.0]), 0.05
     t = 0.0
     found: list[float] = []
@@ -292,7 +292,7 @@ def _on_a_level_line(masses: Any, count: int) -> Any:
 
 
 def test_a_number_that_only_later_impacts_show_is_fitted() -> None:
-    """The first impacts are of the two others: fitted alone, they do not depend on its mass."""
+    """The first impacts are those of the other two balls, and do not depend on its mass."""
     line = {"start_slope": 0.0, "arcs": [{"shape": "line", "length": 2.0}]}
     balls = [
         {"radius": 0.05, "mass": mass, "arc": 1, "position": x, "speed": speed}
@@ -521,7 +521,7 @@ def test_impacts_whose_derivatives_overflow_are_refused() -> None:
 
 
 def test_impacts_that_rounding_of_a_number_moves_are_refused() -> None:
-    """The first one refused is where motions of neighbouring doubles part by the noise."""
+    """The first impact refused is where motions from neighbouring doubles differ by the noise."""
     scenario = example("line_between_valleys").replace(
         {"collision.k": 0.98, "stop.collisions": 100, "stop.time": 1000.0}
     )

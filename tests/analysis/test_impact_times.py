@@ -1,4 +1,4 @@
-"""Derivatives of the instants of impacts to numbers of a scenario, against motions in 50 digits."""
+"""Derivatives of instants of impacts with respect to numbers of a scenario, by 50 digits."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def _start(scene: Scene, number: int, part: int, by: Any) -> Scene:
 
 
 def _trace(scene: Scene, number: int, radius: Any = 0, slope: Any = 0) -> Scene:
-    """A scene with another radius or length of a piece, or another slope at its end."""
+    """Return the scene with one radius, length or end slope of a piece changed."""
     shapes = []
     for index, piece in enumerate(scene.pieces):
         own = index == number
@@ -76,7 +76,7 @@ OF = {
     "translational": tuple(VARIED),
 }
 
-# A sine that is zero changes: of the place of a body at the bottom, of the slope of a level line.
+# A sine that is zero changes: that of a body's position at the bottom, or of a level line's slope.
 LEVEL = {
     "start_slope": "-120 deg",
     "arcs": [

@@ -1,4 +1,4 @@
-"""Level curves: the energy along them, and where they turn, against closed forms."""
+"""Level curves: the energy along them and their turning points, against closed forms."""
 
 from __future__ import annotations
 

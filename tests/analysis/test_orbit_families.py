@@ -1,4 +1,4 @@
-"""What is found along a family of orbits, against extremes, differences and closed forms."""
+"""Special points along a family of orbits, against extremes, differences and closed forms."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ THROUGH_ITS_REVERSAL = {
 
 
 def _differences(found: Orbit) -> Floats:
-    """The tangent map from motions beside an orbit."""
+    """Return the tangent map by differences of motions beside an orbit."""
     columns, change = [], 1e-6
     for n in range(len(found.state)):
         beside = np.zeros(len(found.state))
@@ -108,9 +108,9 @@ def test_a_fold_is_where_the_value_is_least(folded: tuple[Orbit, Branch]) -> Non
 
 
 def test_a_family_turns_back_where_its_orbit_is_its_own_reversal() -> None:
-    """There both bodies are at rest at once, a multiplier only touches 1, and the value is least.
+    """Both bodies are at rest at once there, one multiplier only touches 1, the value is least.
 
-    Beyond it are the reversals of the orbits before it.
+    Beyond that point the family consists of the time reversals of its earlier orbits.
     """
     scenario = example("three_arcs").replace(THROUGH_ITS_REVERSAL)
     family = orbit_family(scenario, orbit(scenario, impacts=2), "balls[2].density", 2500.0, 2590.0)
@@ -132,9 +132,9 @@ def test_a_family_turns_back_where_its_orbit_is_its_own_reversal() -> None:
 def test_a_family_turns_back_where_its_orbit_is_its_own_mirror_image(
     low: float, high: float
 ) -> None:
-    """Of equal balls on a trace that is one; ranges of any width have the same turn.
+    """Equal balls on a symmetric trace turn back at the same point for ranges of any width.
 
-    Beyond it are the mirror images of the orbits before it.
+    Beyond that point the family consists of the mirror images of its earlier orbits.
     """
     arcs = [
         {"shape": "valley", "radius": 1.0, "end_slope": 0.7},
@@ -159,9 +159,9 @@ def test_a_family_turns_back_where_its_orbit_is_its_own_mirror_image(
 
 
 def test_a_family_leaves_orbits_whose_phase_is_free_at_one_value() -> None:
-    """Equal balls exchange their speeds, as if they went through one another: each has a phase.
+    """Equal balls exchange their speeds, as if they passed through one another: each has a phase.
 
-    Over a mass only some of these orbits go on, and there all multipliers are 1.
+    When a mass varies, only some of these orbits continue, and there all multipliers are 1.
     """
     places = {"balls[1].position": 0.56, "balls[1].speed": 0.0, "balls[2].position": 1.9}
     equal = {"balls[2].mass": 2.0, "balls[2].speed": 0.0}
@@ -179,7 +179,7 @@ def test_a_family_leaves_orbits_whose_phase_is_free_at_one_value() -> None:
 
 
 def test_a_family_of_orbits_whose_phase_is_free_is_followed_over_the_value() -> None:
-    """Of two balls on a level line, which may both be shifted: no step is lost on that."""
+    """Two balls on a level line may both be shifted; the steps are not spent on this shift."""
     balls = [
         {"radius": 0.1, "arc": 2, "mass": mass, "position": way, "speed": speed}
         for mass, way, speed in (
@@ -201,7 +201,7 @@ def test_a_family_of_orbits_whose_phase_is_free_is_followed_over_the_value() -> 
 def test_steps_that_turn_too_far_become_no_shorter_than_the_one_that_is_taken(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """There is an orbit at every mass, so that the family reaches the end of the range."""
+    """An orbit exists at every mass, so that the family reaches the end of the range."""
     monkeypatch.setattr(Family, "_excess", lambda _, here, new, *__: 3.0 * (new.value < here.value))
     monkeypatch.setattr(orbit_branch, "MOST_POINTS", 60)
     scenario = example("falling_balls")
@@ -211,7 +211,7 @@ def test_steps_that_turn_too_far_become_no_shorter_than_the_one_that_is_taken(
 
 
 def test_a_family_of_very_many_orbits_ends_as_such(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Also where a step was shortened on the way: here each first try fails."""
+    """This holds even if steps are shortened on the way: here each first try fails."""
     corrected, fails = Family._corrected, cycle((True, False))
 
     def failing(self: Family, guess: Floats, tangent: Floats) -> Point:
@@ -227,7 +227,7 @@ def test_a_family_of_very_many_orbits_ends_as_such(monkeypatch: pytest.MonkeyPat
 
 
 def test_two_changes_within_one_step_are_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of a distance that is below zero on a twentieth of a step only."""
+    """The distance is below zero on only a twentieth of a step."""
 
     def distance(found: Orbit, at: float) -> float:
         return (found.system.bodies[1].mass - 1.503) ** 2 - 1e-6 if at < 0.0 else 1.0
@@ -242,7 +242,7 @@ def test_two_changes_within_one_step_are_found(monkeypatch: pytest.MonkeyPatch) 
 
 
 def test_a_change_that_is_not_located_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The orbit next to it stands for it, and the search's error beside it."""
+    """The nearest orbit replaces it, together with the error of the search."""
 
     def distance(found: Orbit, at: float) -> float:
         return found.system.bodies[1].mass - 1.503 if at < 0.0 else 1.0
@@ -289,7 +289,7 @@ SWINGING = scene(
 def test_a_family_ends_where_its_orbits_come_to_have_half_their_period(
     document: Document, period: float, times: int, path: str, low: float, high: float
 ) -> None:
-    """Orbits of so many periods branch off where a multiplier of the short one is a root of 1."""
+    """Orbits of n periods branch off where a multiplier of the short orbit is an nth root of 1."""
     scenario = scenario_of(document)
     first = find_orbit(system_of(document), None, period)
     family = orbit_family(scenario, first, path, low, high)
@@ -305,7 +305,7 @@ def test_a_family_ends_where_its_orbits_come_to_have_half_their_period(
 
 
 def test_a_halving_nearer_than_the_first_step_is_told_on_its_side_only() -> None:
-    """On the other one the orbits are followed to the end of the range."""
+    """On the other side the orbits are followed to the end of the range."""
     places = [
         ball(-1.0513933035957386, body="hoop", mass=0.8119980237149687, rate=-0.41248710758035934),
         ball(0.3077680863575177, body="hoop", mass=0.8728959056795111, rate=0.42520927939466313),
@@ -319,7 +319,7 @@ def test_a_halving_nearer_than_the_first_step_is_told_on_its_side_only() -> None
 
 
 def test_a_family_does_not_go_over_to_the_orbit_of_a_third_of_its_period() -> None:
-    """It turns back there, where a multiplier of that orbit is a cubic root of 1."""
+    """The family turns back where a multiplier of that orbit is a cube root of 1."""
     arc = {"shape": "valley", "radius": 1.6510713, "end_slope": 0.7164908}
     trace = {"start_slope": -0.4874369, "arcs": [arc]}
     places = [
@@ -340,7 +340,7 @@ def test_a_family_does_not_go_over_to_the_orbit_of_a_third_of_its_period() -> No
 
 
 def test_a_family_whose_orbits_last_ever_longer_ends() -> None:
-    """On a level line their speeds go to zero with the energy above the bottom."""
+    """On a level line the speeds tend to zero with the energy above the bottom."""
     places = ((0.6440831, 0.1373106, -1.0352607), (0.9873855, 0.8138460, 0.8977933))
     balls = [
         {"radius": 0.1, "arc": 2, "mass": mass, "position": way, "speed": speed}
@@ -357,14 +357,14 @@ def test_a_family_whose_orbits_last_ever_longer_ends() -> None:
 
 
 def _discriminant(found: Orbit) -> float:
-    """Of the sums μ + 1/μ of both pairs of multipliers of three bodies, from motions beside."""
+    """Return the discriminant of the sums μ + 1/μ of three bodies, by differences of motions."""
     whole = _differences(found)
     one, two = np.trace(whole) - 2.0, np.trace(whole @ whole) - 2.0
     return float(one**2 - 4.0 * (0.5 * (one**2 - two) - 2.0))
 
 
 def test_pairs_of_multipliers_that_meet_leave_the_circle() -> None:
-    """Of three balls on a slope between walls."""
+    """The scene is three balls on a slope between walls."""
     places = ((1.0, 1.057, -0.787), (0.8, 1.599, -0.186), (0.86, 2.25, -1.464))
     balls = [
         {"radius": 0.1, "arc": 1, "mass": mass, "position": way, "speed": speed}
@@ -386,7 +386,7 @@ def test_pairs_of_multipliers_that_meet_leave_the_circle() -> None:
 
 @pytest.mark.parametrize("law", ["hedrih", "normal-impulse"])
 def test_a_family_goes_on_where_a_body_comes_to_cross_a_junction(law: str) -> None:
-    """From an energy on the left ball rolls up to the hump and back."""
+    """Above a certain energy the left ball rolls up onto the hump and back."""
     balls = [ball(-0.5, arc=3), ball(0.5, arc=3, mass=1.5)]
     document = scene(three_arcs(100), balls, law=law, time=20.0)
     first = find_orbit(system_of(document), 1, None, 20.0)
@@ -404,7 +404,7 @@ def test_a_family_goes_on_where_a_body_comes_to_cross_a_junction(law: str) -> No
 
 
 def test_a_family_round_a_circle_ends_where_an_impact_comes_to_the_seam() -> None:
-    """There one of the balls of an impact is at the seam, though nothing happens to the motion."""
+    """One of the colliding balls reaches the seam there, though the motion is not affected."""
     seam = 0.16402347
     circle = {"shape": "valley", "radius": 1.0, "end_slope": seam + 2.0 * math.pi}
     trace = {"start_slope": seam, "closed": True, "arcs": [circle]}
@@ -425,7 +425,7 @@ def test_a_family_round_a_circle_ends_where_an_impact_comes_to_the_seam() -> Non
 
 
 def test_a_family_whose_balls_always_bounce_at_once_goes_on() -> None:
-    """Without momentum they come to both walls at one instant, whatever their masses."""
+    """With zero total momentum they reach both walls at one instant, whatever their masses."""
     line = {"start_slope": 0.0, "arcs": [{"shape": "line", "length": 3.0}]}
     balls = [
         {"radius": 0.1, "arc": 1, "mass": mass, "position": way, "speed": speed}
@@ -440,7 +440,7 @@ def test_a_family_whose_balls_always_bounce_at_once_goes_on() -> None:
         mass = point.value
         moving = first.energy - (1.0 + mass) * 9.81 * 0.1
         speed = math.sqrt(2.0 * moving / (1.4 * (1.0 + 1.0 / mass)))
-        # From wall to wall less all radii, there and back.
+        # The path from wall to wall less all radii, there and back.
         period = 2.0 * 2.6 / (speed * (1.0 + 1.0 / mass))
         assert point.orbit.period == pytest.approx(period, rel=1e-12)
         assert point.orbit.verdict == "neutral"
@@ -482,7 +482,7 @@ def test_the_table_of_a_folded_family_goes_along_it(folded: tuple[Orbit, Branch]
 
 
 def test_multipliers_that_stay_at_minus_one_do_not_pass_it() -> None:
-    """Equal balls that fall have them at every gravity: they only exchange their speeds."""
+    """Equal falling balls have these multipliers at every gravity: they only exchange speeds."""
     scenario = example("falling_balls").replace({"balls[2].mass": 2.0})
     family = orbit_family(scenario, orbit(scenario, impacts=1), "gravity", 9.0, 10.0)
     assert [one.kind for one in family.special] == ["bound", "bound"]
@@ -491,7 +491,7 @@ def test_multipliers_that_stay_at_minus_one_do_not_pass_it() -> None:
 
 
 def test_an_orbit_has_its_least_period() -> None:
-    """Two impacts from this start are the orbit of one, twice; its period goes as the speed."""
+    """Two impacts from this start traverse the orbit of one impact twice."""
     scenario = example("falling_balls")
     once, twice = orbit(scenario, impacts=1), orbit(scenario, impacts=2)
     assert twice.shot.word == ("12", "1|")
@@ -510,7 +510,7 @@ def test_an_orbit_has_its_least_period() -> None:
 
 
 def test_multipliers_where_the_law_does_not_keep_the_volume() -> None:
-    """On two pieces `hedrih` separates bodies at another speed than they came: volume grows."""
+    """On two pieces `hedrih` separates bodies at a speed other than that of approach."""
     places = ((1.2030059398545987, 0.44478756913435685, 1.2965308835706084),
               (1.95382108740032, 1.1112568843580006, 0.4551221739585616))  # fmt: skip
     balls = [

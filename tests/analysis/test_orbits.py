@@ -1,4 +1,4 @@
-"""Periodic orbits against those that are known in closed form, and simulation beside them."""
+"""Periodic orbits against those known in closed form, and against simulations beside them."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def test_the_orbit_of_one_impact_and_one_bounce_is_that_in_closed_form(upper: fl
     )
     assert orbit.shot.word == ("12", "1|")
     assert orbit.residual < 1e-13
-    # It lasts as long as the upper body needs up and down again.
+    # The period is the time in which the upper body moves up and down again.
     speed = 0.5 * orbit.period * PULL
     run = simulate_system(orbit.system, orbit.period, None)
     assert run.collisions["speed_b_pre"][0] == pytest.approx(-speed, rel=1e-12)
@@ -104,7 +104,7 @@ def test_the_orbit_of_one_impact_and_one_bounce_is_that_in_closed_form(upper: fl
 
 @pytest.mark.parametrize("number", [1, 4, 7])
 def test_the_nearest_return_of_an_orbit_is_its_period(number: int) -> None:
-    """However often it is gone through, and from a start beside it."""
+    """This holds however often the orbit is traversed, and from a start beside it."""
     orbit = find_orbit(_falling(), 1)
     found = nearest_return(orbit.system, number, 60.0)
     assert found == pytest.approx(number * orbit.period, rel=1e-6)
@@ -153,7 +153,7 @@ def test_the_verdict_on_multipliers(
 
 
 def _departure(orbit: Orbit, periods: int) -> float:
-    """How far a motion gets that starts beside an orbit on its energy, over how far it started."""
+    """Return the growth of the distance of a motion that starts beside an orbit on its energy."""
     change = np.array([1.0, 0.3, -0.4, 0.5]) * 1e-7
     gradient = energy_gradient(orbit.system, orbit.state)
     change -= gradient * (gradient @ change) / (gradient @ gradient)
@@ -197,7 +197,7 @@ def test_a_family_doubles_its_period_where_the_masses_are_equal() -> None:
 def test_a_family_goes_to_the_end_of_what_a_scenario_may_have(
     path: str, low: float, high: float, changes: dict[str, float]
 ) -> None:
-    """No value beyond the range is asked for, where there may be no such scenario."""
+    """No value beyond the range is used, where the scenario might be invalid."""
     scenario = example("falling_balls").replace({"collision.law": "hedrih", **changes})
     family = orbit_family(scenario, orbit(scenario, impacts=1), path, low, high)
     kinds = [one.kind for one in family.special]
@@ -209,7 +209,7 @@ def test_a_family_goes_to_the_end_of_what_a_scenario_may_have(
 
 
 def test_a_family_ends_where_an_impact_grazes() -> None:
-    """Of the orbit with two impacts and three bounces another impact grazes at three times mass."""
+    """At three times the mass another impact grazes the orbit of two impacts and three bounces."""
     system = _falling(1.5)
     one, other = system.bodies
     system = replace(system, bodies=(replace(one, mass=1.0), other))
@@ -277,7 +277,7 @@ def test_a_start_that_a_scenario_may_not_have_is_no_start_of_an_orbit(
 
 
 def test_a_step_over_the_seam_of_a_circle_is_none() -> None:
-    """Newton's method moves the upper ball over the seam, into the other one."""
+    """Newton's method moves the upper ball across the seam, into the other ball."""
     document = scene(CIRCLE, [ball(1.0), ball(2.5, mass=5.0, rate=-1.3)], time=15.0)
     system = system_of(document)
     with pytest.raises(NoOrbit, match="would start"):
@@ -287,7 +287,7 @@ def test_a_step_over_the_seam_of_a_circle_is_none() -> None:
 
 
 def test_an_orbit_round_a_circle_begins_with_its_balls_in_order() -> None:
-    """Between the two events that are farthest apart only one has gone over the seam."""
+    """Between the two events that are farthest apart only one ball has crossed the seam."""
     balls = [ball(-1.13, rate=8.94), ball(-0.587, mass=1.3, rate=4.1)]
     document = scene(CIRCLE, balls, time=20.0)
     found = find_orbit(system_of(document), 2)
@@ -316,7 +316,7 @@ def test_a_motion_of_very_many_impacts_is_given_up(monkeypatch: pytest.MonkeyPat
 def test_orbits_are_found_from_starts_that_are_not_next_to_one(
     mass: float, angle: float, impacts: int
 ) -> None:
-    """Motions around stable orbits nearly close; where they do is shown by simulation."""
+    """Motions around stable orbits nearly close; simulation shows where they do close."""
     left, right = ball(-0.4, rate=0.1), ball(angle, omega=-0.1, mass=mass)
     found = find_orbit(system_of(scene(VALLEY, [left, right], time=30.0)), impacts, None, 30.0)
     assert found.stable
@@ -327,7 +327,7 @@ def test_orbits_are_found_from_starts_that_are_not_next_to_one(
 
 
 def _after_pendulums(orbit: Orbit) -> Any:
-    """Angles and rates a period later: two pendulums with a contact, by a Runge-Kutta method."""
+    """Return angles and rates a period later, from two pendulums with contact by Runge-Kutta."""
     one, other = orbit.system.bodies
     radius, total = 0.9, one.mass + other.mass
     closed = 2.0 * math.asin(0.1 / radius)
@@ -364,7 +364,7 @@ def _after_pendulums(orbit: Orbit) -> Any:
 def test_orbits_are_found_where_many_motions_nearly_close(
     slope: int, angles: tuple[float, float], mass: float, impacts: int
 ) -> None:
-    """Bodies nearly equal, or of a period that hardly depends on the amplitude."""
+    """The bodies are nearly equal, or the period hardly depends on the amplitude."""
     balls = [ball(angles[0]), ball(angles[1], mass=mass)]
     found = find_orbit(system_of(scene(valley(slope), balls, time=50.0)), impacts, None, 50.0)
     assert found.residual < 1e-13
@@ -378,7 +378,7 @@ def test_orbits_are_found_where_many_motions_nearly_close(
 def test_bodies_at_rest_are_no_orbit(
     left: tuple[float, float, float], right: tuple[float, float, float]
 ) -> None:
-    """On a level line they part after an impact for good, unless they come to a wall."""
+    """On a level line bodies part for good after an impact, unless they reach a wall."""
     trace = {"start_slope": 0.0, "arcs": [{"shape": "line", "length": 3.0}]}
     balls = [
         {"radius": radius, "mass": mass, "arc": 1, "position": way, "speed": speed}
@@ -391,7 +391,7 @@ def test_bodies_at_rest_are_no_orbit(
 
 
 def test_a_body_on_a_junction_is_found_again_on_its_piece() -> None:
-    """So that it may stand in a scenario, which no place beyond a piece may."""
+    """A scenario accepts no position beyond the piece."""
     for slope in np.linspace(-0.9, 0.8, 86).tolist():
         first = {"shape": "valley", "radius": 1.0, "end_slope": slope}
         trace = {"start_slope": -1.2, "arcs": [first, {**first, "end_slope": 1.2}]}
@@ -409,7 +409,7 @@ def test_impacts_that_take_energy_have_no_orbit() -> None:
 
 
 def test_the_multipliers_under_the_translational_law_are_those_of_the_full_map() -> None:
-    """With unequal kappa it keeps no energy of rolling, but that of each body over its kappa."""
+    """With unequal κ it conserves the sum of each body's energy divided by its κ."""
     two = [ball(-0.91, body="hoop", mass=0.67), ball(0.92, body="disk", mass=0.68)]
     three = [ball(-0.78, body="disk", mass=0.7), ball(-0.3, body="hoop", mass=0.64)]
     three.append(ball(-0.06, mass=1.73))
@@ -444,14 +444,14 @@ def test_impacts_by_two_laws_that_keep_no_energy_have_no_orbit() -> None:
 
 
 def test_a_motion_of_no_time_is_no_orbit() -> None:
-    """It closes from any start: Newton's method comes to it where the guess is too short."""
+    """Such a motion closes from any start: Newton's method reaches it if the guess is too short."""
     system = _falling()
     with pytest.raises(NoOrbit, match="the period has become zero"):
         newton(system, state_of(system), 0.01)
 
 
 def test_balls_that_overlap_for_no_time_are_no_orbit_of_an_impact() -> None:
-    """Newton's method would go to where two of them are in one another, and meet in no time."""
+    """Newton's method would converge to overlapping balls that meet in no time."""
     arcs = [
         {"shape": "valley", "radius": 1.0, "end_slope": 0.0},
         {"shape": "line", "length": 2.0},
@@ -476,7 +476,7 @@ def test_an_orbit_begun_elsewhere_has_the_same_events() -> None:
 
 
 def test_an_orbit_begun_almost_in_the_middle_is_begun_there() -> None:
-    """The upper ball flies up and down in a period: a quarter of it from its turn in the middle."""
+    """The upper ball turns a quarter of a period from the midpoint."""
     found = begun_between(find_orbit(_falling(), 1))
     for late in (1e-10, -5e-10):
         state = found.state + late * found.period * velocity(found.system, found.state)
@@ -538,7 +538,7 @@ def test_the_command_writes_table_and_figure(
 def test_the_scenario_that_is_written_starts_on_the_orbit(
     document: dict[str, Any], place: str, tmp_path: Path
 ) -> None:
-    """Solved from its file, without what found it, the motion comes back after a period."""
+    """Solved from its file alone, the motion returns after a period."""
     (tmp_path / "one.json").write_text(json.dumps(document))
     target = tmp_path / "orbit"
     assert run_command_line(["orbit", str(tmp_path / "one.json"), "-o", str(target)]) == 0

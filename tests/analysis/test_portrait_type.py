@@ -1,4 +1,4 @@
-"""Types of portraits, and the parameter at which they change, against the formula by hand."""
+"""Types of portraits and the parameter values at which they change, against the formula."""
 
 from __future__ import annotations
 

@@ -86,7 +86,7 @@ def test_lower_crest_has_its_eight_within_the_higher_one() -> None:
 
 
 def test_circle_has_no_trigger() -> None:
-    """Its saddle lies between one centre and itself once more."""
+    """Its saddle lies between the only centre and the same centre again."""
     assert triggers(circle()) == ()
 
 

@@ -27,7 +27,7 @@ from vibro_cli.stress.scenes import system_of
 
 
 def on_circle(rate: float, x: float = 1.0) -> Landscape:
-    """A body in a valley of radius 1 m, whose centre is at x = 1 m."""
+    """Return a body in a valley of radius 1 m, whose centre is at x = 1 m."""
     return Landscape.of(system(-90.0, valley(1.0, 90), turning=Turning(x, rate)), 1)
 
 
@@ -37,7 +37,7 @@ def test_pitchfork_is_where_turning_balances_gravity() -> None:
     centre = probe.trace.pieces[0].centre[0]
     rates = [1.0, 2.0, 3.0, 4.0]
     found = changes(lambda rate: portrait_of(on_circle(rate, centre)).type, rates)
-    # At the pitchfork itself the point is degenerate, if a double is just there.
+    # At the pitchfork itself the point is degenerate, if a double is exactly there.
     assert 1 <= len(found) <= 2
     assert found[0].low ** 2 == pytest.approx(probe.gravity / rho, rel=1e-12)
     assert found[-1].high ** 2 == pytest.approx(probe.gravity / rho, rel=1e-12)
@@ -47,7 +47,7 @@ def test_pitchfork_is_where_turning_balances_gravity() -> None:
 
 @pytest.mark.parametrize("beyond", [10.0**-n for n in range(1, 16)])
 def test_the_type_beyond_the_pitchfork_holds_up_to_it(beyond: float) -> None:
-    """The ends of the trace stand high above the saddle: the separatrix closes on both sides."""
+    """The ends of the trace are high above the saddle: the separatrix closes on both sides."""
     probe = on_circle(1.0)
     piece = probe.trace.pieces[0]
     rate = math.sqrt(probe.gravity / probe.path_scale(piece)) * (1.0 + beyond)
@@ -243,7 +243,7 @@ def test_a_junction_without_pull_is_what_its_sides_make_it() -> None:
     assert kinds(3.0, valley(0.5, 80)) == [CENTRE]
     assert kinds(4.0, valley(0.5, 80)) == [CENTRE, DEGENERATE]
     assert kinds(6.0, valley(0.5, 80)) == [CENTRE, SADDLE, CENTRE]
-    # On a line turning always drives a body away.
+    # On a line the rotation always drives a body away.
     assert kinds(3.0, line(1.0)) == [DEGENERATE]
     assert kinds(4.0, line(1.0)) == [CENTRE, SADDLE]
 
@@ -264,7 +264,7 @@ def test_ends_without_pull_are_singular() -> None:
 def test_what_is_beside_a_junction_is_found_once(
     rate: float, left: ArcShape, right: ArcShape, beside: float
 ) -> None:
-    """Where the axis has the two balance at the junction, or next to it."""
+    """The axis is placed so that the forces balance at the junction, or next to it."""
     slope = 35.0 * DEGREE
     start = slope / DEGREE + (-60.0 if left.shape == "valley" else 60.0)
     first = system(start, left, right).trace.pieces[0]
@@ -291,7 +291,7 @@ def test_what_is_beside_a_junction_is_found_once(
 
 
 def test_an_arc_of_almost_no_length_has_the_points_of_a_small_one() -> None:
-    """It is all end: the places found are no more than those of a turn."""
+    """The whole arc counts as an end of itself, but the same points are found."""
 
     def points(radius: float) -> list[tuple[str, float]]:
         shapes = valley(1.0, 50), hump(radius, -50), valley(1.0, 120)

@@ -13,7 +13,7 @@ from vibro_cli.systems.table.system import Wall
 
 
 def bounced(a: float, b: float, radius: float, angle: float, share: float) -> tuple[float, float]:
-    """The next bounce after one near the end of the x axis: normal's direction, share along."""
+    """Return the bounce after one near the end of the x axis: normal direction and component."""
     nx, ny = math.cos(angle), math.sin(angle)
     height = math.hypot(a * nx, b * ny)
     inward = math.sqrt(1.0 - share * share)
