@@ -20,7 +20,7 @@ from vibro_cli.commands.app import run_command_line
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a call of the program left: its exit code and both its outputs."""
+    """The result of a call of the program: its exit code and both its outputs."""
 
     code: int
     out: bytes
@@ -69,7 +69,7 @@ def scenario(tmp_path: Path) -> Path:
 
 
 class ByHand:
-    """Stands in for the simulation: hands out `run`, or does what `act` does."""
+    """A replacement for the simulation: it returns `run`, or does what `act` does."""
 
     def __init__(self) -> None:
         self.run = FakeRun()
@@ -86,7 +86,7 @@ class ByHand:
 
 @pytest.fixture
 def by_hand(monkeypatch: pytest.MonkeyPatch) -> ByHand:
-    """A simulation made by hand in the place of the real one."""
+    """Replace the real simulation by one made by hand."""
     stand_in = ByHand()
     module: Any = types.ModuleType("vibro_cli.api")
     module.__dict__.update(vars(vibro_cli.api))

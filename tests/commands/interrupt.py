@@ -33,7 +33,7 @@ def solve(folder: Path, impacts: int) -> None:
 
 
 def reached(folder: Path) -> int:
-    """Return how many impacts the run of a folder has."""
+    """Return the number of impacts of the run in a folder."""
     summary: dict[str, int] = json.loads((folder / "summary.json").read_text())
     return summary["collisions"]
 
@@ -62,12 +62,12 @@ def interrupt_and_go_on(
             _, told = process.communicate()
         if process.returncode == 0:
             return ended
-        # Not yet ready to answer, a process ends by the signal itself.
+        # A process that is not yet ready to respond is ended by the signal itself.
         assert process.returncode in (CODES[end], -end), told.decode()
         after = content(folder)
         ended.append(end)
         if reached(folder) == impacts:
-            # The signal came when the last of the run was solved: the folder is whole.
+            # The signal came when the end of the run had been solved: the folder is complete.
             return ended
         assert end != signal.SIGKILL or after == before, "a killed run changed its folder"
 
@@ -80,7 +80,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--longest", type=float, default=8.0, help="time before a signal, s")
     asked = parser.parse_args()
-    # Where a shell has started this in the background, SIGINT is ignored, by children too.
+    # If a shell has started this in the background, SIGINT is ignored, also by child processes.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     draw = random.Random(asked.seed)
     counts = dict.fromkeys(CODES, 0)

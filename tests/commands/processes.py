@@ -1,4 +1,4 @@
-"""The program as a process of its own, its streams in every state that they can be in."""
+"""The program as a process of its own, with its streams in every possible state."""
 
 import os
 import pty
@@ -27,7 +27,7 @@ Outcome = subprocess.CompletedProcess[bytes]
 
 
 def environment(**changes: str) -> dict[str, str]:
-    """A user's environment: output is not unbuffered, as test machines often have it."""
+    """Return a user's environment: output is buffered, unlike on many test machines."""
     usual = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
     return {**usual, "PYTHONPATH": str(ROOT), "VIBRO_FIGURES": "0", **changes}
 

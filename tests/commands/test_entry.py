@@ -1,4 +1,4 @@
-"""The program's start: quick, and without the libraries it does not need."""
+"""The start of the program: it is quick, and loads no library that it does not need."""
 
 import re
 import signal
@@ -25,7 +25,7 @@ def start(*arguments: str, options: tuple[str, ...] = ()) -> subprocess.Complete
 
 
 def imported(*arguments: str) -> set[str]:
-    """Names of the top-level packages a start imports."""
+    """Return the names of the top-level packages that a start imports."""
     lines = start(*arguments, options=("-X", "importtime")).stderr.splitlines()
     modules = (line.split("|")[-1].strip() for line in lines if line.startswith("import time:"))
     return {module.split(".")[0] for module in modules}
@@ -49,7 +49,7 @@ def test_what_needs_no_library_ends_as_commands_do_where_nobody_reads(
 
 
 def test_a_signal_that_comes_while_a_command_is_ending_has_its_exit_code() -> None:
-    """As a second one does that follows the first at once, of a terminal or a service that ends."""
+    """For example a second signal right after the first, from a terminal or a service that ends."""
     code = """if True:
         from vibro_cli.__main__ import main
         from vibro_cli.commands import app
@@ -68,7 +68,7 @@ def test_a_signal_that_comes_while_a_command_is_ending_has_its_exit_code() -> No
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_that_comes_while_the_command_line_is_read_ends_it(number: int) -> None:
-    """The library that reads it takes every interrupt for ^C."""
+    """The library that parses it treats every interrupt as ^C."""
     code = f"""if True:
         import signal
         from vibro_cli.__main__ import main

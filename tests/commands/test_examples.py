@@ -1,4 +1,4 @@
-"""Every example that help and the gallery give is run as it stands there."""
+"""Every example in the help and in the gallery is run as written."""
 
 import re
 import shlex

@@ -86,7 +86,7 @@ def test_the_summary_of_a_grid_gives_a_reason_and_the_next_command(
 
 
 def test_the_summary_of_a_grid_counts_the_runs_that_end_early(vibro: Vibro, tmp_path: Path) -> None:
-    """With the hint that a run which ends so has."""
+    """It also gives the hint that such a run gives."""
     for name in ("unequal_hedrih", "three_arcs"):
         assert vibro("new", name).code == 0
     Path("early.toml").write_text(EARLY)
@@ -265,13 +265,13 @@ def test_a_dry_run_writes_nothing(vibro: Vibro, grid: Path, tmp_path: Path) -> N
     assert line["bytes"] > 0
     assert line["seconds"] > 0
     assert sorted(tmp_path.iterdir()) == before
-    # All points are in the sample, so what it says of impacts and bytes is exact.
+    # The sample contains all points, so the estimates of impacts and bytes are exact.
     solved = vibro("grid", grid, "--json").lines[0]
     assert (line["impacts"], line["bytes"]) == (solved["impacts"], solved["bytes"])
 
 
 def test_a_dry_run_promises_the_time_it_takes(vibro: Vibro, tmp_path: Path) -> None:
-    """To an order of magnitude: solving alone, without the start, is a fortieth of it."""
+    """To an order of magnitude: solving alone, without the start, takes a fortieth of it."""
     text = SCENARIO.replace("collisions = 3", "collisions = 300")
     (tmp_path / "small.toml").write_text(
         text + "[ends]\nleft = {wall = 1.0}\nright = {wall = 1.0}\n"

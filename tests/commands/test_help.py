@@ -1,4 +1,4 @@
-"""Help and the reference on the terminal: in lines that fit, and nothing lost of the Markdown."""
+"""Help and the reference on the terminal: lines that fit, with all the text of the Markdown."""
 
 import json
 import re
@@ -30,7 +30,7 @@ def test_a_topic_fits_a_terminal_and_has_every_word_of_its_markdown(
     vibro: Vibro, topic: str
 ) -> None:
     text = vibro("help", topic).text
-    # Commands are not broken, so that they can be copied.
+    # Commands are not wrapped, so that they can be copied.
     lines = [line for line in text.splitlines() if not line.startswith("    vibro ")]
     assert max(map(len, lines)) <= 80
     assert not re.search(r"^\||\|$|`", text, re.MULTILINE)

@@ -1,4 +1,4 @@
-"""What a careless or hostile user gives the program: it is told, and nothing else happens."""
+"""Careless or hostile input: the program reports it and does nothing else."""
 
 import datetime
 import json
@@ -114,7 +114,7 @@ def test_names_of_files_cannot_command_the_terminal(vibro: Vibro, tmp_path: Path
     ],
 )
 def test_a_line_break_in_a_name_breaks_no_line(vibro: Vibro, tmp_path: Path, command: str) -> None:
-    """All that is said of a file called `a\\nb` is what is said of one called `a b`."""
+    """The messages about a file called `a\\nb` are those about a file called `a b`."""
     (tmp_path / "good.toml").write_text(SCENARIO)
     (tmp_path / "grid.toml").write_text(GRID.replace("small", "good"))
     said = []
@@ -133,7 +133,7 @@ def test_a_line_break_in_a_name_breaks_no_line(vibro: Vibro, tmp_path: Path, com
 
 @pytest.fixture
 def odd(tmp_path: Path) -> Path:
-    """A parquet table that is none of ours."""
+    """Write a parquet table that is not one of the program's."""
     columns = {
         "number": [1.0, float("nan")],
         "when": [datetime.datetime(2020, 1, 1)] * 2,

@@ -1,4 +1,4 @@
-"""Runs that are interrupted at random moments and continued: the bytes of one without a break."""
+"""Runs interrupted at random moments and continued have the bytes of uninterrupted runs."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def test_interrupted_runs_go_on_to_the_same_bytes(tmp_path: Path) -> None:
 
 
 def test_a_killed_run_is_taken_up_where_there_was_none(tmp_path: Path) -> None:
-    """Its scenario is all that is needed: it was not given again."""
+    """Only its scenario is needed, which was not given again."""
     solve(tmp_path / "whole", 200_000)
     target = tmp_path / "folder"
     command = [*VIBRO, "run", str(SCENE), "--set", "stop.collisions=200000", "-o", str(target)]
@@ -48,7 +48,7 @@ def test_a_killed_run_is_taken_up_where_there_was_none(tmp_path: Path) -> None:
     assert subprocess.run(on, cwd=ROOT, check=False).returncode == 0
     assert content(target) == content(tmp_path / "whole")
     assert not list(tmp_path.glob(".*"))
-    # Now it is as any other run: it has reached its stop.
+    # Now it is like any other run: it has reached its stop.
     again = subprocess.run(on, cwd=ROOT, check=False, capture_output=True)
     assert again.returncode == 2
     assert b"expected a greater stop.collisions" in again.stderr

@@ -1,4 +1,4 @@
-"""What is said to be left on the disk when a signal ends a command while it computes or draws."""
+"""What a command says is left on disk when a signal ends it while it computes or draws."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -57,7 +57,7 @@ def test_nothing_is_kept_of_what_is_written_at_the_end(
 def test_a_page_that_is_written_is_kept(
     vibro: Vibro, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The film comes after it."""
+    """The film is written after the page."""
     vibro("run", FALLING, "--set", "stop.collisions=3", "--no-figures", "-o", "run")
     monkeypatch.setattr("vibro_cli.interface.runs.write_film", signalled)
     outcome = vibro("report", "run", "--animate", "film.html")

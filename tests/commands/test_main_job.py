@@ -102,7 +102,7 @@ DRAWING = "matplotlib.figure, matplotlib.backends.backend_agg, matplotlib.backen
     ],
 )
 def test_the_main_job_is_quick(tmp_path: Path, options: tuple[str, ...], libraries: str) -> None:
-    """Little more than loading the libraries takes: a measure that holds on a busy machine too."""
+    """It takes little more than loading the libraries, on a busy machine too."""
     run = [*VIBRO, "run", str(THREE_ARCS), *options, "-q", "-o", str(tmp_path / "run")]
     assert ratio(run, [sys.executable, "-c", f"import {libraries}"], times=4) <= 3.5
 
@@ -139,7 +139,7 @@ def test_a_run_goes_on_by_impacts_and_elsewhere(vibro: Vibro) -> None:
 
 
 def test_a_stored_scenario_that_is_no_text_has_its_place(vibro: Vibro) -> None:
-    """Whoever saves it in another encoding, and its checksum too."""
+    """Somebody may have saved it in another encoding, and updated its checksum."""
     vibro("run", THREE_ARCS, *FEW, "-o", "run", "--no-figures")
     scenario, manifest = Path("run/scenario.json"), Path("run/manifest.json")
     found = scenario.read_bytes()

@@ -60,7 +60,7 @@ WRITING = {
     "stress": ["stress", "--only", "elliptic", "-o", "locked/stress"],
     "bench": ["bench", "--references", "locked/times", "--scene", "five_balls"],
 }  # fmt: skip
-# These write nothing but to standard output.
+# These write only to standard output.
 PRINTING_ONLY = {"check", "show", "verify", "schema", "help"}
 
 
@@ -76,7 +76,7 @@ def test_every_command_is_in_the_matrix() -> None:
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with a scenario and the results of one run."""
+    """Return a folder with a scenario and the results of one run."""
     folder = tmp_path_factory.mktemp("matrix")
     processes.prepare(folder)
     (folder / "starts.toml").write_text(STARTS)
@@ -100,7 +100,7 @@ def test_in_a_pipe(folder: Path, name: str) -> None:
     assert outcome.returncode == 0, outcome.stderr
     assert outcome.stdout.strip()
     assert b"\x1b" not in outcome.stdout + outcome.stderr
-    assert b"\r" not in outcome.stderr  # nothing is drawn over: there is nobody who looks
+    assert b"\r" not in outcome.stderr  # nothing is overwritten: nobody is looking
 
 
 @pytest.mark.parametrize("name", PRINTING)
@@ -176,7 +176,7 @@ def assert_refused(outcome: processes.Outcome, reason: bytes) -> None:
 
 @pytest.mark.parametrize("name", WRITING)
 def test_a_folder_in_which_all_is_well(folder: Path, name: str) -> None:
-    """That the commands above do write, where they can."""
+    """The commands above do write where they can."""
     outcome = processes.call(folder, *WRITING[name])
     assert outcome.returncode == 0, outcome.stderr
     assert clean(folder / "locked")

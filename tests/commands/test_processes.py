@@ -17,7 +17,7 @@ from vibro_cli.commands.shared.error_handling import EXIT_CODES
 
 pytestmark = pytest.mark.long
 
-# Without losses a run with many impacts asked for goes on for minutes, without compiling anything.
+# Without losses a run with many impacts takes minutes, without compiling anything.
 LONG = ["--engine", "python", "--set", "collision.k=1", "--set", "balls[1].angle=-0.5"]
 
 
@@ -72,7 +72,7 @@ def test_a_signal_ends_a_run_in_the_middle(
 
 
 def test_a_signal_that_is_ignored_stays_so(folder: Path) -> None:
-    """As `nohup` asks for."""
+    """As under `nohup`."""
     command = (
         f"trap '' HUP; {sys.executable} -m vibro_cli check small.toml -q & kill -HUP $!; wait $!"
     )
@@ -93,7 +93,7 @@ def test_letters_of_every_locale(folder: Path) -> None:
 
 
 def test_folders_may_be_named_in_other_letters(folder: Path, tmp_path: Path) -> None:
-    """As in Latin-1, from times before UTF-8."""
+    """For example in Latin-1."""
     named = os.fsdecode(b"gr\xfcn")
     try:
         (tmp_path / named).mkdir()
@@ -133,7 +133,7 @@ def test_flags_go_before_the_environment_and_this_before_defaults(folder: Path) 
 
 
 def test_nothing_is_read_from_the_home_folder(folder: Path, tmp_path: Path) -> None:
-    """Not by this program: what it imports is of the libraries, which may look for their own."""
+    """This holds for the program itself; libraries may look for their own files."""
     (tmp_path / ".config/vibro").mkdir(parents=True)
     for name in (".vibrorc", ".vibro.toml", ".config/vibro/config.toml"):
         (tmp_path / name).write_text("this is no configuration")
@@ -167,7 +167,7 @@ def test_a_home_folder_that_cannot_be_written_is_no_matter(folder: Path, tmp_pat
 
 
 def completions(words: str, **changes: str) -> list[str]:
-    """What bash would offer at the end of a command line."""
+    """Return what bash would offer at the end of a command line."""
     count = str(len(words.split(" ")) - 1)
     outcome = call(
         ROOT,

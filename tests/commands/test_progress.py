@@ -1,4 +1,4 @@
-"""The line that tells how far a long run is: on a terminal, and nowhere else."""
+"""The progress line of a long run: on a terminal only."""
 
 import re
 import time
@@ -47,7 +47,7 @@ def test_a_long_run_tells_time_impacts_and_rate_on_a_terminal(folder: Path) -> N
     assert list(impacts) == sorted(impacts)
     assert 0.0 < impacts[0] < impacts[-1] <= 20000
     assert min(rates) > 0.0
-    # The last one is removed before the summary is said.
+    # The last line is removed before the summary is printed.
     assert re.search(rb"left\r\x1b\[Ksmall: ended at t = ", seen)
     assert max(len(line) for line in re.split(rb"\r\x1b\[K|\r\n", seen)) <= 80
 
@@ -99,7 +99,7 @@ def test_what_is_drawn_is_told_on_a_terminal(folder: Path) -> None:
     told = [words.decode() for words in re.findall(rb"\r\x1b\[Kdrawing: ([^\r]*)", seen)]
     assert set(told) & {kind.title for kind in FIGURES.values()}
     assert told[-1] == "frame 101 of 125"
-    # The line is removed before anything else is said.
+    # The line is removed before anything else is printed.
     for word in (b"report in", b"film of"):
         assert re.search(rb"drawing: [^\r]*\r\x1b\[K" + word, seen)
     assert b"drawing" not in processes.call(folder, "report", "run").stderr
@@ -109,7 +109,7 @@ def test_what_is_measured_is_told_until_each_result_comes(
     monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(terminal, "_EVERY", 0.0)
-    # Commands of other tests may have been quiet, or have spoken JSON.
+    # Commands of other tests may have been quiet, or have used JSON.
     monkeypatch.setattr(terminal, "_words", {"as_json": False, "least": "info"})
     monkeypatch.setattr("sys.stderr.isatty", lambda: True)
     monkeypatch.setenv("TERM", "xterm")

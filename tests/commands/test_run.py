@@ -1,4 +1,4 @@
-"""`vibro run`: where results go, what is said, and how it ends."""
+"""`vibro run`: where results go, what it prints, and how it ends."""
 
 import contextlib
 import csv
@@ -52,7 +52,7 @@ def entries(folder: Path) -> list[str]:
 
 
 def several(folder: Path, *names: str) -> list[Path]:
-    """Scenarios of these names."""
+    """Write scenarios with these names."""
     paths = []
     for name in names:
         path = folder / f"{name}.toml"
@@ -383,7 +383,7 @@ def test_a_fault_of_the_program_is_named_and_its_traceback_kept(
 def test_a_signal_that_struck_within_a_class_is_no_fault_of_the_program(
     vibro: Vibro, scenario: Path, by_hand: ByHand, end: BaseException, code: int
 ) -> None:
-    """Python 3.11 makes a RuntimeError of what `__set_name__` raises, as while modules load."""
+    """Python 3.11 turns what `__set_name__` raises into a RuntimeError, as while modules load."""
 
     def act() -> None:
         try:
@@ -401,7 +401,7 @@ def test_a_signal_that_struck_within_a_class_is_no_fault_of_the_program(
 def test_an_error_in_the_place_of_a_signal_is_no_fault_of_the_program(
     vibro: Vibro, scenario: Path, by_hand: ByHand
 ) -> None:
-    """Code in C may drop what a signal raises, and say that its argument is wrong."""
+    """C code may drop the exception of a signal, and report a wrong argument instead."""
 
     def act() -> None:
         with contextlib.suppress(KeyboardInterrupt):
@@ -417,7 +417,7 @@ def test_an_error_in_the_place_of_a_signal_is_no_fault_of_the_program(
 def test_a_signal_that_python_drops_comes_again(
     vibro: Vibro, scenario: Path, by_hand: ByHand
 ) -> None:
-    """What `__del__` raises is told as `Exception ignored in` and is lost."""
+    """Python prints what `__del__` raises as `Exception ignored in`, and drops it."""
 
     class Closed:
         def __del__(self) -> None:
@@ -552,7 +552,7 @@ def test_a_signal_does_not_wait_for_figures_and_loses_no_table(
     code: int,
     early: bool,
 ) -> None:
-    """It comes while figures are drawn, or before: then none is begun."""
+    """It comes while figures are drawn, or before: then no figure is begun."""
     begun = 0
 
     def figures_of(*_: object) -> dict[str, bytes]:

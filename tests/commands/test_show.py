@@ -129,7 +129,7 @@ def test_of_a_long_table_no_more_than_a_group_of_rows_is_there(
         found = [line.split(",") for line in lines[1:]]
         assert [{"n": int(n), "x": float(x)} for n, x in found] == expected
     assert max(read) == (rows != "60:70")
-    # A terminal's table is read for its widths first.
+    # The widths of a terminal's table are read first.
     assert len(read) == {"all": 5, "8:33": 4}.get(rows, 1) * (1 + (form == "text"))
 
 

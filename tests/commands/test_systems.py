@@ -63,7 +63,7 @@ GRIDS = {
 
 @pytest.mark.parametrize("base", GRIDS)
 def test_a_grid_from_end_to_end(base: str, vibro: Vibro) -> None:
-    """The same parts from any number of workers, in shards and after a part was lost."""
+    """The parts are the same from any number of workers, in shards and after a part was lost."""
     *axes, tables = GRIDS[base]
     lines = [f'base = "{GALLERY / base}.toml"', "chunk_points = 3", "keep = {collisions = true}"]
     for path, values in zip(axes, ([7.0, 8.0, 9.0, 5e60], [0.3, 0.7, 0.9, 5e60]), strict=True):
@@ -125,7 +125,7 @@ def test_runs_of_one_system_are_compared(vibro: Vibro) -> None:
 
 @pytest.mark.parametrize("path", SCENARIOS, ids=lambda path: path.stem)
 def test_a_run_goes_on(path: Path, vibro: Vibro) -> None:
-    """The files of a run in two parts are those of one, byte by byte."""
+    """The files of a run in two parts are those of an uninterrupted run, byte by byte."""
     short, whole = ["--set", "stop={time = 0.9}"], ["--set", "stop={time = 2.1}"]
     assert vibro("run", str(path), "-o", "part", "--no-figures", *short).code == 0
     assert vibro("run", "--continue", "part", "--no-figures", *whole).code == 0
@@ -135,7 +135,7 @@ def test_a_run_goes_on(path: Path, vibro: Vibro) -> None:
 
 
 def test_a_run_of_thousands_of_balls_goes_on(vibro: Vibro) -> None:
-    """Its scenario, written out in full, is longer than the text of one may be."""
+    """Its scenario, written out in full, is longer than the limit for text."""
     wall = "shape = 'rectangle'\nwidth = 0.9\ndepth = 0.9\nk = 1"
     balls = [
         f"[[balls]]\nradius = 4e-3\nmass = 1\nx = {i % 80 / 100 - 0.4}\ny = {i // 80 / 100 - 0.4}"

@@ -18,7 +18,7 @@ from vibro_cli.systems.columns import END_CAUSES
 
 
 def lines(**changes: Any) -> list[str]:
-    """The lines of a summary, those that were broken put together again."""
+    """Return the lines of a summary, with wrapped lines joined again."""
     record = {**FakeRun().summary_record(), **changes}
     return re.sub(r"\n {4}\s*", " ", summary_text("name", record, None)).splitlines()
 
