@@ -39,7 +39,7 @@ _GROUND = (200, 200, 215)
 
 
 def pictures(name: str) -> Iterator[Image.Image]:
-    """Every figure of a scenario of the gallery."""
+    """Return every figure of a scenario of the gallery."""
     run = simulate(load_scenario(SCENARIOS / f"{name}.toml"))
     portrait = portrait_of(Landscape.of(run.system, 1))
     figures = [one.figure for one in draw_all(run, None, "single")]
@@ -51,7 +51,7 @@ def pictures(name: str) -> Iterator[Image.Image]:
 
 
 def others() -> Iterator[Image.Image]:
-    """The figures that are of no single run."""
+    """Return the figures that belong to no single run."""
     members = [
         (body, portrait_of(Landscape.of(build_system(load_scenario(BODIES, [override])), 1)))
         for body in ("particle", "disk", "ball")
@@ -67,7 +67,7 @@ def others() -> Iterator[Image.Image]:
 
 
 def picture(figure: Figure) -> Image.Image:
-    """A figure as a picture."""
+    """Return a figure as a picture."""
     return Image.open(BytesIO(render(figure, "png"))).convert("RGB")
 
 

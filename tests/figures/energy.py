@@ -1,4 +1,4 @@
-"""Energies of bodies from what defines them, apart from the program's own formulas."""
+"""Energies of bodies from their definitions, independent of the program's own formulas."""
 
 from __future__ import annotations
 

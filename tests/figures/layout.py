@@ -1,4 +1,4 @@
-"""What a referee would see at once: texts cut off or over one another."""
+"""Faults that a referee would see at once: texts that are cut off or overlap."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from vibro_cli.figures.style import journal
 
 
 def texts(figure: Figure) -> list[Text]:
-    """Every text that shows on a figure."""
+    """Return every visible text of a figure."""
     found = (artist for artist in figure.findobj(Text) if isinstance(artist, Text))
     return [text for text in found if text.get_text() and text.get_visible()]
 
 
 def assert_texts_are_apart(figure: Figure) -> None:
-    """Draw a figure and compare the boxes of all its texts."""
+    """Draw a figure and check that the boxes of its texts do not overlap."""
     canvas: Any = FigureCanvasAgg(figure)  # its methods have no types
     with journal():
         canvas.draw()

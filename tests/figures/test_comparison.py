@@ -26,7 +26,7 @@ def members(make: Any = three_arcs) -> list[tuple[str, Portrait]]:
 
 
 def curves(figure: Figure, panel: int) -> list[list[Any]]:
-    """The lines of each body on a panel."""
+    """Return the lines of each body on a panel."""
     groups = [one for one in figure.axes[panel].collections if isinstance(one, LineCollection)]
     return [list(group.get_segments()) for group in groups]
 

@@ -1,4 +1,4 @@
-"""Very many points of a run: what is drawn is of the motion, and covers all of it."""
+"""Very many points of a run: all that is drawn belongs to the motion, and covers all of it."""
 
 import math
 import re
@@ -94,7 +94,7 @@ def test_paths_of_a_long_run_on_a_table_end_together_before_they_are_a_stain() -
 
 
 def test_paths_of_very_many_balls_are_seen_and_end_together() -> None:
-    """Each of 700 balls has a path; arrows are shorter than the way from ball to ball twice."""
+    """Each of 700 balls has a path; arrows are shorter than twice the distance between balls."""
     rng = np.random.default_rng(3)
     balls = [
         {
@@ -126,7 +126,7 @@ def test_paths_of_very_many_balls_are_seen_and_end_together() -> None:
 
 
 def test_thousands_of_balls_are_drawn_at_their_starts_by_two_artists() -> None:
-    """Places and radii are those of the scenario; an artist for each took most of a run."""
+    """Positions and radii are those of the scenario; one artist per ball took most of a run."""
     count = 300
     balls = [
         {"radius": 0.1 + 0.001 * n, "mass": 1.0, "x": n % 20, "y": n // 20, "velocity_x": 0.1}
@@ -147,7 +147,7 @@ def test_thousands_of_balls_are_drawn_at_their_starts_by_two_artists() -> None:
 
 @pytest.mark.parametrize(("bodies", "until"), [(8, 400_000.0), (16, 800_000.0)])
 def test_a_sum_of_energies_needs_no_more_memory_for_more_bodies(bodies: int, until: float) -> None:
-    """Of eight bodies less than the sum at every instant of each of them would take."""
+    """For eight bodies it takes less than their energies at every instant would."""
     times = [np.repeat(np.arange(n % 8, until, 8.0), 2) for n in range(bodies)]
     courses = [(time, np.arange(len(time), dtype=np.float64)) for time in times]
     tracemalloc.start()

@@ -63,12 +63,12 @@ TABLES = [
 
 
 def points_of(line: Array) -> Array:
-    """The ends and the middles of the straight parts of a curve."""
+    """Return the ends and the middles of the straight parts of a curve."""
     return np.concatenate([line, 0.5 * (line[1:] + line[:-1])])
 
 
 def scale_of(axes: Axes) -> Array:
-    """What a line's width is along both axes."""
+    """Return the width of a line along both axes."""
     figure: Any = axes.get_figure(root=True)
     box = axes.get_position()
     size = np.array([box.width, box.height]) * figure.get_size_inches() / MM
@@ -79,7 +79,7 @@ def scale_of(axes: Axes) -> Array:
 def assert_on_level(
     points: Array, level: Array | float, energy: Callable[[Array, Array], Array], width: Array
 ) -> None:
-    """Every point has a place of the level within a line's width around it."""
+    """Check that every point is within a line's width of a point of the level."""
     turn = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False)
     around = [np.zeros(2), *np.column_stack([np.cos(turn), np.sin(turn)])]
     near = np.array([energy(*(points + width * step).T) for step in around])
@@ -98,7 +98,7 @@ def branches_of(axes: Axes) -> list[LineCollection]:
 
 
 def arc_of(figure: Figure, axes: Axes) -> int:
-    """The number of the arc that a panel shows."""
+    """Return the number of the arc that a panel shows."""
     for one in (axes, figure.axes[0]):
         found = re.search(r"\d+", one.get_title())
         if found:
@@ -224,7 +224,7 @@ def test_branches_of_springs_are_on_their_levels(name: str, overrides: tuple[str
 
 
 def _check_energies(curve: Array, drawn: Array, energy: Any, width: Array) -> None:
-    """The energy over the place is that of the branch above, over all of its places."""
+    """Check that the energy over position is that of the branch above, over its whole range."""
     own = energy(*curve.T)
     assert np.min(drawn[:, 0]) == pytest.approx(np.min(curve[:, 0]), abs=width[0])
     assert np.max(drawn[:, 0]) == pytest.approx(np.max(curve[:, 0]), abs=width[0])
@@ -253,7 +253,7 @@ def test_lasting_contact_of_springs_is_where_the_run_is(overrides: tuple[str, ..
 
 @pytest.mark.parametrize("name", ["two_disks", "stressed_at_rest"])
 def test_level_curves_and_separatrices_of_springs(name: str) -> None:
-    """Each is of one energy and closed: it begins and ends at rest."""
+    """Each has constant energy and is closed: it begins and ends at rest."""
     system = run_of(f"springs/{name}").system
     for ball in range(1, len(system.bodies) + 1):
         upper = springs_structure(system, ball).axes[0]
@@ -284,7 +284,7 @@ def test_energies_of_a_trace_are_those_of_its_states(name: str, overrides: tuple
 
 
 def _lowest(system: Any, ball: int) -> float:
-    """The least energy that a body at rest can have anywhere on the trace (J)."""
+    """Return the least energy (J) that a body at rest can have anywhere on the trace."""
     least = []
     for piece in system.trace.pieces:
         places = np.linspace(piece.angle_start, piece.angle_end, 20001)
@@ -421,7 +421,7 @@ def test_energies_and_paths_on_a_table_are_those_of_the_motion(
 
 
 def _events_of(run: Any, ball: int) -> Array:
-    """The start, and the times at which a ball meets another or the wall (s)."""
+    """Return the start, and the times (s) at which a ball meets another or the wall."""
     tables = ((run.collisions, "ball_a"), (run.collisions, "ball_b"), (run.bounces, "ball"))
     met = [np.asarray(table["t"])[np.asarray(table[name]) == ball] for table, name in tables]
     return np.append(0.0, np.sort(np.concatenate(met)))

@@ -1,4 +1,4 @@
-"""The figure of exponents: what it draws, and that it is left out where there are none."""
+"""The figure of exponents: what it draws, and that it is omitted without exponents."""
 
 from __future__ import annotations
 

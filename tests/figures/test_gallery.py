@@ -1,4 +1,4 @@
-"""Portraits of the gallery's runs: the branches are the motion itself, nothing overlaps."""
+"""Portraits of the gallery's runs: branches follow the exact motion, and nothing overlaps."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def run_of(path: Path) -> Run:
 
 @pytest.mark.parametrize("path", SCENARIOS, ids=NAMES)
 def test_branches_run_through_the_exact_motion(path: Path) -> None:
-    """Every state of a flight lies on the curve that is drawn of it, within its straight parts."""
+    """Every state of a flight lies on its curve, within the error of the straight parts."""
     run = run_of(path)
     flights = run.flights()
     for ball in range(1, len(run.system.bodies) + 1):
@@ -51,7 +51,7 @@ def test_branches_run_through_the_exact_motion(path: Path) -> None:
 
 
 def distance(points: NDArray[np.float64], state: NDArray[np.float64]) -> float:
-    """The distance of a state from the line through points."""
+    """Return the distance of a state from the line through points."""
     ends, starts = points[1:], points[:-1]
     along = ends - starts
     square = np.maximum(np.sum(along**2, axis=1), np.finfo(np.float64).tiny)

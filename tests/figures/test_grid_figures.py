@@ -1,4 +1,4 @@
-"""Figures of grids made by hand: what is drawn, by number, and that nothing overlaps."""
+"""Figures of grids made by hand: the values drawn, and that nothing overlaps."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def mesh(figure: Figure) -> QuadMesh:
 
 
 def cells_of(figure: Figure) -> Any:
-    """The values of the cells, shape (rows, columns)."""
+    """Return the values of the cells, of shape (rows, columns)."""
     return mesh(figure).get_array()
 
 
@@ -192,7 +192,7 @@ def test_cells_end_halfway_between_values(made: Any) -> None:
 
 
 def as_logspace(grid: StoredGrid) -> StoredGrid:
-    """The grid, its axes as those of a file that gives them by `logspace`."""
+    """Return the grid with its axes as in a file that gives them by `logspace`."""
     axes = [{"paths": [path], "logspace": [1.0, 1.0, 1]} for path in grid.axes]
     return replace(grid, definition={**grid.definition, "axes": axes})
 
@@ -341,7 +341,7 @@ def test_impacts_over_an_axis_are_counted_in_whole_numbers(made: Any, most: int)
 
 
 def test_of_a_run_without_energy_at_its_start_no_share_is_left(made: Any) -> None:
-    """Not 0, as if all of it were lost."""
+    """There is no value, instead of 0 as if all of it were lost."""
     grid = made(ONE)
     grid.summary["energy_start"] = np.array([1.0, 0.0, 1.0, 1.0, 1.0])
     grid.summary["energy_end"] = np.array([1.0, 0.0, 0.5, 0.25, 0.0])
@@ -467,7 +467,7 @@ def test_values_that_are_one_but_for_rounding_have_an_axis_around_them() -> None
 
 
 def test_an_energy_that_is_kept_but_for_rounding_has_no_panel() -> None:
-    """A row of dots at 1 filled a third of the page."""
+    """A row of dots at 1 used to fill a third of the page."""
     rates = {"balls[1].angle": np.linspace(-1.4, -1.0, 9)}
     elastic = example("one_circle").replace({"collision.k": 1.0, "stop.collisions": 40})
     grid = sweep(elastic, rates).stored

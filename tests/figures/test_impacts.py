@@ -27,7 +27,7 @@ SPRINGS = example("two_disks").replace({"balls[1].radius": 0.8, "balls[2].radius
 
 
 def marks(figure: Any, look: dict[str, Any]) -> np.ndarray:
-    """The points of one look in the lower panel of energies, of shape (n, 2)."""
+    """Return the points of one style in the lower panel of energies, of shape (n, 2)."""
     face = look.get("markerfacecolor", look["color"])
     drawn = [line for line in figure.axes[1].lines if line.get_markerfacecolor() == face]
     return np.concatenate([np.column_stack(line.get_data()) for line in drawn])
@@ -59,7 +59,7 @@ def test_the_law_s_speeds_after_an_inadmissible_impact_are_no_velocities_on_a_ta
 
 @pytest.mark.parametrize(("k", "angle"), [(0.5, -0.3), (0.0, -0.23230769230769233)])
 def test_an_impact_that_would_lift_a_body_off_is_named_not_made(k: float, angle: float) -> None:
-    """With k = 0 the bodies go through one another by 6e-17 m/s, which is rounding."""
+    """With k = 0 the bodies still approach at 6e-17 m/s, which is rounding."""
     document = not_made("lift_off")
     document["collision"]["k"], document["balls"][0]["angle"] = k, angle
     run = solve_any(document)
@@ -75,7 +75,7 @@ def test_an_impact_that_would_lift_a_body_off_is_named_not_made(k: float, angle:
 
 
 def test_what_impacts_gain_is_drawn_as_what_they_lose_is() -> None:
-    """The law of translation between a ball and a hoop gives energy of rolling in some impacts."""
+    """Some impacts of a ball and a hoop under the law of translation gain energy of rolling."""
     changed = {"balls[2].body": "hoop", "balls[2].thickness": 0.01}
     scenario = example("three_arcs").replace({"collision.law": "translational"} | changed)
     run = simulate(scenario).solved

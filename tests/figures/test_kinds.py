@@ -1,4 +1,4 @@
-"""Charts of a run: what is drawn, by number, and that nothing overlaps or is cut off."""
+"""Charts of a run: the values drawn, and that nothing overlaps or is cut off."""
 
 from __future__ import annotations
 
@@ -136,7 +136,7 @@ def test_bodies_stand_on_the_scene_where_they_start() -> None:
 
 
 def test_numbers_of_bodies_that_touch_belong_to_their_bodies() -> None:
-    """On the scene a number is nearest to its own ball, or a line leads from it to that one."""
+    """On the scene a number is nearest to its own ball, or a line leads from it to that ball."""
     resting = [{"touching": "previous"}] * 3
     starts = [{"angle": "-30 deg"}, {"angle": "-3.5 deg"}, *resting]
     balls = [{"radius": 0.01, "density": 7800, "arc": 1} | start for start in starts]
@@ -297,7 +297,7 @@ def test_walls_are_drawn_in_scene_and_plan() -> None:
 
 
 def test_bodies_that_stay_in_contact_have_no_figure_of_accuracy() -> None:
-    """They make no impact and no free flight, so that there is nothing to measure."""
+    """They have no impact and no free flight, so that there is nothing to measure."""
     trace = {"start_slope": -1.5, "arcs": [{"shape": "valley", "radius": 1.0, "end_slope": 1.5}]}
     pair = [scenes.ball(-0.3), {"radius": 0.1, "mass": 1.0, "arc": 1, "touching": "previous"}]
     run = scenes.solve_any(scenes.scene(trace, pair, 0.5, "hedrih", time=1.0))

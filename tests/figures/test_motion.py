@@ -1,4 +1,4 @@
-"""Films: every frame is the motion at its time, and the files are what they say."""
+"""Films: every frame shows the motion at its time, and the files have the stated content."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def test_the_clock_of_a_film_tells_its_frames_apart(pace: float, rate: int) -> N
 
 
 def test_the_clock_is_drawn_with_its_decimals() -> None:
-    """Within a thousandth of a second one frame was like another."""
+    """Frames within a thousandth of a second used to show the same time."""
     run = run_of("three_arcs")
     close = film_on_trace(run, frame_times(1.0, 1.0002, 0.0005, RATE))
     drawn = Film(close, 50.0)
@@ -72,7 +72,7 @@ def test_the_clock_is_drawn_with_its_decimals() -> None:
 
 
 def test_a_frame_is_on_the_flight_of_its_time() -> None:
-    """Energy of a frame is that of its flight, to rounding: nothing lies between two states."""
+    """The energy of a frame is that of its flight, to rounding: states are not interpolated."""
     run, all_frames = shown("three_arcs", 8.0)
     sample = run.sample(all_frames.time)
     flights = run.flights()
@@ -89,7 +89,7 @@ def test_a_frame_is_on_the_flight_of_its_time() -> None:
 
 
 def test_bodies_turn_as_they_roll() -> None:
-    """By the way of the centre through the radius: the time integral of v/r."""
+    """The angle is the path of the centre divided by the radius: the time integral of v/r."""
     run, all_frames = shown("three_arcs", 1.5)
     end = float(all_frames.time[-1])
     fine = run.sample(np.linspace(0.0, end, 30001))
@@ -154,7 +154,7 @@ def test_the_plane_shows_the_speeds_at_impacts_between_frames() -> None:
 
 
 def test_the_stage_places_what_it_shows() -> None:
-    """Pixels from the map of the page against matplotlib's own."""
+    """Compare pixels by the map of the page with those of matplotlib."""
     _, all_frames = shown("three_arcs", 1.0)
     stage = FilmFrame(all_frames, 100.0)
     for axes in (stage.plan, stage.plane):
@@ -234,7 +234,7 @@ def test_what_ffmpeg_says_is_passed_on(monkeypatch: pytest.MonkeyPatch, tmp_path
 
 @cache
 def film_of(name: str, pace: float) -> tuple[Solved, Frames]:
-    """A run of any system, and a film of its first seconds."""
+    """Return a run of any system, and a film of its first seconds."""
     run = solved(example(name))
     end = min(6.0, run.summary["end_time"])
     shown = run.stored

@@ -1,4 +1,4 @@
-"""Numbers beside points: inside the panel, apart from one another and from what is drawn."""
+"""Numbers beside points: inside the panel, and clear of one another and of the drawing."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ NOTHING = np.empty((0, 2))
 def placed(
     texts: list[str], anchors: list[Array], obstacles: Array = NOTHING
 ) -> list[tuple[float, float]]:
-    """Where each text stands; every one has room."""
+    """Return the position of each text; every one has room."""
     places = [place for place in place_numbers(texts, anchors, obstacles, SIZE) if place]
     assert len(places) == len(texts)
     return places

@@ -24,7 +24,7 @@ pytestmark = pytest.mark.long
 
 
 def png_size(content: bytes) -> tuple[int, int]:
-    """Width and height from the header of a PNG."""
+    """Return width and height from the header of a PNG."""
     return int.from_bytes(content[16:20], "big"), int.from_bytes(content[20:24], "big")
 
 

@@ -1,4 +1,4 @@
-"""Phase portraits: what is drawn, by number, and that nothing overlaps or is cut off."""
+"""Phase portraits: the values drawn, and that nothing overlaps or is cut off."""
 
 from __future__ import annotations
 
@@ -48,13 +48,13 @@ RUNS: dict[str, Callable[[], HandMade]] = {
 
 
 def refused(run: HandMade) -> HandMade:
-    """Let the last impact be inadmissible."""
+    """Make the last impact inadmissible."""
     run.struck[-1] |= {"admissible": False, "separation_speed": -1.0}
     return run
 
 
 def lines(figure: Figure, panel: int, zorder: float) -> list[Any]:
-    """The lines drawn on a panel at one level."""
+    """Return the lines drawn on a panel at one level."""
     return [
         segment
         for collection in figure.axes[panel].collections
@@ -64,7 +64,7 @@ def lines(figure: Figure, panel: int, zorder: float) -> list[Any]:
 
 
 def shown(figure: Figure) -> list[str]:
-    """What is written on a figure."""
+    """Return the texts on a figure."""
     return [text.get_text() for text in texts(figure)]
 
 

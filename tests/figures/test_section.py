@@ -84,7 +84,7 @@ def test_it_is_said_how_many_runs_of_a_grid_are_shown(
 def test_the_runs_of_a_section_are_found_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Whatever is said and drawn of them: of a million points that takes a third of a second."""
+    """Texts and figures share them: for a million points that search takes a third of a second."""
     asked: list[str] = []
 
     def counted(grid: StoredGrid, *more: Any, **named: Any) -> Any:
@@ -148,7 +148,7 @@ def test_a_ball_alone_on_a_table_shows_its_impacts_on_the_wall() -> None:
 
 
 def test_an_edge_that_a_wall_does_not_have_is_not_shown(tmp_path: Path) -> None:
-    """A run that was not opened from a folder showed it as edge 0."""
+    """A run that was not opened from a folder used to show it as edge 0."""
     run = simulate(example("elliptic_wall"))
     run.save(tmp_path / "run", figures=False)
     assert np.ma.getmaskarray(run.bounces["edge"]).all()
@@ -158,7 +158,7 @@ def test_an_edge_that_a_wall_does_not_have_is_not_shown(tmp_path: Path) -> None:
 
 
 def test_impacts_without_a_value_along_are_left_out(tmp_path: Path) -> None:
-    """There is no interval before the first impact; the axis was then to end at NaN."""
+    """There is no interval before the first impact; the axis used to end at NaN."""
     run = simulate(example("one_circle"))
     run.save(tmp_path / "run", figures=False)
     times = np.asarray(run.collisions["t"])
@@ -180,7 +180,7 @@ def test_runs_and_grids_have_the_same_words_for_the_angle_on_one_arc() -> None:
 
 
 def test_a_run_on_a_line_is_shown_by_its_places(tmp_path: Path) -> None:
-    """A line has no angles; its impacts were said not to be there."""
+    """A line has no angles; the program used to say that there are no impacts."""
     run = simulate(example("falling_balls").replace({"stop.collisions": 30}))
     run.save(tmp_path / "run", figures=False)
     for one in (run, open_run(tmp_path / "run")):
@@ -193,7 +193,7 @@ def test_a_run_on_a_line_is_shown_by_its_places(tmp_path: Path) -> None:
 
 
 def test_a_section_has_as_much_room_on_the_left_as_on_the_right() -> None:
-    """A lonely impact at one end had the axis go on by half the gap beside it."""
+    """A lonely impact at one end used to extend the axis by half the gap beside it."""
     run = simulate(example("three_arcs"))
     (axes,) = run.section(["s_a", "speed_a_pre"], transient=0).figure.axes
     along, up = np.vstack([np.asarray(c.get_offsets()) for c in axes.collections]).T
@@ -205,7 +205,7 @@ def test_a_section_has_as_much_room_on_the_left_as_on_the_right() -> None:
 def test_it_is_said_at_which_values_other_axes_are_held(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The picture was of one slice of the grid, and nothing said which."""
+    """The picture shows one slice of the grid, and used not to say which."""
     axes = {"collision.k": [0.8, 0.85, 0.9], "balls[1].angle": [-1.0, -0.9]}
     sweep(example("one_circle"), axes, tmp_path / "grid", collisions=True)
     assert run_command_line(["section", str(tmp_path / "grid"), "--transient", "0"]) == 0

@@ -148,7 +148,7 @@ WITHOUT_SADDLE = {
 
 @pytest.mark.parametrize("name", WITHOUT_SADDLE)
 def test_without_a_saddle_level_curves_pass_the_whole_trace(name: str) -> None:
-    """On every piece one that goes from end to end, and along the whole trace."""
+    """One curve goes from end to end on every piece, and along the whole trace."""
     hills = WITHOUT_SADDLE[name]
     portrait = portrait_of(hills)
     assert not any(point.kind == "saddle" for point in portrait.points)
@@ -189,7 +189,7 @@ def test_points_have_names_beside_them_and_values_above() -> None:
 def test_heights_are_in_powers_of_ten_on_very_small_and_large_traces(
     unit: float, power: int, width: str
 ) -> None:
-    """They were written as 7.019e-07, one with a minus and one with a hyphen."""
+    """They used to be written as 7.019e-07, one with a minus and one with a hyphen."""
     arcs = [valley(unit, 50.0), hump(0.5 * unit, -50.0), valley(unit, 80.0)]
     body = replace(BALL, radius=0.1 * unit)
     figure = structure(portrait_of(landscape(-80.0, *arcs, body=body)), width)
@@ -256,7 +256,7 @@ def test_an_empty_family_is_refused() -> None:
 
 
 def test_a_level_piece_of_the_trace_is_named_where_it_is_drawn() -> None:
-    """The words give its value by that name."""
+    """The text gives its value under that name."""
     figure = structure(portrait_of(HILLS["line"]))
     assert "line of equilibria" in {text.get_text() for text in texts(figure)}
     (name,) = (text for text in texts(figure) if text.get_text() == "D1")

@@ -109,7 +109,7 @@ def test_places_over_time_are_those_of_the_run(name: str) -> None:
 
 
 def _arrows(axes: Axes) -> list[tuple[float, str]]:
-    """Lengths (m) of the arrows of a picture, and the colours of their edges."""
+    """Return the lengths (m) of the arrows of a picture, and the colours of their edges."""
     found = [text for text in axes.texts if isinstance(text, Annotation) and text.arrow_patch]
     ends = np.array([np.subtract(one.xy, one.xyann) for one in found])
     edges = [to_hex(one.arrow_patch.get_edgecolor()) for one in found if one.arrow_patch]
@@ -117,7 +117,7 @@ def _arrows(axes: Axes) -> list[tuple[float, str]]:
 
 
 def _scale(axes: Axes) -> float:
-    """Length (m) of 1 m/s, by the arrow over a picture and what is written beside it."""
+    """Return the length (m) of 1 m/s, from the scale arrow over a picture and its label."""
     (speed,) = (one[1] for text in axes.texts if (one := re.fullmatch("(.*) m/s", text.get_text())))
     (line,) = (line for line in axes.lines if line.get_transform() == axes.transAxes)
     low, high = axes.get_xlim()
@@ -142,7 +142,7 @@ def test_arrows_on_a_table_are_told_from_paths_and_have_a_scale(name: str) -> No
 
 
 def test_the_outline_of_a_small_body_on_a_spring_does_not_cross_its_name() -> None:
-    """C was written over the edge of the body, which then looked like a part of the letter."""
+    """The edge of the body used to cross the C, and looked like a part of the letter."""
     balls: list[dict[str, Any]] = [
         {"radius": 0.1, "mass": 1.0, "position": place, "speed": 1.0,
          "spring": {"stiffness": 20.0, "length": 1.2, "height": 0.5, "foot": foot}}
@@ -159,7 +159,7 @@ def test_the_outline_of_a_small_body_on_a_spring_does_not_cross_its_name() -> No
 
 
 def test_numbers_of_balls_on_one_line_stand_beside_their_arrows() -> None:
-    """Each is struck by the one before it, and the arrows went through the numbers."""
+    """Each is struck by the one before it; the arrows used to cross the numbers."""
     balls = [{"radius": 0.05, "mass": 1.0, "x": 0.1001 * n, "y": 0.0} for n in range(4)]
     balls[0] |= {"x": -0.05, "velocity_x": 1.0}
     data = {"system": "table", "balls": balls, "collision": {"k": 1.0}, "stop": {"time": 0.5}}

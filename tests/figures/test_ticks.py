@@ -60,7 +60,7 @@ def test_an_axis_of_a_grid_has_three_labels(length: float, unit: str, vertical: 
 @pytest.mark.parametrize("high", [1e6, 1e12, 1e300])
 @pytest.mark.parametrize("vertical", [False, True])
 def test_an_axis_of_many_turns_has_few_labels(high: float, vertical: bool) -> None:
-    """An angle of an invalid point of a grid may be of any size; its axis takes no longer."""
+    """An angle of an invalid point of a grid may be huge; its axis takes no longer to draw."""
     axis = Coordinate("angle", "rad", np.array([0.0, high]), ())
     ticks = axis.ticks(0.0, high, 72.0, vertical)
     assert 3 <= len(ticks.labels) <= 12
@@ -211,7 +211,7 @@ def test_limits_that_are_nearly_one_number_are_moved_apart(value: float) -> None
 def test_labels_of_limits_near_one_another_count_from_a_number_between_them(
     ticked: Callable[[float, float, float], Ticks], middle: float, extent: float
 ) -> None:
-    """What a reader adds up, from the name of the axis and its labels, is where the ticks are."""
+    """The number in the name of the axis plus a label gives the position of the tick."""
     low, high = middle - 0.5 * extent * abs(middle), middle + 0.5 * extent * abs(middle)
     ticks = ticked(low, high, 60.0)
     assert len(set(ticks.labels)) == len(ticks.labels) >= 3

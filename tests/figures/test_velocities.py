@@ -22,7 +22,7 @@ NAMES = ["three_arcs", "unequal_hedrih", "closed_three_balls", "horizontal_line_
 
 @pytest.mark.parametrize("name", NAMES)
 def test_velocities_of_the_touching_points_are_those_of_the_table(name: str) -> None:
-    """Along the line of centres their difference is the speed of approach, then of separation."""
+    """The difference along the line of centres is the approach speed, then the separation speed."""
     run = run_of(name, TWELVE)
     for row in range(len(run.collisions["n"])):
         pair = striking(run, row)
@@ -156,7 +156,7 @@ def test_no_impact_has_no_plan() -> None:
 @pytest.mark.parametrize("width", ["single", "double"])
 @pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
 def test_values_over_contact_points_stay_over_their_own_panel(unit: float, width: str) -> None:
-    """Those of bodies of 0.1 µm ran into the words of the panel beside them."""
+    """Those of bodies of 0.1 µm used to overlap the text of the next panel."""
     lengths = {f"trace.arcs[{n}].radius": radius for n, radius in enumerate((1.0, 0.5, 1.0), 1)}
     lengths |= {"balls[1].radius": 0.1, "balls[2].radius": 0.08}
     scaled = [f"{path}={length * unit!r}" for path, length in lengths.items()]
