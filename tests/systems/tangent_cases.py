@@ -1,4 +1,4 @@
-"""How tests of tangent maps solve a scene, and what the tables of every system have to tell."""
+"""How tests of tangent maps solve a scene, and what the tables of every system must contain."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def follow(document: Document, engine: str = "compiled") -> tuple[LoggedMap, Any
 
 
 def solved_and_streamed(scenario: Any) -> tuple[Any, dict[str, dict[str, Any]]]:
-    """A run and its tables, once kept and once streamed, which tell the same of exponents."""
+    """Return a run and its tables, once kept and once streamed, with the same exponents."""
     told: dict[str, list[Any]] = {}
     streamed = simulate_streamed(
         scenario, lambda name, columns: told.setdefault(name, []).append(columns)

@@ -21,7 +21,7 @@ from vibro_cli.systems.columns import converging, exponents
 
 @pytest.mark.parametrize("name", ["three_arcs", "one_circle", "five_balls", "springs/two_disks"])
 def test_kinetic_energies_are_those_of_rolling_and_give_the_loss(name: str) -> None:
-    """B (18), (19), (20): half J_P omega^2, and what of their sum an impact takes."""
+    """B (18), (19), (20): half J_P omega^2, and the loss of their sum in an impact."""
     run = run_of(name, "stop.collisions=30")
     table = run.collisions
     kinetic = {}
@@ -79,7 +79,7 @@ def test_outgoing_and_arrival_angles_differ_for_equal_balls() -> None:
 
 
 def test_a_wall_turns_the_angle_by_its_restitution() -> None:
-    """tan of the outgoing angle is 1/k of that of the arrival; omega is v/r."""
+    """The tangent of the outgoing angle is 1/k of that of the arrival angle; omega is v/r."""
     run = run_of("table/elliptic_wall")
     table, k = run.bounces, run.system.wall.restitution
     wanted = np.tan(table["arrival_angle"]) / k
@@ -163,7 +163,7 @@ def test_an_impact_at_the_seam_of_a_circle_is_at_the_end_that_it_comes_to(
 
 
 def test_exponents_of_the_summary_are_those_of_the_whole_run() -> None:
-    """Those of the table on their convergence are of its part until an impact."""
+    """Each row of the table of their convergence covers the run until an impact."""
     for columns, part in ((exponents(2), False), (converging(2).columns, True)):
         told = [one.description for one in columns if one.name in ("lyapunov_1", "lyapunov_2")]
         assert ["until then" in text for text in told] == [part, part]

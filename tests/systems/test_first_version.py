@@ -1,4 +1,4 @@
-"""What the program makes of the first version of a system: parts that it need not have yet."""
+"""The program with a first version of a system, which lacks the optional parts."""
 
 from __future__ import annotations
 
@@ -115,7 +115,7 @@ BODY = {"ball": 1, "body": "ball", "radius": 0.1, "mass": 1.0, "kappa": 1.4}
 
 @pytest.fixture
 def kind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[System]:
-    """A system that has an object, a model, tables and a figure, and no other module."""
+    """Register a system that has an object, a model, tables and a figure, and no other module."""
     folder = tmp_path / NAME
     folder.mkdir()
     (folder / "__init__.py").write_text(OBJECT, encoding="utf-8")

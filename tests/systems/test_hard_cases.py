@@ -1,4 +1,4 @@
-"""Scenes of the systems that once went wrong, each a file with one line on what it caught."""
+"""Scenes of the systems that once failed, each a file with one line on the fault it revealed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tables and springs that are not possible are refused, each with its place."""
+"""Impossible tables and springs are refused, each with its place."""
 
 from __future__ import annotations
 

@@ -57,7 +57,7 @@ def test_singular_points_and_separatrix(shape: tuple[float, float]) -> None:
     assert [kind for _, kind in points] == ["centre", "saddle", "centre"]
     for place, known in zip((place for place, _ in points), (-away, 0.0, away), strict=True):
         assert abs(place - known) <= 4e-16 * away
-    # On the separatrix it comes to the saddle, and no further.
+    # On the separatrix it reaches the saddle, and no further.
     w = math.sqrt(6.0 / 1.5)
     speed = separatrix_speed(held, w, away)
     assert speed == pytest.approx(w * (length - height), rel=1e-15)
@@ -140,7 +140,7 @@ def test_energy_over_ten_thousand_impacts() -> None:
 
 @pytest.mark.parametrize("mass_b", [0.7, 0.3, 2.9])
 def test_rounding_takes_as_often_energy_of_an_impact_as_it_gives_some(mass_b: float) -> None:
-    """By exact sums of what is written: once a pair lost 2e-16 of its energy in each impact."""
+    """By exact sums of the rows: a pair used to lose 2e-16 of its energy in each impact."""
     left, right = spring(5.0, 1.5, 1.0, 0.3), spring(8.0, 1.5, 1.0, -0.3)
     balls = [disk(-1.0, 2.0, left), disk(0.5, -1.7, right, mass=mass_b, radius=0.3)]
     document = springs(balls, collisions=5000)
@@ -330,7 +330,7 @@ def test_periods_against_quadrature_in_sixty_digits(
 
 @pytest.mark.parametrize("engine", ["compiled", "python"])
 def test_many_pairs_that_collide_at_one_instant(engine: str) -> None:
-    """Equal bodies exchange their speeds until these ascend: once for each pair out of order."""
+    """Equal bodies exchange speeds until these ascend: one exchange for each pair out of order."""
     count = 60
     held = [spring(4.0, 1.0, 0.7, 0.04 * place) for place in range(count)]
     balls = [
@@ -347,7 +347,7 @@ def test_many_pairs_that_collide_at_one_instant(engine: str) -> None:
 
 @pytest.mark.parametrize("engine", ["compiled", "python"])
 def test_many_pairs_that_stay_together_at_one_instant(engine: str) -> None:
-    """Rows of three far apart, more than the log at first has room for: each as if alone."""
+    """Rows of three far apart, more than the first log can hold: each behaves as if alone."""
     balls = [
         {
             "radius": 0.02,
@@ -442,7 +442,7 @@ def test_bodies_with_one_acceleration_part_by_the_next_derivative(
 
 
 def test_contacts_that_open_at_one_instant_are_decided_together() -> None:
-    """Three disks with one acceleration come back to where they began with all speeds reversed."""
+    """Three disks with equal accelerations return to their start with all speeds reversed."""
     masses = [70.0, 0.14, 0.09]
     held = _equally_accelerated((-1.4, 0.25, 0.7), (-2.0, 0.5, 0.8), (-1.8, 0.75, 0.9))
     for one, mass in zip(held, masses, strict=True):
@@ -458,7 +458,7 @@ def test_contacts_that_open_at_one_instant_are_decided_together() -> None:
 def test_bodies_at_rest_in_contact_touch_however_far_their_feet_are(
     away: float, turned: bool
 ) -> None:
-    """Places from a far foot are rounded more than those from the origin; against statics."""
+    """Positions from a far foot are rounded more than those from the origin; against statics."""
     stretches = [-0.5, 0.0, 0.5]  # of springs from the left: those outside push inwards
     held = [spring(6.0, away - stretch, 0.7, 1.0 - away) for stretch in stretches]
     if turned:
@@ -558,7 +558,7 @@ def test_pairs_that_meet_at_one_instant_of_a_run_collide_jointly(law: str) -> No
 def test_a_pair_that_stays_together_has_the_speed_of_its_momentum(
     masses: tuple[float, float], law: str
 ) -> None:
-    """To rounding, whichever of both is the heavier; that of its mirror image to the bit."""
+    """This holds to rounding, whichever body is heavier, and to the bit for its mirror image."""
     pressing = [spring(mass, 0.3, 0.4, 1.05) for mass in masses]
     for speeds in ((1.0, 0.0), (0.0, -1.0), (0.7, 0.1), (0.3 / masses[0], -0.2 / masses[1])):
         found = []
@@ -578,7 +578,7 @@ def test_a_pair_that_stays_together_has_the_speed_of_its_momentum(
 
 
 def _nearest_ascending(speeds: Any, masses: Any) -> list[float]:
-    """Of all speeds that ascend the nearest by the kinetic energy: violators are pooled."""
+    """Return the nearest ascending speeds in kinetic energy: violators are pooled."""
     pools: list[tuple[float, float, int]] = []
     for speed, mass in zip(speeds, masses, strict=True):
         pool = (speed * mass, mass, 1)
@@ -670,7 +670,7 @@ def test_under_the_translational_law_bounces_add_to_mass_times_speed(k: float) -
 
 
 def test_a_contact_that_the_next_double_does_not_have_is_grazing() -> None:
-    """A body that swings up to another one at rest, from farther and farther away."""
+    """A body oscillates up to another one at rest, from farther and farther away."""
 
     def touched(position: float) -> Any:
         held = [spring(5.0, 0.5, 1.0, foot) for foot in (0.0, 3.0)]

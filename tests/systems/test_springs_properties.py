@@ -63,7 +63,7 @@ def documents(draw: st.DrawFn) -> dict[str, Any]:
 
 
 def in_units(document: dict[str, Any], time: float, length: float) -> dict[str, Any]:
-    """The same scenario with times and lengths so many times as great."""
+    """Return the same scenario with times and lengths scaled by factors."""
     balls = []
     for ball in document["balls"]:
         spring = ball["spring"]

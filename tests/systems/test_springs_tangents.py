@@ -22,7 +22,7 @@ Floats = Any
 
 
 def neighbours(document: Document, size: float = 1e-6) -> Floats:
-    """The tangent map by differences of runs."""
+    """Return the tangent map by differences of runs."""
     columns = []
     for number in range(len(document["balls"])):
         for name in ("position", "speed"):
@@ -125,7 +125,7 @@ def test_equal_bodies_on_equal_springs_only_exchange_their_motions() -> None:
 
 @pytest.mark.parametrize(("k", "count"), [(0.5, 2), (0.0, 2), (0.0, 3)])
 def test_lasting_contact_takes_the_gap_and_its_rate(k: float, count: int) -> None:
-    """Also where bounces end in it, and where a body joins two that are in contact."""
+    """Also where bounces end in it, and where a body joins two in contact."""
     document = springs(PRESSED[:count], k, time=6.0)
     found, columns, whole = follow(document)
     assert whole.clock["contacts"] == count - 1
@@ -152,7 +152,7 @@ def test_a_blow_on_bodies_in_contact_has_the_derivative_of_neighbouring_runs(
 
 
 def test_joint_impacts_have_the_derivative_of_those_that_stay_joint() -> None:
-    """Changes that are their own mirror image leave the impact of three bodies what it is."""
+    """Changes that are their own mirror image keep the impact of three bodies joint."""
     held = [spring(6.0, 0.5, 1.0, foot) for foot in (-1.5, 0.0, 1.5)]
     sides = [disk(-1.5, 2.0, held[0]), disk(0.0, 0.0, held[1]), disk(1.5, -2.0, held[2])]
     document = springs(sides, 0.7, time=1.0)
@@ -176,7 +176,7 @@ def test_joint_impacts_have_the_derivative_of_those_that_stay_joint() -> None:
 def test_at_a_singular_point_the_map_is_that_of_a_linear_oscillator(
     length: float, place: float
 ) -> None:
-    """Of the saddle (l > b, in the middle) vectors grow by 10^8, and still keep their volume."""
+    """At the saddle (l > b, in the middle) vectors grow by 10^8, and volume is conserved."""
     held = spring(6.0, length, 1.0, 0.0)
     found, _, _ = follow(springs([disk(place, 0.0, held)], time=5.0))
     size = math.hypot(place, 1.0)

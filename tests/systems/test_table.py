@@ -27,7 +27,7 @@ EPSILON = 2.0**-52
 
 
 def events(run: Run) -> list[tuple[float, tuple[int, ...], list[tuple[float, ...]]]]:
-    """Time, balls, and for each its place and velocity after, of every event in order."""
+    """Return time, balls, and the positions and velocities after every event, in order."""
     found = []
     table = run.collisions
     for row in range(len(table["n"])):
@@ -74,7 +74,7 @@ def polygon(corners: list[list[float]], k: float, side: str = "inside") -> Docum
 
 
 def coming(obstacle: Document) -> Document:
-    """Fourteen balls that come from all around, and meet an obstacle and one another."""
+    """Return fourteen balls that arrive from all around, and meet an obstacle and one another."""
     angles = [0.449 * n + 0.02 * (n % 3) for n in range(14)]
     balls = []
     for n, f in enumerate(angles):
@@ -227,7 +227,7 @@ def law_errors(
 
 
 def component(row: dict[str, Any], end: str, when: str, name: str) -> Any:
-    """Component of a velocity along or across the line of centres, to 50 digits."""
+    """Return the component of a velocity along or across the line of centres, to 50 digits."""
     d = [twin.number(row[f"{a}_b"]) - twin.number(row[f"{a}_a"]) for a in "xy"]
     size = twin.mp.sqrt(d[0] ** 2 + d[1] ** 2)
     v = [twin.number(row[f"velocity_{a}_{end}_{when}"]) for a in "xy"]
@@ -236,7 +236,7 @@ def component(row: dict[str, Any], end: str, when: str, name: str) -> Any:
 
 
 def fastest(row: dict[str, Any]) -> float:
-    """The greatest speed before and after an impact."""
+    """Return the greatest speed before and after an impact."""
     return max(
         math.hypot(*(row[f"velocity_{a}_{end}_{when}"] for a in "xy"))
         for end in "ab"
@@ -307,7 +307,7 @@ def test_an_inadmissible_impact_ends_the_run_or_is_substituted() -> None:
 
 
 def _product_about_foci(run: Run, shape: tuple[float, float]) -> NDArray[np.longdouble]:
-    """Product of the angular momenta about the foci of an ellipse, after each bounce."""
+    """Return the product of the angular momenta about the foci of an ellipse, after each bounce."""
     a, b = (np.longdouble(axis) for axis in shape)
     c = np.sqrt(abs((a - b) * (a + b)))
     focus = (c, 0.0) if a > b else (0.0, c)
@@ -321,7 +321,7 @@ def _product_about_foci(run: Run, shape: tuple[float, float]) -> NDArray[np.long
 
 @pytest.mark.parametrize("shape", [(2.0, 1.2), (1.0, 1.6)])
 def test_the_foci_of_an_elliptic_wall(shape: tuple[float, float]) -> None:
-    """At r = 0 and k = 1 the product of the angular momenta about the foci stays."""
+    """At r = 0 and k = 1 the product of the angular momenta about the foci is conserved."""
     run = solve(table([particle(0.3, 0.1, 0.9, 0.7)], ellipse(*shape), bounces=100_000), "compiled")
     a, b = shape
     c = math.sqrt(abs(a * a - b * b))
@@ -332,7 +332,7 @@ def test_the_foci_of_an_elliptic_wall(shape: tuple[float, float]) -> None:
 
 
 def test_the_roundings_of_impacts_do_not_add_up_in_one_direction() -> None:
-    """Once 1.5e-12 in these, of the factors of the law."""
+    """The factors of the law used to cause 1.5e-12 in these."""
     heavy, light = ball(-0.5, 0.1, 1.0, 0.3), ball(0.5, -0.1, -0.7, 0.45, mass=0.3)
     balls = [{**one, "body": "disk", "radius": 0.2} for one in (heavy, light)]
     run = solve(table(balls, box(2.0, 1.5), collisions=300_000), "compiled")
@@ -340,7 +340,7 @@ def test_the_roundings_of_impacts_do_not_add_up_in_one_direction() -> None:
 
 
 def test_the_roundings_of_bounces_do_not_add_up_in_one_direction() -> None:
-    """The mean change of what stays is that of independent roundings, one at each bounce."""
+    """The mean drift is that of independent roundings, one at each bounce."""
     rng, scores = np.random.default_rng(20), []
     for _ in range(24):
         shape = (1.5, float(rng.uniform(0.8, 1.4)))
@@ -394,7 +394,7 @@ def test_contacts_with_a_narrow_ellipse_are_on_the_path(body: str, share: float)
 @pytest.mark.parametrize("radius", [0.0, 1e-3, 0.1, 0.4])
 @pytest.mark.parametrize("side", ["inside", "outside"])
 def test_the_contact_with_an_ellipse_is_the_first(radius: float, side: str) -> None:
-    """Along the path before it the ball is free of the wall, and there it touches it."""
+    """On the path before it the ball is clear of the wall; at the contact it touches the wall."""
     rng = np.random.default_rng(8)
     hits = 0
     for _ in range(20):
@@ -521,7 +521,7 @@ def sides_meet(corners: list[complex], one: int, other: int) -> bool:
 
 
 def test_the_first_two_sides_that_meet_are_told_of() -> None:
-    """Against all pairs, solved as linear equations in whole numbers."""
+    """Compare with all pairs, solved as linear equations in integers."""
     random = np.random.default_rng(7)
     sound = 0
     for _ in range(2000):
@@ -539,7 +539,7 @@ def test_the_first_two_sides_that_meet_are_told_of() -> None:
 
 
 def test_polygons_of_many_corners_are_checked_in_reasonable_time() -> None:
-    """Every side with those beside it only: twice the work for twice the corners."""
+    """Every side is checked only with those near it: twice the work for twice the corners."""
 
     def check(count: int) -> int:
         turns = [math.tau * (n + 0.3) / count for n in range(count)]
@@ -690,7 +690,7 @@ def test_a_ball_hit_from_both_sides_at_once() -> None:
 
 
 def test_a_ball_caught_between_others_comes_to_roll_with_them() -> None:
-    """Impacts without end in finite time end where the balls touch and do not close any more."""
+    """Infinitely many impacts in finite time end where the balls touch and no longer approach."""
     balls = [ball(-1.0, 0.03, 1.0), ball(0.0, 0.0), ball(1.02, 0.0, -1.3)]
     run = solve(table(balls, k=0.05, time=10.0))
     assert run.end_cause == "time"
@@ -710,7 +710,7 @@ def test_plastic_balls_roll_on_side_by_side() -> None:
 
 
 def test_what_is_left_of_a_speed_by_underflow_moves_no_ball() -> None:
-    """Plastic bounces between a wall and another ball: speeds whose squares have no digits."""
+    """Plastic bounces between a wall and another ball: the squares of the speeds underflow."""
     balls = [
         ball(0.001, 0.0, 1.0, 0.0, radius=0.05, mass=1.0),
         ball(0.101, 0.0, 0.0, 0.0, radius=0.05, mass=6.208077755265798),
@@ -732,7 +732,7 @@ def test_a_scenario_with_a_polygon_is_read_again() -> None:
 
 @pytest.mark.parametrize("law", LAW_NAMES)
 def test_balls_that_nearly_stop_one_another_at_k_0_collide_once(law: str) -> None:
-    """What is left of their speeds is small; their momentum says how much."""
+    """The remaining speeds are small, and follow from the momentum."""
     draw = np.random.default_rng(5)
     for left in (0.0, 1e-3, -1e-2):
         for _ in range(8):
@@ -796,7 +796,7 @@ def last_that_meets(scene: Callable[[float], Document], low: float, high: float)
 
 
 def contacts_of(run: Run) -> dict[str, Any]:
-    """The impacts of balls, or those on the wall where there is one ball."""
+    """Return the impacts of balls, or those on the wall if there is one ball."""
     return run.collisions if len(run.system.bodies) > 1 else cast(Any, run).bounces
 
 

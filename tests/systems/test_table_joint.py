@@ -22,7 +22,7 @@ def triangle(rows: int) -> list[tuple[int, int]]:
 
 
 def racked(rows: int, radius: float = R, mass: float = 1.0) -> list[Document]:
-    """The balls of a triangle at rest, with its corner at the origin."""
+    """Return the balls of a triangle at rest, with its corner at the origin."""
     return [
         ball(row * math.sqrt(3.0) * radius, across * radius, radius=radius, mass=mass)
         for row, across in triangle(rows)
@@ -30,7 +30,7 @@ def racked(rows: int, radius: float = R, mass: float = 1.0) -> list[Document]:
 
 
 def rack(rows: int, k: float = 1.0, law: str = "hedrih", **stop: Any) -> Document:
-    """A ball that comes along x towards the corner of a triangle of touching balls."""
+    """Return a ball moving along x towards the corner of a triangle of touching balls."""
     balls = [ball(-1.0, 0.0, 2.0), *racked(rows)]
     document = table(balls, k=k, **(stop or {"time": 3.0}))
     document["collision"]["law"] = law
@@ -38,7 +38,7 @@ def rack(rows: int, k: float = 1.0, law: str = "hedrih", **stop: Any) -> Documen
 
 
 def jointly(document: Document, impulses_of: Any) -> Any:
-    """Velocities after all touching pairs that close are solved together, by least squares."""
+    """Return velocities after all touching, closing pairs are solved by least squares."""
     balls = document["balls"]
     place = np.array([[b["x"], b["y"]] for b in balls])
     velocity = np.array([[b["velocity_x"], b["velocity_y"]] for b in balls])
@@ -210,7 +210,7 @@ def test_a_cradle_on_a_table_hands_on_what_comes() -> None:
 
 
 def test_an_inadmissible_group_stops_or_is_substituted() -> None:
-    """A great ball follows two small ones that it hits together."""
+    """A large ball overtakes two small ones that it hits together."""
     small = 0.05
     apart = 2.0 * math.sqrt(0.2 * small)
     x = -math.sqrt(apart**2 - small**2)

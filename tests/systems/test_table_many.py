@@ -1,4 +1,4 @@
-"""Tables of many balls: pairs that touch late or never are sifted out, and no contact is lost."""
+"""Tables of many balls: pairs that touch late or never are rejected, and no contact is lost."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ R = 0.1
 
 @kernel
 def sift_nothing(world: World, ball: int, first: int, last: int) -> None:
-    """Have every pair searched."""
+    """Search every pair."""
     for other in range(first, last):
         world.sifted[other] = 0.0
 
@@ -41,7 +41,7 @@ def world_of(document: Document, limits: Limits = NO_LIMITS) -> World:
 
 
 def rows_of(document: Document, engine: str, overrides: Overrides | None = None) -> list[Any]:
-    """Impacts, bounces and the end of a run, with all their numbers."""
+    """Return impacts, bounces and the end of a run, with all their numbers."""
     world = world_of(document, Limits(time=1e6, collisions=60, bounces=60))
     driver = Driver(LOOP, world, engine, overrides=overrides)
     cause = driver.run()
@@ -101,7 +101,7 @@ def aimed(draw: np.random.Generator) -> tuple[Document, Document]:
 
 
 def first_touch(one: Document, other: Document) -> Any:
-    """When they touch, in 40 digits; infinite if they part or miss."""
+    """Return the time at which they touch, in 40 digits; infinite if they part or miss."""
     d = mp.matrix([other["x"], other["y"]])
     w = mp.matrix([other["velocity_x"], other["velocity_y"]])
     b = -(d.T * w)[0]
@@ -155,7 +155,7 @@ def test_most_pairs_are_sifted_out() -> None:
 
 @pytest.fixture
 def measured(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
-    """The first balls of pairs whose distance is measured."""
+    """Return the first balls of pairs whose distance is computed."""
     first: list[Any] = []
 
     def distance(one: Any, other: Any) -> float:

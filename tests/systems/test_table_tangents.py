@@ -104,7 +104,7 @@ def test_a_bounce_along_an_axis_has_the_trace_of_its_chord(axis: int, radius: fl
 
 
 def test_joint_impacts_have_the_derivative_of_those_that_stay_joint() -> None:
-    """Changes that are their own mirror image leave the impact of three balls what it is."""
+    """Changes that are their own mirror image keep the impact of three balls joint."""
     still = [ball(0.0, 0.12), ball(0.0, -0.12)]
     document = table([ball(-1.0, 0.0, 1.0, mass=2.0), *still], k=0.7, time=2.0)
     found, columns, _ = follow(document)
@@ -133,7 +133,7 @@ def test_joint_impacts_have_the_derivative_of_those_that_stay_joint() -> None:
 
 
 def test_an_impact_without_restitution_takes_a_direction() -> None:
-    """Balls that touch without parting, at any time: of eight numbers seven are free."""
+    """Balls touch without parting, at any time: seven of eight numbers are free."""
     found, columns, _ = follow(table(TWO, ELLIPSE, 0.0, collisions=1))
     assert columns["collisions"]["smooth"].tolist() == [True]
     assert np.isneginf(found.sums).sum() == 1

@@ -1,4 +1,4 @@
-"""What runs on a table and of springs tell of the growth of small changes, and grids over them."""
+"""Growth of small changes in runs on tables and springs, and in grids over them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Both engines, for tests that are to give the same with either."""
+"""Both engines, for tests in which either has to give the same result."""
 
 from __future__ import annotations
 

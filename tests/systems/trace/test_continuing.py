@@ -20,7 +20,7 @@ def whole_run(name: str) -> Run:
 
 
 def continued(name: str, earlier: Run, engine: str = "python") -> Run:
-    """The same run in two parts; its state goes through a file."""
+    """Return the same run in two parts; its state is written to a file."""
     checkpoint = json.loads(json.dumps(earlier.checkpoint()))
     scenario = load_scenario(FOLDER / f"{name}.toml", [AT_MOST])
     return simulate(scenario, engine, checkpoint, earlier.history())
@@ -34,7 +34,7 @@ def assert_same_results(one: Run, other: Run) -> None:
 
 
 def assert_same(one: Run, other: Run) -> None:
-    """Both results and what is known already of contacts to come."""
+    """Check that both results, and the known contacts to come, are equal."""
     assert_same_results(one, other)
     assert one.checkpoint() == other.checkpoint()
 

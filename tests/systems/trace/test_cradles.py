@@ -53,7 +53,7 @@ def after_instant(masses: Any, speeds: Any, k: float) -> Any:
 
 
 def check_accounts(run: Run) -> None:
-    """The run goes on to its stop, and every joule lost is in a row."""
+    """Check that the run reaches its stop, and that every joule lost is in a row."""
     record = run.summary_record()
     assert run.end_cause == "time"
     lost = math.fsum(run.collisions["energy_loss"])

@@ -21,7 +21,7 @@ HUMP, VALLEY, RADIUS, KAPPA = 0.5, 1.0, 0.1, 1.4
 
 
 def frequency(path_radius: Any) -> Any:
-    """Of small swings (rad/s)."""
+    """Return the frequency of small oscillations (rad/s)."""
     return mp.sqrt(mp.mpf(GRAVITY) / (mp.mpf(KAPPA) * path_radius))
 
 
@@ -40,7 +40,7 @@ def half_way(start: Any, rate: Any, end: Any) -> Any:
 
 
 def crossings(angle: float, rate: float) -> list[Any]:
-    """Instants of the first crossings of one body."""
+    """Return the instants of the first crossings of one body."""
     junction = mp.mpf(5) / 18 * mp.pi
     rho = mp.mpf(HUMP) + mp.mpf(RADIUS), mp.mpf(VALLEY) - mp.mpf(RADIUS)
     w, w_valley = frequency(rho[0]), frequency(rho[1])
@@ -72,7 +72,7 @@ def test_across_the_pieces_and_back(exponent: int, moving: bool) -> None:
     assert len(found) == CROSSINGS
     for t, true in zip(found, expected, strict=True):
         assert abs(t - true) <= 1e-12 * true
-    # On it it goes on to the other side, beside it it comes back.
+    # On the separatrix it passes to the other side, beside it it returns.
     arcs = run.events["arc_to"][crossing].tolist()
     assert arcs == ([3, 2, 1, 2, 3, 2] if moving else [3, 2] * 3)
 
@@ -81,7 +81,7 @@ def test_across_the_pieces_and_back(exponent: int, moving: bool) -> None:
 @pytest.mark.parametrize("surface", ["two-sided", "one-sided"])
 @pytest.mark.parametrize("angle", [0.0, -0.1, -0.25, -0.3])
 def test_up_to_the_crest_for_ever_or_at_rest_on_it(angle: float, surface: str, engine: str) -> None:
-    """On the separatrix sin(psi/2) = sech(w t + c): neither side of a trace has to let it go."""
+    """On the separatrix sin(psi/2) = sech(w t + c); the body leaves neither kind of surface."""
     w = math.sqrt(GRAVITY / (KAPPA * (1.0 + RADIUS)))
     arcs = [{"shape": "hump", "radius": 1.0, "end_slope": -0.6}]
     trace: Document = {"start_slope": 0.6, "surface": surface, "arcs": arcs}

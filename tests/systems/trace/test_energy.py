@@ -1,4 +1,4 @@
-"""Energy: kept at k = 1 over many impacts, taken as the law says at k < 1."""
+"""Energy: conserved at k = 1 over many impacts, lost by the law at k < 1."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def test_no_drift_over_many_elastic_impacts(document: dict[str, Any]) -> None:
     assert len(table["n"]) == IMPACTS
     assert record["end_cause"] == "collisions"
     assert abs(record["energy_drift"]) < 1e-12
-    # The energy carried is not the only witness: the states themselves have it.
+    # The stored energy is not the only evidence: the states themselves have it.
     before, after = (state_energy(run, when) for when in ("pre", "post"))
     start = float(before[0])
     assert np.max(np.abs(before - start)) < 1e-12 * start
@@ -50,7 +50,7 @@ def test_no_drift_over_many_elastic_impacts(document: dict[str, Any]) -> None:
 
 
 def rotating_valley(balls: list[dict[str, Any]], **stop: Any) -> Run:
-    """Bodies between two walls that take no energy."""
+    """Return bodies between two elastic walls."""
     trace = {
         "start_slope": -1.2,
         "arcs": [{"shape": "valley", "radius": 1.0, "end_slope": 1.2}],

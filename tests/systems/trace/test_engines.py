@@ -32,7 +32,7 @@ def shortened(name: str) -> list[str]:
 
 
 def bits(table: dict[str, Any]) -> bytes:
-    """All columns, to the bit (a nan and its payload included)."""
+    """Return all columns, to the bit (including a nan and its payload)."""
     columns = []
     for name, column in table.items():
         values = column.filled(-1) if isinstance(column, np.ma.MaskedArray) else column
@@ -61,7 +61,7 @@ def test_same_bits(name: str) -> None:
 def test_crossings_without_end_and_without_impact_are_refused(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Two equal rotations never meet again: no proof ends the run, and no log could hold it."""
+    """Two equal rotations never meet again: no proof ends the run, and no log is large enough."""
     monkeypatch.setattr(driver, "QUIET_ROWS", 4000)
     rate = math.sqrt(12.0**2 + 2.0 * 9.81 / (1.4 * 0.9) * (math.cos(1.5) - 1.0))
     balls = [ball(0.0, rate=12.0), ball(1.5, rate=rate)]
@@ -71,7 +71,7 @@ def test_crossings_without_end_and_without_impact_are_refused(
 
 
 def wells() -> dict[str, Any]:
-    """A turning arc with two wells: one ball in the left one, two in the right one that stick."""
+    """Return a rotating arc with two wells: one ball in the left, two in the right that stick."""
     arc = {"shape": "valley", "radius": 1.0, "end_slope": "90 deg"}
     turning = {"through_arc": 1, "rate": 6.0}
     ball = {"radius": 0.05, "density": 7800.0, "arc": 1}

@@ -1,4 +1,4 @@
-"""Rows of the table of events against the motion that the same run gives on both sides of them."""
+"""Rows of the table of events, against the motion of the same run on both sides of them."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def test_each_body_crosses_where_its_piece_changes_and_nowhere_else(name: str) -
         ball = int(events["ball"][row])
         assert events["arc_from"][row] == arc[ball]
         arc[ball] = int(events["arc_to"][row])
-        # From a piece to itself there is only the seam of a circle.
+        # Only a circle has a crossing from a piece to itself, at its seam.
         assert (events["arc_from"][row] == arc[ball]) == (pieces == 1)
     last = run.sample([run.end_time])
     assert last["arc"].tolist() == [arc[ball] for ball in last["ball"].tolist()]
@@ -53,7 +53,7 @@ def test_lasting_contact_begins_and_ends_where_its_left_body_is(name: str) -> No
 
 
 def test_the_event_that_ends_a_run_has_the_time_of_its_end() -> None:
-    """Of the impact as well that lifts the larger body off a level line."""
+    """This includes an impact that lifts the larger body off a level line."""
     arcs = [
         {"shape": "valley", "radius": 1.0, "end_slope": 0.0},
         {"shape": "line", "length": 2.0},

@@ -1,4 +1,4 @@
-"""What counts as a force of a run, and energies beside walls, against statics and formulas."""
+"""Which forces of a run count, and energies beside walls, against statics and formulas."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ STEEP, FLAT = 1.0, 0.2  # slopes of the two ends of an arc (rad)
 def run_of(
     arc: dict[str, Any], start: float, balls: list[dict[str, Any]], **keys: Any
 ) -> tuple[Run, dict[str, Any]]:
-    """A run on one piece, and its summary."""
+    """Return a run on one piece, and its summary."""
     trace = {"start_slope": start, "arcs": [arc], **keys.pop("trace", {})}
     document = {"gravity": GRAVITY, "trace": trace, "balls": balls, **keys}
     run = simulate(scenario_of(document), "python")
@@ -66,7 +66,7 @@ def test_a_body_that_rests_at_a_wall_needs_no_friction(shape: str, rate: float |
 
 @pytest.mark.parametrize("rate", [None, 1e-6])
 def test_speeds_that_last_no_time_have_no_forces(rate: float | None) -> None:
-    """A heavy disk hits a light one that another one stops: so fast it would leave the hump."""
+    """A heavy disk hits a light one that another stops: at that speed it would leave the hump."""
     balls = [
         {"body": "disk", "radius": RADIUS, "mass": mass, "arc": 1, **place}
         for mass, place in (

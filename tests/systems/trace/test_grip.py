@@ -22,7 +22,7 @@ def solved(case: str, surface: str) -> Run:
 
 
 def pushed(arc: int, rate: float) -> list[dict[str, Any]]:
-    """A particle that pushes a hoop before it."""
+    """Return a particle that pushes a hoop in front of it."""
     both = {"radius": 0.1, "arc": arc, "rate": rate}
     return [
         both | {"body": "particle", "mass": 3.0, "angle": 0.4},
@@ -96,7 +96,7 @@ def test_events_are_where_the_forces_of_the_motion_change(case: str, name: str) 
             found += 1
             before, after = (excess(run, t + shift, ball, name) for shift in (-1e-4, 1e-4))
             assert before < 0.0 < after, (t, before, after)
-        # And nowhere else does it become positive.
+        # And it becomes positive nowhere else.
         grid = [
             t for t in np.linspace(1e-3, end - 1e-3, 150) if all(abs(t - b) > 2e-4 for b in breaks)
         ]

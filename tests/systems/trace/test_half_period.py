@@ -1,4 +1,4 @@
-"""Bounds on half a period decide as half a period itself."""
+"""Bounds on half a period decide as half a period itself does."""
 
 from __future__ import annotations
 

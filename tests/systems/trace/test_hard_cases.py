@@ -1,4 +1,4 @@
-"""Scenes that once went wrong, each a file with one line on what it caught."""
+"""Scenes that once failed, each a file with one line on the fault it revealed."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from vibro_cli.stress.physics import motion_of, standing, walls
 pytestmark = pytest.mark.long
 
 CASES = sorted((Path(__file__).parents[2] / "hard_cases").glob("*.toml"))
-# Scenes that end before their stop; all others run to it.
+# Scenes that end before their stop; all others reach it.
 ENDS = {
     "one_sided_overhanging_line": "lift_off",
     "turning_last_flight_at_the_bottom": "collisions",
     "turning_last_flights": "collisions",
 }
-OVERLAP = 1e-12  # m: of bodies in one another at any time that is sampled
+OVERLAP = 1e-12  # m: overlap of bodies at any sampled time
 MIRRORED = [path for path in CASES if path.stem.startswith("mirror_")]
 
 

@@ -1,4 +1,4 @@
-"""What the scenes of tests/hard_cases should give, where it is known from elsewhere."""
+"""Expected results of the scenes of tests/hard_cases, where another method gives them."""
 
 from __future__ import annotations
 

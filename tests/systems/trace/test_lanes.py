@@ -1,4 +1,4 @@
-"""Runs in lanes: the bits of single runs, whatever happens in them."""
+"""Runs in lanes have the bits of single runs, whatever their events."""
 
 from __future__ import annotations
 

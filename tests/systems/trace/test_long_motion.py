@@ -1,4 +1,4 @@
-"""The motion of a run of which no log is kept is that of the run with its logs, to the bit."""
+"""The motion of a run without a log is that of the run with its logs, to the bit."""
 
 from pathlib import Path
 from types import SimpleNamespace

@@ -1,4 +1,4 @@
-"""What a run does not tell: states at times outside it, and the rolling of bodies that slide."""
+"""States at times outside a run, and the rolling of bodies that slide."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def test_a_ball_leaves_its_table_only_where_that_is_asked_for() -> None:
 
 @pytest.mark.parametrize("run_of", RUNS)
 def test_extrapolated_motion_goes_on_smoothly(run_of: Any) -> None:
-    """The first and last flights go on: places and energies are continuous."""
+    """The first and last flights continue: positions and energies are continuous."""
     run = run_of()
     end, step = float(run.summary_record()["end_time"]), 1e-4
     for edge, way in ((0.0, -1.0), (end, 1.0)):

@@ -27,7 +27,7 @@ TIME = 6.0
 
 
 def run_of(document: dict[str, Any]) -> Run:
-    """The run of a document; one that the mechanics refuse is no example."""
+    """Return the run of a document; a document that the mechanics refuse is no example."""
     system = possible(document)
     if system is None:
         reject()
@@ -102,7 +102,7 @@ def rounding_of_energy(run: Run, row: int, end: str, carried: float) -> float:
 
 
 def crossings_between(run: Run, balls: list[int], since: float, until: float) -> int:
-    """How many junctions some bodies cross between two times (s)."""
+    """Return the number of junctions that some bodies cross between two times (s)."""
     events = run.events
     crossed = (events["event"] == "crossing") & np.isin(events["ball"], balls)
     return int(np.count_nonzero(crossed & (events["t"] >= since) & (events["t"] <= until)))
@@ -284,7 +284,7 @@ def rounding_of_release(run: Run, row: int) -> float:
 
 
 def _in_a_row(bodies: list[tuple[str, float]], start: float, end: float) -> dict[str, Any]:
-    """Bodies at rest at some angles in a valley, which come to one another at one instant."""
+    """Return bodies at rest at some angles in a valley, which meet at one instant."""
     trace = {
         "start_slope": start,
         "arcs": [{"shape": "valley", "radius": 1.0, "end_slope": end}],
@@ -336,7 +336,7 @@ def assert_mirrored_to_the_bit(run: Run, image: Run) -> None:
 
 
 def states(run: Run) -> tuple[InitialState, ...]:
-    """The bodies at the end of a run, going back."""
+    """Return the bodies at the end of a run, with reversed speeds."""
     record = run.summary_record()
     found = []
     for number in range(1, len(run.system.bodies) + 1):
@@ -349,7 +349,7 @@ def states(run: Run) -> tuple[InitialState, ...]:
 
 
 def back_home(system: TraceSystem, time: float) -> dict[str, list[float]]:
-    """Where a system is after a time."""
+    """Return where a system is after a time."""
     record = simulate_system(system, time, None, ENGINE).summary_record()
     names = ("s", "speed")
     count = len(system.bodies)

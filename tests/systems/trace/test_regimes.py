@@ -153,7 +153,7 @@ def ring(turn: int) -> tuple[Run, dict[int, str]]:
 
 
 def words_of(turn: int) -> list[dict[str, list[str]]]:
-    """For each impact the words of both balls, by their lobes."""
+    """Return the words of both balls for each impact, by their lobes."""
     run, lobes = ring(turn)
     table = run.collisions
     return [

@@ -1,4 +1,4 @@
-"""The motion between impacts: samples on either side of events, the twin, splits of times."""
+"""The motion between impacts: samples on both sides of events, the twin, splits of times."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ NAMES = ("three_arcs", "line_between_valleys", "two_balls_circle", "five_balls_v
 
 
 def of(sample: dict[str, Any], ball: int) -> dict[str, Any]:
-    """The rows of one ball (from 1)."""
+    """Return the rows of one ball (from 1)."""
     mine = sample["ball"] == ball
     return {name: column[mine] for name, column in sample.items()}
 
@@ -75,7 +75,7 @@ def test_against_the_ends_of_flights(name: str) -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_against_the_twin(name: str) -> None:
-    """Between its events a body is where the twin says, within the rounding grown so far."""
+    """Between events a body is where the twin places it, within the rounding so far."""
     run = references.run(name)
     twin = ReferenceSolver(scene_of_system(references.system(name)))
     checked = 0
@@ -172,7 +172,7 @@ def test_each_instant_is_in_the_stretch_it_lies_in(
 
 
 def test_instants_without_number_take_no_memory() -> None:
-    """As many as no machine could hold: 480 TB."""
+    """More instants than any machine could store: 480 TB."""
     parts = Sampling(OutputRequest(step=1e-12)).until(60.0, ended=True)
     first, second = next(parts), next(parts)
     expected = np.arange(len(first) + len(second)) * 1e-12

@@ -1,4 +1,4 @@
-"""A run told of stretch by stretch has the tables of one that is held in memory, to the bit."""
+"""A run streamed in stretches has the tables of a run held in memory, to the bit."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ HARD_SCENES = ("five_balls_half", "contact_opens_in_valley", "released_at_a_junc
 
 
 def in_stretches(scenario: Any, rows: int, monkeypatch: pytest.MonkeyPatch, **more: Any) -> Any:
-    """A run in stretches of so many rows: its tables by name, and what is left of it."""
+    """Return the tables by name of a run in stretches of some rows, and the rest of it."""
     monkeypatch.setattr("vibro_cli.systems.run.LEAST_ROWS", rows)
     monkeypatch.setattr(driver, "INTERPRETED_ROWS", rows)
     parts: dict[str, list[Any]] = {}
@@ -98,7 +98,7 @@ def test_scenes_with_lasting_contact(name: str, monkeypatch: pytest.MonkeyPatch)
 
 @pytest.mark.parametrize("rows", [6, 7, 10])
 def test_stretches_end_between_instants(rows: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Whether an impact is smooth follows from what comes after it at its instant."""
+    """Whether an impact is smooth depends on later events at its instant."""
     stop = ["analysis.lyapunov=true", "output.step=0.1", "stop.time=6", "stop.collisions=60"]
     scenario = load_scenario(HARD / "cradle_of_three.toml", stop)
     assert_told_as_held(scenario, rows, 4, monkeypatch)

@@ -1,4 +1,4 @@
-"""Bodies that are fast against their weight: they turn much faster than their pendulums swing."""
+"""Bodies that are fast for their weight: they turn much faster than their pendulums oscillate."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The shorter way of two bodies from impact to impact: the rows of the event loop, to the bit."""
+"""The fast path of two bodies from impact to impact: the rows of the event loop, to the bit."""
 
 from __future__ import annotations
 

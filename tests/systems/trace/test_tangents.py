@@ -67,7 +67,7 @@ def _unequal(law: str, k: float) -> dict[str, Any]:
 
 
 def _turning(document: dict[str, Any], **axis: float) -> dict[str, Any]:
-    """The same on a rotating trace."""
+    """Return the same on a rotating trace."""
     return document | {"trace": document["trace"] | {"turning": axis}}
 
 
@@ -441,7 +441,7 @@ def test_joint_impacts_are_marked() -> None:
 
 
 def _falling(rng: np.random.Generator) -> TraceSystem:
-    """Two particles that fall onto a floor, the heavier one below: chaotic."""
+    """Return two particles that fall onto a floor, the heavier one below: chaotic."""
     places = (rng.uniform(0.2, 0.8), rng.uniform(1.2, 2.0))
     balls = [
         {
@@ -456,7 +456,7 @@ def _falling(rng: np.random.Generator) -> TraceSystem:
 
 
 def _told(run: Any) -> list[SolverEvent]:
-    """Events of a run as long as three digits are left: then neighbours have others."""
+    """Return the events of a run while three digits are left: after that neighbours have others."""
     told: list[SolverEvent] = []
     impacts = 0
     for happening in events_of(run):

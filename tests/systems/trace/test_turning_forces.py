@@ -58,7 +58,7 @@ def three_bodies(rate: float, x: float) -> dict[str, Any]:
 
 
 def up_a_loop(x: float, rate: float) -> dict[str, Any]:
-    """Two balls that roll up together inside a loop whose upper part cannot hold them."""
+    """Return two balls that roll up together inside a loop whose upper part cannot hold them."""
     arcs = [{"shape": "valley", "radius": 1.0, "end_slope": "170 deg"}]
     follower = {"radius": 0.1, "density": 7800, "arc": 1, "touching": "previous", "rate": 5.5}
     balls = [ball(1, 0.0, rate=5.5), follower]
@@ -68,7 +68,7 @@ def up_a_loop(x: float, rate: float) -> dict[str, Any]:
 
 
 def on_a_slope(slope: str, rate: float, x: float) -> dict[str, Any]:
-    """Three bodies of different inertia that come into contact on a line."""
+    """Return three bodies of different inertia that come into contact on a line."""
     kinds = [(0.1, 3.0, 0.4), (0.06, 1.0, 0.9), (0.08, 2.0, 1.0)]
     balls = [
         {"radius": r, "mass": m, "inertia_ratio": k, "arc": 1, "position": 2.5 + 0.3 * i}

@@ -21,7 +21,7 @@ Rows = list[tuple[float, float, float]]  # mass, position, speed
 def _on_line(
     bodies: Rows, k: float = 1.0, wall: float | None = None, slope: str = "0 deg"
 ) -> TraceSystem:
-    """Particles on one long line, with a wall at its left end or none."""
+    """Return particles on one long line, with or without a wall at its left end."""
     balls = [
         {"body": "particle", "radius": 0.05, "mass": mass, "arc": 1, "position": x, "speed": v}
         for mass, x, v in bodies
@@ -34,7 +34,7 @@ def _on_line(
 
 
 def _count(system: TraceSystem, time: float = 1.0e5) -> int:
-    """Impacts of bodies, and with walls."""
+    """Return the numbers of impacts of bodies, and with walls."""
     run = simulate_system(system, time, None)
     return len(run.collisions["n"]) + int(np.sum(run.events["event"] == "wall"))
 

@@ -46,7 +46,7 @@ def leaning(shape: str, side: str, slope: float = 20.0) -> Run:
 
 
 def statics(run: Run, side: str) -> list[float]:
-    """Normal forces (N) from the balance of each body, from the free end to the wall."""
+    """Return normal forces (N) from the balance of each body, from the free end to the wall."""
     now = run.sample([4.0])
     order = [2, 1, 0] if side == "left" else [0, 1, 2]
     piece = run.system.trace.pieces[0]

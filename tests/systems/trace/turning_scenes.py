@@ -30,7 +30,7 @@ def data(
     start_slope: str = "-90 deg",
     **more: Any,
 ) -> dict[str, Any]:
-    """A scenario, with walls at the ends and ten collisions unless something else is said."""
+    """Return a scenario, by default with walls at the ends and ten collisions."""
     trace = {"start_slope": start_slope, "arcs": arcs}
     return {
         "gravity": 9.81,
@@ -57,7 +57,7 @@ def on_three_arcs(rate: float = 0.8, **more: Any) -> dict[str, Any]:
 
 
 def over_the_hump(**more: Any) -> dict[str, Any]:
-    """Two balls that roll slowly over the hump of three arcs, and lift off it."""
+    """Return two balls that roll slowly over the hump of three arcs, and lift off it."""
     balls = [ball(1, "-80 deg"), ball(3, "60 deg", rate=3.5)]
     return data(THREE_ARCS, balls, {"through_arc": 2, "rate": 0.8}, **more)
 
