@@ -1,4 +1,4 @@
-"""A system on a trace without a scenario, as `vibro_cli.assemble` makes them."""
+"""A system on a trace without a scenario, as `vibro_cli.assemble` builds it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ GRAVITY = 9.81
 def bare_system(
     trace: Trace, bodies: tuple[Body, ...], initial: tuple[InitialState, ...], **fields: Any
 ) -> TraceSystem:
-    """Return the system of bodies on a trace at rest without walls, k = 1, but for some fields."""
+    """Return a system on a trace at rest without walls, k = 1, except for the given fields."""
     rest: dict[str, Any] = {
         "gravity": GRAVITY,
         "restitution": (1.0,) * max(len(bodies) - 1, 1),

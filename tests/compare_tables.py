@@ -40,7 +40,7 @@ TABLES = ("collisions", "events", "bounces", "motion", "summary")
 
 
 def scenarios(work: Path) -> Iterator[tuple[str, list[str]]]:
-    """A name for each run, and the arguments that make it."""
+    """Yield a name for each run, and the arguments that make it."""
     (work / "reference").mkdir()
     for path in (HERE / "reference").glob("*.json"):
         scenario = json.loads(path.read_text())["scenario"]
@@ -66,7 +66,7 @@ def write(target: Path, only: str = "") -> None:
 
 
 def build_for(folder: Path, level: str) -> None:
-    """Make the library for a processor."""
+    """Build the library for a processor."""
     from vibro_cli.compile.build import build
     from vibro_cli.programs import programs
 
@@ -74,7 +74,7 @@ def build_for(folder: Path, level: str) -> None:
 
 
 def compare(before: Path, after: Path) -> int:
-    """Print what differs; return how many tables do."""
+    """Print the differences; return how many tables differ."""
     different = 0
     for folder in sorted(before.iterdir()):
         if not (after / folder.name).exists() and after != before:

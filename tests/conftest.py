@@ -1,4 +1,4 @@
-"""What all tests share: signals as a terminal leaves them, and an end to tests that hang."""
+"""Common setup of all tests: signals as a terminal leaves them, and a limit for hanging tests."""
 
 import os
 import signal
@@ -10,10 +10,10 @@ import pytest
 
 from tests.strategies import EXAMPLES
 
-# Commands that tests start keep the byte code of what they import, as a user's do.
+# Commands that tests start keep the byte code of what they import, as a user's commands do.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
-# How long a call takes depends on what else the machine does.
+# The duration of a call depends on other work on the machine.
 hypothesis.settings.register_profile("tests", deadline=None)
 hypothesis.settings.load_profile("tests")
 
@@ -22,14 +22,14 @@ _ACTIONS: dict[signal.Signals, Any] = {
     signal.SIGHUP: signal.SIG_DFL,
     signal.SIGQUIT: signal.SIG_DFL,
 }
-# What is ignored here would be ignored by every process that a test starts.
+# A signal ignored here would be ignored by every process that a test starts.
 for _number, _action in _ACTIONS.items():
     if signal.getsignal(_number) is signal.SIG_IGN:
         signal.signal(_number, _action)
 
 
 class TooLong(BaseException):
-    """A test has gone on for too long: no run may hang (not to be caught, nor shrunk)."""
+    """A test has run for too long: no run may hang (not to be caught, nor shrunk)."""
 
 
 def _stop(*_: object) -> None:

@@ -13,7 +13,7 @@ from typing import Any
 
 
 def processor_time(act: Callable[[], object], times: int = 3) -> float:
-    """Time (s) of the processor, the least of several."""
+    """Return the processor time (s), the least of several measurements."""
     taken = []
     for _ in range(times):
         begin = time.process_time()
@@ -44,7 +44,7 @@ def _child_time(command: Sequence[str]) -> float:
 
 
 def calls(act: Callable[[], object]) -> int:
-    """Number of functions called, those of Python and of C."""
+    """Return the number of function calls, in Python and in C."""
     count = 0
 
     def note(frame: FrameType, event: str, argument: Any) -> None:

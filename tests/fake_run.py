@@ -1,4 +1,4 @@
-"""A run made by hand, in the shape every run has; for tests of storing and showing runs."""
+"""A run made by hand, in the form that every run has, for tests of storage and display."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -16,7 +16,7 @@ _ROWS = 3
 
 
 def _column(column: Column, position: int, rows: int) -> Any:
-    """Distinct, recognisable values of a column; nullable ones lack their first value."""
+    """Return distinct, recognisable values of a column; nullable columns lack their first value."""
     numbers = np.arange(rows) + 100 * position
     if column.type == "string":
         words = np.array([f"{column.name}-{row}" for row in range(rows)], dtype=object)
@@ -38,7 +38,7 @@ def _column(column: Column, position: int, rows: int) -> Any:
 
 
 def columns_of(table: Table, rows: int = _ROWS) -> dict[str, Any]:
-    """Columns that fit a table."""
+    """Return columns that fit a table."""
     return {
         column.name: _column(column, position, rows)
         for position, column in enumerate(table.columns)
@@ -85,7 +85,7 @@ class FakeRun:
         return found
 
     def told_to(self, sink: Callable[[str, Any], None]) -> "FakeRun":
-        """Hand over the rows of the tables, words by their numbers, as a run does that goes on."""
+        """Pass on the rows of the tables, words by their numbers, as a run in progress does."""
         rows = np.arange(_ROWS)
         sink("collisions", self.collisions | {"law": rows})
         sink("events", self.events | {"event": rows})

@@ -1,4 +1,4 @@
-"""The scenarios of the gallery and the hard cases: where they are, and what comes of them."""
+"""The scenarios of the gallery and the hard cases: their paths, and their runs."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ GALLERY = Path(__file__).parents[1] / "scenarios"
 
 @cache
 def run_of(name: str, *overrides: str) -> Any:
-    """The run of a scenario of the gallery."""
+    """Return the run of a scenario of the gallery."""
     return simulate(load_any(GALLERY / f"{name}.toml", [*overrides]))
 
 
 def hard_case(name: str) -> dict[str, Any]:
-    """A hard case as a document."""
+    """Return a hard case as a document."""
     path = Path(__file__).parent / "hard_cases" / f"{name}.toml"
     return tomllib.loads(path.read_text(encoding="utf-8"))

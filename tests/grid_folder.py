@@ -26,7 +26,7 @@ UNITS = {"balls[1].angle": "rad", "balls[1].radius": "m", "gravity": "m/s^2"}
 
 
 def product(axes: Mapping[str, Sequence[Any]]) -> dict[str, list[Any]]:
-    """Every combination of the axes' values, the last changing fastest."""
+    """Return every combination of the axes' values, the last changing fastest."""
     columns: dict[str, list[Any]] = {path: [] for path in axes}
     sizes = [len(values) for values in axes.values()]
     for place in np.ndindex(*sizes):
@@ -110,7 +110,7 @@ def _summary(
 
 
 def place_of(scenario: int, n: int) -> float:
-    """The angle of impact n of a scenario, both from 1."""
+    """Return the angle of impact n of a scenario, both from 1."""
     return 0.01 * scenario - 0.1 * n
 
 

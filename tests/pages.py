@@ -9,12 +9,12 @@ DOCS = ROOT / "docs"
 
 
 def pages() -> list[Path]:
-    """README.md and every page of the site."""
+    """Return README.md and every page of the site."""
     return [README, *sorted(DOCS.rglob("*.md"))]
 
 
 def every_block(page: Path) -> list[tuple[str, str, str]]:
-    """The fenced blocks of a page in their order: the text before, the language, the block."""
+    """Return the fenced blocks of a page in order: the text before, the language, the block."""
     found = re.findall(r"(.*?)^```(\S*)[^\n]*\n(.*?)^```", text_of(page), re.MULTILINE | re.DOTALL)
     return [(before, language, block) for before, language, block in found]
 
@@ -24,5 +24,5 @@ def text_of(page: Path) -> str:
 
 
 def blocks(page: Path, language: str) -> list[str]:
-    """The fenced blocks of `language` on a page, in their order."""
+    """Return the fenced blocks of `language` on a page, in order."""
     return re.findall(rf"^```{language}\n(.*?)^```", text_of(page), re.MULTILINE | re.DOTALL)

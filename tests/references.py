@@ -25,7 +25,7 @@ NAMES = tuple(sorted(path.stem for path in FOLDER.glob("*.json")))
 
 
 def separation(impact: Impact) -> Any:
-    """Speed of parting along the line of centres, from the twin's places."""
+    """Return the speed of separation along the line of centres, from the twin's positions."""
     a, b = impact.a, impact.b
     line = [there - here for here, there in zip(a.centre, b.centre, strict=True)]
     along_a, along_b = (
@@ -50,46 +50,46 @@ QUANTITIES = {
 
 
 def solved(run: Run, quantity: str, row: int) -> Any:
-    """A quantity of the collision table, without rounding."""
+    """Return a quantity of the collision table, without rounding."""
     if quantity in SPEEDS:
         return mp.mpf(float(run.collisions[quantity][row]))
     return impacts.solved(run, quantity, row)
 
 
 def columns(run: Run) -> dict[str, list[float]]:
-    """All quantities of all rows, in doubles."""
+    """Return all quantities of all rows, in doubles."""
     count = len(run.collisions["n"])
     return {name: [float(solved(run, name, row)) for row in range(count)] for name in QUANTITIES}
 
 
 @cache
 def document(name: str) -> dict[str, Any]:
-    """A reference file: ``scenario`` and ``rows``."""
+    """Return a reference file: ``scenario`` and ``rows``."""
     text = (FOLDER / f"{name}.json").read_text(encoding="utf-8")
     content: dict[str, Any] = json.loads(text)
     return content
 
 
 def collisions(name: str) -> list[dict[str, Any]]:
-    """The rows that are collisions."""
+    """Return the rows that are collisions."""
     return [row for row in document(name)["rows"] if row["event"] == "collision"]
 
 
 @cache
 def scenario(name: str) -> Scenario:
-    """The scenario of a reference file."""
+    """Return the scenario of a reference file."""
     return scenario_of(document(name)["scenario"])
 
 
 @cache
 def system(name: str) -> TraceSystem:
-    """The system that the solver gets, in doubles."""
+    """Return the system that the solver gets, in doubles."""
     return build_system(scenario(name))
 
 
 @cache
 def run(name: str, engine: str = "python") -> Run:
-    """The solver's run of a reference file."""
+    """Return the solver's run of a reference file."""
     return simulate(scenario(name), engine)
 
 
@@ -125,7 +125,7 @@ def deviation(quantity: str, value: Any, exact: Any, row: Impact) -> float:
 
 
 def mark(quantity: str, row: int) -> float:
-    """How closely a row (from 0) of a reference file is to be reproduced."""
+    """Return the accuracy to which a row (from 0) of a reference file is to be reproduced."""
     if quantity in SPEEDS:
         return 1e-11
     return 1e-12 if row < 9 else 1e-10

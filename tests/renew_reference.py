@@ -1,4 +1,4 @@
-"""Put the program's own reference into docs/: ``python -m tests.renew_reference``."""
+"""Write the program's own reference into docs/: ``python -m tests.renew_reference``."""
 
 import re
 import subprocess
@@ -11,7 +11,7 @@ MARKED = re.compile(r"^<!-- reference: ([\w-]+) -->\n.*?^<!-- end -->", re.MULTI
 
 
 def reference(found: re.Match[str]) -> str:
-    """The text between two markers, with the markers."""
+    """Return the text between two markers, with the markers."""
     outcome = subprocess.run(
         [sys.executable, "-m", "vibro_cli", "help", "--markdown", found[1]],
         cwd=ROOT,

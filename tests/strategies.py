@@ -24,7 +24,7 @@ _WANTED = os.environ.get("VIBRO_EXAMPLES")
 EXAMPLES = int(_WANTED or 60)
 ENGINE = "compiled" if _WANTED else "python"
 SETTINGS = settings(deadline=None, derandomize=True, max_examples=EXAMPLES)
-# Where every example is many runs.
+# For tests in which every example is many runs.
 FEWER = settings(SETTINGS, max_examples=EXAMPLES if _WANTED else 20)
 
 KINDS = ("ball", "disk", "hoop", "particle", "hollow_ball")
@@ -73,7 +73,7 @@ def scenarios(
     k: float | None = None,
     collisions: int = 25,
 ) -> dict[str, Any]:
-    """A scenario as a document; not every one of them is mechanically possible."""
+    """Draw a scenario as a document; not every one of them is mechanically possible."""
     trace = draw(traces(pieces))
     count = draw(st.integers(1, bodies))
     slots = sorted(draw(st.lists(st.integers(2, 37), min_size=count, max_size=count, unique=True)))
@@ -98,7 +98,7 @@ NUMBERS = st.integers(0, 10**6)
 
 
 def drawn(number: int) -> dict[str, Any]:
-    """The drawn scene of a number."""
+    """Draw the scene of a number."""
     return draw(2, number)
 
 
@@ -109,7 +109,7 @@ def coefficients() -> st.SearchStrategy[float]:
 
 
 def _ball(draw: st.DrawFn, trace: dict[str, Any], share: float) -> dict[str, Any]:
-    """A body at a share of the number of pieces."""
+    """Draw a body at a fraction of the number of pieces."""
     arcs = trace["arcs"]
     number = min(int(share * len(arcs)), len(arcs) - 1)
     inside = share * len(arcs) - number
@@ -132,7 +132,7 @@ def _ball(draw: st.DrawFn, trace: dict[str, Any], share: float) -> dict[str, Any
 
 
 def possible(document: dict[str, Any]) -> TraceSystem | None:
-    """The system of a document, None if the mechanics refuse it."""
+    """Return the system of a document, None if the mechanics refuse it."""
     try:
         return build_system(scenario_of(document))
     except ScenarioError:
@@ -140,7 +140,7 @@ def possible(document: dict[str, Any]) -> TraceSystem | None:
 
 
 def mirrored(document: dict[str, Any]) -> dict[str, Any]:
-    """The mirror image: right for left."""
+    """Return the mirror image: right for left."""
     arcs = document["trace"]["arcs"]
     slopes = [document["trace"]["start_slope"]]
     for arc in arcs:

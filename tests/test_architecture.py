@@ -88,7 +88,7 @@ SOURCES = sorted(path for path in PACKAGE.rglob("*.py"))
 
 
 def layer(path: Path) -> str:
-    """The layer a file belongs to."""
+    """Return the layer of a file."""
     parts = path.relative_to(PACKAGE).parts
     if parts[0] == "systems" and (parts[-1] in ("__init__.py", "contract.py")):
         return OBJECT
@@ -131,7 +131,7 @@ def own_layers(path: Path) -> set[str]:
 
 
 def _layer_of(name: str) -> str:
-    """The layer of a module, or of what is imported from it."""
+    """Return the layer of a module, or of an imported object."""
     path = PACKAGE.joinpath(*name.split(".")[1:])
     while not path.with_suffix(".py").exists() and not path.is_dir():
         if path.parent == PACKAGE:
@@ -166,7 +166,7 @@ KERNELS = sorted((PACKAGE / "kernels").rglob("*.py"))
 
 
 def _stage(name: str) -> str:
-    """The stage of the event loop that a module of the kernels belongs to."""
+    """Return the stage of the event loop to which a module of the kernels belongs."""
     return name.split(".")[2]
 
 
@@ -250,7 +250,7 @@ OUTSIDE = [
 
 @pytest.mark.parametrize("path", OUTSIDE, ids=lambda path: str(path.relative_to(PACKAGE)))
 def test_nobody_asks_for_a_system_by_name_or_type(path: Path) -> None:
-    """What differs from one system to another is an attribute of its object."""
+    """Differences between systems are attributes of their objects."""
     own = [f"vibro_cli.{home}.{name}." for name in NAMES[1:] for home in ("systems", "kernels")]
     assert not [name for name in imports(path) if f"{name}.".startswith(tuple(own))]
     for node in ast.walk(tree_of(path)):
@@ -280,7 +280,7 @@ def test_a_system_is_named_in_its_folders_and_in_the_registry_only(path: Path) -
 
 
 def test_few_files_are_beside_each_other() -> None:
-    """A folder is read at a glance; what has more topics has folders for them."""
+    """A folder should be readable at a glance; one with more topics has subfolders."""
     beside = Counter(path.parent for path in SOURCES if path.name != "__init__.py")
     assert {str(folder): count for folder, count in beside.items() if count > 15} == {}
 
@@ -329,7 +329,7 @@ def test_kernels_hold_nothing_but_kernels_and_structs(path: Path) -> None:
 
 
 def test_every_field_of_a_struct_is_set() -> None:
-    """Whole, by element, or by its name as a column: one that is not is 0 in every run, unseen."""
+    """As a whole, by element, or by its name as a column: a field never set is silently 0."""
     fields, is_set = set[str](), set[str]()
     for path in SOURCES:
         for node in ast.walk(tree_of(path)):
@@ -359,5 +359,5 @@ def test_functions_fit_a_screen(path: Path) -> None:
 
 
 def test_few_modules_handle_the_angle_of_a_ball() -> None:
-    """From the scenario to the tables; most modules hand on what holds it."""
+    """From the scenario to the tables; most modules pass on the object that holds it."""
     assert 5 < len(modules_with_the_angle()) <= 20

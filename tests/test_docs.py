@@ -1,4 +1,4 @@
-"""The pages for developers name only what there is."""
+"""The pages for developers name only files and names that exist."""
 
 import re
 import shlex
@@ -12,7 +12,7 @@ from tests.pages import pages
 
 ROOT = Path(__file__).parents[1]
 PAGES = [*sorted((ROOT / "docs").rglob("*.md")), ROOT / "CONTRIBUTING.md"]
-# From where a path may be given: the root of the checkout, or the package.
+# Where a path may start: the root of the checkout, or the package.
 BASES = (ROOT, ROOT / "vibro_cli")
 SUFFIXES = "py|hpp|md|toml|json|cff"
 PATH = re.compile(rf"(?:[\w.-]+/)+(?:[\w.-]+\.(?:{SUFFIXES}))?|[\w-]+\.(?:{SUFFIXES})")
@@ -30,21 +30,21 @@ NOT_IN_THE_TREE = {
 
 
 def paths_named(text: str) -> Iterator[str]:
-    """What stands in backticks and is a path and nothing else."""
+    """Yield the texts in backticks that are paths."""
     for word in re.findall(r"`([^`\n]+)`", text):
         if PATH.fullmatch(word) and word not in NOT_IN_THE_TREE:
             yield word
 
 
 def exists(path: str) -> bool:
-    """Whether the tree has a path, or, of a name alone, a file of that name."""
+    """Whether the tree has a path, or a file of a given name."""
     if "/" in path:
         return any((base / path).exists() for base in BASES)
     return (ROOT / path).exists() or any((ROOT / "vibro_cli").rglob(path))
 
 
 def anchors(page: Path) -> set[str]:
-    """The headings of a page as they are linked to."""
+    """Return the headings of a page as link anchors."""
     heads = re.findall(r"^#+ (.*)$", page.read_text(encoding="utf-8"), re.MULTILINE)
     return {re.sub(r"[^\w\- ]", "", head.lower()).replace(" ", "-") for head in heads}
 
@@ -71,7 +71,7 @@ def test_every_name_is_in_the_file_that_it_is_said_to_be_in(name: str) -> None:
 
 @pytest.mark.parametrize("name", FOR_DEVELOPERS)
 def test_every_field_and_function_of_something_is_one(name: str) -> None:
-    """As `settings.capacity`: it is asked for so, or a module has it."""
+    """For example `settings.capacity`: it is used in that form, or a module has it."""
     page = (ROOT / "docs" / f"{name}.md").read_text(encoding="utf-8")
     source = "".join(
         file.read_text(encoding="utf-8") for file in (ROOT / "vibro_cli").rglob("*.py")
@@ -109,7 +109,7 @@ def test_every_page_can_be_reached() -> None:
 
 
 def runs_written(text: str) -> Iterator[tuple[str, tuple[str, ...]]]:
-    """The folders into which a page has runs written, each with all that says what they are."""
+    """Yield the folders into which a page writes runs, each with all that defines its run."""
     for command in re.findall(r"vibro run ([^`|<>\n]*)", text):
         words = shlex.split(command)
         if {"--json", "--format", "-"} & set(words) or "$" in command:
@@ -126,7 +126,7 @@ def runs_written(text: str) -> Iterator[tuple[str, tuple[str, ...]]]:
 
 
 def test_no_page_has_a_run_written_over_one_of_another_page() -> None:
-    """Whoever follows the pages one after the other is not refused: a folder is of one scenario."""
+    """A reader who follows all pages meets no refusal: each folder has one scenario."""
     found: dict[str, dict[tuple[tuple[str, ...], ...], str]] = {}
     for page in pages():
         own: dict[str, list[tuple[str, ...]]] = {}

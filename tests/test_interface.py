@@ -1,4 +1,4 @@
-"""The Python interface: what the command line does, with the same words and the same results."""
+"""The Python interface: the functions of the command line, with the same names and results."""
 
 import copy
 import inspect
@@ -123,7 +123,7 @@ def test_whole_numbers_are_a_range() -> None:
 
 
 def test_the_points_and_the_seed_of_a_design_have_names() -> None:
-    """Of a Latin hypercube each of n strata has one point; another seed draws other ones."""
+    """A Latin hypercube has one point in each of n strata; another seed draws others."""
     assert sweep.__annotations__["design"] == "Unpack[Design]"
     assert [*Design.__annotations__] == ["n", "seed"]
     assert "\nn, seed\n" in str(inspect.getdoc(sweep))
@@ -264,7 +264,7 @@ def test_every_public_name_is_there() -> None:
 
 
 def test_what_a_public_function_returns_is_public() -> None:
-    """A user who annotates a function of their own needs the name."""
+    """Users need the name to annotate functions of their own."""
     for name in vibro_cli.__all__:
         thing = getattr(vibro_cli, name)
         if inspect.isfunction(thing):
@@ -776,7 +776,7 @@ def test_a_grid_file_takes_no_settings_beside_it(tmp_path: Path, given: dict[str
 
 @pytest.fixture
 def ends_elsewhere(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Runs that are solved again do not end as they did."""
+    """Make runs that are solved again end differently."""
 
     def elsewhere(*_: object) -> NoReturn:
         raise NotRecalled("solved again it ends elsewhere")
@@ -837,7 +837,7 @@ def test_columns_of_a_run_in_a_folder_are_read_as_they_are_asked_for(
     for _ in range(2):
         np.testing.assert_array_equal(table["t"], run.collisions["t"])
         assert read == [["t"]]
-    # The file that was opened is read on, whatever takes its place.
+    # The file that was opened is read to its end, whatever replaces it.
     shutil.copy(folder / "collisions.parquet", tmp_path / "kept.parquet")
     (folder / "collisions.parquet").rename(tmp_path / "moved.parquet")
     (folder / "collisions.parquet").write_bytes(b"something else")

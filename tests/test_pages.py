@@ -1,4 +1,4 @@
-"""Commands, Python and notebooks of README.md and docs/ run as they stand, as a user would."""
+"""Commands, Python and notebooks of README.md and docs/ run as written, as a user would."""
 
 import configparser
 import os
@@ -28,7 +28,7 @@ for value in "$@"; do sh -c "$(printf %s "$command" | sed "s/{}/$value/g")" || e
 
 @pytest.fixture(scope="module")
 def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A home folder with the checkout in `study`: program, scenarios, README's first run."""
+    """Return a home folder with the checkout in `study`: program, scenarios, README's first run."""
     home = tmp_path_factory.mktemp("home")
     study = home / "study"
     (study / ".venv/bin").mkdir(parents=True)
@@ -44,7 +44,7 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def call(home: Path, command: str, folder: str = "study", **variables: str) -> str:
-    """Run a command of the shell as a job would be; return its standard output."""
+    """Run a shell command as a job would; return its standard output."""
     path = f"{home}/study/.venv/bin:{os.environ['PATH']}"
     outcome = subprocess.run(
         ["bash", "-euo", "pipefail", "-c", command],
@@ -63,7 +63,7 @@ def times(folder: Path) -> dict[str, int]:
 
 
 def without_installing(line: str) -> str:
-    """The program's part of the line that sets everything up."""
+    """Return the line that sets everything up without its installation."""
     return re.sub(r"^python3 -m venv .* && ", "", line)
 
 
@@ -88,17 +88,17 @@ def test_the_blocks_of_a_page_run(
         elif language == "toml":
             write_named(before, block)
         elif language == "text" and not before.strip() and said:
-            # The first run may have said before that the kernels are compiled.
+            # The first run may begin with the message that the kernels are compiled.
             assert said.endswith(block), said
 
 
 def without_options(cell: str) -> str:
-    """A cell of a notebook without what it says to its reader: `:tags: [...]`."""
+    """Return a cell of a notebook without its options: `:tags: [...]`."""
     return re.sub(r"\A(:[^\n]*\n)+", "", cell)
 
 
 def write_named(before: str, block: str) -> None:
-    """Write a block to the file that the text before it names last, if it names one."""
+    """Write a block to the last file that the text before it names, if any."""
     tomllib.loads(block)
     named = re.findall(r"`([\w-]+\.toml)`[^`]*\Z", before)
     if named:

@@ -1,4 +1,4 @@
-"""What the papers say in numbers, recomputed; and the page that says which command shows it."""
+"""The numbers of the papers, recomputed; and the page that lists the command for each."""
 
 from __future__ import annotations
 
@@ -435,7 +435,7 @@ def test_the_three_arcs_that_turn_open_their_figure_eight(ends: float, printed: 
 
 @pytest.fixture
 def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Figures are made, but no picture of them: how those are written is tested elsewhere."""
+    """Make figures without rendering them: the rendering is tested elsewhere."""
     picture = b"\x89PNG"
     monkeypatch.setattr(style, "render", lambda *_, **__: picture)
     monkeypatch.setattr(report_content, "pictured", lambda *_: [])
@@ -447,7 +447,7 @@ def test_every_command_of_the_page_runs(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """And what is said to be shown is there: figures, sections of reports, columns of tables."""
+    """The promised figures, sections of reports and columns of tables exist."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "scenarios").symlink_to(GALLERY)
     for command in commands_of_papers():
@@ -470,7 +470,7 @@ def test_every_command_of_the_page_runs(
 
 
 def results_of(words: list[str]) -> Path:
-    """The folder of the results of a command, or that it looks at."""
+    """Return the folder of the results of a command, or the folder that it reads."""
     if "-o" in words:
         return Path(words[words.index("-o") + 1])
     if words[1] == "show":
@@ -508,7 +508,7 @@ FIGURES = {
 
 
 def formulas_of(where: str) -> set[int]:
-    """Numbers in brackets, ranges as (13)–(17)."""
+    """Return the numbers in brackets, including ranges such as (13)–(17)."""
     found = set()
     for first, last in re.findall(r"\((\d+)\)(?:–\((\d+)\))?", where):
         found |= set(range(int(first), int(last or first) + 1))
@@ -516,7 +516,7 @@ def formulas_of(where: str) -> set[int]:
 
 
 def figures_of(where: str) -> set[str]:
-    """Figures as fig. 2b–d, fig. 2b, c, figs 3a–d, 4."""
+    """Return the figures, written as fig. 2b–d, fig. 2b, c, figs 3a–d, 4."""
     found: set[str] = set()
     for words in re.findall(r"figs?\.? ([^;(]+)", where):
         number = ""

@@ -1,4 +1,4 @@
-"""README.md and docs/ tell the truth: their commands, their scenario, their Python."""
+"""README.md and docs/ are correct: their commands, their scenario, their Python."""
 
 import re
 import shutil

@@ -57,7 +57,7 @@ def _is_it(value: object) -> bool:
 
 
 def _within(value: Any) -> Iterator[object]:
-    """The elements of a container, the fields of an object, the numbers of an array."""
+    """Return the elements of a container, the fields of an object, the numbers of an array."""
     if isinstance(value, dict):
         yield from value.values()
     elif isinstance(value, (list, tuple)):

@@ -49,7 +49,7 @@ LIBRARY = {"with_heyoka": "heyoka", "cyrk": "CyRK", "scipy": "scipy"}
 
 
 def methods(name: str) -> list[Method]:
-    """Methods of a module, or of a function of the module of integrators."""
+    """Return the methods of a module, or of a function of the module of integrators."""
     module = name if name.startswith("with_") else "with_integrators"
     source = import_module(f"vibro_cli.benchmark.methods.{module}")
     found: list[Method] = getattr(source, "methods" if module == name else name)()
@@ -134,7 +134,7 @@ def test_coefficients_are_those_of_the_root() -> None:
 
 
 def test_the_series_converges_inside_a_leg_and_hardly_at_its_end() -> None:
-    """A small swing is harmonic: its angle is half the greatest after a twelfth of a period."""
+    """A small oscillation is harmonic: its angle is half the amplitude after 1/12 of a period."""
     legs = [Leg(4.0, order, 0.0, 0.0, 1e-3) for order in (100, 400)]
     inside = legs[1].time(0.5 * legs[1].amplitude)
     assert inside == pytest.approx(math.asin(0.5) / 2.0, rel=1e-7)
@@ -180,7 +180,7 @@ def read_rows(path: Path) -> tuple[list[Row], dict[str, Any]]:
 
 
 def test_work_that_fails_in_a_thread_is_told() -> None:
-    """Else the time of what is left would be taken for that of all of it."""
+    """Otherwise the time of the remaining work would count as the time of all of it."""
     assert shared_out(range(1, 101), [lambda one: one, lambda one: one]) == 5050
     with pytest.raises(ZeroDivisionError):
         shared_out([2, 0, 1], [lambda one: 2 // one])
@@ -213,7 +213,7 @@ def test_commands_are_measured_beside_their_event_loops(monkeypatch: pytest.Monk
 
 
 def test_impacts_at_one_instant_are_timed_together(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A row of 200 repeats itself after 30: what a pair does, six others do at the same instant."""
+    """A row of 200 repeats itself after 30: six other pairs act at the same instant as one."""
     monkeypatch.setattr(end_to_end, "REPEATS", 1)
     name = "springs, 200 disks"
     monkeypatch.setattr(end_to_end, "COMMANDS", {name: COMMANDS[name]})

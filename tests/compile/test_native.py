@@ -1,4 +1,4 @@
-"""Kernels of the library: numbers, arrays and tuples of them, in and out."""
+"""Kernels of the library: numbers, arrays and tuples as arguments and results."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ DOUBLED = Overrides("doubled", {half: twice})
 
 @pytest.fixture(scope="module", autouse=True)
 def library(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """A library of the kernels above, in place of the package's."""
+    """Build a library of the kernels above, in place of the package's."""
     folder: Path = tmp_path_factory.mktemp("library")
     build([Program("test", (mixed, total, nothing)), Program("more", (mixed,), DOUBLED)], folder)
     made = ctypes.CDLL(str(folder / library_name(NATIVE)))
@@ -84,7 +84,7 @@ def library(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 
 
 class Lazy(ModuleType):
-    """A module that imports another when anything of it is asked for, as some libraries' are."""
+    """A module that imports another when an attribute is requested, as some libraries do."""
 
     def __getattr__(self, name: str) -> object:
         sys.modules[f"{self.__name__}.{name}"] = ModuleType(name)
@@ -141,7 +141,7 @@ def test_overrides_hold_in_both_engines() -> None:
     "table", [np.zeros((2, 2), dtype=np.int64), np.zeros(4), np.zeros((2, 3)).T]
 )
 def test_arrays_of_another_form_are_refused(table: Any) -> None:
-    """C++ would take their memory for something else."""
+    """C++ would misinterpret their memory."""
     with pytest.raises(TypeError, match="table: found an array of"):
         compiled(total)(points_with(1.0, 2.0), table)
 

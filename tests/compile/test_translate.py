@@ -99,7 +99,7 @@ def strides(step: int) -> int:
         found = 10 * found + i
     for i in range(0, 20, step):
         found += i
-        step = 3  # a stride is looked at once
+        step = 3  # a stride is evaluated once
     return found
 
 
@@ -160,7 +160,7 @@ ENTRIES = (arithmetic, functions, control, strides, constants, swapped, cells, i
 
 @pytest.fixture(scope="module", autouse=True)
 def library(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """A library of the kernels above, in place of the package's."""
+    """Build a library of the kernels above, in place of the package's."""
     folder: Path = tmp_path_factory.mktemp("library")
     build([Program("rules", ENTRIES)], folder)
     made = ctypes.CDLL(str(folder / library_name("native")))
@@ -237,7 +237,7 @@ def test_numbers_are_written_exactly(value: Any) -> None:
     assert eval(text, {"inf": math.inf}) == value  # the text of a number
 
 
-# What the subset does not have.
+# Constructs that the subset does not have.
 
 
 @kernel
@@ -423,5 +423,5 @@ def test_the_source_points_to_the_kernels() -> None:
 
 
 def test_pointers_are_eight_bytes() -> None:
-    """As the words by which arrays are handed over."""
+    """The words that pass arrays have this size."""
     assert ctypes.sizeof(ctypes.c_void_p) == 8

@@ -19,7 +19,7 @@ with atheris.instrument_imports(include=["vibro_cli.scenario", "tomllib", "json"
 
 
 def corpus(folder: Path, form: str) -> None:
-    """Write the seeds, and the words that libFuzzer may put in, to files."""
+    """Write the seeds, and the tokens that libFuzzer may insert, to files."""
     (folder / "seeds").mkdir()
     for number, text in enumerate(seeds(form)):
         (folder / f"seeds/{number}").write_text(text, encoding="utf-8")
@@ -28,7 +28,7 @@ def corpus(folder: Path, form: str) -> None:
 
 
 def main() -> None:
-    """Fuzz one reader until the time is over or a fault is found."""
+    """Fuzz one parser until the time is over or a fault is found."""
     parser = argparse.ArgumentParser(prog="python -m tests.fuzz.guided", description=__doc__)
     parser.add_argument("--form", choices=FORMS, default="toml")
     parser.add_argument("--minutes", type=float, default=10.0)

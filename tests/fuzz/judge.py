@@ -1,4 +1,4 @@
-"""What must hold for every text: a scenario or a ScenarioError, soon, and in little memory."""
+"""What must hold for every text: a scenario or a ScenarioError, in little time and memory."""
 
 import resource
 import sys
@@ -25,7 +25,7 @@ UNFORESEEN = "a text that cannot be read ("
 
 @dataclass
 class Found:
-    """What became of some texts."""
+    """The outcomes of some texts."""
 
     valid: int = 0
     invalid: int = 0
@@ -36,7 +36,7 @@ class Found:
 
 
 def judge(form: str, numbers: range, longest: float = LONGEST) -> Found:
-    """Read and build the texts with these numbers."""
+    """Parse and build the texts with these numbers."""
     found = Found(longest=longest)
     for number in numbers:
         text = mutated(form, number)
@@ -49,7 +49,7 @@ def _read_and_build(text: str, form: str) -> None:
 
 
 def judge_one(read: Callable[[], object], found: Found, name: str) -> None:
-    """Read one text, and note what became of it."""
+    """Parse one text, and record the outcome."""
     begin = time.process_time()
     try:
         read()
@@ -72,7 +72,7 @@ def judge_one(read: Callable[[], object], found: Found, name: str) -> None:
 
 
 def _whatever_comes(read: Callable[[], object]) -> None:
-    """Read a text whose outcome has been noted."""
+    """Parse a text whose outcome has been recorded."""
     with suppress(Exception):
         read()
 

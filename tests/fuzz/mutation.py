@@ -1,4 +1,4 @@
-"""Scenarios broken at random, but the same ones every time: seeds, and what is done to them."""
+"""Scenarios broken at random but reproducibly: the seeds, and the mutations."""
 
 import json
 import random
@@ -11,7 +11,7 @@ from vibro_cli.scenario import load_any
 TESTS = Path(__file__).parents[1]
 FORMS = ("toml", "json", "yaml")
 CHANGES_AT_ONCE = (1, 1, 1, 2, 3, 5, 8)
-# What parsers, numbers and units are known to stumble over.
+# Values at which parsers, numbers and units are known to fail.
 WORDS = (
     "1e-3", "1e309", "-0.0", "nan", "inf", "1_0", "0x10", "010", "9" * 400, "null", "true", "yes",
     "~", "{}", "[]", "[", "]", "{", "}", "=", ":", ",", "\n", "\t", "\r\n", "\x00", "\ufeff", "'''",
@@ -26,7 +26,7 @@ WORDS = (
 
 @cache
 def seeds(form: str) -> tuple[str, ...]:
-    """The corpus of a form: the gallery, and every bad scenario there is as a file."""
+    """Return the corpus of a form: the gallery, and every bad scenario that is a file."""
     suffixes = {"yaml": (".yaml", ".yml")}.get(form, (f".{form}",))
     folders = (TESTS / "bad_scenarios", TESTS / "impossible_scenarios")
     paths = [path for folder in folders for path in sorted(folder.iterdir())]
@@ -110,7 +110,7 @@ def _splice(chance: random.Random, text: str, form: str) -> str:
 
 
 def _digits(chance: random.Random, text: str, form: str) -> str:
-    """Another number in the place of one that is there, so that the text often stays valid."""
+    """Replace a number by another, so that the text often stays valid."""
     places = [place for place, letter in enumerate(text) if letter.isdigit()]
     if not places:
         return text

@@ -24,7 +24,7 @@ def test_only_scenario_errors_leave_the_reader(form: str) -> None:
     found = judge(form, range(COUNT[form]), longest=50 * usual)
     assert found.faults == []
     assert found.valid + found.invalid == COUNT[form]
-    # Texts that are all refused at once would show little.
+    # If all texts were refused at once, the test would show little.
     assert found.valid > 0.02 * COUNT[form]
 
 
@@ -57,7 +57,7 @@ def test_the_long_form_says_what_it_found_and_keeps_within_its_memory() -> None:
 
 
 def test_the_judge_sees_what_a_reader_leaks(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The user is told of any exception as of a bad text; here it is a fault all the same."""
+    """To the user any exception is a bad text; here it is a fault."""
 
     def leak(*_: object) -> None:
         raise KeyError("leaked")

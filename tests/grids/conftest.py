@@ -14,7 +14,7 @@ Write = Callable[..., Path]
 
 @pytest.fixture
 def small(tmp_path: Path) -> Write:
-    """Writes a grid of 12 points over two balls on three arcs, some of them invalid."""
+    """Write a grid of 12 points over two balls on three arcs, some of them invalid."""
 
     def write(head: str = "", name: str = "small") -> Path:
         path = tmp_path / f"{name}.toml"

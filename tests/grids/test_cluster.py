@@ -19,7 +19,7 @@ from vibro_cli.grids.workers import UnsafeAddress, check_address
 pytestmark = pytest.mark.long
 
 ROOT = Path(__file__).parents[2]
-# Loaded by every worker: a chunk that kills whoever solves it, as long as a file is there.
+# Loaded by every worker: a chunk that kills its worker as long as a file exists.
 PRELOAD = """
 import os, signal, time
 from pathlib import Path
@@ -50,7 +50,7 @@ class Cluster:
 
     @property
     def address(self) -> str:
-        """Where the scheduler listens."""
+        """Return the address on which the scheduler listens."""
         import json
 
         address: str = json.loads(self._file.read_text())["address"]
@@ -68,7 +68,7 @@ class Cluster:
             self.add_worker()
 
     def add_worker(self) -> None:
-        """Start one more worker, without a nanny: what is killed stays dead."""
+        """Start one more worker, without a nanny: a killed worker stays dead."""
         file = ["--scheduler-file", str(self._file), "--preload", str(self._work / "preload.py")]
         self._call("worker", *file, "--no-nanny", "--nthreads", "1", "--no-dashboard")
 
@@ -81,7 +81,7 @@ class Cluster:
             )
 
     def stop(self) -> None:
-        """End what still runs, and wait for it."""
+        """End the processes that still run, and wait for them."""
         for process in self.processes:
             process.kill()
             process.wait()
@@ -100,7 +100,7 @@ def sweep(grid: Path, folder: Path, address: str | None) -> subprocess.Popen[byt
     call = [sys.executable, "-m", "vibro_cli", "grid", str(grid), "-o", str(folder)]
     call += ["--engine", "python", "--set", "stop.collisions=4"]
     call += ["--dask", address] if address is not None else []
-    # How long a lost scheduler is waited for.
+    # The time after which a lost scheduler is given up.
     patience = {"DASK_DISTRIBUTED__COMM__TIMEOUTS__CONNECT": "3s"}
     return subprocess.Popen(call, stderr=subprocess.PIPE, cwd=ROOT, env={**os.environ, **patience})
 

@@ -1,4 +1,4 @@
-"""The dataset on the disk: the same bytes however it came about, and nothing lost on the way."""
+"""The dataset on disk: the same bytes whatever its history, and nothing lost on the way."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def solve(
     shard: Shard | None = None,
     backwards: bool = False,
 ) -> None:
-    """Solve what is missing of a grid, interpreted."""
+    """Solve the missing points of a grid, interpreted."""
     chunks = Chunks(grid.design.points, SIZE, stretch)
     wanted = None if shard is None else shard.chunks_of(chunks)
     with opened(folder, grid, chunks, wanted=wanted) as data:
@@ -177,7 +177,7 @@ def test_a_grid_whose_description_is_gone_is_described_anew(
 def test_no_part_is_taken_for_one_of_another_grid(
     small: Write, tmp_path: Path, undisturbed: dict[str, bytes]
 ) -> None:
-    """Not even where the description of the grid that was there is gone."""
+    """This holds even if the description of the earlier grid is missing."""
     folder = tmp_path / "undisturbed"
     (folder / "grid.json").unlink()
     other = load_grid(small(), ["stop.collisions=3"])
@@ -227,7 +227,7 @@ def test_parts_of_another_grid_are_not_read(grid: Grid, tmp_path: Path) -> None:
 
 
 def _scenarios(folder: Path) -> list[int]:
-    """The numbers of the points of all summaries on the disk."""
+    """Return the numbers of the points of all summaries on disk."""
     parts = sorted((folder / "summary").glob("part-*.parquet"))
     return [n for part in parts for n in pq.read_table(part)["scenario"].to_pylist()]
 
@@ -359,7 +359,7 @@ def test_a_folder_that_cannot_be_written_is_told(grid: Grid, tmp_path: Path) -> 
 
 
 def command(grid: Path, folder: Path, *more: str) -> list[str]:
-    """The program on a grid, in a process of its own."""
+    """Run the program on a grid, in a process of its own."""
     call = [sys.executable, "-m", "vibro_cli", "grid", str(grid), "-o", str(folder)]
     return [*call, "--engine", "python", "--workers", "2", "--set", "stop.collisions=4", *more]
 

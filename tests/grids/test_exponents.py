@@ -49,7 +49,7 @@ def test_exponents_of_points_are_those_of_runs(name: str, keep: str, tmp_path: P
 def test_long_runs_are_followed_in_parts(
     impacts: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Those that are too long for that by themselves."""
+    """These are runs that are too long to be followed at once."""
     more = ["analysis={lyapunov = true}", f"stop={{collisions = {impacts}}}", "collision.k=1"]
     grid = grid_of(tmp_path, "one_circle.toml", {"balls[1].angle": [-1.2, -0.3]}, more, "false")
     whole = TraceSolver(grid, "compiled").solve(np.arange(4)).summary

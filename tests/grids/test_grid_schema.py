@@ -1,4 +1,4 @@
-"""The JSON Schema of grids, held to what the reader of grids accepts and refuses."""
+"""The JSON Schema of grids accepts and refuses what the reader of grids does."""
 
 from __future__ import annotations
 

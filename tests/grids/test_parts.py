@@ -1,4 +1,4 @@
-"""Chunks in the making: stretches in any order, memory that is used again."""
+"""Chunks under construction: stretches in any order, memory that is reused."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from vibro_cli.systems.trace.grid_solver import TraceSolver
 
 
 def tell(points: int, impacts: int) -> None:
-    """Nothing is told."""
+    """Report nothing."""
 
 
 def contents(made: Encoded) -> dict[str, bytes]:

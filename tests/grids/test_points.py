@@ -1,4 +1,4 @@
-"""Points that are read like one that is known get the scenario, or the reason, of the reader."""
+"""Points parsed like a known one get the scenario, or the reason, that the reader gives."""
 
 from __future__ import annotations
 

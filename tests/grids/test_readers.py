@@ -1,4 +1,4 @@
-"""Other programs open the dataset, with units and words as they are."""
+"""Other programs open the dataset, with its units and strings unchanged."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def test_units_are_in_the_metadata(folder: Path) -> None:
 def test_columns_of_a_grid_are_read_as_they_are_asked_for(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Against the files as pyarrow reads them by itself."""
+    """Compare with the files as pyarrow reads them directly."""
     import pyarrow.dataset as dataset
 
     read: list[Any] = []
@@ -135,7 +135,7 @@ def test_a_table_keeps_the_temporary_folder_of_its_grid() -> None:
 
 
 def test_a_grid_ended_between_the_tables_of_a_chunk(folder: Path, tmp_path: Path) -> None:
-    """Its impacts without a summary are none yet, and all say that points are missing."""
+    """Impacts without a summary do not count yet, and every reader says that points are missing."""
     (folder / "summary" / "part-000000.parquet").unlink()
     manifest = json.loads((folder / "manifest.json").read_bytes())
     described = manifest["files"].items()
@@ -152,7 +152,7 @@ def test_a_grid_ended_between_the_tables_of_a_chunk(folder: Path, tmp_path: Path
 
 
 def test_a_damaged_page_of_a_grid_is_told(folder: Path) -> None:
-    """A byte that has changed by itself: the file is as long and as old as before."""
+    """One byte has changed by itself: size and date of the file are as before."""
     import pyarrow.parquet as pq
 
     grid = open_grid(folder)

@@ -1,4 +1,4 @@
-"""Grid files: what they mean, and what is said of wrong ones."""
+"""Grid files: their meaning, and the messages for wrong ones."""
 
 from __future__ import annotations
 

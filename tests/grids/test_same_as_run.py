@@ -1,4 +1,4 @@
-"""A point of a grid is the run of its scenario, to the last bit, whichever way it was solved."""
+"""A point of a grid is the run of its scenario, to the last bit, however it was solved."""
 
 from __future__ import annotations
 
@@ -146,7 +146,7 @@ MORE = {
     "the longest time": ["stop.collisions=1"],
 }
 
-# What there must be among the points of each, so that the test shows something.
+# What must occur among the points of each, so that the test is meaningful.
 SEEN = {
     "two balls, starts and k": {"invalid", "contact", "end_of_trace", "time"},
     "accumulation": {"contact"},
@@ -195,12 +195,12 @@ def grid_of(
 
 
 def scenario_at(grid: Grid, values: dict[KeyPath, Any], row: int) -> Scenario:
-    """The scenario of one point, by the ordinary reader."""
+    """Return the scenario of one point, by the ordinary reader."""
     return scenario_of(document_at(grid.base, {path: values[path][row] for path in values}))
 
 
 def plain(values: Any, row: int) -> Any:
-    """One value of a column as a plain one, None for null."""
+    """Return one value of a column as a Python value, None for null."""
     if np.ma.getmaskarray(values)[row]:
         return None
     value = np.ma.getdata(values)[row]
@@ -301,7 +301,7 @@ def test_words_of_bodies_may_be_an_axis(tmp_path: Path) -> None:
 def test_no_log_is_held_once_a_stretch_is_solved(
     engine: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Those of long runs fill the memory, and the next stretch may come late or not at all."""
+    """Logs of long runs fill the memory, and the next stretch may come late or not at all."""
     logs: list[weakref.ref[Any]] = []
 
     def noted(table: Any, logged: Any, points: Any) -> Any:
@@ -323,7 +323,7 @@ LONG_POINTS = {
 
 @pytest.mark.parametrize("name", LONG_POINTS)
 def test_memory_of_a_point_does_not_grow_with_its_impacts(name: str, tmp_path: Path) -> None:
-    """Of runs that are too long for the logs of many points, too, which are solved alone."""
+    """This includes runs that are too long for the logs of many points and are solved alone."""
     counted, path, interval, lossless = LONG_POINTS[name]
     peaks = []
     for impacts in (100_000, 400_000):
@@ -376,7 +376,7 @@ def test_points_of_other_gravity_are_runs_whichever_point_is_first() -> None:
 
 
 def test_every_number_of_the_records_comes_with_the_system_or_the_start_of_a_point() -> None:
-    """A point has nothing of another one: no number of its records is left as it was before."""
+    """A point takes nothing from another: every number of its records is set."""
     walls = {"ends.left.wall": 0.8, "ends.right.wall": 0.7}
     start = {"balls[1].position": 0.4, "balls[2].position": 1.7, "collision.k": 0.4}
     shape = {"trace.start_slope": -0.3, "trace.arcs[1].length": 2.5, "gravity": 1.6}
@@ -413,5 +413,5 @@ def test_every_number_of_the_records_comes_with_the_system_or_the_start_of_a_poi
 
 
 def fields_of(struct: Any) -> list[str]:
-    """The names of the fields of a struct of the kernels."""
+    """Return the names of the fields of a kernel struct."""
     return list(struct.fields)

@@ -59,7 +59,7 @@ stop = {bounces = 5}
 
 
 def grid_of(tmp_path: Path, base: str, axes: dict[str, list[Any]]) -> Grid:
-    """A product of lists of values."""
+    """Return a product of lists of values."""
     if base == "table/polygon":
         (tmp_path / "polygon.toml").write_text(POLYGON)
     home = tmp_path / "polygon.toml" if base == "table/polygon" else SCENARIOS / base
@@ -72,7 +72,7 @@ def grid_of(tmp_path: Path, base: str, axes: dict[str, list[Any]]) -> Grid:
 
 
 def run_or_reason(document: Document) -> Any:
-    """The run of a scenario, or what is wrong with it."""
+    """Return the run of a scenario, or what is wrong with it."""
     try:
         return simulate(any_scenario_of(document), "python")
     except ScenarioError as error:

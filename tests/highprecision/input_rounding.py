@@ -30,7 +30,7 @@ class Excess(NamedTuple):
 
 
 def computed() -> Iterator[Excess]:
-    """All such rows, from the twin."""
+    """Return all such rows, from the twin."""
     for name in references.NAMES:
         doubles, decimals = references.twin_of_doubles(name), references.twin_of_decimals(name)
         for row, (ours, exact) in enumerate(zip(doubles, decimals, strict=True)):
@@ -42,7 +42,7 @@ def computed() -> Iterator[Excess]:
 
 
 def committed() -> list[Excess]:
-    """The table as it was committed."""
+    """Return the table as it was committed."""
     return [Excess(*row) for row in json.loads(TABLE.read_text(encoding="utf-8"))["rows"]]
 
 

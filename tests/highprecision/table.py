@@ -70,7 +70,7 @@ class Ellipse:
         return min((math.hypot(a * math.cos(f) - x, b * math.sin(f) - y), f) for f in angles)
 
     def _is_free(self, x: float, y: float, radius: float) -> bool:
-        """Whether a ball at some place is clear of the wall, on its side of it."""
+        """Whether a ball at a position is clear of the wall, on its side of it."""
         a, b = float(self.a), float(self.b)
         if self.sign < 0 and max(abs(x) - a, abs(y) - b) > radius:
             return True
@@ -97,7 +97,7 @@ class Ellipse:
                 one.place[1] + one.velocity[1] * time - y,
             ]
 
-        # From before the contact, so that the root is that of coming, not that of leaving.
+        # Start before the contact, to find the root of arrival and not that of departure.
         start = (mp.mpf(t - step), mp.mpf(angle))
         time, angle = mp.findroot(equations, start, tol=mp.mpf(10) ** -80)
         _, _, nx, ny = self._centre(angle, one.radius)
@@ -167,7 +167,7 @@ class Polygon:
 
 
 def pair_time(one: Ball, other: Ball) -> Any:
-    """Time until two balls touch, None if never."""
+    """Return the time until two balls touch, None if they never do."""
     d = [b - a for a, b in zip(one.place, other.place, strict=True)]
     w = [b - a for a, b in zip(one.velocity, other.velocity, strict=True)]
     half = d[0] * w[0] + d[1] * w[1]
@@ -180,7 +180,7 @@ def pair_time(one: Ball, other: Ball) -> Any:
 
 
 def collide(one: Ball, other: Ball, k: Any) -> None:
-    """The papers' law, C (3), on the components along the line of centres."""
+    """Apply the papers' law, C (3), to the components along the line of centres."""
     d = [b - a for a, b in zip(one.place, other.place, strict=True)]
     size = mp.sqrt(d[0] ** 2 + d[1] ** 2)
     n = (d[0] / size, d[1] / size)
@@ -196,7 +196,7 @@ def collide(one: Ball, other: Ball, k: Any) -> None:
 
 
 def run(balls: list[Ball], wall: Any, k: float, events: int) -> list[Event]:
-    """The first events, one after the other."""
+    """Return the first events, one after another."""
     t = mp.zero
     found: list[Event] = []
     while len(found) < events:

@@ -1,4 +1,4 @@
-"""The high-precision twin itself: against the reference files, and against what a motion keeps."""
+"""The high-precision twin itself: against the reference files, and against conserved quantities."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def test_twin_of_the_decimals_is_the_reference(name: str) -> None:
         assert row["crossings"] == impact.crossings
         for key, value in QUANTITIES.values():
             exact = mp.mpf(row[key])
-            # Thirty printed digits; a place near zero has come from values near one.
+            # Thirty printed digits; a position near zero is a difference of values near one.
             assert abs(value(impact) - exact) <= 1e-28 * max(abs(exact), 1), key
 
 

@@ -15,7 +15,7 @@ from vibro_cli.systems.trace.world import make_world
 
 
 class Records(NamedTuple):
-    """What the kernels know of two bodies on a trace; ``tracks[body][piece]``."""
+    """The kernels' data of two bodies on a trace; ``tracks[body][piece]``."""
 
     bodies: list[BodyData]
     pieces: list[PieceData]
@@ -44,7 +44,7 @@ def records(
     initial: tuple[InitialState, ...],
     law: str = "normal-impulse",
 ) -> Records:
-    """The records that the solver itself makes of a system."""
+    """Return the records that the solver itself makes for a system."""
     world = make_world(bare_system(trace, bodies, initial, law=law), Limits(1.0))
     count = len(trace.pieces)
     rows = list(world.tracks)
@@ -56,12 +56,12 @@ def records(
 
 
 def ball(radius: float = 0.1, mass: float = 1.0) -> Body:
-    """A homogeneous ball."""
+    """Return a homogeneous ball."""
     return Body("ball", radius, mass, 0.4)
 
 
 def three_arcs() -> Trace:
-    """Valley, hump, valley."""
+    """Return a trace of valley, hump, valley."""
     return Trace.chain(
         math.radians(-120.0),
         [

@@ -75,7 +75,7 @@ wavy = st.builds(waves, st.lists(wave, min_size=1, max_size=4), st.floats(-3.0, 
 
 
 def check_steps(curve: Curve, reach: float) -> None:
-    """Both steps from 0 end before the first root (within ``reach``, where the bounds hold)."""
+    """Check that both steps from 0 end before the first root (bounds hold within ``reach``)."""
     g, rate, second = curve.value(0.0), curve.first(0.0), curve.second(0.0)
     assume(g >= 0.0)
     plain = safe_step_second_order(g, rate, curve.bound_second)
@@ -176,7 +176,7 @@ frequency = st.floats(0.5, 20.0)
 
 
 def oscillation(g: float, rate: float, level: float, w: float) -> float:
-    """The time after which ``(g + Y) cos wt + (g'/w) sin wt`` is down to ``Y``."""
+    """Return the time after which ``(g + Y) cos wt + (g'/w) sin wt`` has fallen to ``Y``."""
     top, turn = mp.mpf(g) + mp.mpf(level), mp.mpf(rate) / mp.mpf(w)
     return float((mp.atan2(turn, top) + mp.acos(mp.mpf(level) / mp.hypot(top, turn))) / w)
 

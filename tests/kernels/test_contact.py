@@ -43,7 +43,7 @@ def system_of(starts: tuple[InitialState, ...]) -> TraceSystem:
 
 
 def gap_rates(twin: ReferenceSolver, t: Real) -> tuple[Real, Real]:
-    """Distance of the surfaces and its rate."""
+    """Return the distance of the surfaces and its rate."""
     a, b = twin.at(0, t), twin.at(1, t)
     dx, dy = b.centre[0] - a.centre[0], b.centre[1] - a.centre[1]
     distance = mp.hypot(dx, dy)
@@ -75,7 +75,7 @@ def beside(name: str, gap: float) -> TraceSystem:
 
 
 def earlier(system: TraceSystem) -> TraceSystem:
-    """The state ``BEFORE`` earlier: forwards with opposite speeds, over no junction."""
+    """Return the state ``BEFORE`` earlier: the motion with reversed speeds, over no junction."""
     turned = tuple(replace(state, speed=-state.speed) for state in system.initial)
     twin = ReferenceSolver(scene_of_system(replace(system, initial=turned)))
     states = []
@@ -88,7 +88,7 @@ def earlier(system: TraceSystem) -> TraceSystem:
 
 
 def closest(system: TraceSystem) -> tuple[Real, Real]:
-    """Instant and size of the smallest gap near the closest approach, in high precision."""
+    """Return instant and size of the smallest gap near the closest approach, in high precision."""
     twin = ReferenceSolver(scene_of_system(system))
     low, high = mp.mpf(BEFORE) - mp.mpf("0.05"), mp.mpf(BEFORE) + mp.mpf("0.05")
     assert gap_rates(twin, low)[1] < 0 < gap_rates(twin, high)[1]

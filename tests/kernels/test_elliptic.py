@@ -23,9 +23,9 @@ pytestmark = pytest.mark.long
 EPSILON = 2.0**-52
 SETTINGS = settings(deadline=None, derandomize=True, max_examples=300)
 
-# 1 - m, from half a libration to far below what m itself can tell.
+# 1 - m, from half a libration to far below the resolution of m.
 COMPLEMENTS = [0.5, 0.25, 0.2000001, 0.1999999, 0.1, 1e-2, 1e-4, 1e-8, 1e-14, 1e-30, 1e-100, 1e-300]
-STEPS = 48  # places in a period
+STEPS = 48  # arguments in a period
 
 mp: Any = MPContext()
 
@@ -65,7 +65,7 @@ def exact(complementary_modulus: float, u: float) -> tuple[Any, Any, Any]:
 
 
 def period(complement: float, rotation: bool) -> float:
-    """About 4 K of the reduced parameter."""
+    """Return about 4 K of the reduced parameter."""
     scale = math.sqrt(1.0 + complement) if rotation else 1.0
     ratio = complement / (1.0 + complement) if rotation else complement
     return 4.0 * carlson_rf(0.0, ratio, 1.0) / scale

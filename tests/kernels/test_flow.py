@@ -152,7 +152,7 @@ def test_time_to_inverts_the_flow_anywhere(f: float, p: float, share: float) -> 
 @pytest.mark.parametrize("exponent", [-3, -6, -8, -12, -16, -30, -70, -71, -100, -160, -200, -300])
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_start_from_rest_hard_by_a_crest(exponent: int, side: float) -> None:
-    """Released 10^exponent rad off a crest, a body comes to 50 degrees after ln(..)/w."""
+    """Released 10^exponent rad off a crest, a body reaches 50 degrees after ln(..)/w."""
     psi = side * 10.0**exponent
     s, c = math.cos(0.5 * psi), -math.sin(0.5 * psi)
     flight = flight_on_arc(FREQUENCY, s, c, 0.0)
@@ -180,7 +180,7 @@ def crest_departure(psi: float, end: float) -> Real:
 
 @pytest.mark.parametrize("exponent", [-3, -8, -16, -40, -100, -150])
 def test_passing_hard_over_a_crest(exponent: int) -> None:
-    """A rotation that is 10^exponent above the separatrix gets over the top, at the right time."""
+    """A rotation 10^exponent above the separatrix passes the top, at the right time."""
     start = -math.radians(50.0)
     root = 10.0**exponent
     s, c = math.cos(0.5 * start), -math.sin(0.5 * start)

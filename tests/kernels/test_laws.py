@@ -1,4 +1,4 @@
-"""The impact laws: what they keep, what they take, and where they agree."""
+"""The impact laws: what they conserve, what they dissipate, and where they agree."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def omegas(body: BodyData, *speeds: float) -> list[Any]:
 
 
 def inertia(body: BodyData) -> Any:
-    """J_P = kappa m r^2 from the rolling mass, which is what the kernel computes with."""
+    """Return J_P = kappa m r^2 from the rolling mass, with which the kernel computes."""
     return mp.mpf(body.rolling_mass) * mp.mpf(body.radius) ** 2
 
 
@@ -139,7 +139,7 @@ def test_normal_impulse(
 @SETTINGS
 @given(a=bodies(), b=bodies(), va=speed, vb=speed, k=share)
 def test_equal_radii_on_one_piece(a: BodyData, b: BodyData, va: float, vb: float, k: float) -> None:
-    """There normal-impulse is hedrih; for bodies of one kappa so is translational."""
+    """There normal-impulse equals hedrih; for bodies of equal kappa so does translational."""
     b.radius = a.radius
     scale = max(1.0, abs(va), abs(vb))
     one = impact_of_pair(HEDRIH, k, a, b, 0.9, 0.9, va, vb)

@@ -1,4 +1,4 @@
-"""Contacts of free swings, found as a whole, are those that the search step by step finds."""
+"""Contacts of free oscillations found as a whole are those of the search step by step."""
 
 from __future__ import annotations
 

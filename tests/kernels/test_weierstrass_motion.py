@@ -1,4 +1,4 @@
-"""Motion under a quartic against Taylor series of many digits that know nothing of it."""
+"""Motion under a quartic, against independent Taylor series of many digits."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ ORBITS = [
 
 
 def motion(tilt: float, spread: float, angle: float, p: float, over: int) -> QuarticConstants:
-    """The motion as the module says: the quartic of ``P^2`` about the start."""
+    """Return the motion by the module's formula: the quartic of ``P^2`` about the start."""
     sine, cosine = math.sin(angle), math.cos(angle)
     along, across = cosine + tilt * sine, tilt * cosine - sine
     double_sine, double_cosine = spread * sine * cosine, spread * math.cos(2.0 * angle)
@@ -52,7 +52,7 @@ def motion(tilt: float, spread: float, angle: float, p: float, over: int) -> Qua
 
 @pytest.mark.parametrize("t", [1e-13, 1e-9, 1e-5, 1e-2])
 def test_rates_soon_after_the_start_are_as_good_as_the_start(t: float) -> None:
-    """Bodies that touch tell from such rates whether they approach."""
+    """Such rates decide whether bodies that touch approach."""
     for tilt, spread, angle, p in ((-0.8, 0.46, 0.7, -0.31), (0.3, 2.5, -1.1, 0.8)):
         quartic = motion(tilt, spread, angle, p, 0)
         half = mp.mpf(angle) / 2

@@ -1,4 +1,4 @@
-"""Heights of the arcs, each rounded once, against the chain laid in high precision."""
+"""Heights of the arcs, each rounded once, against the chain built in high precision."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ SETTINGS = settings(deadline=None, derandomize=True, max_examples=60)
 
 
 def laid(trace: Trace) -> tuple[Piece, ...]:
-    """The chain in high precision, of the very doubles of the slopes."""
+    """Return the chain in high precision, from the same doubles of the slopes."""
     shapes = [
         (piece.shape, mp.mpf(piece.length if piece.is_line else piece.radius),
          mp.mpf(piece.end_slope))
@@ -28,7 +28,7 @@ def laid(trace: Trace) -> tuple[Piece, ...]:
 
 
 def height_at(piece: Piece, radius: Real, place: Real) -> Real:
-    """Height of a centre on a piece."""
+    """Return the height of a centre on a piece."""
     if piece.sign == 0:
         slope = piece.slopes[0]
         return piece.origin[1] + place * mp.sin(slope) + radius * mp.cos(slope)
@@ -36,7 +36,7 @@ def height_at(piece: Piece, radius: Real, place: Real) -> Real:
 
 
 def lowest(pieces: tuple[Piece, ...], radius: Real) -> Real:
-    """Lowest place of the centre: at an end of a piece, or where its slope is level."""
+    """Return the lowest position of the centre: at an end of a piece, or where it is level."""
     found = []
     for piece in pieces:
         places = [piece.low, piece.high]

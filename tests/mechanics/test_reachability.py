@@ -64,7 +64,7 @@ def positions(trace: Trace) -> list[Array]:
 
 
 def centres(trace: Trace, radius: float) -> list[Array]:
-    """Sampled centres of a body, piece by piece: arrays (SAMPLES, 2)."""
+    """Return sampled centres of a body, piece by piece: arrays (SAMPLES, 2)."""
     return [
         np.array([piece.body_centre(float(q), radius) for q in along])
         for piece, along in zip(trace.pieces, positions(trace), strict=True)
@@ -98,7 +98,7 @@ def turns(trace: Trace) -> Array:
 
 @st.composite
 def traces(draw: st.DrawFn, pieces: int = 5, turn: float = 3.0) -> Trace:
-    """Open traces of valleys, humps and lines, tame and wild."""
+    """Draw open traces of valleys, humps and lines, ordinary and extreme."""
     slope = start = draw(st.floats(-2.5, 1.0))
     shapes = []
     for _ in range(draw(st.integers(1, pieces))):
@@ -392,7 +392,7 @@ def long_trace(pieces: int) -> Trace:
 
 
 def test_long_traces_are_checked_in_reasonable_time() -> None:
-    """Every piece with those near it only: twice the work for twice the length."""
+    """Every piece is checked only with its neighbourhood: twice the work for twice the length."""
 
     def check(trace: Trace) -> None:
         assert touched_pieces(trace, 0.1) == ()
@@ -406,7 +406,7 @@ def test_long_traces_are_checked_in_reasonable_time() -> None:
 
 @pytest.mark.parametrize("trace", [chain(-20, arc("valley", 500.0, 20)), three_arcs()])
 def test_many_bodies_are_checked_in_reasonable_time(trace: Trace) -> None:
-    """Every two bodies once at most, whatever is between them."""
+    """Every pair is checked at most once, whatever is between them."""
 
     def check(count: int) -> int:
         return calls(lambda: overreaching(trace, (0.1,) * count))

@@ -48,7 +48,7 @@ def curvature(shape: ArcShape) -> mpmath.mpf:
 
 
 def integrated_ends(start: float, shapes: list[ArcShape]) -> list[tuple[mpmath.mpf, mpmath.mpf]]:
-    """The ends of the pieces from x' = cos α, y' = sin α, α' = curvature, to 50 digits."""
+    """Integrate x' = cos α, y' = sin α, α' = curvature to the ends of the pieces, to 50 digits."""
     x = y = mpmath.mpf(0)
     slope = mpmath.mpf(start)
     ends = []

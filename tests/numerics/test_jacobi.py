@@ -1,4 +1,4 @@
-"""Jacobi's functions by themselves, hard by their zeros, against mpmath at 60 and more digits."""
+"""Jacobi's functions, also close to their zeros, against mpmath at 60 and more digits."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ def roots(complement: float) -> list[float]:
 
 
 def error(value: float, true: Any) -> float:
-    """Relative error, in units of the last place of 1."""
+    """Return the relative error, in units of the last place of 1."""
     return 0.0 if value == true else float(abs(mp.mpf(value) / true - 1)) / EPSILON
 
 
 @pytest.mark.parametrize("complement", COMPLEMENTS)
 def test_hard_by_the_zeros_every_value_keeps_its_digits(complement: float) -> None:
-    # Where hundreds of digits are needed, fewer of the places.
+    # Fewer arguments where hundreds of digits are needed.
     every = 5 if complement < 1e-50 else 1
     for root in roots(complement):
         jacobi = Jacobi(root)

@@ -1,4 +1,4 @@
-"""A strict reader of pages: elements properly nested, and what stands in them."""
+"""A strict parser of pages: elements properly nested, and their contents."""
 
 from __future__ import annotations
 

@@ -38,7 +38,7 @@ NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable"
 
 @dataclass
 class Heard:
-    """What a page said, and what it asked the network for."""
+    """The console messages of a page, and its network requests."""
 
     said: list[str] = field(default_factory=list)
     asked: list[str] = field(default_factory=list)
@@ -153,7 +153,7 @@ def test_every_figure_is_seen_in_the_form_made_for_the_width(
 
 
 def column(page: Page, name: str) -> list[float]:
-    """The values of a column of the table of impacts, in the order in which they stand."""
+    """Return the values of a column of the table of impacts, in order."""
     script = """name => {
       const heads = [...document.querySelectorAll("table.sortable thead th")];
       const place = heads.findIndex(head => head.textContent.split(" ")[0] === name);
@@ -189,7 +189,7 @@ def test_words_and_missing_values_sort_too(opened: Any, reports: dict[str, Path]
     for order in (False, True):
         button.click()
         words = page.evaluate(script)[-9:]
-        assert words[-1] == "–"  # the invalid point has no cause: last either way
+        assert words[-1] == "–"  # the invalid point has no cause: last in both directions
         assert words[:-1] == sorted(words[:-1], reverse=order)
         assert len(set(words)) > 3
 

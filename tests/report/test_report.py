@@ -268,7 +268,7 @@ def test_degrees_stand_at_their_number(page: Page) -> None:
 
 
 def test_colours_can_be_told_apart_in_light_and_dark() -> None:
-    """Contrast of WCAG 2: at least 7 for words, 4.5 for links and what is less important."""
+    """Contrast of WCAG 2: at least 7 for text, 4.5 for links and secondary text."""
     style = (files("vibro_cli.report") / "templates" / "report.css").read_text()
     themes = re.findall(r":root \{(.*?)\}", style, re.DOTALL)
     assert len(themes) == 3  # light, dark, paper
@@ -294,7 +294,7 @@ def luminance(colour: str) -> float:
 
 
 def test_impacts_that_are_solved_jointly_stand_in_no_form_of_two_bodies() -> None:
-    """A ball hits two at once, then one of these a fourth: a pair alone has other speeds."""
+    """A ball hits two at once, then one of these a fourth: a pair alone would have other speeds."""
     places = ((-1.0, 0.0, 1.0), (0.0, 0.1, 0.0), (0.0, -0.1, 0.0), (0.6, 0.45, 0.0))
     balls = [
         {"radius": 0.1, "mass": 1.0, "x": x, "y": y, "velocity_x": speed} for x, y, speed in places
@@ -334,7 +334,7 @@ def test_the_first_impact_stands_in_both_forms(run: StoredRun, page: Page) -> No
 
 
 def test_a_skew_impact_stands_in_both_forms_with_its_normal_parts(tmp_path: Path) -> None:
-    """Not with the whole speeds: what is beside the line of centres stays."""
+    """The forms use normal components: the tangential ones are conserved."""
     scenario = load_any(GALLERY / "table/skew_impact.toml", ["balls[1].y=0.08"])
     write_run(simulate(scenario), scenario, tmp_path / "run", {})
     page = Page(report_html([open_run(tmp_path / "run")], tmp_path))
@@ -346,7 +346,7 @@ def test_a_skew_impact_stands_in_both_forms_with_its_normal_parts(tmp_path: Path
 def test_a_system_of_no_paper_needs_no_forms_of_the_papers(
     run: StoredRun, beside: Path, content: bytes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Nor the columns and the restitution that they are made of."""
+    """Nor the columns and the restitution that the forms use."""
     monkeypatch.setattr(type(run.kind), "papers", ())
     monkeypatch.setattr("vibro_cli.report.papers.forms", None)
     assert b'id="run1-analogy"' not in report_html([run], beside)

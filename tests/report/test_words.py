@@ -1,4 +1,4 @@
-"""Words and units of reports."""
+"""Texts and units of reports."""
 
 from __future__ import annotations
 

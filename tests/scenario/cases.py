@@ -1,4 +1,4 @@
-"""A small scenario as plain data, to change and to read."""
+"""A small scenario as plain data, to change and to parse."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ def arc(shape: str, end: Any, radius: Any = 1.0) -> dict[str, Any]:
 
 
 def ball(**changes: Any) -> dict[str, Any]:
-    """A ball in the first arc; None leaves a key out."""
+    """Return a ball in the first arc; None omits a key."""
     values = {"radius": 0.1, "density": 7800.0, "arc": 1, "angle": -0.5, **changes}
     return {key: value for key, value in values.items() if value is not None}
 
 
 def data(count: int = 2, **changes: Any) -> dict[str, Any]:
-    """Balls in one valley, 0.4 rad apart."""
+    """Return balls in one valley, 0.4 rad apart."""
     return {
         "gravity": 9.81,
         "trace": {"start_slope": -2.0, "arcs": [arc("valley", 2.0)]},

@@ -1,4 +1,4 @@
-"""No key is read from a file and then left: what is solved asks for each."""
+"""Every key that is read from a file is used: the built system depends on each."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from vibro_cli.systems import NAMES, system_named
 WORDS = {"name", "system"}  # not of what is solved
 # Keys of tables that several systems have, which one of them refuses, or knows from another key.
 UNASKED = {("springs", "touching")}  # where there is no position
-# For keys of which the gallery has alternatives only.
+# For keys of which the gallery has only alternatives.
 SQUARE = [[-9.0, -9.0], [9.0, -9.0], [9.0, 9.0], [-9.0, 9.0]]
 OTHERS: list[tuple[str, dict[str, Any]]] = [
     ("turning_valley", {"trace.turning.x": 0.0}),
@@ -50,7 +50,7 @@ def test_what_is_solved_asks_for_every_key(system: str, monkeypatch: pytest.Monk
     for scenario in scenarios:
         if scenario.system != system:
             continue
-        # Output is handed over as it is: a key without a place there is an error.
+        # Output is passed on as it is: a key without a place there is an error.
         of = [table for table in tables(scenario) if not isinstance(table, Sampling)]
         keys |= {(type(table), key) for table in of for key in type(table).model_fields}
         with monkeypatch.context() as patch:

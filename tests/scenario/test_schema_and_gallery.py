@@ -87,7 +87,7 @@ def _tables(schema: dict[str, Any]) -> dict[str, dict[str, Any]]:
 
 def test_a_table_of_the_collision_with_more_keys_gives_no_default_of_k_either() -> None:
     class Own(Collision):
-        """How two bodies of another system leave an impact."""
+        """The law by which two bodies of another system leave an impact."""
 
     assert "default" not in Own.model_json_schema()["properties"]["k"]
 

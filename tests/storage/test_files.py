@@ -32,7 +32,7 @@ while True:
 
 
 def allow(folder: Path) -> None:
-    """Any folder may be replaced."""
+    """Allow every folder to be replaced."""
 
 
 def entries(folder: Path) -> list[str]:
@@ -48,7 +48,7 @@ def test_a_file_is_written_whole_and_alone(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("shift", [0, 16])
 def test_large_contents_are_written_whole(tmp_path: Path, shift: int) -> None:
-    """Blocks go straight from memory to the disk, their rest and what no block begins with not."""
+    """Blocks go straight from memory to the disk; an incomplete or unaligned block does not."""
     rng = np.random.default_rng(1)
     room: Any = rng.integers(0, 256, 3 * files.BLOCK + (1 << 22), dtype=np.uint8)
     begin = -room.ctypes.data % files.BLOCK + shift
@@ -96,7 +96,7 @@ def test_what_cannot_be_flushed_is_named(
 def test_a_folder_that_can_only_be_written_to_takes_files_and_folders(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """As one of mode 733 does from others than its owner."""
+    """A folder of mode 733 is write-only for users other than its owner."""
     opened = os.open
 
     def refuse(path: Path, *more: Any) -> int:

@@ -1,4 +1,4 @@
-"""Parts as files that are made group by group: whole, and the same however much room there was."""
+"""Parts as files written group by group: complete, and identical whatever the available space."""
 
 from __future__ import annotations
 

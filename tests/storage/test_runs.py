@@ -1,4 +1,4 @@
-"""The folder of a run: what stands in it, what it may replace."""
+"""The folder of a run: its contents, and what it may replace."""
 
 import hashlib
 import json

@@ -15,7 +15,7 @@ from vibro_cli.stress.oracles.scene import mp, scene_of_system
 from vibro_cli.stress.scenes import VALLEY, Document, ball, scene, solve, system_of
 from vibro_cli.systems.run import Run
 
-# Each within seconds for the oracle.
+# Each takes the oracle only seconds.
 NAMES = (
     "hit_on_a_group_across", "three_against_a_wall", "contact_on_a_turning_line",
     "wall_hit_while_others_close", "bounces_on_a_held_row", "hedrih_stopped_as_it_bounces",

@@ -1,4 +1,4 @@
-"""Scenes drawn at random, and what judges their runs."""
+"""Randomly drawn scenes, and the checks of their runs."""
 
 from __future__ import annotations
 
@@ -135,7 +135,7 @@ def test_the_image_of_the_image_is_the_system(documents: list[Document]) -> None
 
 
 def _use_up(document: Document) -> int:
-    """Take memory or time without end."""
+    """Use memory or time without limit."""
     if document["what"] == "memory":
         try:
             return len(bytearray(3 * 2**30))
@@ -156,7 +156,7 @@ def test_limits_of_time_and_memory() -> None:
     assert watched({"what": "memory"}) == -1
     with pytest.raises(GivenUp, match="no end within"):
         watched({"what": "time", "seconds": 20.0}, 0.2)
-    # Another process is made then.
+    # Another process is started then.
     assert watched({"what": "time", "seconds": 0.0}) == 0
 
 
@@ -206,7 +206,7 @@ def test_impacts_that_do_not_get_on_are_told(a_run: Run, monkeypatch: pytest.Mon
 
 
 def test_a_row_that_turns_at_its_wall_is_told_up_to_rounding(a_run: Run) -> None:
-    """It starts from the wall at rest and comes back to it at rest, at 1e-7 m/s by rounding."""
+    """It starts from rest at the wall and returns to it at rest, at 1e-7 m/s by rounding."""
     document = draw(7101, 1390)
     run = simulate_system(system_of(document), document["stop"]["time"], None)
     assert physics.first_graze(run) == pytest.approx(2.9317888, rel=1e-7)
@@ -239,7 +239,7 @@ def test_the_order_of_impacts_with_gaps_between_is_in_no_doubt() -> None:
 
 
 def test_a_slow_body_at_a_high_bottom_stays_in_contact() -> None:
-    """Its energy, counted from the far lower end of the trace, moved it at each of its bounces."""
+    """Its energy, measured from the far lower end of the trace, used to move it at each bounce."""
     run = solve(draw(141421, 1137), "compiled")
     assert len(run.collisions["gap"]) > 1000
     assert np.abs(run.collisions["gap"]).max() <= 1e-13

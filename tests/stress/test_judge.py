@@ -100,7 +100,7 @@ def test_the_interpreted_solver_agrees(grazing: bool) -> None:
 
 
 def test_near_grazing_is_near() -> None:
-    """What is made to overlap meets, and what is made to pass, mostly, does not."""
+    """Flights made to overlap meet; flights made to pass mostly do not."""
     outcome = []
     for kind in range(len(KINDS)):
         rng = np.random.default_rng([9, kind])

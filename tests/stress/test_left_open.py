@@ -1,4 +1,4 @@
-"""What the rounding of places leaves open of instants, speeds and the order of impacts."""
+"""What the rounding of positions leaves open of instants, speeds and the order of impacts."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def test_a_body_hit_from_two_sides_at_once_leaves_their_order_open() -> None:
     hits = [bounce(0.5, 1.0), bounce(1.0, 1.0, (1, 2)), bounce(1.0 + 0.5 * way, 1.0)]
     assert order_left_open(Told([], hits), SIZE) == 1.0
     assert order_left_open(Told([], hits[:2]), SIZE) == math.inf
-    # Simultaneous impacts of one instant, and bodies that have nothing to do with one another.
+    # Simultaneous impacts of one instant, and bodies that are not involved.
     joint = [bounce(1.0, 1.0), bounce(1.0, 1.0, (1, 2))]
     apart = [bounce(1.0, 1.0), bounce(1.0 + 0.5 * way, 1.0, (2, 3))]
     assert order_left_open(Told([], joint), SIZE) == math.inf

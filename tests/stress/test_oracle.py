@@ -1,4 +1,4 @@
-"""The oracle of 40 digits: against the references, closed forms, and what a motion keeps."""
+"""The oracle of 40 digits: against the references, closed forms, and conserved quantities."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def on_line(position: float, mass: float, speed: float = 0.0) -> Document:
 
 
 def energy(found: Scene, row: Any) -> Any:
-    """Energy of a sample."""
+    """Return the energy of a sample."""
     total = mp.zero
     for body, (state, x, y) in zip(found.bodies, row, strict=True):
         total += body.kappa * body.mass * state.speed**2 / 2 + body.mass * found.gravity * y
@@ -49,7 +49,7 @@ def energy(found: Scene, row: Any) -> Any:
 
 @pytest.mark.parametrize("name", references.NAMES)
 def test_first_impacts_of_the_references(name: str) -> None:
-    """The twin is told which events there are; the oracle finds them."""
+    """The twin is given the sequence of events; the oracle finds it."""
     system, impacts = references.system(name), references.twin_of_doubles(name)[:4]
     oracle = Oracle(scene_of_system(system), system.law, False)
     told = oracle.run(impacts[-1].t + mp.mpf(10) ** -6)

@@ -39,7 +39,7 @@ def test_quick_checks_meet_their_marks(name: str) -> None:
 
 
 class Tiny(Plan):
-    """A plan of very few cases of everything."""
+    """A plan with very few cases of everything."""
 
     def amount(self, short: int, long: int) -> int:
         return min(short, 3)

@@ -1,4 +1,4 @@
-"""The check of tangent maps: what it takes, that it is met, and that an error is told."""
+"""The check of tangent maps: what it uses, that it passes, and that it reports an error."""
 
 from __future__ import annotations
 
