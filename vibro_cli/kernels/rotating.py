@@ -1,6 +1,6 @@
-"""The event loop on a trace that rotates about a vertical axis: the kernels that are replaced.
+"""Overrides of kernels for a trace that rotates about a vertical axis.
 
-Everything else - events, laws, rows, contacts, walls, tables - is what it is on a trace at rest.
+Everything else (events, laws, log rows, contacts, walls, tables) is the same as on a trace at rest.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from vibro_cli.kernels.world import (
 
 @kernel
 def project(flight: Flight, s: float, c: float, p: float) -> tuple[float, float, float]:
-    """Nearest state with ``S^2 + C^2 = 1`` and the flight's own energy (first order)."""
+    """Return the nearest state with ``S^2 + C^2 = 1`` and the flight's energy (first order)."""
     scale = 1.5 - 0.5 * (s * s + c * c)
     s *= scale
     c *= scale
@@ -53,14 +53,17 @@ def project(flight: Flight, s: float, c: float, p: float) -> tuple[float, float,
 
 @kernel
 def begin_rotating_flight(world: World, ball: int, cause: int, from_state: int) -> None:
-    """Launch and log the flight whose state is set; its constants follow from its start."""
+    """Set the constants of a flight from its start, then launch and log it."""
     _take_start(world, ball, from_state)
     launch_and_log(world, ball, cause)
 
 
 @kernel
 def begin_two_flights(world: World, ball: int, other: int, from_state: int) -> None:
-    """Do what :func:`begin_rotating_flight` does for two bodies, step by step in turns."""
+    """Launch two bodies after an impact, as :func:`begin_rotating_flight` does for one.
+
+    The second body keeps the energy that it carries.
+    """
     _take_start(world, ball, from_state)
     _take_start(world, other, 0)
     launch_and_log(world, ball, COLLISION)
@@ -71,7 +74,9 @@ def begin_two_flights(world: World, ball: int, other: int, from_state: int) -> N
 def _take_start(world: World, ball: int, from_state: int) -> None:
     """Set the constants of the flow that starts from the state of a flight.
 
-    A state whose energy is carried has it up to rounding, which would add up from flight to flight.
+    With ``from_state`` 1 the energy follows from the state. Otherwise ``P`` follows from the
+    carried energy: the energy of the state differs from it by a rounding that would add up from
+    flight to flight.
     """
     flight = world.flights[ball]
     track = track_of(world, ball)
@@ -86,7 +91,7 @@ def _take_start(world: World, ball: int, from_state: int) -> None:
 
 @kernel
 def rate_by_energy(world: World, ball: int, flight: Flight, track: TrackData) -> float:
-    """``P`` of the energy that is carried, with the sign of the present one; that if it is slow."""
+    """Return ``P`` from the carried energy, with its present sign; a slow body keeps its ``P``."""
     gravity = world.settings[0].gravity
     kappa = world.bodies[ball].kappa
     rise = flight.specific_energy - specific_potential(track, gravity, kappa, flight.s, flight.c)
@@ -98,7 +103,7 @@ def rate_by_energy(world: World, ball: int, flight: Flight, track: TrackData) ->
 
 @kernel
 def free_acceleration(world: World, ball: int) -> float:
-    """Tangential acceleration (m/s^2) of a body under gravity and the turning of the trace."""
+    """Return the tangential acceleration (m/s^2) of a body due to gravity and rotation."""
     flight = world.flights[ball]
     track = track_of(world, ball)
     if supported(flight):
@@ -111,12 +116,12 @@ def free_acceleration(world: World, ball: int) -> float:
 
 @kernel
 def kept_apart(a: Flight, b: Flight, contact: PairTrack, laps: int) -> bool:
-    """Tell whether two oscillations on one arc never come to the crest that is between them."""
+    """Return whether two oscillations on one arc turn back before the bodies can touch."""
     if a.crests == 0 or a.form == POLYNOMIAL or b.form == POLYNOMIAL:
         return False
     if a.exit_after < NEVER or b.exit_after < NEVER or a.turns_over + b.turns_over != 0:
         return False
-    # Half the angle from a to b; the ends of the flights, of groups too, are as far from their own.
+    # Half the angle from a to b. A body of a group turns back after the same angle as its pendulum.
     half = math.atan2(a.c * b.s - a.s * b.c, a.c * b.c + a.s * b.s) + laps * math.pi
     between = half - half_way(a, 1.0) - half_way(b, -1.0)
     return between > 0.5 * (math.pi - contact.far_gap) + CAUTION
@@ -124,9 +129,10 @@ def kept_apart(a: Flight, b: Flight, contact: PairTrack, laps: int) -> bool:
 
 @kernel
 def horizontal_extent(flight: Flight, piece: PieceData, track: TrackData) -> tuple[float, float]:
-    """Least and greatest x of the centre on a flight, where x grows along its path.
+    """Return the least and greatest x (m) of the centre on a flight.
 
-    Of a flight that turns, those of its piece. Else infinite.
+    A flight that turns back has the extent of its piece. The extent is infinite unless x grows
+    along the path.
     """
     if flight.grouped == 1:
         return -NEVER, NEVER
@@ -148,7 +154,7 @@ def horizontal_extent(flight: Flight, piece: PieceData, track: TrackData) -> tup
 
 @kernel
 def replay_flow(track: TrackData, row: FlightRow, flight: Flight) -> None:
-    """Set the form and the constants of a flow, which follow from its start."""
+    """Set the form and the constants of a flow from its start."""
     if row.grouped == 0:
         set_track(flight, track)
     else:

@@ -1,11 +1,11 @@
-"""What the kernels work on: records of pieces, bodies, flights and pairs, in one tuple, and logs.
+"""Structs that the kernels work on: pieces, bodies, flights, pairs and logs, in one ``World``.
 
-Half-angle variables. On an arc the place of a body is ``(S, C) = (sin f/2, cos f/2)`` and its
-motion ``P = f'/(2w)`` with ``w^2 = g/(kappa rho)``; ``f = phi`` in a valley and ``f = psi + pi``
-on a hump, where ``C = -sin(psi/2)`` keeps its relative accuracy at the crest. ``S^2 + C^2 = 1``
-and ``S^2 + P^2 = m`` is the energy. On a line ``S`` is the distance from the line's left end,
-``P`` the speed and ``C`` is unused. The speed of the centre is ``v = speed_factor P`` on every
-piece.
+Half-angle variables. On an arc the position of a body is ``(S, C) = (sin f/2, cos f/2)`` and its
+motion ``P = f'/(2w)`` with ``w^2 = g/(kappa rho)``. In a valley ``f = phi``; on a hump
+``f = psi + pi``, where ``C = -sin(psi/2)`` keeps its relative accuracy at the crest.
+``S^2 + C^2 = 1``, and the parameter ``m = S^2 + P^2`` measures the energy. On a line ``S`` is the
+distance from the line's left end, ``P`` the speed and ``C`` is unused. The speed of the centre is
+``v = speed_factor P`` on every piece.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from vibro_cli.compile.kernel import Series, kernel, struct
 from vibro_cli.kernels.numerics.elliptic import QuarticConstants
 from vibro_cli.kernels.numerics.tridiagonal import ChainRow
 
-PARTING = 1  # after an impact, with a speed
-RELEASED = 2  # after lasting contact, with neither speed nor acceleration
-CLOSING = 3  # in contact and approaching: an impact now, whatever the rounding of the gap
+PARTING = 1  # separating after an impact, with a speed
+RELEASED = 2  # separating after lasting contact, with zero relative speed and acceleration
+CLOSING = 3  # in contact and approaching: an impact follows at once, whatever the rounded gap
 
 State = tuple[float, float, float]  # (S, C, P) of a body
-States = tuple[float, float, float, float, float, float]  # those of both bodies of a pair
+States = tuple[float, float, float, float, float, float]  # (S, C, P) of both bodies of a pair
 
 
 @struct
@@ -45,9 +45,9 @@ class PieceData:
     length: float  # m
     radius: float  # R, m; 0 on a line
     start_s: float  # arc length of the left end, m
-    angle_start: float  # phi or psi of the ends, rad; on a line their distance from the left one, m
+    angle_start: float  # phi or psi of the ends, rad; on a line their distance from the left end, m
     angle_end: float
-    turn: float  # whole turns between phi or psi and the angle that S and C are of, rad
+    turn: float  # whole turns by which phi or psi differs from the angle of S and C, rad
 
 
 @struct
@@ -57,10 +57,10 @@ class TrackData:
     path_radius: float  # rho, m; 0 on a line
     frequency: float  # w, rad/s; 0 on a line
     speed_factor: float  # v = speed_factor P
-    bottom: float  # height of the centre at f = 0 above the body's lowest place, m; line: left end
+    bottom: float  # height of the centre at f = 0 above its lowest position, m; line: left end
     top: float  # at f = pi; line: unused
-    twice_radius: float  # 2 rho: height = bottom + twice_radius m; line: unused
-    gravity_rate: float  # g/kappa, m/s^2; on a rotating trace the most that pulls there
+    twice_radius: float  # 2 rho, m: energy/(m g) = bottom + twice_radius * parameter; line: unused
+    gravity_rate: float  # g/kappa, m/s^2; rotating trace: bound on the tangential acceleration
     line_acceleration: float  # -(g/kappa) sin(alpha), m/s^2
     line_rise: float  # sin(alpha) of a line
     left_s: float  # the ends, as (S, C) or distance
@@ -71,26 +71,26 @@ class TrackData:
     highest_s2: float
     line_x: float  # centre of the body at the left end of a line, m
     line_y: float
-    tilt: float  # of a rotating trace, see mechanics.turning: sign Omega^2 (O_x - x0)/g
+    tilt: float  # rotating trace, see kernels.flow.rotating_flow: sign Omega^2 (O_x - x0)/g
     spread: float  # Omega^2 rho/g
-    line_growth: float  # Omega cos(alpha)/sqrt(kappa) of a line, 1/s
-    line_normal: float  # N/(m g) at the left end of a line, and how it grows along it, 1/m
-    line_normal_growth: float
+    line_growth: float  # line: Omega cos(alpha)/sqrt(kappa), 1/s
+    line_normal: float  # N/(m g) at the left end of a line
+    line_normal_growth: float  # its derivative along the line, 1/m
     lowest_potential: float  # least value of V on an arc
-    most_angular: float  # bounds on an arc: |f''| (rad/s^2), its first two derivatives with f
+    most_angular: float  # bounds on an arc: |f''| (rad/s^2) and its first two derivatives by f
     most_stiffness: float
     most_bending: float
-    steepest: float  # greatest fall of f'' with f on an arc, 1/s^2
-    crests: int  # maxima of V inside an arc, as (S, C)
+    steepest: float  # greatest rate at which f'' falls with f on an arc, 1/s^2
+    crests: int  # number of maxima of V inside an arc, then (S, C) of each
     crest_s: float
     crest_c: float
     other_crest_s: float
     other_crest_c: float
     highest_potential: float  # greatest value of V on the full circle
-    extremes: Series  # (S, C) of the places inside an arc where its force on a body is extreme
+    extremes: Series  # (S, C) of the extremes of the normal force inside an arc
     extreme_count: int
-    least_normal: float  # least sign (N/(m g)) on an arc at P^2 = -V, and at P = 0
-    least_still: float
+    least_normal: float  # least sign N/(m g) on an arc at P^2 = -V
+    least_still: float  # and at P = 0
 
 
 @struct
@@ -106,10 +106,10 @@ class BodyData:
 
 @struct
 class Flight(QuarticConstants):
-    """The motion of one body between two of its events, and its place at the start of it."""
+    """The motion of one body between two of its events, and its state at the start."""
 
     piece: int
-    winding_number: int  # turns of a closed trace made so far
+    winding_number: int  # laps of a closed trace so far
     t: float  # start, in two doubles, s
     t_low: float
     s: float  # (S, C, P) at the start
@@ -118,24 +118,24 @@ class Flight(QuarticConstants):
     before_s: float  # (S, C, P) at the end of the flight before this one, on its piece
     before_c: float
     before_p: float
-    flow_s: float  # state of the pendulum whose flow it is: its own, or that of its group
+    flow_s: float  # start of the flow: state of the body, or of its group's pendulum
     flow_c: float
     flow_p: float
     grouped: int  # 1: rolls in lasting contact with a neighbour
-    group_first: int  # leftmost body of its group, and number of its bodies
-    group_count: int
+    group_first: int  # leftmost body of its group
+    group_count: int  # number of bodies in the group
     shift_s: float  # sine and cosine of half the angle from the group's pendulum to the body
     shift_c: float
     rate_ratio: float  # P of the body over P of the group
     frequency: float  # w of the flow, rad/s; 0 on a line
     own_frequency: float  # w of the body alone on this piece
     at_rest: int  # 1: in equilibrium
-    wall_side: int  # +1, -1: pressed at rest to the wall on the right or left, else 0
-    pressing: int  # scratch of an instant: at a wall, see kernels.cluster.contact_changes
-    impacts: int  # of the body, or a body in its chain, at the instant when its flight began
-    fastest: float  # size (m/s) of the greatest speeds in its chain at that instant
-    brief: float  # time (s) in which a body at rest falls no farther than rounding
-    size: float  # length of the trace (m): places on lines are rounded by a share of it
+    wall_side: int  # +1, -1: at rest against the wall on the right or left, else 0
+    pressing: int  # scratch of an instant: contact with a wall, see kernels.impact.chattering
+    impacts: int  # rounds of impacts of its chain at the instant when its flight began
+    fastest: float  # scale (m/s) of the greatest speeds in its chain at that instant
+    brief: float  # time (s) in which a body falls from rest by no more than rounding
+    size: float  # length of the trace (m), the scale of rounding of positions on lines
     line_acceleration: float
     specific_energy: float  # energy/(m g), m above the body's lowest place
     separatrix_piece: int  # piece whose crest the energy is measured from, or -1
@@ -148,21 +148,21 @@ class Flight(QuarticConstants):
     exit_t_low: float
     angular_bound: float  # bounds on the second (rad/s^2) and third (rad/s^3) derivative of f
     jerk_bound: float
-    acceleration_bound: float  # and on the acceleration of the centre, m/s^2
+    acceleration_bound: float  # bound on the acceleration of the centre, m/s^2
     speed: float  # scratch of an instant: speed of the centre, m/s
     half_curvature: float  # 1/(2 rho), 0 on a line
-    segment: float  # length in time of a segment across pieces, s
-    series: Series  # acceleration along the path on it, in powers of t/segment (m/s^2)
-    nodal: Series  # scratch: acceleration at the nodes
-    normal: Series  # normal force on it (N), where the trace is one-sided
-    tilt: float  # on a rotating trace those of its track
+    segment: float  # duration of a segment across pieces, s
+    series: Series  # tangential acceleration on that segment, in powers of t/segment (m/s^2)
+    nodal: Series  # scratch: acceleration at the collocation nodes
+    normal: Series  # normal force on that segment (N), for one-sided traces
+    tilt: float  # rotating trace: coefficients of the torque, see rotating_flow.torque_of
     spread: float
-    twist: float  # of a group: tilt, spread and twist of its pull
+    twist: float  # of a group; 0 for a body alone
     line_growth: float
     crests: int
     most_speed: float  # bound on the speed of the centre, m/s
-    steepest: float  # greatest fall of f'' with f on its arc (1/s^2)
-    snap_bound: float  # on the fourth derivative of f (rad/s^4), on any trace
+    steepest: float  # greatest rate at which f'' falls with f on its arc (1/s^2)
+    snap_bound: float  # bound on the fourth derivative of f (rad/s^4), on any trace
 
 
 @struct
@@ -181,19 +181,19 @@ class PairData(ChainRow):
     begin_t: float  # when the later of the two flights began (two doubles)
     begin_t_low: float
     touching: int  # in contact at that instant: PARTING, RELEASED or CLOSING, else 0
-    searched: float  # no contact for so long from then: the end of a step of the search, s
+    searched: float  # proved free of contact for this long since then: end of a search step, s
     held: int  # 1: in lasting contact
-    logged: int  # what of it has been logged: 1 closed, 0 open
+    logged: int  # state that was logged last: 1 closed, 0 open
     change_t: float  # when ``held`` last changed (two doubles)
     change_t_low: float
     delay: float  # time from then to the end of the accumulation, s
-    closing_loss: float  # energy that equal speeds took when it last closed or went on, J
-    struck: float  # speed (m/s) at which it alone came together at this instant, or 0
+    closing_loss: float  # energy lost by equalising speeds when it last closed or continued, J
+    struck: float  # approach speed (m/s) at this instant if it alone moved in its chain, or 0
     release_t: float  # when the contact force changes sign, or NEVER (two doubles)
     release_t_low: float
     contact_t: float  # first contact, or NEVER
     contact_t_low: float
-    a_s: float  # (S, C, P) of both there
+    a_s: float  # (S, C, P) of both bodies there
     a_c: float
     a_p: float
     b_s: float
@@ -203,38 +203,38 @@ class PairData(ChainRow):
     normal_a: float  # scratch of an instant: n t of both bodies
     normal_b: float
     closing: (
-        int  # scratch of an instant: ``touching`` to be; 1: takes part in a simultaneous impact
+        int  # scratch of an instant: the next ``touching``; 1: takes part in a simultaneous impact
     )
-    pressing: int  # scratch of an instant: see kernels.cluster.contact_changes
+    pressing: int  # scratch of an instant: see kernels.impact.chattering
     series: Series  # contact force on a segment across pieces, in powers of t/segment (N)
-    nodal: Series  # scratch: force at the nodes; its first also energy (J) that closing takes
+    nodal: Series  # scratch: force at the nodes; the first also energy (J) lost on closing
 
 
 @struct
 class BodyForces:
-    """What the trace bears of one body (scratch, see ``kernels.cluster.trace_forces``)."""
+    """Forces of the trace on one body (scratch, see ``kernels.cluster.trace_forces``)."""
 
     x: float  # centre, m
     y: float
-    sine: float  # of the slope
+    sine: float  # sine and cosine of the slope
     cosine: float
     bend: float  # v^2/rho, positive in a valley, m/s^2
     acceleration: float  # along the path, m/s^2
     normal: float  # N
     friction: float
-    start_normal: float  # at both ends of a motion
+    start_normal: float  # at the start and the end of a motion
     start_friction: float
     end_normal: float
     end_friction: float
-    normal_terms: Series  # normal force in the angle or the way of the motion, N; see note_forces
-    friction_terms: Series  # friction, with its sign
+    normal_terms: Series  # normal force (N): coefficients, or values on a segment (note_forces)
+    friction_terms: Series  # friction (N) with its sign, likewise
 
 
 @struct
 class PairTrack:
-    """Two neighbours on the same piece: constants of their contact."""
+    """Constants of the contact of two neighbours on the same piece."""
 
-    sine: float  # sin(beta/2), cos(beta/2); on a line the distance along it
+    sine: float  # sin(beta/2), cos(beta/2); on a line the distance along it at contact, m
     cosine: float
     far_gap: float  # pi - beta
     normal_a: float  # n t_a, n t_b in contact
@@ -243,7 +243,7 @@ class PairTrack:
 
 @struct
 class Settings:
-    """What holds for the whole run."""
+    """Constants of the whole run."""
 
     gravity: float
     bodies: int
@@ -256,12 +256,12 @@ class Settings:
     substitute: int  # 1: an inadmissible impact is replaced by the normal-impulse law
     left_wall: float  # restitution, or -1 for a stop
     right_wall: float
-    axis_x: float  # where the trace rotates, m, and the square of its rate, 1/s^2 (0: it does not)
-    turning_square: float
+    axis_x: float  # x of the axis of rotation, m
+    turning_square: float  # square of the rate of rotation, 1/s^2; 0 for a trace at rest
     stop_t: float
     stop_collisions: int
-    capacity: int  # rows of the logs that may be used; they hold twice as many
-    keep_rows: int  # 0: rows that fill the logs are dropped
+    capacity: int  # rows of a log that may be filled; the logs hold twice as many
+    keep_rows: int  # 0: the rows of a full log are dropped
 
 
 @struct
@@ -281,7 +281,7 @@ class Clock(Instant):
     contact_rows: int
     segment_rows: int
     flights_before: int  # flight rows handed over so far
-    searches: int  # what was done, for the benchmark and -v
+    searches: int  # counts of work done, for the benchmark and -v
     evaluations: int
     skipped_apart: int
 
@@ -293,7 +293,7 @@ CROSSING = 2
 WALL = 3
 CONTACT_CLOSED = 4
 CONTACT_OPENED = 5
-SEGMENT = 6  # the next piece of a motion that is integrated so, or one with a change beside it
+SEGMENT = 6  # the next segment of a motion across pieces, or a relaunch after a change beside it
 CAUSE_NAMES = (
     "start",
     "collision",
@@ -304,10 +304,10 @@ CAUSE_NAMES = (
     "segment",
 )
 
-# An event adds at most so many rows to a log, for each body.
+# Most rows that one event adds to a log, for each body.
 ROWS_OF_EVENT = 8
 
-# Why the event loop of any system came back; all but RUNNING and LOG_FULL are causes of the end.
+# Why the event loop of any system returned; all but RUNNING and LOG_FULL are end causes.
 RUNNING = 0
 END_TIME = 1
 END_COLLISIONS = 2
@@ -339,7 +339,7 @@ END_NAMES = {
 
 @struct
 class ImpactRow(Instant):
-    """One impact, as the kernels see it."""
+    """One impact, in the variables of the kernels."""
 
     pair: int
     a: int
@@ -401,9 +401,9 @@ class FlightRow(Instant):
 
 @struct
 class SegmentRow:
-    """The motion of one body on a segment across pieces: belongs to flight row ``flight``."""
+    """The motion of one body on a segment across pieces, which belongs to a flight row."""
 
-    flight: int  # rows of all flights before it
+    flight: int  # number of that row, counted over the whole run
     series: Series
 
 
@@ -423,7 +423,7 @@ class ContactRow(Instant):
 
 
 class World(NamedTuple):
-    """All that one run is made of; lists of records or structured arrays."""
+    """All data of one run: lists of records or structured arrays."""
 
     settings: Sequence[Settings]  # one
     clock: Sequence[Clock]  # one
@@ -434,7 +434,7 @@ class World(NamedTuple):
     contacts: Sequence[PairTrack]  # pair by pair
     meeting: list[list[int]]  # meeting[pair * pieces + piece of a][piece of b]: 0 never in contact
     flights: Sequence[Flight]
-    forces: Sequence[BodyForces]  # scratch: one for each body of a group, at last one for others
+    forces: Sequence[BodyForces]  # scratch: one for each body of a group, the last for a body alone
     impacts: Sequence[ImpactRow]
     log: Sequence[FlightRow]
     touches: Sequence[ContactRow]
@@ -474,17 +474,17 @@ def contact_of(world: World, j: int) -> PairTrack:
 
 @kernel
 def number_along(world: World, first: int, step: int) -> int:
-    """Number of the body at a place of a chain, and of the pair of it and its right neighbour."""
+    """Return the number of a body of a chain, which is also that of its pair to the right."""
     return (first + step) % world.settings[0].bodies
 
 
 @kernel
 def flight_along(world: World, first: int, step: int) -> Flight:
-    """Return the flight of the body at a place of a chain."""
+    """Return the flight of the body ``step`` places along a chain."""
     return world.flights[number_along(world, first, step)]
 
 
 @kernel
 def pair_along(world: World, first: int, step: int) -> PairData:
-    """Return the pair at a place of a chain."""
+    """Return the pair ``step`` places along a chain."""
     return world.pairs[number_along(world, first, step)]
