@@ -1,1 +1,1 @@
-"""The event loop: what happens next, what it does, what is logged."""
+"""The event loop: finding the next event, carrying it out, logging it."""

@@ -1,4 +1,4 @@
-"""Which pair meets first: the certified search, for every pair that may meet at all."""
+"""The certified search for the pair that meets first, among all pairs that can meet."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ from vibro_cli.kernels.world import (
     tracks_of,
 )
 
-# Cosines of bounds are compared with room for their rounding.
+# Margin for rounding where cosines of bounds are compared.
 CAUTION = 1.0e-12
-NEVER_MEET = -2.0 * NEVER  # proved, beside NONE_BEFORE_LIMIT
-# Beside the number of a pair: the search is to be called again, so that interrupts are seen.
+NEVER_MEET = -2.0 * NEVER  # a proof, in addition to NONE_BEFORE_LIMIT
+# In place of a pair: the search must be called again, so that interrupts are seen.
 TO_BE_CONTINUED = -2
-# So often are the pairs gone through before that.
+# Rounds over all pairs before that.
 ROUNDS = 10_000
 
 
@@ -48,10 +48,10 @@ ROUNDS = 10_000
 def first_contact(world: World, horizon_t: float, horizon_low: float) -> int:
     """Search all pairs up to an instant; return the pair that meets first, or -1.
 
-    Or ``TO_BE_CONTINUED``, if that takes very long.
+    Returns ``TO_BE_CONTINUED`` if that takes very long.
 
-    The steps of a search follow from its two flights alone. It goes on where it was cut short, at
-    the end of a step, so that it finds the same whatever cut it short: another event, or the stop
+    The steps of a search depend on its two flights alone. An interrupted search resumes at the end
+    of a step, so that its result does not depend on what interrupted it: another event, or the stop
     of a run that is continued.
     """
     first = -1
@@ -73,8 +73,7 @@ def first_contact(world: World, horizon_t: float, horizon_low: float) -> int:
                 if pair.contact_t == NEVER and not _search_pair(world, j, pair, ahead):
                     finished = False
                 later = time_between(pair.contact_t, pair.contact_t_low, horizon_t, horizon_low)
-                # What closes at an instant closes before its bodies, or others, come back from a
-                # wall.
+                # A pair that closes at an instant does so before any body bounces off a wall then.
                 if later < 0.0 or (later == 0.0 and first < 0 and pair.touching == CLOSING):
                     first = j
                     horizon_t = pair.contact_t
@@ -86,9 +85,9 @@ def first_contact(world: World, horizon_t: float, horizon_low: float) -> int:
 
 @kernel
 def _search_pair(world: World, j: int, pair: PairData, ahead: float) -> bool:
-    """Go on with the search of one pair; a contact found is kept in the pair.
+    """Continue the search of one pair up to ``ahead`` (s); keep a contact found in the pair.
 
-    False if it has not come as far as it is to.
+    Returns False if the search has not come that far.
     """
     clock = world.clock[0]
     clock.searches += 1
@@ -107,8 +106,8 @@ def _search_pair(world: World, j: int, pair: PairData, ahead: float) -> bool:
         to_b = time_between(b.exit_t, b.exit_t_low, pair.begin_t, pair.begin_t_low)
         limit = min(to_a, to_b)
         if pair.searched >= limit:
-            return True  # to the end of a flight
-        # The end of a short bounce is known only once it is sharpened: no horizon comes before.
+            return True  # searched to the end of a flight
+        # The end of a short bounce is known only after polishing: no horizon precedes it.
         ahead = max(ahead, min(limit, short_bounce(a, b)))
         h = _time_of_contact(world, j, laps, ahead, limit)
     if h == NEVER_MEET:
@@ -123,23 +122,23 @@ def _search_pair(world: World, j: int, pair: PairData, ahead: float) -> bool:
 
 @kernel
 def _is_out_of_reach(world: World, j: int, laps: int) -> bool:
-    """Tell whether a pair cannot meet on its pieces, at rest, or as this pair."""
+    """Return whether a pair cannot meet on its pieces, while at rest, or as this pair."""
     pair = world.pairs[j]
     a, b = flights_of(world, pair)
     if world.meeting[j * world.settings[0].pieces + a.piece][b.piece] == 0:
         return True
     if (a.at_rest == 1 and b.at_rest == 1) or _is_left_to_the_other(world, pair):
         return True
-    # Almost a lap ahead on the same line, b is behind a: they meet as the other pair, if at all.
+    # Almost a lap ahead on the same line, b is behind a: they can only meet as the other pair.
     return a.piece == b.piece and world.pieces[a.piece].sign == 0.0 and laps != 0
 
 
 @kernel
 def _time_of_contact(world: World, j: int, laps: int, ahead: float, limit: float) -> float:
-    """Time (s) of the first contact of a pair from where both its flights have begun.
+    """Return the time (s) of the first contact of a pair after the start of both its flights.
 
-    ``NONE_BEFORE_LIMIT`` or ``UNFINISHED`` if it is not known yet, ``NEVER_MEET`` if there is none
-    on these flights.
+    Returns ``NONE_BEFORE_LIMIT`` or ``UNFINISHED`` if it is not known yet, and ``NEVER_MEET`` if
+    there is none on these flights.
     """
     pair = world.pairs[j]
     a, b = flights_of(world, pair)
@@ -171,7 +170,10 @@ def _time_of_contact(world: World, j: int, laps: int, ahead: float, limit: float
 
 @kernel
 def _are_both_pairs(world: World, pair: PairData) -> bool:
-    """Tell whether a pair's bodies are the only two, on two pieces of a closed trace: two pairs."""
+    """Return whether the bodies of a pair also form the other pair of a closed trace.
+
+    They are the only two bodies, and on different pieces.
+    """
     settings = world.settings[0]
     a, b = flights_of(world, pair)
     return settings.pairs == 2 and settings.bodies == 2 and a.piece != b.piece
@@ -179,7 +181,7 @@ def _are_both_pairs(world: World, pair: PairData) -> bool:
 
 @kernel
 def _on_one_line(world: World, a: Flight, b: Flight) -> bool:
-    """Tell whether two bodies are on one straight line: a piece, or several lines in a row."""
+    """Return whether two bodies are on one straight line, of one piece or several in a row."""
     for piece in range(a.piece, b.piece + 1):
         if world.pieces[piece].sign != 0.0:
             return False
@@ -188,16 +190,17 @@ def _on_one_line(world: World, a: Flight, b: Flight) -> bool:
 
 @kernel
 def _is_left_to_the_other(world: World, pair: PairData) -> bool:
-    """Tell whether two bodies on a closed trace, which are two pairs, are searched as the other.
+    """Return whether a pair of the only two bodies on a closed trace is searched as the other pair.
 
-    On two pieces one search finds the contact of either pair; while one lasts there is no other.
+    On two pieces one search finds the contact of either pair. While one contact lasts there is no
+    other.
     """
     return _are_both_pairs(world, pair) and (pair.seam == 1 or world.pairs[1].held == 1)
 
 
 @kernel
 def _hand_over(world: World, pair: PairData, other: PairData) -> None:
-    """Give a contact of two bodies on two pieces to the other pair if it is on that side."""
+    """Move a contact of two bodies on two pieces to the other pair if it is on that side."""
     a, b = flights_of(world, pair)
     piece_a = world.pieces[a.piece]
     piece_b = world.pieces[b.piece]
@@ -219,9 +222,9 @@ def _hand_over(world: World, pair: PairData, other: PairData) -> None:
 
 @kernel
 def _moves_as_one(a: Flight, b: Flight) -> bool:
-    """Tell whether two bodies are the ends of one group on one arc, whose angles keep apart.
+    """Return whether two bodies belong to one group on one arc, so that their angle is constant.
 
-    A group over several pieces moves in segments; its ends may come nearer to one another.
+    A group across several pieces moves in segments, and its ends may approach each other.
     """
     if a.grouped + b.grouped != 2 or a.form == POLYNOMIAL:
         return False
@@ -230,10 +233,10 @@ def _moves_as_one(a: Flight, b: Flight) -> bool:
 
 @kernel
 def kept_apart(a: Flight, b: Flight, contact: PairTrack, laps: int) -> bool:
-    """Tell whether two librations in a circle keep two bodies apart across its top.
+    """Return whether two librations in a circle keep two bodies apart across its top.
 
-    The flights stay within ``|f| <= 2 asin sqrt m``; they meet over the top only if both half
-    angles and half the angle of contact add up to pi.
+    The flights stay within ``|f| <= 2 asin sqrt m``. The bodies meet over the top only if both
+    half-angles and half the contact angle add up to pi.
     """
     root_a = a.complementary_modulus
     root_b = b.complementary_modulus
@@ -247,7 +250,7 @@ def kept_apart(a: Flight, b: Flight, contact: PairTrack, laps: int) -> bool:
 
 @kernel
 def _separated(world: World, j: int, straight: bool) -> bool:
-    """Tell whether a pair is kept apart by the horizontal extents of its flights."""
+    """Return whether the horizontal extents of its flights keep a pair apart."""
     a, b = flights_of(world, world.pairs[j])
     piece_a, track_a, piece_b, track_b, reach = paths_of(world, j, straight)
     low_a, high_a = horizontal_extent(a, piece_a, track_a)
@@ -257,9 +260,9 @@ def _separated(world: World, j: int, straight: bool) -> bool:
 
 @kernel
 def horizontal_extent(flight: Flight, piece: PieceData, track: TrackData) -> tuple[float, float]:
-    """Least and greatest x of the centre on a flight, where x grows along its path.
+    """Return the least and greatest x (m) of the centre on a flight.
 
-    Else infinite.
+    The extent is infinite unless x grows along the path.
     """
     if flight.grouped == 1:
         return -NEVER, NEVER
@@ -268,7 +271,7 @@ def horizontal_extent(flight: Flight, piece: PieceData, track: TrackData) -> tup
             return -NEVER, NEVER
         low, high = _line_range(flight, track)
         return track.line_x + piece.tangent_x * low, track.line_x + piece.tangent_x * high
-    # Within 90 degrees of the bottom of a valley or the crest of a hump.
+    # x grows only within 90 degrees of the bottom of a valley or the crest of a hump.
     s2 = min(flight.parameter, track.highest_s2)
     if piece.sign > 0.0 and (s2 > 0.5 or flight.c < 0.0):
         return -NEVER, NEVER
@@ -297,7 +300,7 @@ def _line_range(flight: Flight, track: TrackData) -> tuple[float, float]:
 
 @kernel
 def _sine_range(flight: Flight, piece: PieceData, track: TrackData) -> tuple[float, float]:
-    """Least and greatest ``sign sin f`` (valley: sin phi, hump: sin psi) on a flight."""
+    """Return the extremes of ``sign sin f`` (valley: sin phi, hump: sin psi) on a flight."""
     sign = piece.sign
     start = sign * 2.0 * flight.s * flight.c
     if flight.at_rest == 1:

@@ -1,4 +1,4 @@
-"""The event loop: to the next event, carry it out, again; and what an event changes."""
+"""The event loop: advance to the next event and carry it out; the handler of each kind of event."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ from vibro_cli.kernels.world import (
 def collide(world: World, j: int) -> int:
     """Carry out the impact of pair ``j`` at its contact time.
 
-    Return the cause of an end, or RUNNING.
+    Returns an end cause, or RUNNING.
     """
     settings = world.settings[0]
     clock = world.clock[0]
@@ -108,7 +108,7 @@ def collide(world: World, j: int) -> int:
     if count > 1 or bound or _is_bound(world, pair.b, pair.b_s, pair.b_c):
         at_once = clock.t == pair.begin_t and clock.t_low == pair.begin_t_low
         if at_once and (pair.touching == PARTING or pair.touching == RELEASED):
-            # Launched in contact, and in one another at once: without an impact they press.
+            # Launched in contact, the bodies would overlap at once: the contact must be held.
             pair.pressing = FORCED
         if world.flights[pair.a].impacts > ENDLESS_ROUNDS:
             return END_ACCUMULATION
@@ -122,10 +122,9 @@ def collide(world: World, j: int) -> int:
 
 @kernel
 def _is_bound(world: World, ball: int, s: float, c: float) -> bool:
-    """Tell whether an impact of a body at a place is not one of two free bodies.
+    """Return whether a body that collides at ``(S, C)`` is not free.
 
-    It may depend on a contact that lasts, on a wall at which it rests, or on an earlier impact of
-    this instant.
+    It is in lasting contact, rests at a wall or has had an impact at this instant.
     """
     clock = world.clock[0]
     flight = world.flights[ball]
@@ -135,7 +134,7 @@ def _is_bound(world: World, ball: int, s: float, c: float) -> bool:
 
 @kernel
 def _collide_alone(world: World, j: int) -> int:
-    """Impact of two bodies that touch no other one."""
+    """Carry out the impact of two bodies that touch no others; return an end cause or RUNNING."""
     clock = world.clock[0]
     pair = world.pairs[j]
     a, b = flights_of(world, pair)
@@ -162,7 +161,7 @@ def _collide_alone(world: World, j: int) -> int:
     _share_energy(world, pair, loss)
     pair.touching = PARTING
     if close_accumulated(world, j, 1):
-        # The row has the energy of all further bounces, which have none of their own.
+        # The row includes the loss of all further bounces, which have no rows of their own.
         before = body_a.weight * a.specific_energy + body_b.weight * b.specific_energy
         row.contact = 1
         row.loss += pair.closing_loss
@@ -175,7 +174,7 @@ def _collide_alone(world: World, j: int) -> int:
 
 @kernel
 def _bring_to_contact(world: World, j: int) -> None:
-    """Put both bodies of a pair into their states of contact; set speeds and normals."""
+    """Move both bodies of a pair to their states of contact; set speeds and normals."""
     pair = world.pairs[j]
     a, b = flights_of(world, pair)
     track_a, track_b = tracks_of(world, pair)
@@ -192,7 +191,7 @@ def _bring_to_contact(world: World, j: int) -> None:
 
 @kernel
 def _apply_law(world: World, j: int) -> tuple[float, float, float]:
-    """Log the impact of a pair by its law, or what is put in its place; speeds after it, loss."""
+    """Apply the impact law of a pair, or its substitute, and log it; return speeds and loss."""
     settings = world.settings[0]
     pair = world.pairs[j]
     a, b = flights_of(world, pair)
@@ -202,7 +201,7 @@ def _apply_law(world: World, j: int) -> tuple[float, float, float]:
         law, pair.restitution, body_a, body_b, pair.normal_a, pair.normal_b, a.speed, b.speed
     )
     substituted = 0
-    # What the law leaves of the speeds is rounded as they were before it.
+    # Speeds after the impact have the rounding of those before it.
     size = abs(a.speed) + abs(b.speed)
     admissible = do_part(pair.normal_a, pair.normal_b, wa, wb, size)
     if not admissible and settings.substitute == 1:
@@ -220,10 +219,11 @@ def _apply_law(world: World, j: int) -> tuple[float, float, float]:
 
 @kernel
 def _share_energy(world: World, pair: PairData, loss: float) -> None:
-    """Give both bodies their energies after an impact, so that the sum keeps the law exactly.
+    """Set the energies of both bodies after an impact, so that their sum follows the law exactly.
 
-    The body with less energy takes it from its state, the other one the rest; what that corrects is
-    added up. A tie is shared evenly, so that mirror images stay mirror images.
+    The body with less energy takes it from its state, and the other one gets the rest. The
+    correction is added to ``energy_correction``. A tie is shared evenly, so that mirror images stay
+    mirror images.
     """
     settings = world.settings[0]
     a, b = flights_of(world, pair)
@@ -252,7 +252,7 @@ def _share_energy(world: World, pair: PairData, loss: float) -> None:
 
 @kernel
 def release(world: World, j: int) -> int:
-    """End the lasting contact of a pair whose force has changed its sign."""
+    """End the lasting contact of a pair whose contact force has changed its sign."""
     clock = world.clock[0]
     pair = world.pairs[j]
     clock.t = pair.release_t
@@ -292,9 +292,9 @@ def leave_piece(world: World, ball: int) -> int:
 
 @kernel
 def _enters_next(world: World, ball: int, right: bool, p: float) -> bool:
-    """Put a body at the end of its piece now, as it arrives there; then onto the next piece.
+    """Move a body to the end of its piece and on to the next one; return whether there is one.
 
-    There its centre and its speed continue. Tells whether there is a next piece.
+    The position and the speed of its centre are continuous there.
     """
     settings = world.settings[0]
     clock = world.clock[0]
@@ -324,7 +324,7 @@ def _enters_next(world: World, ball: int, right: bool, p: float) -> bool:
 
 @kernel
 def rate_by_energy(world: World, ball: int, flight: Flight, track: TrackData) -> float:
-    """``P`` at the end of a piece from the carried energy, with the sign of the present ``P``."""
+    """Return ``P`` at an end of a piece from the carried energy, with its present sign."""
     settings = world.settings[0]
     if track.path_radius == 0.0:
         rise = flight.specific_energy - (track.bottom + track.line_rise * flight.s)
@@ -343,7 +343,7 @@ def rate_by_energy(world: World, ball: int, flight: Flight, track: TrackData) ->
 
 @kernel
 def _leave_in_group(world: World, ball: int) -> int:
-    """Carry a member of a group over a junction, or go on with the next segment of its motion."""
+    """Move a body of a group across a junction, or start the next segment of its motion."""
     settings = world.settings[0]
     clock = world.clock[0]
     flight = world.flights[ball]
@@ -362,10 +362,11 @@ def _leave_in_group(world: World, ball: int) -> int:
 
 @kernel
 def _hit_wall(world: World, ball: int, right: bool) -> int:
-    """Carry out the impact of a body that is at the end of its flight, at a wall.
+    """Carry out the impact of a body that is at a wall at the end of its flight.
 
-    A group, a body hit before at this instant and one whose next bounce is lost in rounding depend
-    on what touches them: the whole row at the wall is settled.
+    If the body is in a group, has already had an impact at this instant or makes a bounce that is
+    lost in rounding, it depends on what touches it: the contacts of the whole row at the wall are
+    settled.
     """
     settings = world.settings[0]
     flight = world.flights[ball]
@@ -388,11 +389,11 @@ def _hit_wall(world: World, ball: int, right: bool) -> int:
             bring_to(world, member, flight.t, flight.t_low)
     set_speeds_and_normals(world, first, count)
     if arriving == 0.0:
-        # Launched at the wall without speed, and out at once: it presses.
+        # Launched at the wall without speed, it would pass through at once: it must be held.
         flight.pressing = FORCED
     settle_contacts(world, first, count)
     count_corrections(world, first, count)
-    # It alone is at the wall; the others only go on.
+    # Only this body hits the wall; the others continue.
     launch_chain(world, first, count, SEGMENT)
     last_row_of(world, ball).cause = WALL
     return RUNNING
@@ -421,7 +422,7 @@ def start(world: World) -> None:
 
 @kernel
 def _in_contact(world: World, j: int) -> bool:
-    """Tell whether a pair starts in contact, up to the rounding of the positions."""
+    """Return whether a pair starts in contact, up to the rounding of its positions."""
     set_normals(world, j)
     gap, size = present_gap(world, j)
     return abs(gap) <= CONTACT_ROUNDING * size
@@ -429,7 +430,7 @@ def _in_contact(world: World, j: int) -> bool:
 
 @kernel
 def proceed(world: World, starting: bool) -> int:
-    """Launch the first flights, or go on with a run; one machine code for both."""
+    """Launch the first flights of a run, or continue it: one entry point for both."""
     if starting:
         start(world)
         return RUNNING
@@ -438,9 +439,9 @@ def proceed(world: World, starting: bool) -> int:
 
 @kernel
 def advance(world: World) -> int:
-    """Run until an end cause, or until a log has no room for another event; return which.
+    """Advance a run until it ends or a log has no room for another event; return the cause.
 
-    As if a log were full also from a search that takes very long; it goes on when called again.
+    A search that takes very long returns ``LOG_FULL`` too; the next call continues it.
     """
     settings = world.settings[0]
     clock = world.clock[0]
@@ -472,17 +473,17 @@ def advance(world: World) -> int:
             return cause
 
 
-# After no time (s), but not at the same instant.
+# A time (s) that is negligible but not zero.
 LEAST_TIME = 1.0e-300
 
 
 @kernel
 def _horizon(world: World) -> tuple[float, float, int, int]:
-    """When an event comes at the latest (two doubles, s): the stop, an end of a flight, a release.
+    """Return the latest possible instant of the next event: the stop, end of a flight or release.
 
-    What happens at the stop itself still happens: the run ends ``LEAST_TIME`` after it.
-    Then the body whose flight ends first by the stop, and the pair that parts first before that;
-    else -1.
+    Returns the instant (two doubles, s), the body whose flight ends first up to the stop, and the
+    pair released before that; -1 if there is none. Events at the stop itself still happen: the run
+    ends ``LEAST_TIME`` after it.
     """
     settings = world.settings[0]
     t = settings.stop_t
@@ -508,7 +509,7 @@ def _horizon(world: World) -> tuple[float, float, int, int]:
 
 @kernel
 def drop_rows(clock: Clock) -> None:
-    """Make room in logs that nobody keeps."""
+    """Drop the rows of logs that are not kept."""
     clock.flights_before += clock.flight_rows
     clock.impact_rows = 0
     clock.flight_rows = 0
@@ -518,9 +519,9 @@ def drop_rows(clock: Clock) -> None:
 
 @kernel
 def _finish(world: World) -> int:
-    """End a run without a further event before its stop time, if it has one.
+    """End a run that has no further event before its stop time, if it has one.
 
-    The clock stays at the last event, for a run that is continued from there.
+    The clock stays at the last event, so that the run can be continued from there.
     """
     settings = world.settings[0]
     clock = world.clock[0]
@@ -539,7 +540,7 @@ def _finish(world: World) -> int:
     return END_REST if resting else END_NO_MORE_COLLISIONS
 
 
-# Times closer than this share of themselves are one instant.
+# Times that differ by less than this share of themselves are one instant.
 SAME_INSTANT = 64.0 * EPSILON
 
 
@@ -547,7 +548,7 @@ SAME_INSTANT = 64.0 * EPSILON
 def log_contacts(world: World, t: float, t_low: float) -> None:
     """Log the contacts that have closed or opened for good before the next event at ``t``.
 
-    Within one instant, or one accumulation, a contact may open and close many times.
+    Within one instant or one accumulation a contact may open and close many times.
     """
     clock = world.clock[0]
     clock.unlogged = 0
@@ -568,7 +569,7 @@ def _log_contact(world: World, pair: PairData) -> None:
     clock = world.clock[0]
     row = world.touches[clock.contact_rows]
     a, b = flights_of(world, pair)
-    # What launched them anew at the same instant came first, where rounding has it later too.
+    # A relaunch at the same instant came first, even where rounding puts it later.
     late_a = time_between(a.t, a.t_low, pair.change_t, pair.change_t_low) - pair.delay
     late_b = time_between(b.t, b.t_low, pair.change_t, pair.change_t_low) - pair.delay
     late = max(0.0, max(late_a, late_b))

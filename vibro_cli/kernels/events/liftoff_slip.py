@@ -1,12 +1,12 @@
-"""Kernels that find what happens on a flight between its start and its end.
+"""Turning points, lift-offs and slips between the start and the end of a flight.
 
-Those are turning points, and the instants at which a force passes its limit: the normal force of a
-body falls through zero, or rolling needs more than the friction there is. On an arc, alone or in
-contact, the normal force is ``a + b cos f + c sin f`` and the friction ``q |sin f|`` in the angle f
-of the pendulum, so both are known in closed form; on a line both are constant. Segments of a motion
-in contact across pieces are short against its time scales; there the ends of each one decide, and
-where a parabola through them and the middle has its vertex. A flight alone whose least normal
-force, over all that its energy and its piece leave it, is positive is not looked at any further.
+At a lift-off or slip a force passes its limit: the normal force of a body falls through zero, or
+rolling needs more friction than there is. On an arc, alone or in contact, the normal force is
+``a + b cos f + c sin f`` and the friction ``q |sin f|`` in the angle f of the pendulum, so both are
+known in closed form; on a line both are constant. Segments of a motion in contact across pieces are
+short compared with its time scales. There the ends of each segment decide, and the vertex of a
+parabola through the ends and the middle. A body alone is not examined further if bounds from its
+energy and its piece exclude both limits.
 """
 
 from __future__ import annotations
@@ -35,27 +35,27 @@ TURNING = 0
 LIFT_OFF = 1
 SLIP = 2
 
-# A force beyond its limit by less than this share of the forces is so by rounding alone.
+# A force beyond its limit by less than this share of the forces is so only by rounding.
 FORCE_ROUNDING = 1.0e-12
-# Where bounds leave this share of a body's weight, no rounding leads beyond a limit.
+# Margin of bounds for rounding, as a share of a body's weight.
 CAUTION = 1.0e-6
-# Places of an orbit that can be asked for at once: up to four angles, on either branch.
+# Positions on an orbit that can be searched at once: up to four angles, on either branch.
 MOST_PLACES = 8
 
 
 @struct
 class Span:
-    """A flight of the log, until it ends or until the run has come so far."""
+    """A flight of the log, up to its end or as far as the run has come."""
 
     row: int  # of the log
     duration: float  # s
-    ended: int  # 0: it goes on beyond
-    told: Series  # passages of each kind found when it was asked before
-    begun: int  # 1: its start was looked at then
-    lift_start: int  # 1: the normal force is below zero at the start, and at the end
-    lift_end: int
-    slip_start: int  # 1: friction is beyond its limit
-    slip_end: int
+    ended: int  # 0: the flight continues
+    told: Series  # passages of each kind found by earlier searches
+    begun: int  # 1: its start was examined by one of them
+    lift_start: int  # 1: the normal force is negative at the start
+    lift_end: int  # and at the end
+    slip_start: int  # 1: friction is beyond its limit at the start
+    slip_end: int  # and at the end
     normal: float  # at the start, N
 
 
@@ -74,7 +74,7 @@ class Passage:
 
 @struct
 class Course:
-    """When a flight passes one state of its orbit: the next time, and the period (s)."""
+    """The passages of a flight through one state of its orbit: the next time and the period (s)."""
 
     after: float
     period: float
@@ -82,18 +82,18 @@ class Course:
 
 @struct
 class Progress:
-    """What is asked, and how far the spans have been gone through."""
+    """What is searched for, and how far the search through the spans has come."""
 
     turning_points: int  # 1 if turning points are wanted
-    friction: float  # coefficient of the trace, negative if slip is not asked for
-    span: int  # the next one, its kind, and the passages that are filled in
-    kind: int
-    filled: int
-    group: int  # 1 + row of the first body of the group whose forces are at hand; 0 none
+    friction: float  # coefficient of friction of the trace, negative if slip is not wanted
+    span: int  # the next span
+    kind: int  # the next kind of passage on it
+    filled: int  # passages filled in so far
+    group: int  # 1 + row of the first body of the group whose forces are set; 0: none
 
 
 class Search(NamedTuple):
-    """What is asked of some flights, room for what is found, and scratch."""
+    """A search for passages on some flights, with room for its results, and scratch."""
 
     spans: Sequence[Span]
     progress: Sequence[Progress]  # one
@@ -104,11 +104,11 @@ class Search(NamedTuple):
 
 @kernel
 def find_passages(world: World, search: Search) -> int:
-    """Find the passages on flights, from where ``progress`` is until all is done or full.
+    """Find passages from the state of ``progress`` on, until all spans are done or room runs out.
 
-    The spans are best in order of the log; the forces at both ends are filled in, and the passages,
-    those of a flight and kind in order of time. Returns the number of passages filled in; there may
-    be more if that is all the room there is.
+    Fills in the forces at both ends of the spans, and the passages; those of one flight and kind
+    are in order of time. Spans are best given in the order of the log. Returns the number of
+    passages; if they fill the room there may be more.
     """
     now = search.progress[0]
     now.filled = 0
@@ -126,7 +126,7 @@ def find_passages(world: World, search: Search) -> int:
 
 @kernel
 def _add_turnings(world: World, search: Search) -> bool:
-    """Add the turning points of a flight; tell whether there was room for all."""
+    """Add the turning points of a flight; return whether there was room for all."""
     span = search.spans[search.progress[0].span]
     flight = search.flights[0]
     replay_flight(world, world.log[span.row], span.row, flight)
@@ -160,7 +160,10 @@ def turning_courses(flight: Flight, duration: float, courses: Sequence[Course]) 
 
 @kernel
 def _turning_on_segment(flight: Flight, duration: float) -> float:
-    """Turning point on a short segment across pieces, where the speed is nearly linear in time."""
+    """Return the time (s) of the turning point on a segment across pieces, or NEVER.
+
+    Segments are short: the speed is nearly linear in time.
+    """
     low = 0.0
     high = duration
     _, _, start = flow(flight, low)
@@ -182,14 +185,14 @@ def _turning_on_segment(flight: Flight, duration: float) -> float:
 def set_course(
     course: Course, flight: Flight, s: float, c: float, p: float, duration: float
 ) -> None:
-    """Set when a flight on an arc passes a state that lies on its orbit."""
+    """Set the course of a flight on an arc through a state that lies on its orbit."""
     course.after = NEVER
     course.period = NEVER
     if flight.at_rest == 1 or flight.complementary_modulus == 0.0:
         return
     first = time_of_flight(flight, s, c, p)
     if rotates(flight):
-        # A rotation passes a place once on its piece, ahead only.
+        # A rotation passes a position once on its piece, and only ahead.
         ahead = s * flight.flow_c - c * flight.flow_s
         if ahead * flight.flow_p > 0.0 and first <= duration:
             course.after = first
@@ -200,21 +203,22 @@ def set_course(
 
 @kernel
 def rotates(flight: Flight) -> bool:
-    """Tell whether the full orbit of a flight on an arc goes over its highest place."""
+    """Return whether the full orbit of a flight on an arc passes the highest point."""
     return flight.complementary_modulus < 0.0
 
 
 @kernel
 def orbit_period(flight: Flight) -> float:
-    """Period (s) of the full orbit of a flight on an arc that turns back."""
+    """Return the period (s) of the full orbit of a flight on an arc that turns back."""
     return 4.0 * quarter_period(flight.parameter, flight.complementary_modulus) / flight.frequency
 
 
 @kernel
 def _add(search: Search, count: int, kind: int) -> bool:
-    """Add the passages of some courses in order of time; tell whether there was room for all.
+    """Add the passages of some courses in order of time; return whether there was room for all.
 
-    A turning point at the very end is an impact's or a wall's; a limit is passed there, too.
+    A turning point at the very end belongs to an impact or a wall and is left out; a limit passed
+    there is added.
     """
     now = search.progress[0]
     span = search.spans[now.span]
@@ -249,11 +253,11 @@ def _add(search: Search, count: int, kind: int) -> bool:
 
 @kernel
 def _add_limits(world: World, search: Search) -> bool:
-    """Add where a body passes a limit of its forces; tell whether there was room for all."""
+    """Add the passages of force limits on a flight; return whether there was room for all."""
     now = search.progress[0]
     span = search.spans[now.span]
     row = world.log[span.row]
-    # What slides needs no friction, whatever its normal force.
+    # A sliding body needs no friction, whatever its normal force.
     friction = now.friction if world.bodies[row.body].kappa > 1.0 else -1.0
     if row.grouped == 1:
         place, lifts, slips = _look_at_group(world, search, friction)
@@ -275,7 +279,7 @@ def _add_limits(world: World, search: Search) -> bool:
             if not done:
                 return False
         now.kind = SLIP
-    # Without any friction none is passed within a flight, see set_sides.
+    # Without friction no limit is passed within a flight, see set_sides.
     if not slips or friction == 0.0:
         return True
     return _add(search, _courses(world, search, one, friction), SLIP)
@@ -283,7 +287,10 @@ def _add_limits(world: World, search: Search) -> bool:
 
 @kernel
 def _courses(world: World, search: Search, one: BodyForces, friction: float) -> int:
-    """Set the courses at whose states a limit is passed: of friction, or negative, of lift-off."""
+    """Set the courses through the states at a limit; return their number.
+
+    The limit is that of ``friction``, or lift-off if ``friction`` is negative.
+    """
     span = search.spans[search.progress[0].span]
     row = world.log[span.row]
     flight = search.flights[0]
@@ -305,7 +312,7 @@ def _courses(world: World, search: Search, one: BodyForces, friction: float) -> 
 def _limit_on_segment(
     world: World, search: Search, one: BodyForces, side: float, weight: float
 ) -> float:
-    """Time (s) at which a body in contact across pieces passes a limit in its segment, or NEVER.
+    """Return the time (s) at which a body in contact passes a limit on its segment, or NEVER.
 
     ``side F - weight N`` passes zero then; its ends and its extreme between them decide.
     """
@@ -324,7 +331,7 @@ def _limit_on_segment(
     while True:
         middle = 0.5 * (low + high)
         if not low < middle < high:
-            # Friction to the other side has a limit of its own.
+            # Friction in the other direction has its own limit.
             return high if side * one.acceleration >= 0.0 else NEVER
         if _excess_at(world, search, one, middle, side, weight) > 0.0:
             high = middle
@@ -336,7 +343,7 @@ def _limit_on_segment(
 def _excess_at(
     world: World, search: Search, one: BodyForces, after: float, side: float, weight: float
 ) -> float:
-    """As ``_excess``, of a body in contact at a time (s) after the start of its segment."""
+    """Return the :func:`_excess` of a body in contact ``after`` (s) the start of its segment."""
     number = search.spans[search.progress[0].span].row
     set_forces(world, number, AT_TIME, after, search.flights[1])
     along = math.copysign(one.friction, one.acceleration)
@@ -345,16 +352,16 @@ def _excess_at(
 
 @kernel
 def _excess(normal: float, along: float, side: float, weight: float) -> float:
-    """How far ``side F - weight N`` is beyond zero and its rounding."""
+    """Return by how much ``side F - weight N`` exceeds zero and its rounding."""
     rounding = FORCE_ROUNDING * (abs(normal) + abs(along))
     return side * along - weight * normal - rounding
 
 
 @kernel
 def _look_at_group(world: World, search: Search, friction: float) -> tuple[int, bool, bool]:
-    """Set the forces on a body in contact; where they are, and which limits it may pass.
+    """Set the forces on a body in contact; return their index and which limits it may pass.
 
-    Those of its whole group are set at once, for the spans that come next.
+    The forces of its whole group are set at once, for the spans that follow.
     """
     now = search.progress[0]
     span = search.spans[now.span]
@@ -381,7 +388,7 @@ def _look_at_group(world: World, search: Search, friction: float) -> tuple[int, 
 
 @kernel
 def _look_at_rest(world: World, search: Search, friction: float) -> bool:
-    """Set the forces on a body alone that rests: they stay as they are, and no limit is passed."""
+    """Set the forces on a body alone at rest, which are constant: no limit is passed."""
     span = search.spans[search.progress[0].span]
     flight = search.flights[0]
     replay_flight(world, world.log[span.row], span.row, flight)
@@ -392,7 +399,7 @@ def _look_at_rest(world: World, search: Search, friction: float) -> bool:
 
 @kernel
 def look_at_one(world: World, span: Span, friction: float, flight: Flight) -> tuple[bool, bool]:
-    """Set the forces on a body alone, if it may pass a limit; which ones it may."""
+    """Set the forces on a body alone if it may pass a limit; return which ones it may pass."""
     row = world.log[span.row]
     body = world.bodies[row.body]
     piece = world.pieces[row.piece]
@@ -436,7 +443,7 @@ def look_at_one(world: World, span: Span, friction: float, flight: Flight) -> tu
 
 @kernel
 def _forces(world: World, number: int, s: float, c: float, p: float) -> tuple[float, float]:
-    """Normal force and friction (N) of a body alone on an arc.
+    """Return the normal force and the friction (N) of a body alone on an arc.
 
     ``N = m g sign (cos f + (4/kappa) P^2)``.
     """
@@ -460,17 +467,17 @@ def _set_normal(world: World, search: Search, found: Passage, place: int) -> Non
 
 @kernel
 def normal_of_one(world: World, number: int, found: Passage, flight: Flight) -> float:
-    """Normal force (N) of a body alone on an arc where it is in a passage."""
+    """Return the normal force (N) of a body alone on an arc at a passage."""
     normal, _ = _forces(world, number, found.s, found.c, found.p)
     return normal
 
 
 @kernel
 def set_sides(world: World, span: Span, one: BodyForces, friction: float) -> None:
-    """Say on which side of its limits a body starts, and ends.
+    """Set on which side of its limits a body starts and ends.
 
-    Without any friction that is the side on which it is but at single instants: where the friction
-    of rolling vanishes, as at a bottom, it is not needed for no time.
+    Without friction a body that moves on an arc always slips: the instants at which rolling needs
+    no friction, as at a bottom, do not count.
     """
     span.normal = one.start_normal
     span.lift_start = 1 if beyond(one.start_normal, one.start_friction, -1.0) else 0
@@ -490,9 +497,10 @@ def set_sides(world: World, span: Span, one: BodyForces, friction: float) -> Non
 
 @kernel
 def beyond(normal: float, force: float, friction: float) -> bool:
-    """Tell whether a body is beyond a limit, by more than the rounding of its forces.
+    """Return whether a body is beyond a limit by more than the rounding of its forces.
 
-    The trace would have to pull it; with a coefficient, rolling needs more friction than there is.
+    The limit is lift-off if ``friction`` is negative: the trace would have to pull. Otherwise
+    rolling needs more friction than there is.
     """
     if friction < 0.0:
         return normal < -FORCE_ROUNDING * (abs(normal) + force)
@@ -503,7 +511,10 @@ def beyond(normal: float, force: float, friction: float) -> bool:
 def limit_courses(
     one: BodyForces, friction: float, flight: Flight, duration: float, courses: Sequence[Course]
 ) -> int:
-    """Set the courses at whose states a limit is passed: of friction, or negative, of lift-off."""
+    """Set the courses through the states at a limit; return their number.
+
+    The limit is that of ``friction``, or lift-off if ``friction`` is negative.
+    """
     if flight.form == LINE:
         return 0
     a = one.normal_terms[0]
@@ -511,7 +522,7 @@ def limit_courses(
     c = one.normal_terms[2]
     q = one.friction_terms[2]
     if friction < 0.0:
-        # -N grows beyond zero.
+        # -N rises through zero.
         return _zero_courses((-a, -b, -c), 0.0, 0, duration, courses, flight)
     if q <= 0.0:
         return 0
@@ -531,9 +542,10 @@ def _zero_courses(
     courses: Sequence[Course],
     flight: Flight,
 ) -> int:
-    """Set the courses at whose states ``a + b cos f + c sin f``, an excess, grows through zero.
+    """Add the courses through the states at which ``a + b cos f + c sin f`` rises through zero.
 
-    With a side only those where the sine has its sign. Returns the number of courses then.
+    A ``side`` other than 0 selects the states whose sine has its sign. Returns the new number of
+    courses.
     """
     a, b, c = excess
     size = math.sqrt(b * b + c * c)
@@ -564,7 +576,7 @@ def _branch_course(
     courses: Sequence[Course],
     flight: Flight,
 ) -> int:
-    """Set the course of a place that a flight passes with a rate of the sign of ``slope``."""
+    """Add the course of a position passed with a rate of the sign of ``slope``, if there is one."""
     square = squared_rate_at(flight, s, c)
     if square <= 0.0 or (flight.complementary_modulus >= 0.0 and c * flight.flow_c < 0.0):
         return count

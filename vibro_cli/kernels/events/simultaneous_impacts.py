@@ -1,7 +1,7 @@
-"""Impacts of several touching pairs at one instant, solved jointly.
+"""Simultaneous impacts of several touching pairs, solved jointly.
 
-All pairs of a chain that close at that instant are solved together, each with its own k; pairs that
-close because of it follow at the same instant as impacts of their own, and so on.
+All pairs of a chain that approach at one instant are solved together, each with its own k. Pairs
+that approach as a result have further impacts at the same instant, and so on.
 """
 
 from __future__ import annotations
@@ -60,9 +60,9 @@ from vibro_cli.kernels.world import (
     track_of,
 )
 
-# So many rounds of impacts of a chain at one instant are taken to contract without end.
+# After this many rounds of impacts at one instant, a dissipative chain is taken to its limit.
 MOST_ROUNDS = 1000
-# And so many without dissipation to have no end: mass ratios of 1e11 lead to as many.
+# After this many without dissipation the run ends: mass ratios of 1e11 lead to as many.
 ENDLESS_ROUNDS = 1_000_000
 
 
@@ -94,7 +94,7 @@ def collide_jointly(world: World, first: int, count: int) -> int:
         _free_pairs(world, first, count)
     settle_contacts(world, first, count)
     launch_chain(world, first, count, COLLISION)
-    # Bodies at walls are those of an open trace: their numbers do not go round.
+    # Only open traces have walls: numbers do not wrap around.
     if left != 0:
         last_row_of(world, first).cause = WALL
     if right != 0:
@@ -112,7 +112,7 @@ def collide_jointly(world: World, first: int, count: int) -> int:
 
 @kernel
 def _free_pairs(world: World, first: int, count: int) -> None:
-    """Speeds have changed: no pair of a chain need be held whatever its force, or stay released."""
+    """Reset ``pressing`` and ``touching`` of the pairs of a chain whose speeds have changed."""
     for step in range(count):
         pair = pair_along(world, first, step)
         pair.pressing = FREE
@@ -121,7 +121,7 @@ def _free_pairs(world: World, first: int, count: int) -> None:
 
 @kernel
 def _lifts(world: World, start_row: int) -> bool:
-    """Tell whether an impact lifts a body off a one-sided trace; the clock keeps which."""
+    """Return whether an impact lifts a body off a one-sided trace; keep it as ``last_ball``."""
     clock = world.clock[0]
     for row in range(start_row, clock.impact_rows):
         lifted = lifted_body(world, world.impacts[row].pair)
@@ -133,7 +133,7 @@ def _lifts(world: World, start_row: int) -> bool:
 
 @kernel
 def _comes_back(world: World, first: int, count: int, end: int) -> int:
-    """The side of a wall from which an end of a chain comes back in this round, or 0."""
+    """Return the side of the wall off which an end of a chain bounces in this round, or 0."""
     settings = world.settings[0]
     ball = number_along(world, first, end)
     side = touched_wall(world, ball)
@@ -146,7 +146,7 @@ def _comes_back(world: World, first: int, count: int, end: int) -> int:
 
 @kernel
 def _from_wall(world: World, ball: int, side: int) -> float:
-    """Send a body back from a wall; return the energy (J) that takes."""
+    """Reflect a body at a wall; return the energy lost (J)."""
     if side == 0:
         return 0.0
     settings = world.settings[0]
@@ -159,14 +159,14 @@ def _from_wall(world: World, ball: int, side: int) -> float:
 
 @kernel
 def _take_closing_losses(world: World, first: int, count: int, start_row: int) -> float:
-    """Add what closing contacts took (J) to the rows of their impacts; return its sum.
+    """Add the losses (J) of closing contacts to the rows of their impacts; return their sum.
 
-    The loss of a contact without a row of its own here is shared by all rows of the impact.
+    The loss of a contact without a row of its own is shared by all rows of the impact.
     """
     clock = world.clock[0]
     total = 0.0
     shared = 0.0
-    # From both ends at once, so that the sum of a mirror image is the same.
+    # Summed from both ends at once, so that a mirror image has the same sum.
     for step in range((count + 1) // 2):
         opposite = count - 1 - step
         left = _closing_loss_left(world, number_along(world, first, step), start_row)
@@ -187,7 +187,7 @@ def _take_closing_losses(world: World, first: int, count: int, start_row: int) -
 
 @kernel
 def _closing_loss_left(world: World, j: int, start_row: int) -> float:
-    """Add what a closing contact took (J) to the rows of its impacts; return it if it has none."""
+    """Add the loss (J) of a closing contact to its row; return the loss if it has none."""
     pair = world.pairs[j]
     left = pair.closing_loss
     for row in range(start_row, world.clock[0].impact_rows):
@@ -201,9 +201,9 @@ def _closing_loss_left(world: World, j: int, start_row: int) -> float:
 
 @kernel
 def _bring_chain(world: World, first: int, count: int) -> bool:
-    """Put the bodies of a chain into their states at the instant; set speeds and normals.
+    """Move the bodies of a chain to their present states; set speeds and normals.
 
-    Returns whether one of them has had an impact at this very instant before.
+    Returns whether one of them has already had an impact at this instant.
     """
     clock = world.clock[0]
     struck = False
@@ -225,7 +225,10 @@ def _bring_chain(world: World, first: int, count: int) -> bool:
 
 @kernel
 def _note_bounces(world: World, first: int, count: int, begins: bool) -> None:
-    """Keep how fast a pair came together that alone moves in its chain, where an instant begins."""
+    """Keep the approach speed (``struck``) of a pair that alone moves in its chain.
+
+    ``begins`` marks the first round of impacts of an instant.
+    """
     clock = world.clock[0]
     for step in range(count):
         number = number_along(world, first, step)
@@ -235,12 +238,12 @@ def _note_bounces(world: World, first: int, count: int, begins: bool) -> None:
         if begins and pair.held == 0 and repeats(world, first, count, number):
             pair.struck = -parting_speed(world, number)
         if pair.held == 1 and pair.change_t == clock.t and pair.change_t_low == clock.t_low:
-            pair.delay = 0.0  # hit again within the instant, its bounces are at an end
+            pair.delay = 0.0  # hit again within the instant, it has no bounces left
 
 
 @kernel
 def energy_of_chain(world: World, first: int, count: int) -> float:
-    """Energy (J) of the bodies of a chain from their states."""
+    """Set the energies of the bodies of a chain from their states; return their sum (J)."""
     settings = world.settings[0]
     total = 0.0
     for step in range(count + 1):
@@ -255,10 +258,10 @@ def energy_of_chain(world: World, first: int, count: int) -> float:
 
 @kernel
 def _impulses(world: World, first: int, count: int) -> tuple[float, bool]:
-    """Apply the joint impulses of all closing pairs and log them.
+    """Apply the joint impulses of all approaching pairs and log them.
 
-    Returns the energy lost (J), and whether every pair of an impact parts after it, by the law or
-    by what is put in its place.
+    Returns the energy lost (J), and whether every impact is admissible, by the law or its
+    substitute.
     """
     rounding = SPEED_ROUNDING * share_fastest(world, first, count)
     for step in range(count):
@@ -266,7 +269,7 @@ def _impulses(world: World, first: int, count: int) -> tuple[float, bool]:
         pair = world.pairs[number]
         least = rounding
         if pair.held == 1:
-            # What a flight in contact leaves by rounding is no impact.
+            # A relative speed left by rounding on a flight in contact is no impact.
             least = max(least, held_rounding(world, number))
         pair.closing = 1 if parting_speed(world, number) < -least else 0
     loss = 0.0
@@ -291,10 +294,10 @@ def _impulses(world: World, first: int, count: int) -> tuple[float, bool]:
 
 @kernel
 def _is_endless(world: World, first: int, count: int) -> bool:
-    """Tell whether a sequence of impacts at one instant is taken to its limit.
+    """Return whether a sequence of simultaneous impacts is taken to its limit.
 
-    One with dissipation that goes on so long contracts; without it one ends, or the bodies fill
-    the room between two walls or a closed trace, and it has no limit.
+    A dissipative sequence that lasts this long contracts. One without dissipation ends, or it has
+    no limit because the bodies fill the space between two walls or a closed trace.
     """
     dissipates = touches_dissipative_wall(world, first)
     dissipates = dissipates or touches_dissipative_wall(world, number_along(world, first, count))
@@ -308,7 +311,8 @@ def _is_endless(world: World, first: int, count: int) -> bool:
 def _limit(world: World, first: int, count: int) -> float:
     """Take a chain to the limit of its sequence of impacts; return the energy lost (J).
 
-    That is its plastic impact, with the walls that it touches: see ``chattering.press_speeds``.
+    The limit is the plastic impact of the chain with the walls it touches, see
+    ``chattering.press_speeds``.
     """
     clock = world.clock[0]
     law = closing_law(world, first, count)
@@ -319,7 +323,7 @@ def _limit(world: World, first: int, count: int) -> float:
         if pair.pressing == PRESSING:
             log_impact(world, number_along(world, first, step), 0.0, 0.0, law, 0.0)
             row = world.impacts[clock.impact_rows - 1]
-            row.simultaneous = 1  # it stands for all that would follow, on walls too
+            row.simultaneous = 1  # it stands for all further impacts, those on walls too
             row.loss = half_approach(world, number_along(world, first, step), law)
     apply_impulses(world, first, count, law)
     for number in range(start_row, clock.impact_rows):
@@ -361,9 +365,9 @@ def _impulses_of_run(world: World, begin: int, length: int, law: int) -> tuple[f
 
 @kernel
 def _substitute(world: World, begin: int, length: int, start_row: int) -> float:
-    """Let a run of pairs whose law is inadmissible follow ``normal-impulse``; its loss (J).
+    """Redo the inadmissible impact of a run of pairs by ``normal-impulse``; return its loss (J).
 
-    It alone: runs share no bodies, and what one does must not depend on another one.
+    Other runs are left as they are: they share no bodies with it.
     """
     clock = world.clock[0]
     clock.collisions -= clock.impact_rows - start_row
@@ -379,7 +383,7 @@ def _substitute(world: World, begin: int, length: int, start_row: int) -> float:
 
 @kernel
 def _loss_of_pair(world: World, pair: PairData, row: ImpactRow, law: int) -> float:
-    """Rolling energy (J) that the impulse of one pair takes."""
+    """Return the rolling energy (J) lost by the impulse of one pair."""
     body_a = world.bodies[row.a]
     body_b = world.bodies[row.b]
     before_a = row.speed_a_pre
@@ -393,7 +397,7 @@ def _loss_of_pair(world: World, pair: PairData, row: ImpactRow, law: int) -> flo
 
 @kernel
 def _complete(world: World, row: ImpactRow, several: bool) -> None:
-    """Fill in what is known only after the whole instant."""
+    """Fill in the fields of a row that are known only after the whole instant."""
     row.specific_energy_a_post = world.flights[row.a].specific_energy
     row.specific_energy_b_post = world.flights[row.b].specific_energy
     if several:
@@ -408,9 +412,10 @@ def _complete_as_law_says(world: World, start_row: int) -> None:
 
 @kernel
 def complete_inadmissible(world: World, row: ImpactRow) -> None:
-    """Complete the row with what the law says; the states stay those before the impact.
+    """Complete the row of an impact that is not carried out, as its law would have it.
 
-    It is not made: because of itself, of another one solved with it, or of the trace.
+    It is inadmissible itself, is solved with one that is, or lifts a body off the trace. The states
+    stay those before it.
     """
     row.admissible = 0
     row.substituted = 0
