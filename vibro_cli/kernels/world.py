@@ -77,7 +77,7 @@ class TrackData:
     line_normal: float  # N/(m g) at the left end of a line
     line_normal_growth: float  # its derivative along the line, 1/m
     lowest_potential: float  # least value of V on an arc
-    most_angular: float  # bounds on an arc: |f''| (rad/s^2) and its first two derivatives by f
+    most_angular: float  # bounds on an arc: |f''| (rad/s^2) and its first two derivatives in f
     most_stiffness: float
     most_bending: float
     steepest: float  # greatest rate at which f'' falls with f on an arc, 1/s^2

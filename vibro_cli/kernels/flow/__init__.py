@@ -1,1 +1,1 @@
-"""Motion between events in closed form, and how a flight begins."""
+"""Motion between events in closed form; the start of a flight."""

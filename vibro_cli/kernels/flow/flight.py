@@ -1,4 +1,4 @@
-"""A flight: its constants, how it begins and ends, the bounds that the contact search needs."""
+"""Flights: their constants, start and end, and the bounds that the contact search needs."""
 
 from __future__ import annotations
 
@@ -30,16 +30,16 @@ from vibro_cli.kernels.world import (
 
 BOUNDARY = 0
 LIFT_OFF = 1
-# Below this share of the whole energy a speed is kept where else the energy tells it, which has
-# fewer digits of it then.
+# Below this share of the whole energy the kinetic energy has lost digits: the speed is kept instead
+# of being computed from it.
 SLOW = 1.0e-2
-# Within C^2 + P^2 below this of a crest the energy is taken from the state, relative to the crest.
+# Where C^2 + P^2 is below this, the energy is also taken from the state, relative to the crest.
 CREST_NEIGHBOURHOOD = 0.05
-# A swing about the bottom that ends below both ends of its piece by this share reaches neither.
+# A libration that turns below both ends of its piece by this share reaches neither.
 END_ROUNDING = 1.0e-9
-# A body brought to an end of its piece may be beyond it by the rounding of a flight (S, C).
+# A body moved to an end of its piece may be beyond it by this much (S, C), by rounding.
 BEYOND_END = 1.0e-12
-# ... or, short of it, this share of what its sine is the difference of.
+# ... or short of it, by this share of the products whose difference is the sine.
 SHORT_OF_END = 4.0 * EPSILON
 # A state within this of an end of its piece, in S C - C S or as a share of the trace's length, is
 # at that end.
@@ -59,7 +59,7 @@ def launch(
 
 @kernel
 def clear(flight: Flight, track: TrackData, grouped: int) -> None:
-    """Forget what a flight had of its motion before the one that begins, alone or in a group."""
+    """Reset what a flight holds of its previous motion; the next one is alone or in a group."""
     flight.at_rest = 0
     flight.exit_kind = BOUNDARY
     flight.exit_side = 0
@@ -73,7 +73,7 @@ def clear(flight: Flight, track: TrackData, grouped: int) -> None:
 
 @kernel
 def start_from_state(flight: Flight) -> None:
-    """Let the flow of a flight start from its own state."""
+    """Start the flow of a flight from the body's own state."""
     flight.flow_s = flight.s
     flight.flow_c = flight.c
     flight.flow_p = flight.p
@@ -81,7 +81,7 @@ def start_from_state(flight: Flight) -> None:
 
 @kernel
 def set_exit_time(flight: Flight) -> None:
-    """Set the instant of the exit from the time that a flight lasts."""
+    """Set the instant of the exit from the duration of the flight."""
     flight.exit_t = NEVER
     flight.exit_t_low = 0.0
     if flight.exit_after < NEVER:
@@ -92,7 +92,7 @@ def set_exit_time(flight: Flight) -> None:
 def launch_on_piece(
     flight: Flight, body: BodyData, piece: PieceData, track: TrackData, one_sided: int
 ) -> None:
-    """Set the form of a flight on its piece, its bounds, and how and after what time it ends."""
+    """Set the form, the bounds, the exit and the duration of a flight on its piece."""
     if piece.sign == 0.0:
         flight.line_acceleration = track.line_acceleration
         launch_on_line(flight, track.left_s, track.right_s)
@@ -106,7 +106,7 @@ def launch_on_piece(
 def specific_energy_of_state(
     flight: Flight, body: BodyData, track: TrackData, gravity: float
 ) -> float:
-    """Energy over weight, m above the body's lowest place (B (33) multiplied out)."""
+    """Return energy over weight, m above the body's lowest position (B (33) multiplied out)."""
     if track.path_radius == 0.0:
         height = track.bottom + track.line_rise * flight.s
         return height + 0.5 * body.kappa * flight.p * flight.p / gravity
@@ -115,7 +115,7 @@ def specific_energy_of_state(
 
 @kernel
 def specific_energy_on_arc(track: TrackData, s: float, c: float, p: float) -> float:
-    """Energy over weight (m) in a state on an arc."""
+    """Return energy over weight (m) in a state on an arc."""
     s2 = s * s
     return select(
         s2 > 0.5,
@@ -126,7 +126,7 @@ def specific_energy_on_arc(track: TrackData, s: float, c: float, p: float) -> fl
 
 @kernel
 def refer_to_separatrix(flight: Flight, track: TrackData) -> None:
-    """Measure the energy also relative to the crest of the piece, if the state is near it."""
+    """Measure the energy also relative to the crest of the piece if the state is near it."""
     flight.separatrix_piece = -1
     near = flight.c * flight.c + flight.p * flight.p < CREST_NEIGHBOURHOOD
     if near and track.path_radius > 0.0:
@@ -136,14 +136,14 @@ def refer_to_separatrix(flight: Flight, track: TrackData) -> None:
 
 @kernel
 def root_of_state(c: float, p: float) -> float:
-    """``sign(1-m) sqrt|1-m|`` from ``1 - m = (C - P)(C + P)``, each factor under its own root."""
+    """Return ``sign(1-m) sqrt|1-m|`` from the factors of ``1 - m = (C - P)(C + P)``."""
     root = size_of_root(c, p)
     return -root if abs(p) > abs(c) else root
 
 
 @kernel
 def size_of_root(c: float, p: float) -> float:
-    """``sqrt|1 - m|`` from the factors of ``1 - m``."""
+    """Return ``sqrt|1 - m|`` as the product of the roots of ``|C - P|`` and ``|C + P|``."""
     return math.sqrt(abs(c - p)) * math.sqrt(abs(c + p))
 
 
@@ -151,10 +151,10 @@ def size_of_root(c: float, p: float) -> float:
 def energy_on_piece(
     flight: Flight, track: TrackData, separatrix_track: TrackData
 ) -> tuple[float, float]:
-    """Parameter ``m`` and root of its complement on an arc, from the energy that is carried.
+    """Return the parameter ``m`` and the complementary modulus on an arc from the carried energy.
 
-    ``separatrix_track`` is the body's track on the piece of ``flight.separatrix_piece``, unused
-    without one.
+    ``separatrix_track`` is the body's track on the piece of ``flight.separatrix_piece``, unused if
+    there is none.
     """
     if flight.separatrix_piece < 0:
         complement = (track.top - flight.specific_energy) / track.twice_radius
@@ -182,7 +182,7 @@ def _signed_root(complement: float) -> float:
 
 @kernel
 def launch_on_line(flight: Flight, left: float, right: float) -> None:
-    """A parabola of given acceleration between two ends: exits by the stable quadratic formula."""
+    """Set up a parabolic flight between two ends, its exit by the stable quadratic formula."""
     flight.form = LINE
     flight.frequency = 0.0
     a = flight.line_acceleration
@@ -240,27 +240,27 @@ def _launch_on_arc(flight: Flight, track: TrackData) -> None:
 
 @kernel
 def snap_of_pendulum(w2: float, m: float) -> float:
-    """Bound on the fourth derivative (rad/s^4) of the angle of a pendulum, ``w^2 (f'^2 + w^2)``."""
+    """Return a bound on the fourth derivative (rad/s^4) of f, ``w^2 (f'^2 + w^2)``."""
     return w2 * (4.0 * w2 * (1.0 + m))
 
 
 @kernel
 def angular_bound_of_libration(frequency: float, m: float) -> float:
-    """Bound on ``|f''|`` (rad/s^2) of a swing through the bottom of an arc."""
+    """Return a bound on ``|f''|`` (rad/s^2) of a libration about the bottom of an arc."""
     sine = select(m > 0.5, 1.0, math.sqrt(max(4.0 * m * (1.0 - m), 0.0)))
     return frequency * frequency * sine
 
 
 @kernel
 def largest_libration(track: TrackData) -> float:
-    """Return a parameter below which a swing stays far from the ends of its piece."""
+    """Return a parameter below which a libration stays clear of the ends of its piece."""
     nearer_end = min(track.left_s * track.left_s, track.right_s * track.right_s)
     return nearer_end * (1.0 - 2.0 * END_ROUNDING)
 
 
 @kernel
 def squared_rate_at(flight: Flight, s: float, c: float) -> float:
-    """``P^2`` where the flow passes ``(S, C)``: ``m - S^2``, near the top ``C^2 - (1 - m)``."""
+    """Return ``P^2`` where the flow passes ``(S, C)``: ``m - S^2``, or ``C^2 - (1 - m)`` on top."""
     if s == flight.flow_s and c == flight.flow_c:
         return flight.flow_p * flight.flow_p
     if s * s > 0.5:
@@ -270,7 +270,7 @@ def squared_rate_at(flight: Flight, s: float, c: float) -> float:
 
 @kernel
 def _reaches(flight: Flight, s: float, c: float) -> bool:
-    """Tell whether the flow passes an end ``(S, C)``, over a top if one lies between."""
+    """Return whether the flow passes an end ``(S, C)``, over a top if one lies between."""
     if flight.flow_c * c < 0.0 and flight.complementary_modulus >= 0.0:
         return False
     return squared_rate_at(flight, s, c) > 0.0
@@ -278,9 +278,9 @@ def _reaches(flight: Flight, s: float, c: float) -> bool:
 
 @kernel
 def leaves_at_once(flight: Flight, right: bool, s: float, c: float) -> bool:
-    """End a flight at once if its flow starts at the end of its path ahead; tell whether it does.
+    """End a flight at once if it starts at the end of its path ahead; return whether it does.
 
-    Or short of it, or beyond it, by rounding.
+    It may start short of the end or beyond it, by rounding.
     """
     if abs(flight.flow_s - s) > BEYOND_END or abs(flight.flow_c - c) > BEYOND_END:
         return False
@@ -299,7 +299,10 @@ def leaves_at_once(flight: Flight, right: bool, s: float, c: float) -> bool:
 def choose_exit(
     flight: Flight, left_s: float, left_c: float, right_s: float, right_c: float
 ) -> None:
-    """Find at which of two ends of its path (as states of its flow) a flight ends, and when."""
+    """Find at which end of its path a flight leaves, and when.
+
+    The ends are ``(S, C)`` of its flow.
+    """
     if flight.at_rest == 1:
         return
     pull = -flight.flow_s * flight.flow_c
@@ -330,7 +333,7 @@ def choose_exit(
 
 @kernel
 def energy_of_state(s: float, c: float, p: float) -> tuple[float, float]:
-    """Parameter ``m`` and root of its complement of a pendulum in a state."""
+    """Return the parameter ``m`` and the complementary modulus of a pendulum in a state."""
     return s * s + p * p, root_of_state(c, p)
 
 
@@ -338,8 +341,8 @@ def energy_of_state(s: float, c: float, p: float) -> tuple[float, float]:
 def _limit_by_lift_off(flight: Flight, body: BodyData, piece: PieceData) -> None:
     """End the flight where the normal force of a one-sided trace would turn negative.
 
-    N = 0 at ``S^2 = (1 + 4 m/kappa)/(2 + 4/kappa)``; a valley carries below it, a hump above. On a
-    line N = m g cos(alpha) all the way.
+    N = 0 at ``S^2 = (1 + 4 m/kappa)/(2 + 4/kappa)``; a valley supports the body below that, a hump
+    above. On a line N = m g cos(alpha) throughout.
     """
     if piece.sign == 0.0:
         if piece.tangent_x < 0.0:
@@ -355,7 +358,7 @@ def _limit_by_lift_off(flight: Flight, body: BodyData, piece: PieceData) -> None
         return
     risen = flight.s * flight.c * flight.p >= 0.0
     if piece.sign < 0.0 and flight.complementary_modulus == 0.0 and risen:
-        return  # it stands on the crest, or comes near it for ever
+        return  # it rests on the crest, or approaches it for ever
     s = math.sqrt(limit)
     c = math.sqrt(1.0 - limit)
     p = math.sqrt(max(flight.parameter - limit, 0.0))
@@ -388,30 +391,31 @@ def _lift_off_now(flight: Flight) -> None:
 
 @kernel
 def is_at(s: float, c: float, end_s: float, end_c: float) -> bool:
-    """Tell whether a place on an arc is an end of it, and not the other end of a full circle."""
+    """Return whether a position is at an end of its arc, not at the other end of a full circle."""
     return abs(s * end_c - c * end_s) < AT_END and s * end_s + c * end_c > 0.0
 
 
 @kernel
 def half_way_to(half: float) -> float:
-    """Half the angle (rad) from a place on an arc to an end of it, in (-pi, pi] by an arc tangent.
+    """Return half the angle (rad) from a position to an end of its arc, made continuous.
 
-    Beyond the end it is by rounding only; from the other end of a full circle it is pi.
+    ``half`` is in (-pi, pi], from an arc tangent. Values below 0 are due to rounding: beyond the
+    end, or, near -pi, at the other end of a full circle.
     """
     return half + 2.0 * math.pi if half < -0.5 * math.pi else half
 
 
-# Where ``P^2 + (SC)^2`` is below this, energy says nothing of where a state on the circle is.
+# Where ``P^2 + (SC)^2`` is below this, the energy does not determine a state on the circle.
 LEAST_SIZE = 1.0e-8
-# Projection moves a state near a bottom by no more, which is as much as its rounding.
+# Projection moves a state near a bottom by at most this, which is its rounding.
 MOST_TURN = 8.0 * EPSILON
-# A way below this share of the places is lost in their rounding.
+# A displacement below this share of the positions is lost in their rounding.
 NOWHERE = 16.0 * EPSILON
 
 
 @kernel
 def begin_flight(world: World, ball: int, cause: int, from_state: int) -> None:
-    """Launch and log the flight whose state is set; its energy from the state or as carried."""
+    """Launch and log the flight whose state is set, with the state's energy or the carried one."""
     flight = world.flights[ball]
     if world.pieces[flight.piece].sign != 0.0:
         m, root = arc_energy(world, ball, from_state)
@@ -423,9 +427,9 @@ def begin_flight(world: World, ball: int, cause: int, from_state: int) -> None:
 
 @kernel
 def begin_two_flights(world: World, ball: int, other: int, from_state: int) -> None:
-    """Do what :func:`begin_flight` does for two bodies after an impact, one after the other.
+    """Launch two bodies after an impact, as :func:`begin_flight` does for one.
 
-    The energy of the second one is as carried.
+    The second body keeps the energy that it carries.
     """
     flight = world.flights[ball]
     other_flight = world.flights[other]
@@ -442,7 +446,10 @@ def begin_two_flights(world: World, ball: int, other: int, from_state: int) -> N
 
 @kernel
 def take_energy(world: World, ball: int) -> None:
-    """Take the energy of a body from its state; near a crest also, to full accuracy, from there."""
+    """Take the energy of a body from its state.
+
+    Near a crest it is also taken relative to the crest, where it keeps full accuracy.
+    """
     settings = world.settings[0]
     flight = world.flights[ball]
     track = track_of(world, ball)
@@ -454,7 +461,7 @@ def take_energy(world: World, ball: int) -> None:
 
 @kernel
 def arc_energy(world: World, ball: int, from_state: int) -> tuple[float, float]:
-    """Parameter and root of its complement of the flight that begins on an arc."""
+    """Return the parameter and the complementary modulus of a flight that begins on an arc."""
     flight = world.flights[ball]
     if from_state == 1:
         take_energy(world, ball)
@@ -477,7 +484,7 @@ def launch_and_log(world: World, ball: int, cause: int) -> None:
 
 @kernel
 def log_flight(world: World, ball: int, cause: int) -> None:
-    """Log the flight of a body and forget what was known of its contacts to come."""
+    """Log the flight of a body and reset the contact searches of its pairs."""
     settings = world.settings[0]
     flight = world.flights[ball]
     clock = world.clock[0]
@@ -513,7 +520,7 @@ def log_flight(world: World, ball: int, cause: int) -> None:
 
 @kernel
 def _log_group(world: World, flight: Flight) -> None:
-    """Log what a flight in lasting contact needs beyond its own state."""
+    """Log the fields that only a flight in lasting contact uses."""
     clock = world.clock[0]
     row = world.log[clock.flight_rows]
     row.group_first = flight.group_first
@@ -537,7 +544,7 @@ def _log_group(world: World, flight: Flight) -> None:
 
 @kernel
 def _clear_group(row: FlightRow) -> None:
-    """Clear what a flight in lasting contact has left in its row, which is used again."""
+    """Clear the fields that a flight in lasting contact has left in a row that is used again."""
     row.group_first = 0
     row.group_count = 0
     row.flow_s = 0.0
@@ -565,7 +572,7 @@ def _forget(world: World, j: int, flight: Flight) -> None:
 
 @kernel
 def project(flight: Flight, s: float, c: float, p: float) -> tuple[float, float, float]:
-    """Nearest state with ``S^2 + C^2 = 1`` and the flight's own energy (first order)."""
+    """Return the nearest state with ``S^2 + C^2 = 1`` and the flight's energy (first order)."""
     scale = 1.5 - 0.5 * (s * s + c * c)
     s *= scale
     c *= scale
@@ -580,15 +587,16 @@ def project(flight: Flight, s: float, c: float, p: float) -> tuple[float, float,
 def projected(
     flight: Flight, s: float, c: float, p: float, sc: float, size: float
 ) -> tuple[float, float, float]:
-    """Do what :func:`project` does for a state on the circle, given ``SC`` and ``P^2 + (SC)^2``."""
+    """Project a state on the circle as :func:`project` does, given ``SC`` and ``P^2 + (SC)^2``."""
     root = flight.complementary_modulus
     is_high = s * s > 0.5
     lack = select(is_high, (c - p) * (c + p) - root * abs(root), flight.parameter - s * s - p * p)
     defect = 0.5 * lack / size
     beyond = mask_and(mask_not(is_high), defect * defect * size > MOST_TURN * MOST_TURN)
     if any_lane(beyond):
-        # The energy that a body carries is rounded as that from the trace's lowest place. Of a
-        # small swing about a higher bottom it says less than the state, and would part bodies.
+        # The carried energy is rounded relative to the trace's lowest position. For a small
+        # libration about a higher bottom it is less accurate than the state; it would move bodies
+        # apart.
         most = MOST_TURN / math.sqrt(size)
         defect = select(beyond, max(min(defect, most), -most), defect)
     turn = sc * defect
@@ -597,7 +605,7 @@ def projected(
 
 @kernel
 def state_at(world: World, ball: int, t: float, t_low: float) -> tuple[float, float, float]:
-    """State ``(S, C, P)`` of a body at an instant of its present flight."""
+    """Return the state ``(S, C, P)`` of a body at an instant of its present flight."""
     flight = world.flights[ball]
     age = time_between(t, t_low, flight.t, flight.t_low)
     if age == 0.0 or flight.at_rest == 1:
@@ -610,7 +618,7 @@ def state_at(world: World, ball: int, t: float, t_low: float) -> tuple[float, fl
 
 @kernel
 def bring_to(world: World, ball: int, t: float, t_low: float) -> None:
-    """Put a body into its state at an instant; its flight must be launched anew after that."""
+    """Move a body to its state at an instant; its flight must then be launched anew."""
     flight = world.flights[ball]
     s, c, p = state_at(world, ball, t, t_low)
     place_at(flight, t, t_low, s, c, p)
@@ -618,10 +626,11 @@ def bring_to(world: World, ball: int, t: float, t_low: float) -> None:
 
 @kernel
 def is_same_instant(flight: Flight, t: float, t_low: float, s: float, c: float) -> bool:
-    """Tell whether a flight that ends at a place has gone nowhere: all its motion is rounding.
+    """Return whether all motion of a flight up to an instant and a position is rounding.
 
-    Its end is of the instant of its start, then. A light body between a wall and a heavy one that
-    is pressed to it goes to and fro like that, and the gaps it leaves close no more.
+    The flight then counts as ending at the instant at which it began. A light body that bounces
+    between a wall and a heavy body pressed to it moves like that once the gaps are too small to
+    close.
     """
     age = time_between(t, t_low, flight.t, flight.t_low)
     if age == 0.0:

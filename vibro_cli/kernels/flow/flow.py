@@ -29,13 +29,13 @@ from vibro_cli.kernels.numerics.elliptic import (
 )
 from vibro_cli.kernels.world import Flight, FlightRow, States, TrackData, World, track_on
 
-LINE = 3  # a flight's form on a line, beside those of kernels.numerics.elliptic
+LINE = 3  # form of a flight on a line, in addition to those of kernels.numerics.elliptic
 POLYNOMIAL = 4  # ... and on a segment of a motion in contact across pieces
 
 
 @kernel
 def librates(flight: Flight) -> bool:
-    """Tell whether a flight is that of a free pendulum: on an arc, moving, by itself."""
+    """Return whether a flight is that of a free pendulum: on an arc, moving and in no group."""
     return flight.form <= HYPERBOLIC_TINY and flight.grouped == 0 and flight.at_rest == 0
 
 
@@ -71,8 +71,8 @@ def flow(flight: Flight, t: float) -> tuple[float, float, float]:
 def flow_of_two(a: Flight, b: Flight, age_a: float, age_b: float) -> States:
     """Return ``(S, C, P)`` of two bodies, each a time (s) after the start of its flight.
 
-    The same operations as of :func:`flow` for each; for two librations they take turns, so that
-    the processor need not wait for one to end before it begins the other.
+    The operations are those of :func:`flow`. For two librations they alternate, so that the
+    processor can overlap them.
     """
     both = a.form == TRIGONOMETRIC and b.form == TRIGONOMETRIC and librates(a) and librates(b)
     if not both or age_a == 0.0 or age_b == 0.0:
@@ -92,7 +92,7 @@ def flow_of_two(a: Flight, b: Flight, age_a: float, age_b: float) -> States:
 def by_addition(
     s0: float, c0: float, p0: float, s: float, c: float, d: float, common: float
 ) -> tuple[float, float, float]:
-    """State from that at the start, by the addition theorems."""
+    """Return the state from that at the start, by the addition theorems."""
     sc0 = s * c0
     inverse = 1.0 / (c * c + sc0 * sc0)
     return (
@@ -104,7 +104,7 @@ def by_addition(
 
 @kernel
 def path_on_segment(flight: Flight, t: float) -> tuple[float, float]:
-    """Way along the path (m) and speed (m/s) a time ``t`` after the start of a segment."""
+    """Return the distance moved (m) and the speed (m/s) a time ``t`` (s) into a segment."""
     x = t / flight.segment
     speed = 0.0
     way = 0.0
@@ -118,7 +118,7 @@ def path_on_segment(flight: Flight, t: float) -> tuple[float, float]:
 
 @kernel
 def polynomial_flow(flight: Flight, t: float) -> tuple[float, float, float]:
-    """``(S, C, P)`` on a segment of a motion in lasting contact across pieces."""
+    """Return ``(S, C, P)`` on a segment of a motion in lasting contact across pieces."""
     way, speed = path_on_segment(flight, t)
     p = speed * flight.rate_ratio
     if flight.half_curvature == 0.0:
@@ -130,34 +130,34 @@ def polynomial_flow(flight: Flight, t: float) -> tuple[float, float, float]:
 
 @kernel
 def body_of_group(flight: Flight, s: float, c: float, p: float) -> tuple[float, float, float]:
-    """State of a body from that of its group's pendulum, which it leads by a constant angle."""
+    """Return a body's state from that of its group's pendulum, which it leads by a fixed angle."""
     s, c = angle_sum(s, c, flight.shift_s, flight.shift_c)
     return s, c, p * flight.rate_ratio
 
 
 @kernel
 def group_of_body(flight: Flight, s: float, c: float) -> tuple[float, float]:
-    """Half-angle of the group's pendulum from that of the body."""
+    """Return ``(S, C)`` of a group's pendulum from that of one of its bodies."""
     return angle_difference(s, c, flight.shift_s, flight.shift_c)
 
 
 @kernel
 def place_from_start(flight: Flight, sine: float, cosine: float) -> tuple[float, float]:
-    """``(S, C)`` of the place whose half-angle from the start of a flow has sine and cosine."""
+    """Return ``(S, C)`` at a half-angle from the start of a flow, given by sine and cosine."""
     return angle_sum(flight.flow_s, flight.flow_c, sine, cosine)
 
 
 @kernel
 def angle_from_start(flight: Flight, s: float, c: float) -> tuple[float, float]:
-    """Sine and cosine of the half-angle from the start of a flow to a place."""
+    """Return the sine and cosine of the half-angle from the start of a flow to a position."""
     return angle_difference(s, c, flight.flow_s, flight.flow_c)
 
 
 @kernel
 def angular_acceleration(flight: Flight, s: float, c: float) -> float:
-    """Second derivative (rad/s^2) of the angle of a body on an arc, ``-w^2 sin f``.
+    """Return the second derivative (rad/s^2) of the angle of a body on an arc, ``-w^2 sin f``.
 
-    On a segment across pieces, 0 in place of it: there only its bound is used.
+    Returns 0 on a segment across pieces, where only its bound is used.
     """
     if flight.form == POLYNOMIAL or flight.at_rest == 1:
         return 0.0
@@ -168,13 +168,13 @@ def angular_acceleration(flight: Flight, s: float, c: float) -> float:
 
 @kernel
 def pendulum_acceleration(w: float, s: float, c: float) -> float:
-    """``-w^2 sin f`` (rad/s^2)."""
+    """Return ``-w^2 sin f`` (rad/s^2)."""
     return -2.0 * (w * w * s * c)
 
 
 @kernel
 def angular_jerk(flight: Flight, s: float, c: float, p: float) -> float:
-    """Third derivative (rad/s^3) of the angle of a body on an arc, ``-w^2 cos f f'``."""
+    """Return the third derivative (rad/s^3) of the angle on an arc, ``-w^2 cos f f'``."""
     if flight.form == POLYNOMIAL:
         return 0.0
     rate = 2.0 * flight.own_frequency * p
@@ -185,7 +185,7 @@ def angular_jerk(flight: Flight, s: float, c: float, p: float) -> float:
 
 @kernel
 def angular_jerk_at(flight: Flight, age: float, s: float, c: float, p: float) -> float:
-    """As :func:`angular_jerk`, on a segment across pieces too (at its ``age``, s)."""
+    """Return :func:`angular_jerk` at an ``age`` (s), also on a segment across pieces."""
     if flight.form != POLYNOMIAL or flight.at_rest == 1:
         return angular_jerk(flight, s, c, p)
     x = age / flight.segment
@@ -197,20 +197,20 @@ def angular_jerk_at(flight: Flight, age: float, s: float, c: float, p: float) ->
 
 @kernel
 def pendulum_jerk(w: float, s: float, c: float, rate: float) -> float:
-    """``-w^2 cos f f'`` (rad/s^3)."""
+    """Return ``-w^2 cos f f'`` (rad/s^3)."""
     return -(w * w) * ((c - s) * (c + s)) * rate
 
 
 @kernel
 def acceleration_slopes(flight: Flight, s: float, c: float) -> tuple[float, float]:
-    """Derivatives (1/s^2) with the angle of the acceleration of a body alone on an arc: two."""
+    """Return the first two derivatives (1/s^2) of ``f''`` with respect to f, of a body alone."""
     w = flight.frequency
     return pendulum_jerk(w, s, c, 1.0), -pendulum_acceleration(w, s, c)
 
 
 @kernel
 def tangential_acceleration(flight: Flight, path_radius: float, s: float, c: float) -> float:
-    """Acceleration (m/s^2) of a body's centre along its path."""
+    """Return the acceleration (m/s^2) of a body's centre along its path."""
     if flight.form == LINE:
         return flight.line_acceleration if flight.at_rest == 0 else 0.0
     return path_radius * angular_acceleration(flight, s, c)
@@ -218,7 +218,7 @@ def tangential_acceleration(flight: Flight, path_radius: float, s: float, c: flo
 
 @kernel
 def acceleration_at(flight: Flight, path_radius: float, age: float, s: float, c: float) -> float:
-    """As :func:`tangential_acceleration`, on a segment across pieces too (at its ``age``, s)."""
+    """Return :func:`tangential_acceleration` at an ``age`` (s), also on a segment across pieces."""
     if flight.form != POLYNOMIAL or flight.at_rest == 1:
         return tangential_acceleration(flight, path_radius, s, c)
     x = age / flight.segment
@@ -230,7 +230,7 @@ def acceleration_at(flight: Flight, path_radius: float, age: float, s: float, c:
 
 @kernel
 def angular_acceleration_at(flight: Flight, age: float, s: float, c: float) -> float:
-    """As :func:`angular_acceleration`, on a segment across pieces too (at its ``age``, s)."""
+    """Return :func:`angular_acceleration` at an ``age`` (s), also on a segment across pieces."""
     if flight.form != POLYNOMIAL or flight.at_rest == 1:
         return angular_acceleration(flight, s, c)
     return 2.0 * flight.half_curvature * acceleration_at(flight, 0.0, age, s, c)
@@ -240,7 +240,7 @@ def angular_acceleration_at(flight: Flight, age: float, s: float, c: float) -> f
 def small_step(
     flight: Flight, age: float, dt: float, s: float, c: float, p: float
 ) -> tuple[float, float, float]:
-    """Carry the state at ``age`` (s) over a last small step ``dt`` (s)."""
+    """Advance the state at ``age`` (s) by a last small step ``dt`` (s)."""
     if flight.grouped == 1 or flight.at_rest == 1:
         return flow(flight, age + dt)
     if flight.form == LINE:
@@ -253,7 +253,7 @@ def small_step(
 def advance_slightly(
     frequency: float, dt: float, s: float, c: float, p: float
 ) -> tuple[float, float, float]:
-    """Third-order step of the half-angle variables, for ``w dt`` and ``w P dt`` below 1e-4."""
+    """Advance a state by one third-order step, for ``w dt`` and ``w P dt`` below 1e-4."""
     a = frequency * dt
     s2 = s * s
     c2 = c * c
@@ -267,33 +267,33 @@ def advance_slightly(
     )
 
 
-# Up to this P a last small step of a pendulum is a small one of a body too.
+# Up to this P a small last step of the pendulum is also a small step of the body.
 SWIFT = 4.0
 
 
 @kernel
 def quickness(frequency: float, p: float) -> float:
-    """Rate (1/s) at which a state on an arc changes, against which a last step must be short.
+    """Return the rate (1/s) at which a state on an arc changes, which limits the last step.
 
-    A body that is fast against its weight turns much faster than the pendulum swings.
+    A body that is fast for its weight turns much faster than the pendulum oscillates.
     """
     return frequency * max(1.0, abs(p) * (1.0 / SWIFT))
 
 
-# Products of two such numbers would underflow.
+# Products of two numbers this small would underflow.
 TINY_PRODUCT = 1.0e-200
 # Above this parameter a path through the bottom is timed in two parts, from the bottom.
 SPLIT_PARAMETER = 0.9
-# No way ahead takes this share of the argument after which S and C return; most is one half.
+# A path ahead takes less than this share of the period of S and C: at most one half.
 LONGEST_AHEAD = 0.75
 
 
 @kernel
 def time_of_flight(flight: Flight, s1: float, c1: float, p1: float) -> float:
-    """Return the first time (s) at which an arc's flight takes its start to ``(S1, C1, P1)``.
+    """Return the first time (s) at which a flight on an arc reaches the state ``(S1, C1, P1)``.
 
-    The state is one of the flow's pendulum and must lie on the flight's orbit, less than a
-    period ahead. Relative error a few ulp.
+    The state is one of the flow's pendulum. It must lie on the flight's orbit, less than a period
+    ahead. Relative error a few ulp.
     """
     m = flight.parameter
     if flight.complementary_modulus < 0.0:
@@ -312,8 +312,8 @@ def time_of_flight(flight: Flight, s1: float, c1: float, p1: float) -> float:
 def time_ahead(flight: Flight, s1: float, c1: float, p1: float) -> float:
     """Return the time (s) to a state that lies ahead, without a turn on the way.
 
-    The energy says where it is up to rounding: one that is reached within that is behind the start
-    for :func:`time_of_flight`, a whole period away.
+    The state is known up to rounding. If it is as close as that, it may lie behind the start, and
+    :func:`time_of_flight` may return a whole period; this function then returns 0.
     """
     after = time_of_flight(flight, s1, c1, p1)
     if after * flight.frequency > LONGEST_AHEAD * _double_period(flight):
@@ -323,9 +323,9 @@ def time_ahead(flight: Flight, s1: float, c1: float, p1: float) -> float:
 
 @kernel
 def _stays_on_one_side(sc0: float, p0: float, sc1: float, p1: float) -> bool:
-    """Tell whether a libration goes from one state to the next one without passing S = 0.
+    """Return whether a libration goes from one state to the next without passing S = 0.
 
-    ``sc`` is S C, whose sign is that of sin f; in a libration C keeps its sign, and on a path to
+    ``sc`` is S C, whose sign is that of sin f. In a libration C keeps its sign, and on a path to
     the same side without a turning point |P| falls outwards.
     """
     if sc0 * sc1 <= 0.0:
@@ -337,10 +337,10 @@ def _stays_on_one_side(sc0: float, p0: float, sc1: float, p1: float) -> bool:
 
 @kernel
 def _libration_argument(flight: Flight, s1: float, c1: float, p1: float) -> float:
-    """Argument between two states of a libration, each counted from a passage of the bottom."""
+    """Return the argument between two states of a libration, both counted from the bottom."""
     m = flight.parameter
     quarter = quarter_period(m, flight.complementary_modulus)
-    # Seen from the side on which it starts to the right: mirror images take the same time.
+    # Mirrored so that it starts to the right: mirror images take the same time.
     right = flight.flow_p > 0.0 or (flight.flow_p == 0.0 and flight.flow_s * flight.flow_c < 0.0)
     side = 1.0 if right else -1.0
     s0 = side * flight.flow_s
@@ -353,7 +353,7 @@ def _libration_argument(flight: Flight, s1: float, c1: float, p1: float) -> floa
 
 @kernel
 def _argument_along_libration(m: float, quarter: float, s: float, c: float, p: float) -> float:
-    """Argument since the last passage of S = 0 with P > 0, in ``[-K, 3K)``."""
+    """Return the argument since the last passage of S = 0 with P > 0, in ``[-K, 3K)``."""
     outward = s if c > 0.0 else -s
     if p == 0.0:
         return quarter if outward > 0.0 else -quarter
@@ -363,10 +363,10 @@ def _argument_along_libration(m: float, quarter: float, s: float, c: float, p: f
 
 @kernel
 def _rotation_argument(flight: Flight, s1: float, c1: float) -> float:
-    """Argument between two places of a rotation, each counted from the bottom.
+    """Return the argument between two positions of a rotation, both counted from the bottom.
 
-    ``(S, C)`` return after two turns, of four times ``half_turn``; an arc with the bottom inside it
-    may have them beyond the range from which they are counted.
+    ``(S, C)`` repeat after two turns, four times ``half_turn``. On an arc with the bottom inside it
+    the second position may be one such period further on.
     """
     m = flight.parameter
     complement = flight.complementary_modulus * flight.complementary_modulus
@@ -381,7 +381,7 @@ def _rotation_argument(flight: Flight, s1: float, c1: float) -> float:
 def _argument_along_rotation(
     m: float, complement: float, half_turn: float, s: float, c: float
 ) -> float:
-    """Signed argument from f = 0 to f in (-2 pi, 2 pi), ``half_turn`` being that of f = pi."""
+    """Return the signed argument from f = 0 to f in (-2 pi, 2 pi); ``half_turn`` is that to pi."""
     u = s * carlson_rf(complement + c * c, m * c * c, m)
     if c >= 0.0:
         return u
@@ -392,7 +392,10 @@ def _argument_along_rotation(
 
 @kernel
 def _argument_by_addition(flight: Flight, s1: float, c1: float, p1: float) -> float:
-    """``u = 2 |s| R_F((c+d)(1+c), (c+d)(1+d), (1+c)(1+d))`` with s, c, d of the difference."""
+    """Return ``u = 2 |s| R_F((c+d)(1+c), (c+d)(1+d), (1+c)(1+d))``.
+
+    s, c and d are the elliptic functions of the difference of the arguments of both states.
+    """
     m = flight.parameter
     s0 = flight.flow_s
     c0 = flight.flow_c
@@ -411,14 +414,14 @@ def _argument_by_addition(flight: Flight, s1: float, c1: float, p1: float) -> fl
     d = (m * c1 * c0 + s1 * p1 * s0 * p0) * inverse
     size = abs(s)
     if size == 0.0:
-        # The same place: now, or after half a period with the opposite rate.
+        # The same position: now, or after half a period with the opposite rate.
         return 0.0 if c > 0.0 else 0.5 * _double_period(flight)
     one_c = 1.0 + c if c > -0.5 else size * size / (1.0 - c)
     one_d = 1.0 + d if d > -0.5 else m * size * size / (1.0 - d)
     if c >= 0.0 and d >= 0.0:
         root = math.sqrt(c + d)
     else:
-        # c + d = (1 - m) s^2/(d - c): its root, since it may underflow itself.
+        # The root of c + d = (1 - m) s^2/(d - c), which itself may underflow.
         root = abs(flight.complementary_modulus) * size / math.sqrt(abs(d - c))
     if root < ROOT_COMPLEMENT_TINY:
         u = rf_near_logarithm(root * math.sqrt(one_c), root * math.sqrt(one_d), one_c * one_d)
@@ -433,13 +436,13 @@ def _argument_by_addition(flight: Flight, s1: float, c1: float, p1: float) -> fl
 
 @kernel
 def _double_period(flight: Flight) -> float:
-    """Argument after which s and c return (4 K for m < 1)."""
+    """Return the argument after which s and c repeat (4 K for m < 1)."""
     if flight.form == TRIGONOMETRIC:
         return 2.0 * math.pi / flight.argument_scale
     return 2.0 * (flight.half_period + flight.half_period_low) / (1.0 + flight.argument_scale)
 
 
-# Share by which a bound on a half period is lowered, so that rounding cannot make it pass over one.
+# Margin for rounding of a bound on a half-period, as a share.
 CAUTION = 1.0e-9
 
 
@@ -457,7 +460,7 @@ class Sample:
 
 @kernel
 def replay_flight(world: World, row: FlightRow, number: int, flight: Flight) -> None:
-    """Set up a flight from its row, the ``number``-th of the log, so that its flow can be asked."""
+    """Set up a flight from its row, the ``number``-th of the log, for evaluation of its flow."""
     track = track_on(world, row.body, row.piece)
     flight.piece = row.piece
     flight.s = row.s
@@ -492,7 +495,7 @@ def replay_flow(track: TrackData, row: FlightRow, flight: Flight) -> None:
 
 @kernel
 def replay_group(world: World, row: FlightRow, number: int, flight: Flight) -> None:
-    """Fill in what a flight in lasting contact has beyond its own state."""
+    """Set the fields that only a flight in lasting contact uses."""
     flight.flow_s = row.flow_s
     flight.flow_c = row.flow_c
     flight.flow_p = row.flow_p
@@ -502,7 +505,7 @@ def replay_group(world: World, row: FlightRow, number: int, flight: Flight) -> N
     flight.frequency = row.frequency
     flight.line_acceleration = row.line_acceleration
     flight.segment = row.segment
-    # Rows of segments are in order of their flights, of which each has one or none.
+    # Rows of segments are in the order of their flights; each flight has one or none.
     segments = world.clock[0].segment_rows
     low = max(segments - (world.clock[0].flight_rows - number), 0)
     high = min(number, segments)
@@ -513,7 +516,7 @@ def replay_group(world: World, row: FlightRow, number: int, flight: Flight) -> N
         else:
             high = middle
     if low < world.clock[0].segment_rows and world.segments[low].flight == number:
-        # Without an end in time it is no segment: what the row has is of a closed form.
+        # A row of infinite duration is no segment: it holds constants of a closed form.
         if flight.segment < NEVER:
             flight.form = POLYNOMIAL
         for k in range(SERIES_LENGTH):
@@ -522,10 +525,10 @@ def replay_group(world: World, row: FlightRow, number: int, flight: Flight) -> N
 
 @kernel
 def half_period(row: FlightRow, frequency: float, duration: float) -> float:
-    """Half the period (s) of a flight's full orbit, or a time that stands for it.
+    """Return half the period (s) of a flight's full orbit, or a bound that serves as well.
 
-    It is asked for to be compared, as a whole and by half, with the duration: where bounds decide
-    that, one of them or infinity is returned.
+    Callers compare the half-period and half of it with ``duration``. Where bounds decide both
+    comparisons, one of them or NEVER is returned.
     """
     # K >= pi/2, and K/sqrt(m) for a rotation.
     argument = frequency * duration
@@ -533,8 +536,8 @@ def half_period(row: FlightRow, frequency: float, duration: float) -> float:
     if argument < least:
         return NEVER
     if row.complementary_modulus > 0.0:
-        # K = pi/2 over the mean of 1 and k' that is between their arithmetic and geometric ones;
-        # here those of (1 + k')/2 and sqrt k'.
+        # K = (pi/2)/AGM(1, k'), and the AGM lies between the arithmetic and the geometric mean,
+        # here of (1 + k')/2 and sqrt k'.
         root = math.sqrt(row.complementary_modulus)
         least = (2.0 * math.pi) * (1.0 - CAUTION) / ((1.0 + root) * (1.0 + root))
         if argument < least:
@@ -548,7 +551,7 @@ def half_period(row: FlightRow, frequency: float, duration: float) -> float:
 
 @kernel
 def energy_of_row(world: World, row: FlightRow, s: float, c: float, p: float) -> float:
-    """Energy (J) of a body; carried on a free flight, from the state in lasting contact."""
+    """Return the energy (J) of a body: as carried on a free flight, from the state in contact."""
     body = world.bodies[row.body]
     if row.grouped == 0:
         return body.weight * row.specific_energy
@@ -561,7 +564,7 @@ def energy_of_row(world: World, row: FlightRow, s: float, c: float, p: float) ->
 
 @kernel
 def height_of(track: TrackData, gravity: float, kappa: float, s: float, c: float) -> float:
-    """Height (m) of a body's centre above its lowest place: potential energy over weight."""
+    """Return the height (m) of a centre above its lowest position: potential energy over weight."""
     rise = track.line_rise * s if track.path_radius == 0.0 else 2.0 * track.path_radius * s * s
     return track.bottom + rise
 
@@ -570,7 +573,7 @@ def height_of(track: TrackData, gravity: float, kappa: float, s: float, c: float
 def sample_flights(
     world: World, samples: Sequence[Sample], count: int, scratch: Sequence[Flight]
 ) -> None:
-    """Fill in states; it takes least time if those of a flight stand together."""
+    """Fill in states; this is fastest if the samples of a flight follow one another."""
     flight = scratch[0]
     row = -1
     for number in range(count):

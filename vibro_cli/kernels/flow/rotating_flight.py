@@ -1,11 +1,11 @@
-"""A flight on a rotating trace: its energy, end and bounds, and where a force falls through zero.
+"""Flights on a rotating trace: energy, exit and bounds, and where a force falls through zero.
 
 On an arc every force is a trigonometric polynomial of degree 2 in the angle from the start of the
-flight (``kernels.numerics.conservative_advancement``), on a line it is linear in the place. The
-normal force of a body alone is ``N/(m g) = sign (cos f + tilt sin f + spread sin^2 f + (4/kappa)
-P^2)`` on an arc. The energy is ``m kappa v^2/2 + m g y - m Omega^2 (x_C - x0)^2/2``, kept between
-impacts. The kernels stand in for those of ``kernels.flow.flight`` and for the bounds of
-``kernels.contact.first_contact``.
+flight (``kernels.numerics.conservative_advancement``); on a line it is linear in position. The
+normal force of a body alone on an arc is
+``N/(m g) = sign (cos f + tilt sin f + spread sin^2 f + (4/kappa) P^2)``. The energy is
+``m kappa v^2/2 + m g y - m Omega^2 (x_C - x0)^2/2``, conserved between impacts. The kernels
+override those of ``kernels.flow.flight`` and the bounds of ``kernels.contact.first_contact``.
 """
 
 from __future__ import annotations
@@ -44,27 +44,27 @@ from vibro_cli.kernels.world import (
     TrackData,
 )
 
-# A normal force above -this share of the weight is zero up to rounding.
+# A normal force that is negative by less than this share of the weight is zero up to rounding.
 FORCE_ROUNDING = 1.0e-14
 
 
 @kernel
 def torque_harmonics(flight: Flight) -> Harmonics:
-    """The pull of a flight on an arc in the angle from its start."""
+    """Return the torque of a flight on an arc as a function of the angle from its start."""
     h = 0.0, flight.tilt, -1.0, flight.twist, 0.5 * flight.spread
     return harmonics_from_start(flight, h)
 
 
 @kernel
 def harmonics_from_start(flight: Flight, h: Harmonics) -> Harmonics:
-    """A function of the angle of a flight in the angle from its start."""
+    """Return a function of the angle of a flight as one of the angle from its start."""
     sine, cosine = twice_angle(flight.flow_s, flight.flow_c)
     return turned(h, sine, cosine)
 
 
 @kernel
 def square_harmonics(flight: Flight, torque: Harmonics) -> Harmonics:
-    """``P^2`` of a flight on an arc in the angle from its start: half the integral of the pull."""
+    """Return ``P^2`` on an arc in the angle from the start: half the integral of the torque."""
     _, b, c, d, e = torque
     start = flight.flow_p * flight.flow_p
     return start + 0.5 * c + 0.25 * e, -0.5 * c, 0.5 * b, -0.25 * e, 0.25 * d
@@ -72,7 +72,7 @@ def square_harmonics(flight: Flight, torque: Harmonics) -> Harmonics:
 
 @kernel
 def normal_harmonics_of_one(flight: Flight, track: TrackData, kappa: float) -> Harmonics:
-    """``N/(m g)``, up to the sign of the arc, of a body alone in the angle from its start."""
+    """Return ``N/(m g)`` of a body alone, up to the arc's sign, in the angle from its start."""
     square = square_harmonics(flight, torque_harmonics(flight))
     h = 0.5 * track.spread, 1.0, track.tilt, -0.5 * track.spread, 0.0
     return combined(harmonics_from_start(flight, h), 4.0 / kappa, square)
@@ -80,12 +80,12 @@ def normal_harmonics_of_one(flight: Flight, track: TrackData, kappa: float) -> H
 
 @kernel
 def reach(flight: Flight, side: float, end_s: float, end_c: float) -> float:
-    """Angle (rad) that a flight on an arc takes in on one side, which it may leave at an end."""
+    """Return the angle (rad) that a flight on an arc covers on one side, up to its exit or turn."""
     if flight.exit_side * side > 0.0 or flight.turns_over == 1:
         sine, cosine = angle_from_start(flight, end_s, end_c)
         half = side * math.atan2(sine, cosine)
         if half < 0.0:
-            # The end is ahead: here, or a whole turn, up to rounding.
+            # The end is ahead: up to rounding, at the start or a whole turn away.
             return 0.0 if cosine > 0.0 else 2.0 * math.pi
         return 2.0 * half
     return 2.0 * half_way(flight, side)
@@ -93,10 +93,11 @@ def reach(flight: Flight, side: float, end_s: float, end_c: float) -> float:
 
 @kernel
 def first_negative(flight: Flight, h: Harmonics, to_left: float, to_right: float) -> float:
-    """Time (s) at which a force falls through zero on a moving flight on an arc, or NEVER.
+    """Return the time (s) at which a force falls through zero on a moving flight, or NEVER.
 
-    ``h`` is the force in the angle from the start; ``to_left`` and ``to_right`` are the angles
-    (rad) that the flight takes in. A body that turns passes first what is ahead.
+    The flight is on an arc. ``h`` is the force in the angle from the start; ``to_left`` and
+    ``to_right`` are the angles (rad) that the flight covers. A body that turns first passes what is
+    ahead of it.
     """
     forward = flight.flow_p if flight.flow_p != 0.0 else flight.quartic_3
     for turn in range(2):
@@ -144,9 +145,9 @@ def _lift_off_of_arc(flight: Flight, body: BodyData, piece: PieceData, track: Tr
 
 @kernel
 def zero_crossing_on_line(flight: Flight, force: float, growth: float) -> float:
-    """Time (s) at which a force that grows linearly with the way falls through zero, or NEVER.
+    """Return the time (s) at which a force linear in position falls through zero, or NEVER.
 
-    From where it is zero or less a body that moves to where it is less still falls at once.
+    The time is 0 if the force is zero or less and falls in the direction of motion.
     """
     moved = flight.flow_p if flight.flow_p != 0.0 else flight.line_acceleration
     if force <= 0.0 and moved * growth < 0.0 and flight.at_rest == 0:
@@ -156,7 +157,10 @@ def zero_crossing_on_line(flight: Flight, force: float, growth: float) -> float:
 
 @kernel
 def next_zero_crossing_on_line(flight: Flight, force: float, growth: float) -> float:
-    """As :func:`zero_crossing_on_line`, of a force of any sign at the start; once on a flight."""
+    """Return the crossing of :func:`zero_crossing_on_line` for any sign of the force at the start.
+
+    A flight has at most one.
+    """
     if growth == 0.0 or flight.at_rest == 1:
         return NEVER
     way = -force / growth
@@ -168,7 +172,7 @@ def next_zero_crossing_on_line(flight: Flight, force: float, growth: float) -> f
     if moved * side > 0.0:
         reached = way * side >= 0.0 and not turns_before(flight, way)
     else:
-        # On the way back, from where it turns.
+        # On the way back, after the turn.
         turn = turn_on_line(flight)
         reached = turn != 0.0 and (way - turn) * side >= 0.0
     return time_on_line(flight, way, side * math.sqrt(squared)) if reached else NEVER
@@ -176,14 +180,14 @@ def next_zero_crossing_on_line(flight: Flight, force: float, growth: float) -> f
 
 @kernel
 def potential(track: TrackData, s: float, c: float) -> float:
-    """``V = S^2 - tilt S C - spread S^2 C^2`` of an arc."""
+    """Return ``V = S^2 - tilt S C - spread S^2 C^2`` of an arc."""
     sc = s * c
     return s * s - sc * (track.tilt + track.spread * sc)
 
 
 @kernel
 def specific_potential(track: TrackData, gravity: float, kappa: float, s: float, c: float) -> float:
-    """Potential energy over weight, m above its least value on the trace."""
+    """Return potential energy over weight, m above its least value on the trace."""
     if track.path_radius > 0.0:
         return track.bottom + track.twice_radius * potential(track, s, c)
     b = track.line_growth
@@ -195,7 +199,7 @@ def specific_potential(track: TrackData, gravity: float, kappa: float, s: float,
 def specific_energy_of_state(
     flight: Flight, body: BodyData, track: TrackData, gravity: float
 ) -> float:
-    """Energy over weight, m above the least potential energy of the body on the trace."""
+    """Return energy over weight, m above the body's least potential energy on the trace."""
     speed = track.speed_factor * flight.p
     height = specific_potential(track, gravity, body.kappa, flight.s, flight.c)
     return height + 0.5 * body.kappa * speed * speed / gravity
@@ -203,13 +207,13 @@ def specific_energy_of_state(
 
 @kernel
 def refer_to_separatrix(flight: Flight, track: TrackData) -> None:
-    """Nothing: on a rotating trace a state alone tells the energy."""
+    """Set no crest: on a rotating trace the energy follows from the state alone."""
     flight.separatrix_piece = -1
 
 
 @kernel
 def set_track(flight: Flight, track: TrackData) -> None:
-    """Take from the track what the flow of a flight needs, which starts from the state in it."""
+    """Set the constants of a flight's flow from its track and its state."""
     flight.frequency = track.frequency
     if track.path_radius == 0.0:
         b = track.line_growth
@@ -231,7 +235,7 @@ def set_track(flight: Flight, track: TrackData) -> None:
 def launch_on_piece(
     flight: Flight, body: BodyData, piece: PieceData, track: TrackData, one_sided: int
 ) -> None:
-    """Set the bounds of a flight whose flow is set (:func:`set_track`), and its end."""
+    """Set the bounds and the exit of a flight whose flow is set (:func:`set_track`)."""
     if piece.sign == 0.0:
         launch_on_line(flight, track)
     else:
@@ -263,7 +267,7 @@ def _launch_on_arc(flight: Flight, track: TrackData) -> None:
 
 @kernel
 def _choose_exit(flight: Flight, track: TrackData) -> None:
-    """Find at which end of its arc a flight ends, and when."""
+    """Find at which end of its arc a flight leaves, and when."""
     right = flight.flow_p > 0.0 or (flight.flow_p == 0.0 and flight.quartic_3 > 0.0)
     end_s = track.right_s if right else track.left_s
     end_c = track.right_c if right else track.left_c
@@ -292,7 +296,7 @@ def _leave(flight: Flight, side: int, s: float, c: float, squared: float) -> Non
 
 @kernel
 def _rate_at_end(flight: Flight, track: TrackData, side: float, s: float, c: float) -> float:
-    """``P^2`` at an end of the arc; not positive if a crest or the height of the end is before."""
+    """Return ``P^2`` at an end of the arc; not positive if it or a crest before is too high."""
     if track.crests > 0:
         crest_s = track.crest_s
         crest_c = track.crest_c
@@ -314,7 +318,7 @@ def _rate_at_end(flight: Flight, track: TrackData, side: float, s: float, c: flo
 
 @kernel
 def launch_on_line(flight: Flight, track: TrackData) -> None:
-    """The motion ``v' = a + b^2 way`` between the ends of a line."""
+    """Set the bounds and the exit of the motion ``v' = a + b^2 way`` on a line."""
     v = flight.flow_p
     a = flight.line_acceleration
     b = flight.line_growth
@@ -348,5 +352,5 @@ def launch_on_line(flight: Flight, track: TrackData) -> None:
 
 @kernel
 def most_speed(flight: Flight, track: TrackData, until: float) -> float:
-    """Bound on the speed (m/s) of a body's centre on a flight that is no segment."""
+    """Return a bound on the speed (m/s) of a body's centre on a flight that is not a segment."""
     return flight.most_speed

@@ -1,11 +1,12 @@
-"""The flow of one body on one piece of a rotating trace, and when it passes a place or turns.
+"""The flow of one body on one piece of a rotating trace, and its times of passage and of turning.
 
 ``kappa v' = -g sin(alpha) + Omega^2 (x_C - x0) cos(alpha)``. On an arc, in the half-angle variables
-of ``kernels.world``, ``S' = wPC, C' = -wPS`` and ``P^2 = m - V`` with the potential ``V = S^2 -
-tilt S C - spread S^2 C^2``, where ``tilt = sign Omega^2 (O_x - x0)/g`` and ``spread = Omega^2
-rho/g``: seen from any place of the orbit ``tan(f/2)`` moves under a quartic
-(``kernels.numerics.weierstrass_motion``). On a line the acceleration is linear in the place, the
-motion a sum of cosh and sinh. The kernels stand in for those of ``kernels.flow.flow``.
+of ``kernels.world``, ``S' = wPC, C' = -wPS`` and ``P^2 = m - V`` with the potential
+``V = S^2 - tilt S C - spread S^2 C^2``, where ``tilt = sign Omega^2 (O_x - x0)/g`` and
+``spread = Omega^2 rho/g``. With f measured from any position of the orbit, ``tan(f/2)`` moves under
+a quartic (``kernels.numerics.weierstrass_motion``). On a line the acceleration is linear in
+position, and the motion is a sum of cosh and sinh. The kernels override those of
+``kernels.flow.flow``.
 """
 
 from __future__ import annotations
@@ -33,20 +34,20 @@ from vibro_cli.kernels.numerics.weierstrass_motion import (
 )
 from vibro_cli.kernels.world import Flight, States
 
-# A flight's form on a line, beside those of kernels.flow.flow: two of them have no parabola as gap.
+# Form of a flight on a line, in addition to those of kernels.flow.flow: gaps are not parabolas.
 TURNING_LINE = 5
 
 
 @kernel
 def torque(tilt: float, spread: float, s: float, c: float) -> float:
-    """``f''/w^2`` of a body on an arc: ``-sin f + tilt cos f + spread sin f cos f``."""
+    """Return ``f''/w^2`` of a body on an arc: ``-sin f + tilt cos f + spread sin f cos f``."""
     sine, cosine = twice_angle(s, c)
     return sine * (spread * cosine - 1.0) + tilt * cosine
 
 
 @kernel
 def torque_of(flight: Flight, s: float, c: float) -> float:
-    """:func:`torque` of a flight, of a group with its ``twist cos 2f``."""
+    """Return the :func:`torque` of a flight; a group adds ``twist cos 2f``."""
     sine, cosine = twice_angle(s, c)
     double = (cosine - sine) * (cosine + sine)
     return torque(flight.tilt, flight.spread, s, c) + flight.twist * double
@@ -54,14 +55,14 @@ def torque_of(flight: Flight, s: float, c: float) -> float:
 
 @kernel
 def stiffness(tilt: float, spread: float, s: float, c: float) -> float:
-    """Derivative of :func:`torque` with the angle."""
+    """Return the derivative of :func:`torque` with respect to the angle."""
     sine, cosine = twice_angle(s, c)
     return -cosine - tilt * sine + spread * ((cosine - sine) * (cosine + sine))
 
 
 @kernel
 def set_motion(flight: Flight) -> None:
-    """Set the constants of the motion on an arc from its start, but whether it turns over."""
+    """Set the constants of the motion on an arc from its start; ``turns_over`` must be set."""
     s = flight.flow_s
     c = flight.flow_c
     p = flight.flow_p
@@ -112,9 +113,9 @@ def flow_of_two(a: Flight, b: Flight, age_a: float, age_b: float) -> States:
 
 @kernel
 def displacement(flight: Flight, t: float) -> tuple[float, float]:
-    """Sine and cosine of half the angle through which a body has gone since its flight began.
+    """Return sine and cosine of half the angle that a body has moved since its flight began.
 
-    On a line the way (m) and 1.
+    On a line: the distance (m) and 1.
     """
     if flight.at_rest == 1:
         return 0.0, 1.0
@@ -127,7 +128,7 @@ def displacement(flight: Flight, t: float) -> tuple[float, float]:
 
 @kernel
 def _on_line(flight: Flight, t: float) -> tuple[float, float]:
-    """Way (m) and speed (m/s) on a line: ``v' = a + b^2 way``."""
+    """Return the distance ``way`` (m) and the speed (m/s) on a line: ``v' = a + b^2 way``."""
     v = flight.flow_p
     a = flight.line_acceleration
     b = flight.line_growth
@@ -141,9 +142,9 @@ def _on_line(flight: Flight, t: float) -> tuple[float, float]:
 
 @kernel
 def angular_acceleration(flight: Flight, s: float, c: float) -> float:
-    """Second derivative (rad/s^2) of the angle of a body on an arc.
+    """Return the second derivative (rad/s^2) of the angle of a body on an arc.
 
-    On a segment of a motion in contact, 0 in place of it: there only its bound is used.
+    Returns 0 on a segment of a motion in contact, where only its bound is used.
     """
     if flight.form == POLYNOMIAL or flight.at_rest == 1:
         return 0.0
@@ -156,7 +157,7 @@ def angular_acceleration(flight: Flight, s: float, c: float) -> float:
 
 @kernel
 def angular_jerk(flight: Flight, s: float, c: float, p: float) -> float:
-    """Third derivative (rad/s^3) of the angle of a body on an arc."""
+    """Return the third derivative (rad/s^3) of the angle of a body on an arc."""
     if flight.form == POLYNOMIAL:
         return 0.0
     w = flight.frequency
@@ -170,7 +171,7 @@ def angular_jerk(flight: Flight, s: float, c: float, p: float) -> float:
 
 @kernel
 def acceleration_slopes(flight: Flight, s: float, c: float) -> tuple[float, float]:
-    """Derivatives (1/s^2) with the angle of the acceleration of a body alone on an arc: two."""
+    """Return the first two derivatives (1/s^2) of ``f''`` with respect to f, of a body alone."""
     w = flight.frequency
     sine, cosine = twice_angle(s, c)
     bend = sine - flight.tilt * cosine - 4.0 * flight.spread * (sine * cosine)
@@ -179,7 +180,7 @@ def acceleration_slopes(flight: Flight, s: float, c: float) -> tuple[float, floa
 
 @kernel
 def tangential_acceleration(flight: Flight, path_radius: float, s: float, c: float) -> float:
-    """Acceleration (m/s^2) of a body's centre along its path."""
+    """Return the acceleration (m/s^2) of a body's centre along its path."""
     if flight.form == TURNING_LINE:
         if flight.at_rest == 1:
             return 0.0
@@ -192,7 +193,7 @@ def tangential_acceleration(flight: Flight, path_radius: float, s: float, c: flo
 def small_step(
     flight: Flight, age: float, dt: float, s: float, c: float, p: float
 ) -> tuple[float, float, float]:
-    """Carry the state at ``age`` (s) over a last small step ``dt`` (s), to second order."""
+    """Advance the state at ``age`` (s) by a last small step ``dt`` (s), to second order."""
     if flight.grouped == 1 or flight.at_rest == 1 or flight.form == TURNING_LINE:
         return flow(flight, age + dt)
     a = flight.frequency * dt
@@ -207,39 +208,39 @@ def small_step(
 
 @kernel
 def quickness(frequency: float, p: float) -> float:
-    """Rate (1/s) at which a state on an arc changes; a last step is of second order only."""
+    """Return the rate (1/s) at which a state on an arc changes; last steps are of second order."""
     return frequency * max(1.0, abs(p))
 
 
 # More than ever needed: the steps to a turning point converge like Newton's.
 TURNING_STEPS = 200
-# A place is a whole turn away up to rounding if the sine of half the angle is below this.
+# A position is a whole turn away up to rounding if the sine of half the angle is below this.
 WHOLE_TURN = 1.0e-14
 
 
 @kernel
 def time_of_flight(flight: Flight, s: float, c: float, p: float) -> float:
-    """Time (s) from the start of a flight on an arc to a state of its orbit."""
+    """Return the time (s) from the start of a flight on an arc to a state of its orbit."""
     sine, cosine = angle_from_start(flight, s, c)
     if flight.turns_over == 1 and cosine < 0.0 and abs(sine) <= WHOLE_TURN:
-        # The place from which it starts, a whole turn on.
+        # The position from which it starts, a whole turn ahead.
         return period_of(flight) / flight.frequency
     return _time_to_angle(flight, sine, cosine, p)
 
 
 @kernel
 def _time_to_angle(flight: Flight, sine: float, cosine: float, p: float) -> float:
-    """As :func:`time_of_flight`, of a place by half the angle from the start."""
+    """Return :func:`time_of_flight` to a position given by half the angle from the start."""
     after = time_to_place(flight, sine, cosine, p) / flight.frequency
-    # Lost in rounding at a saddle, a body stays there.
+    # At a saddle the motion is lost in rounding: the body stays there.
     return after if 0.0 <= after < NEVER else NEVER
 
 
 @kernel
 def time_to_turn(flight: Flight, side: float) -> float:
-    """First time (s) at which an oscillation on an arc turns on one side; 0 if it starts there.
+    """Return the first time (s) at which an oscillation turns on one side; 0 if it starts there.
 
-    The way to a turning point beside the start is far below the rounding of places.
+    A start whose distance from the turning point underflows counts as there.
     """
     half = half_way(flight, side)
     if half == 0.0:
@@ -250,9 +251,9 @@ def time_to_turn(flight: Flight, side: float) -> float:
 
 @kernel
 def half_way(flight: Flight, side: float) -> float:
-    """Half the angle (rad) from the start of a flight on an arc to its turning point on one side.
+    """Return half the angle (rad) from the start of a flight on an arc to its turn on one side.
 
-    ``P^2`` falls to zero there; steps that its second derivative proves never to pass a zero.
+    ``P^2`` falls to zero there. A bound on its second derivative proves that no step passes a zero.
     """
     if flight.at_rest == 1:
         return 0.0
@@ -269,7 +270,7 @@ def half_way(flight: Flight, side: float) -> float:
         s, c = sine_cosine(half)
         square = squared_rate(flight, s * side, c)
         s, c = place_from_start(flight, s * side, c)
-        # The derivative of P^2 with half the angle.
+        # The derivative of P^2 with respect to half the angle.
         slope = torque_of(flight, s, c) * side
         if square <= 0.0:
             return half
@@ -284,12 +285,12 @@ def half_way(flight: Flight, side: float) -> float:
 def half_range(
     flight: Flight, end: tuple[float, float, float], duration: float
 ) -> tuple[float, float]:
-    """Half the angles (rad) from its start that a flight on an arc takes in."""
+    """Return the range of half-angles (rad) from its start that a flight on an arc covers."""
     end_s, end_c, end_p = end
     sine, cosine = angle_from_start(flight, end_s, end_c)
     half = math.atan2(sine, cosine)
     if flight.turns_over == 1 and cosine < 0.0 and half * flight.flow_p < 0.0:
-        # Of a whole turn rounding alone tells on which side of its start it ends.
+        # After a whole turn only rounding decides on which side of its start it ends.
         half -= math.copysign(2.0 * math.pi, half)
     low = min(half, 0.0)
     high = max(half, 0.0)
@@ -305,11 +306,11 @@ def half_range(
 
 @kernel
 def sides_turned(flight: Flight, end_p: float, duration: float) -> tuple[bool, bool]:
-    """Tell on which sides an oscillation on an arc has turned, which ends with ``P = end_p``."""
+    """Return on which sides (left, right) an oscillation ending with ``P = end_p`` has turned."""
     start_p = flight.flow_p if flight.flow_p != 0.0 else flight.quartic_3
     argument = flight.frequency * duration
     period = period_of(flight)
-    # With equal directions at both ends it has turned twice, or gone straight on.
+    # With the same direction at both ends it has turned twice or not at all.
     twice = argument >= period or (argument >= 0.5 * period and start_p * end_p > 0.0)
     left = twice or (start_p < 0.0 and end_p > 0.0)
     return left, twice or (start_p > 0.0 and end_p < 0.0)
@@ -317,7 +318,7 @@ def sides_turned(flight: Flight, end_p: float, duration: float) -> tuple[bool, b
 
 @kernel
 def squared_speed(flight: Flight, way: float) -> float:
-    """Square of the speed (m^2/s^2) where a body on a line has gone a way (m)."""
+    """Return the squared speed (m^2/s^2) of a body that has moved ``way`` (m) along a line."""
     b = flight.line_growth
     v = flight.flow_p
     return v * v + way * (2.0 * flight.line_acceleration + b * b * way)
@@ -325,7 +326,7 @@ def squared_speed(flight: Flight, way: float) -> float:
 
 @kernel
 def turns_before(flight: Flight, way: float) -> bool:
-    """Tell whether a body comes to rest before it has gone ``way`` (m)."""
+    """Return whether a body on a line comes to rest before it has moved ``way`` (m)."""
     a = flight.line_acceleration
     b = flight.line_growth
     if a * way >= 0.0:
@@ -338,7 +339,7 @@ def turns_before(flight: Flight, way: float) -> bool:
 
 @kernel
 def turn_on_line(flight: Flight) -> float:
-    """Way (m) to the place at which a body turns back, or 0 if it never does."""
+    """Return the signed distance (m) to where a body turns back, or 0 if it never does."""
     v = flight.flow_p
     a = flight.line_acceleration
     b = flight.line_growth
@@ -350,7 +351,7 @@ def turn_on_line(flight: Flight) -> float:
 
 @kernel
 def time_on_line(flight: Flight, way: float, speed: float) -> float:
-    """Time (s) to ``speed`` at a ``way`` (m): ``tanh(b t/2)/b`` is rational in the states."""
+    """Return the time (s) to ``speed`` at ``way`` (m); ``tanh(b t/2)/b`` is rational in both."""
     v = flight.flow_p
     a = flight.line_acceleration
     b = flight.line_growth
@@ -361,5 +362,5 @@ def time_on_line(flight: Flight, way: float, speed: float) -> float:
     if b * x < 1.0e-8:
         return 2.0 * x
     if b * x >= 1.0:
-        return NEVER  # to where it would come to rest
+        return NEVER  # it only approaches that position
     return 2.0 * math.atanh(b * x) / b
