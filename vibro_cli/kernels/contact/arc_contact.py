@@ -1,11 +1,13 @@
 """The certified search for the first contact of two neighbours on one arc.
 
-The difference of their angles obeys ``y'' >= -w^2 y``: from now on it stays above one oscillation,
-and before the contact above another one. Where the two overlap, no contact is earlier.
+The difference y of their angles obeys ``y'' >= -w^2 y``. From now on y therefore stays above one
+oscillation, and up to the contact above another. If the times for which these keep the bodies apart
+overlap, no contact is earlier.
 
-Two free swings are tried as a whole (:func:`contact_of_swings`); what that leaves open, and all
-other motions, are searched step by step. On a rotating trace w is that of the steepest fall of the
-pull on the arc, ``w^2 max(-pull')``: kernels named so stand in for the others there.
+Two free pendulums are tried as a whole (:func:`contact_of_swings`). What that leaves undecided, and
+all other motions, are searched step by step. On a rotating trace w follows from the steepest fall
+of the torque on the arc, ``w^2 max(-torque')``; the kernels named ``rotating_...`` override the
+others there.
 """
 
 from __future__ import annotations
@@ -47,7 +49,7 @@ from vibro_cli.kernels.numerics.constants import EPSILON, NEVER
 from vibro_cli.kernels.numerics.elliptic import angle_sum, twice_angle
 from vibro_cli.kernels.world import RELEASED, Flight, States, World, contact_of, flights_of
 
-# A step of the iteration times the frequency: a longer one leads anywhere.
+# Longest reliable step of the iteration, times the frequency.
 LONGEST_CHANGE = 1.0
 
 
@@ -55,9 +57,10 @@ LONGEST_CHANGE = 1.0
 def refine_on_arc(
     world: World, j: int, age_a: float, age_b: float, h: float, orientation: float
 ) -> float:
-    """Zero of the sine of half the gap, by its third-order expansion, with full flows.
+    """Refine the time ``h`` (s) of a zero of the sine of half the gap.
 
-    The states there are kept in the pair.
+    The iteration uses the third-order expansion and full flows. The states at the zero are kept in
+    the pair. Returns ``NONE_BEFORE_LIMIT`` if it does not converge.
     """
     a, b = flights_of(world, world.pairs[j])
     contact = contact_of(world, j)
@@ -93,7 +96,7 @@ def refine_on_arc(
 def derivatives_of_sine(
     x: float, cosine: float, rate: float, second: float, third: float
 ) -> tuple[float, float, float]:
-    """Derivatives with time of the sine of half the gap, from those of the gap."""
+    """Return the time derivatives of the sine of half the gap from those of the gap."""
     x1 = 0.5 * rate * cosine
     x2 = 0.5 * second * cosine - 0.25 * rate * rate * x
     x3 = 0.5 * third * cosine - 0.75 * rate * second * x - 0.25 * rate * rate * x1
@@ -102,10 +105,10 @@ def derivatives_of_sine(
 
 @kernel
 def is_last(x: float, change: float, x1: float, x2: float, fastest: float, settled: float) -> bool:
-    """Tell whether the iteration is done with a change of time (s).
+    """Return whether the iteration has converged with a ``change`` of time (s).
 
-    Far from the zero the inverse series may have one of its own, to which the iteration is drawn:
-    there Newton's step is not as short.
+    Far from the zero of the function the inverse series may itself be zero and attract the
+    iteration. Newton's step is not that short there.
     """
     is_short = abs(change) * (abs(x2) - fastest * x1) < -settled * x1
     return mask_and(is_short, abs(x) <= -2.0 * abs(change) * x1)
@@ -113,7 +116,7 @@ def is_last(x: float, change: float, x1: float, x2: float, fastest: float, settl
 
 @kernel
 def inverted(x: float, x1: float, x2: float, x3: float) -> float:
-    """Step to the zero of a function of given derivatives, by the inverse series to third order."""
+    """Return the step to the zero of a function by the inverse series to third order."""
     inverse = 1.0 / x1
     step = -x * inverse
     c2 = 0.5 * (x2 * inverse)
@@ -121,11 +124,11 @@ def inverted(x: float, x1: float, x2: float, x3: float) -> float:
     return step * (1.0 - step * (c2 - step * (2.0 * (c2 * c2) - c3)))
 
 
-# Contacts guessed later than this many times the limit are not looked for.
+# Contacts estimated later than this many times the limit are not searched for.
 FAR_GUESS = 1.25
-# Two that part at less than this share of their rates do so by rounding: gravity alone decides.
+# Separation at less than this share of the rates of both is rounding: gravity alone decides.
 NO_PARTING = 32.0 * EPSILON
-# The frequency of a difference of angles is taken as no less than half that of small swings.
+# Keeps the estimated frequency of a difference of angles above half that of small oscillations.
 MOST_SOFTENING = 0.75
 
 
@@ -133,10 +136,10 @@ MOST_SOFTENING = 0.75
 def contact_of_swings(
     world: World, j: int, age_a: float, age_b: float, limit: float, orientation: float
 ) -> tuple[float, float]:
-    """First contact of two free swings, and a time before which there is none.
+    """Return the first contact of two free pendulums, and a time before which there is none.
 
-    Its time (s) from now, the states then being left in the pair, or ``NONE_BEFORE_LIMIT`` if it is
-    not found; and a time up to which there is no contact.
+    The contact is a time (s) from now, with its states left in the pair, or ``NONE_BEFORE_LIMIT``
+    if it is not found.
     """
     pair = world.pairs[j]
     a, b = flights_of(world, pair)
@@ -151,7 +154,7 @@ def contact_of_swings(
     elif rate <= NO_PARTING * (a.frequency * abs(a_p) + b.frequency * abs(b_p)):
         return NONE_BEFORE_LIMIT, 0.0
     # The difference of the angles, gap + beta, obeys y'' >= -w^2 y for equal frequencies; unequal
-    # ones pull at it all the time.
+    # ones add a torque.
     fastest, square = fastest_return(a, b)
     level = math.pi - contact.far_gap
     if a.frequency != b.frequency:
@@ -167,7 +170,7 @@ def contact_of_swings(
     h = refine_on_arc(world, j, age_a, age_b, guess, orientation)
     if h < 0.0:
         return NONE_BEFORE_LIMIT, clear
-    # The same bound seen from the contact, backwards in time.
+    # The same bound, backwards in time from the contact.
     approach = 2.0 * (a.frequency * pair.a_p - b.frequency * pair.b_p)
     if is_clear_before(h - clear, approach, level, fastest):
         return h, clear
@@ -176,7 +179,7 @@ def contact_of_swings(
 
 @kernel
 def fastest_return(a: Flight, b: Flight) -> tuple[float, float]:
-    """Greatest frequency w (rad/s) with which the difference of the angles returns, and w^2."""
+    """Return the greatest frequency w (rad/s) of the difference of the angles, and w^2."""
     fastest = max(a.frequency, b.frequency)
     return fastest, fastest * fastest
 
@@ -190,9 +193,9 @@ def guessed_frequency(
     fastest: float,
     orientation: float,
 ) -> float:
-    """Estimate the frequency (rad/s) of the difference of the angles from the states of now.
+    """Estimate the frequency (rad/s) of the difference of the angles from the present states.
 
-    ``gap`` is that of the angles, its rate and the angle of contact.
+    ``gap`` is the gap angle, its rate and the contact angle.
     """
     a_s, _, a_p, b_s, _, b_p = states
     angle, rate, level = gap
@@ -203,7 +206,10 @@ def guessed_frequency(
 
 @kernel
 def uneven_torque(a: Flight, b: Flight) -> float:
-    """Bound on what ``-w_b^2 sin f_b + w_a^2 sin f_a`` lacks of ``-w^2 (f_b - f_a)`` (rad/s^2)."""
+    """Return a bound (rad/s^2) on what unequal frequencies add to the difference of the angles.
+
+    ``-w_b^2 sin f_b + w_a^2 sin f_a`` is below ``-w^2 (f_b - f_a)`` by at most this.
+    """
     wa2 = a.frequency * a.frequency
     wb2 = b.frequency * b.frequency
     return abs(wa2 - wb2) * max(a.angular_bound / wa2, b.angular_bound / wb2)
@@ -219,10 +225,10 @@ def frequency_of_difference(
     mean_p: float,
     orientation: float,
 ) -> float:
-    """Estimate the frequency (rad/s) at which the difference of the angles of two swings returns.
+    """Estimate the frequency (rad/s) of the difference y of the angles of two pendulums.
 
-    ``y'' = -w^2 cos M sinc(y/2) y`` with M the mean of the angles, both as small oscillations:
-    the mean over one of y, weighted with y^2.
+    ``y'' = -w^2 cos M sinc(y/2) y`` with M the mean of the angles. Both y and M are taken as small
+    oscillations, and the factor is averaged over an oscillation of y, weighted with y^2.
     """
     w = 0.5 * (a.frequency + b.frequency)
     mean = mean_s * mean_s + mean_p * mean_p
@@ -233,29 +239,29 @@ def frequency_of_difference(
         along = mean_s * angle + mean_p * rate
         softening += along * along / size
     softening = min(softening, MOST_SOFTENING)
-    # The root of 1 - softening, as a series.
+    # The square root of 1 - softening, as a series.
     return w * (1.0 - softening * (0.5 + softening * (0.125 + 0.085 * softening)))
 
 
-# Safety of the certificate of a single root against rounding: g'^2 > 2 A g.
+# Certificate of a single root, g'^2 > 2 A g, with a margin for rounding.
 SINGLE_ROOT = 2.01
-UNCERTAIN = -2.0 * NEVER  # beside NONE_BEFORE_LIMIT
+UNCERTAIN = -2.0 * NEVER  # in addition to NONE_BEFORE_LIMIT
 
 
 @kernel
 def contact_on_arc(
     world: World, j: int, ages: Ages, horizon: float, limit: float, orientation: float
 ) -> float:
-    """First contact of two bodies on one arc.
+    """Return the time (s) of the first contact of two bodies on one arc.
 
-    The pair has ``touching``, ``PARTING`` or ``RELEASED`` if they are in contact at the begin of
-    the search and going apart, else 0, and ``searched``, how far the search has come. It may stop
-    after ``horizon``, which decides on no step of it; the first of the flights ends at ``limit``
-    (both in s from its begin). ``orientation`` is -1 if b is one lap ahead.
+    All times are from the beginning of the search. The pair has ``touching``, ``PARTING`` or
+    ``RELEASED`` if the bodies are in contact at the beginning and separate, else 0, and
+    ``searched``, how far the search has come. The search may stop after ``horizon``, on which none
+    of its steps depends; the first of the flights ends at ``limit``. ``orientation`` is -1 if b is
+    one lap ahead.
 
-    Returns the time of the first contact from the begin (s), the states then being left in the
-    pair; ``NONE_BEFORE_LIMIT`` if there is none before the horizon, ``UNFINISHED`` after
-    ``STEPS_AT_ONCE`` steps.
+    The states of contact are left in the pair. Returns ``NONE_BEFORE_LIMIT`` if there is no contact
+    before the horizon, ``UNFINISHED`` after ``STEPS_AT_ONCE`` steps.
     """
     pair = world.pairs[j]
     a, b = flights_of(world, pair)
@@ -280,7 +286,7 @@ def contact_on_arc(
 def _contact_by_steps(
     world: World, j: int, ages: Ages, t: float, horizon: float, limit: float, orientation: float
 ) -> float:
-    """As :func:`contact_on_arc`, where there is no contact before a time t (s)."""
+    """Search for the contact of :func:`contact_on_arc` if there is none before a time t (s)."""
     pair = world.pairs[j]
     a, b = flights_of(world, pair)
     bound_2 = a.angular_bound + b.angular_bound
@@ -293,7 +299,7 @@ def _contact_by_steps(
             gap = 0.0
             rate = max(rate, 0.0)
             if rate == 0.0 and second <= 0.0:
-                # Marked as parting, but at rest against one another and pressed together.
+                # Marked as separating, but without relative speed and pressed together.
                 keep_states(pair, states)
                 return 0.0
         single = rate * rate > SINGLE_ROOT * bound_2 * gap * (1.0 + 0.5 * x * x)
@@ -306,7 +312,7 @@ def _contact_by_steps(
         step = safe_step_third_order(max(gap, 0.0), rate, second, bound_2, bound_3)
         inside = x < -0.5 * DEEP * UNRESOLVED
         if gap <= 0.0 and rate >= 0.0 and not inside and not parting:
-            # At least so long the bodies are in contact or apart by less than rounding.
+            # For at least this long the bodies are in contact or apart by less than rounding.
             step = max(step, unresolved_step(second, bound_3, UNRESOLVED))
         if t + step == t and not parting:
             # The gap closes below the resolution of time: contact, tangential within rounding.
@@ -323,7 +329,7 @@ def _contact_by_steps(
 def _gap_on_arc(
     world: World, j: int, ages: Ages, t: float, orientation: float
 ) -> tuple[States, float, float, tuple[float, float, float]]:
-    """A pair a time t (s) later: states, sine and cosine of half the gap, gap and derivatives."""
+    """Return states, sine and cosine of half the gap, gap and its derivatives at a time t (s)."""
     a, b = flights_of(world, world.pairs[j])
     age_a, age_b = ages
     states = flow_of_two(a, b, age_a + t, age_b + t)
@@ -341,14 +347,14 @@ def _gap_on_arc(
 
 @kernel
 def _rate_of_gap(a: Flight, b: Flight, states: States) -> float:
-    """Rate (rad/s) of the gap of two bodies on one arc in their states."""
+    """Return the rate (rad/s) of the gap of two bodies on one arc."""
     _, _, a_p, _, _, b_p = states
     return 2.0 * (b.own_frequency * b_p - a.own_frequency * a_p)
 
 
 @kernel
 def _twice_arc_sine(x: float) -> float:
-    """Twice the angle of a sine below 0.5, nearly: the start of its series."""
+    """Return ``2 asin x`` for x below 0.5, approximately, by its series."""
     x2 = x * x
     return 2.0 * x * (1.0 + x2 * (1.0 / 6.0 + x2 * (3.0 / 40.0 + x2 * (15.0 / 336.0))))
 
@@ -364,9 +370,10 @@ def _first_root(
     derivatives: tuple[float, float, float],
     orientation: float,
 ) -> float:
-    """Result of :func:`contact_on_arc` by the simple root ahead of a time t (s), the first there.
+    """Return the contact of :func:`contact_on_arc` at the first root after t (s), a simple one.
 
-    ``UNCERTAIN`` if it is not refined. ``derivatives`` are the gap and its first two.
+    ``derivatives`` are the gap and its first two derivatives. Returns ``UNCERTAIN`` if the
+    refinement fails.
     """
     pair = world.pairs[j]
     a, b = flights_of(world, pair)
@@ -381,7 +388,7 @@ def _first_root(
     h = refine_on_arc(world, j, age_a + t, age_b + t, h, orientation)
     before = NONE_BEFORE_LIMIT < h < -t
     if before or (gap <= 0.0 and not -t <= h <= 0.0):
-        # In contact by rounding, with no root since the begin: now, in the states of now.
+        # In contact by rounding, with no root since the beginning: now, in the present states.
         keep_states(pair, states)
         return t
     if h > NONE_BEFORE_LIMIT:
@@ -391,7 +398,7 @@ def _first_root(
 
 @kernel
 def _cubic_guess(gap: float, rate: float, second: float, third: float) -> float:
-    """Root of the quadratic, improved by one step on the cubic."""
+    """Return the root of the quadratic, improved by one Newton step on the cubic."""
     h = 2.0 * gap / (math.sqrt(max(rate * rate - 2.0 * second * gap, 0.0)) - rate)
     slope = rate + h * (second + 0.5 * h * third)
     if slope < 0.0:
@@ -401,10 +408,10 @@ def _cubic_guess(gap: float, rate: float, second: float, third: float) -> float:
 
 @kernel
 def _released_step(a: Flight, b: Flight, ages: Ages, states: States) -> float:
-    """Step up to which a pair whose contact force has just vanished stays apart.
+    """Return a time (s) for which a pair whose contact force has just vanished stays apart.
 
-    There the gap starts as ``j h^3/6``, bounded below by ``j h^3/6 - B h^4/24`` with j its jerk and
-    ``B`` the sum of the bounds on the fourth derivatives of both angles.
+    The gap starts as ``j h^3/6`` and is at least ``j h^3/6 - B h^4/24``, with j its jerk and ``B``
+    the sum of the bounds on the fourth derivatives of both angles.
     """
     age_a, age_b = ages
     a_s, a_c, a_p, b_s, b_c, b_p = states
@@ -417,15 +424,15 @@ def _released_step(a: Flight, b: Flight, ages: Ages, states: States) -> float:
     return 3.0 * third / (a.snap_bound + b.snap_bound)
 
 
-# The frequency of a difference of angles is taken as no less than this share of the greatest one.
+# The squared frequency of a difference of angles is at least this share of the greatest one.
 LEAST_SHARE = 0.2
-# Mean square of y from contact to contact as a share of its greatest: what guesses best.
+# Mean square of y between contacts, as a share of its maximum, that gives the best estimates.
 MEAN_SQUARE = 0.35
 
 
 @kernel
 def rotating_fastest_return(a: Flight, b: Flight) -> tuple[float, float]:
-    """Greatest frequency W (rad/s) with which the difference of the angles returns, and W^2."""
+    """Return the greatest frequency W (rad/s) of the difference of the angles, and W^2."""
     square = max(a.steepest, b.steepest)
     return math.sqrt(square), square
 
@@ -439,11 +446,11 @@ def rotating_guessed_frequency(
     fastest: float,
     orientation: float,
 ) -> float:
-    """Estimate the frequency (rad/s) of the difference of the angles from the states of now."""
+    """Estimate the frequency (rad/s) of the difference of the angles from the present states."""
     a_s, a_c, a_p, b_s, b_c, b_p = states
     angle, rate, level = gap
     second = angular_acceleration(b, b_s, b_c) - angular_acceleration(a, a_s, a_c)
-    # What pulls half way to where the fastest difference would return.
+    # Evaluate the torque halfway to the return of the fastest difference.
     half = 0.5 * first_return(angle, rate, level, fastest)
     middle = angle + level + half * (rate + 0.5 * half * second)
     frequency = _frequency_of_difference(
@@ -457,17 +464,18 @@ def rotating_guessed_frequency(
 def _frequency_of_difference(
     a: Flight, s: float, c: float, p: float, half: float, angle: float
 ) -> float:
-    """Estimate the square of the frequency (1/s^2) of a difference of angles at a time (s) ahead.
+    """Estimate the squared frequency (1/s^2) of the difference of the angles, ``half`` (s) ahead.
 
-    With M the mean of the angles ``y'' = w^2 (-2 (cos M + tilt sin M) sin(y/2) + spread cos 2M sin
-    y)``. ``s, c, p`` are sums of the states of both; ``angle`` is y then.
+    With M the mean of the angles
+    ``y'' = w^2 (-2 (cos M + tilt sin M) sin(y/2) + spread cos 2M sin y)``. ``s, c, p`` are sums of
+    the states of both; ``angle`` is y then.
     """
     w = a.frequency
     size = 1.0 / math.sqrt(s * s + c * c)
     s *= size
     c *= size
     step = half * w * (0.5 * p + 0.25 * half * w * torque(a.tilt, a.spread, s, c))
-    # To third order of the step, in half the angle.
+    # To third order of the step in half the angle.
     turn = step * (1.0 - step * step * (1.0 / 6.0))
     stay = 1.0 - 0.5 * step * step
     s, c = angle_sum(s, c, turn, stay)
@@ -480,7 +488,7 @@ def _frequency_of_difference(
 
 @kernel
 def rotating_uneven_torque(a: Flight, b: Flight) -> float:
-    """Bound on the difference of both pulls (rad/s^2) at one angle."""
+    """Return a bound (rad/s^2) on the difference of both torques at one angle."""
     wa2 = a.frequency * a.frequency
     wb2 = b.frequency * b.frequency
     first = math.sqrt(1.0 + a.tilt * a.tilt) * abs(wb2 - wa2)

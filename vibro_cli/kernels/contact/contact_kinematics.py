@@ -1,11 +1,11 @@
 """Two neighbours: their gap, line of centres, and speeds and accelerations along it.
 
-On one arc two bodies touch at a constant angle beta between their centres seen from the centre of
-the arc, ``sin(beta/2) = sqrt(r_a r_b/(rho_a rho_b))`` (A (6), B (48) without the loss of digits of
+On one arc two bodies touch at a constant angle beta between their centres, seen from the centre of
+the arc: ``sin(beta/2) = sqrt(r_a r_b/(rho_a rho_b))`` (A (6), B (48) without the loss of digits of
 their arc cosine). On two pieces they touch where the distance of the centres is ``r_a + r_b``.
 
-On one piece a contact has constants, which are used in place of the centres: the results then
-depend neither on where the trace lies nor on left and right. On two pieces the centres decide.
+On one piece the constants of the contact are used instead of the centres: the results then depend
+neither on where the trace lies nor on left and right. On two pieces the centres are used.
 """
 
 from __future__ import annotations
@@ -39,9 +39,9 @@ def half_gap_sine(
     b_c: float,
     orientation: float,
 ) -> tuple[float, float]:
-    """Sine and cosine of half the gap angle of two bodies on one arc.
+    """Return the sine and cosine of half the gap angle of two bodies on one arc.
 
-    ``orientation`` is -1 when b is one lap ahead of a, so that the half angle is larger by pi.
+    ``orientation`` is -1 when b is one lap ahead of a, so that the half-angle is larger by pi.
     """
     sine, cosine = angle_difference(b_s, b_c, a_s, a_c)
     return angle_difference(sine * orientation, cosine * orientation, contact.sine, contact.cosine)
@@ -49,7 +49,7 @@ def half_gap_sine(
 
 @kernel
 def centre_position(piece: PieceData, track: TrackData, s: float, c: float) -> tuple[float, float]:
-    """Position of a body's centre (m)."""
+    """Return the position of a body's centre (m)."""
     if piece.sign == 0.0:
         return track.line_x + piece.tangent_x * s, track.line_y + piece.tangent_y * s
     return (
@@ -60,7 +60,7 @@ def centre_position(piece: PieceData, track: TrackData, s: float, c: float) -> t
 
 @kernel
 def centre_tangent(piece: PieceData, s: float, c: float) -> tuple[float, float]:
-    """Unit tangent of the path of a body's centre, to the right."""
+    """Return the unit tangent of the path of a body's centre, pointing to the right."""
     if piece.sign == 0.0:
         return piece.tangent_x, piece.tangent_y
     return piece.sign * ((c - s) * (c + s)), 2.0 * s * c
@@ -70,7 +70,7 @@ def centre_tangent(piece: PieceData, s: float, c: float) -> tuple[float, float]:
 def centre_acceleration(
     piece: PieceData, track: TrackData, s: float, c: float, p: float, tangential: float
 ) -> tuple[float, float]:
-    """Acceleration of a body's centre (m/s^2), given its part along the path."""
+    """Return the acceleration of a body's centre (m/s^2), given its component along the path."""
     if piece.sign == 0.0:
         return piece.tangent_x * tangential, piece.tangent_y * tangential
     sine, cosine = twice_angle(s, c)
@@ -92,10 +92,10 @@ def distance_gap(
     accelerations: tuple[float, float],
     contact_distance: float,
 ) -> tuple[float, float, float]:
-    """Gap between two bodies as a distance, and its first two time derivatives.
+    """Return the gap between two bodies as a distance, and its first two time derivatives.
 
-    ``d - (r_a + r_b)`` (m), ``d'`` (m/s), ``d''`` (m/s^2), of their states and their accelerations
-    along their paths (m/s^2).
+    These are ``d - (r_a + r_b)`` (m), ``d'`` (m/s) and ``d''`` (m/s^2), from the states of both
+    bodies and their accelerations along their paths (m/s^2).
     """
     a_s, a_c, a_p, b_s, b_c, b_p = states
     along_a, along_b = accelerations
@@ -120,9 +120,9 @@ def distance_gap(
     return distance - contact_distance, rate, second
 
 
-# The line of centres is level with the trace up to this share.
+# The line of centres is parallel to the trace up to this share.
 LIFT_ROUNDING = 1.0e-14
-# At one instant gaps below this many units in the last place of the positions are contact.
+# At one instant a gap below this share of the positions counts as contact.
 CONTACT_ROUNDING = 16.0 * EPSILON
 
 
@@ -130,10 +130,10 @@ CONTACT_ROUNDING = 16.0 * EPSILON
 def surface_gap(
     world: World, j: int, a_s: float, a_c: float, b_s: float, b_c: float
 ) -> tuple[float, float]:
-    """Gap of a pair (m) at given places on its present pieces, and the size that its rounding has.
+    """Return the gap of a pair (m) at given positions, and the scale (m) of its rounding.
 
-    On an arc from ``d^2 - (r_a + r_b)^2 = 4 rho_a rho_b sin((f - beta)/2) sin((f + beta)/2)``, on a
-    line likewise, without cancellation.
+    The positions are on its present pieces. On an arc the gap follows without cancellation from
+    ``d^2 - (r_a + r_b)^2 = 4 rho_a rho_b sin((f - beta)/2) sin((f + beta)/2)``, on a line likewise.
     """
     pair = world.pairs[j]
     piece = world.pieces[world.flights[pair.a].piece]
@@ -162,14 +162,14 @@ def surface_gap(
 
 @kernel
 def present_gap(world: World, j: int) -> tuple[float, float]:
-    """Gap of a pair (m) in the states held by its flights, and the size that its rounding has."""
+    """Return the gap of a pair (m) at its present states, and the scale (m) of its rounding."""
     a, b = flights_of(world, world.pairs[j])
     return surface_gap(world, j, a.s, a.c, b.s, b.c)
 
 
 @kernel
 def line_of_centres(world: World, j: int) -> tuple[float, float]:
-    """Vector (m) from the centre of a pair's left body to that of its right one."""
+    """Return the vector (m) from the centre of a pair's left body to that of its right one."""
     pair = world.pairs[j]
     a, b = flights_of(world, pair)
     track_a, track_b = tracks_of(world, pair)
@@ -180,16 +180,16 @@ def line_of_centres(world: World, j: int) -> tuple[float, float]:
 
 @kernel
 def tangent(world: World, ball: int) -> tuple[float, float]:
-    """Unit tangent of the path of a body's centre at its present place."""
+    """Return the unit tangent of the path of a body's centre at its present position."""
     flight = world.flights[ball]
     return centre_tangent(world.pieces[flight.piece], flight.s, flight.c)
 
 
 @kernel
 def parts_of_weight(world: World, x: float, sine: float, cosine: float) -> tuple[float, float]:
-    """Gravity (m/s^2) back along a slope and onto it, given its sine and cosine.
+    """Return gravity (m/s^2) back along a slope and onto it, given the slope's sine and cosine.
 
-    With what turning adds at the place ``x`` (m) of the centre.
+    On a rotating trace the centrifugal acceleration at ``x`` (m) of the centre is included.
     """
     settings = world.settings[0]
     away = settings.turning_square * (x - settings.axis_x)
@@ -198,7 +198,7 @@ def parts_of_weight(world: World, x: float, sine: float, cosine: float) -> tuple
 
 @kernel
 def set_normals(world: World, j: int) -> None:
-    """Set ``n t`` of both bodies of a pair in contact, from their present places."""
+    """Set ``n t`` of both bodies of a pair in contact from their present positions."""
     pair = world.pairs[j]
     a, b = flights_of(world, pair)
     contact = contact_of(world, j)
@@ -216,9 +216,9 @@ def set_normals(world: World, j: int) -> None:
 
 @kernel
 def lifted_body(world: World, j: int) -> int:
-    """The body of a touching pair that an impact would lift off a one-sided trace, or -1.
+    """Return the body of a touching pair that an impact would lift off a one-sided trace, or -1.
 
-    The impulse P along the line of centres n needs impulses ``P n n_a`` and ``-P n n_b`` of the
+    The impulse P along the line of centres n requires impulses ``P n n_a`` and ``-P n n_b`` of the
     trace along its normals; a one-sided trace cannot pull.
     """
     pair = world.pairs[j]
@@ -243,7 +243,7 @@ def set_speed(world: World, ball: int) -> None:
 
 @kernel
 def parting_speed(world: World, j: int) -> float:
-    """Speed (m/s) at which a pair parts along its line of centres."""
+    """Return the speed (m/s) at which a pair separates along its line of centres."""
     pair = world.pairs[j]
     speed_a = world.flights[pair.a].speed
     speed_b = world.flights[pair.b].speed
@@ -252,7 +252,7 @@ def parting_speed(world: World, j: int) -> float:
 
 @kernel
 def speed_of_pair(world: World, j: int) -> float:
-    """Size (m/s) of the speeds of a pair along its line of centres, for their rounding."""
+    """Return the scale (m/s) of the speeds of a pair along its line of centres, for rounding."""
     pair = world.pairs[j]
     speed_a = abs(pair.normal_a * world.flights[pair.a].speed)
     return speed_a + abs(pair.normal_b * world.flights[pair.b].speed)
@@ -260,20 +260,20 @@ def speed_of_pair(world: World, j: int) -> float:
 
 @kernel
 def supported(flight: Flight) -> bool:
-    """Tell whether a wall keeps a body from moving, being pressed to it at rest."""
+    """Return whether a body is at rest against a wall that keeps it from moving."""
     return flight.wall_side != 0 and flight.speed * flight.wall_side >= 0.0
 
 
 @kernel
 def mobility(world: World, ball: int) -> float:
-    """Acceleration of a body for one newton along its path; none at a wall."""
+    """Return the acceleration of a body per newton along its path; 0 if a wall supports it."""
     flight = world.flights[ball]
     return 0.0 if supported(flight) else 1.0 / world.bodies[ball].rolling_mass
 
 
 @kernel
 def free_acceleration(world: World, ball: int) -> float:
-    """Tangential acceleration (m/s^2) of a body under gravity alone."""
+    """Return the tangential acceleration (m/s^2) of a body under gravity alone."""
     flight = world.flights[ball]
     track = track_of(world, ball)
     if supported(flight):
@@ -285,7 +285,7 @@ def free_acceleration(world: World, ball: int) -> float:
 
 @kernel
 def present_acceleration(world: World, ball: int) -> float:
-    """Tangential acceleration (m/s^2) of a body at the start of its flight, in contact or not."""
+    """Return the tangential acceleration (m/s^2) of a body at the start of its flight."""
     flight = world.flights[ball]
     if flight.grouped == 0:
         return free_acceleration(world, ball)
@@ -297,7 +297,7 @@ def present_acceleration(world: World, ball: int) -> float:
 
 @kernel
 def free_approach(world: World, j: int) -> float:
-    """Second derivative of a pair's distance (m/s^2) without contact forces (normals set)."""
+    """Return ``d''`` (m/s^2) of a pair's distance without contact forces; normals must be set."""
     pair = world.pairs[j]
     drive_b = pair.normal_b * free_acceleration(world, pair.b)
     return drive_b - pair.normal_a * free_acceleration(world, pair.a) + _curve(world, j)
@@ -305,7 +305,7 @@ def free_approach(world: World, j: int) -> float:
 
 @kernel
 def present_approach(world: World, j: int) -> float:
-    """Second derivative of a pair's distance (m/s^2) on its present flights (normals set)."""
+    """Return ``d''`` (m/s^2) of a pair's distance on its present flights; normals must be set."""
     pair = world.pairs[j]
     drive_b = pair.normal_b * present_acceleration(world, pair.b)
     return drive_b - pair.normal_a * present_acceleration(world, pair.a) + _curve(world, j)
@@ -313,11 +313,11 @@ def present_approach(world: World, j: int) -> float:
 
 @kernel
 def _curve(world: World, j: int) -> float:
-    """The part of a distance's second derivative (m/s^2) that the speeds make."""
+    """Return the part of ``d''`` (m/s^2) of a pair's distance that is due to its speeds."""
     pair = world.pairs[j]
     a, b = flights_of(world, pair)
     if a.piece == b.piece:
-        # On one piece only a change of the angle, or of the way, between the bodies makes one.
+        # On one piece only a change of the angle or distance between the bodies contributes.
         track_a, track_b = tracks_of(world, pair)
         rho_a = track_a.path_radius
         rho_b = track_b.path_radius
@@ -341,7 +341,7 @@ def _curve(world: World, j: int) -> float:
 
 @kernel
 def _centripetal(world: World, ball: int) -> tuple[float, float]:
-    """Acceleration of a body's centre across its path (m/s^2)."""
+    """Return the centripetal acceleration (m/s^2) of a body's centre."""
     flight = world.flights[ball]
     piece = world.pieces[flight.piece]
     track = track_of(world, ball)

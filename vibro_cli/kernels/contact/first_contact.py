@@ -1,14 +1,14 @@
 """The certified search for the first contact of two neighbours, on a line and on two pieces.
 
-Each step is one that provably ends before the first contact, from bounds on the derivatives of the
-gap over both flights; when a simple root ahead is certified to be the first one, it is refined on
-the flows themselves. Nothing is sampled and no contact is passed over.
+Bounds on the derivatives of the gap over both flights prove that each step ends before the first
+contact. When a simple root ahead is certified to be the first one, it is refined on the flows
+themselves. Nothing is sampled, and no contact is passed over.
 
-Two bodies that part from contact have a gap of zero there, up to the rounding of their places. Its
-later value as a difference of two places is rounded as the places are, which late in an
-accumulation is more than the gap itself; as a difference of two displacements from there it is
-rounded as these are. What thousands of bounces would add up in the places is taken back: of two
-free bodies in their places, where it changes no time, of others in the time of the next contact.
+Two bodies that separate from contact start with a gap of zero, up to the rounding of their
+positions. Late in an accumulation this rounding exceeds the gap itself. The gap is therefore
+computed as the difference of two displacements since then, which has only their rounding. The
+rounding that thousands of bounces would accumulate in the positions is corrected: for two free
+bodies in their positions, which changes no time, for others in the time of the next contact.
 """
 
 from __future__ import annotations
@@ -60,28 +60,28 @@ from vibro_cli.kernels.world import (
 
 Ages = tuple[float, float]  # times (s) since the flights of both bodies of a pair began
 
-# Below every time, as that of a root before now may be.
+# Below every time, even that of a root before now.
 NONE_BEFORE_LIMIT = -NEVER
-UNFINISHED = -3.0 * NEVER  # beside it: the search goes on when it is called again
-# So many steps of a search are made at once: another pair may meet before it is done.
+UNFINISHED = -3.0 * NEVER  # in addition: the search continues at the next call
+# Steps of a search made at once: another pair may meet before it is finished.
 STEPS_AT_ONCE = 100
 # A correction below this size, relative to the time scales, is the last one.
 FINAL_CORRECTION = 1.0e-5
 # ... and below this one where the iteration is of third order, not of fourth.
 FINAL_CORRECTION_BY_DISTANCE = 1.0e-6
-# Share of the size of the places by which a gap cannot be told from contact.
+# A gap below this share of the scale of positions cannot be distinguished from contact.
 UNRESOLVED = 4.0 * EPSILON
-# Shares of the time in which a body at rest falls no farther than rounding: instants within the
-# first are tried as one, and a contact that is over by less than the second is one of now.
+# Shares of the time in which a body falls from rest by no more than rounding: a refinement may move
+# by the first, and a contact in the past by less than the second counts as now.
 ONE_INSTANT = 0.1
 OF_NOW = 1.0e-5
-# Times that, bodies are in one another by more than rounding and must not go further.
+# Bodies that overlap by more than this many times that must not overlap any further.
 DEEP = 4.0
 
 
 @kernel
 def keep_states(pair: PairData, states: States) -> None:
-    """Keep states of both bodies as those of contact."""
+    """Keep the states of both bodies as those of contact."""
     pair.a_s, pair.a_c, pair.a_p, pair.b_s, pair.b_c, pair.b_p = states
 
 
@@ -95,7 +95,7 @@ def keep_flows(world: World, j: int, age_a: float, age_b: float) -> None:
 
 @kernel
 def keep_after_small_step(world: World, j: int, ages: Ages, change: float, states: States) -> None:
-    """Keep as those of contact states at the ages (s) of both flights, a small change (s) on."""
+    """Advance states at the ages (s) by a small change (s) and keep them as those of contact."""
     pair = world.pairs[j]
     a, b = flights_of(world, pair)
     age_a, age_b = ages
@@ -108,9 +108,10 @@ def keep_after_small_step(world: World, j: int, ages: Ages, change: float, state
 def contact_on_line(
     world: World, j: int, ages: Ages, touching: int, limit: float, between: float
 ) -> float:
-    """First contact of two bodies on one line, where the gap is a parabola in time.
+    """Return the first contact (s) of two bodies on one line, where the gap is a parabola in time.
 
-    The line may be several pieces in a row, whose left ends are ``between`` (m) apart.
+    The line may consist of several pieces in a row; the left ends of the bodies' pieces are
+    ``between`` (m) apart.
     """
     pair = world.pairs[j]
     a, b = flights_of(world, pair)
@@ -121,7 +122,7 @@ def contact_on_line(
     rate = b_p - a_p
     second = tangential_acceleration(b, 0.0, b_s, b_c) - tangential_acceleration(a, 0.0, a_s, a_c)
     if touching != 0:
-        # They go apart, whatever the rounding of their speeds says.
+        # They separate, whatever the rounding of their speeds.
         gap = 0.0
         rate = max(rate, 0.0)
         if touching == RELEASED:
@@ -138,10 +139,10 @@ def contact_on_line(
 def paths_of(
     world: World, j: int, straight: bool
 ) -> tuple[PieceData, TrackData, PieceData, TrackData, float]:
-    """Pieces and paths of a pair, and the distance (m) along them at which they touch.
+    """Return the pieces and paths of a pair, and the distance (m) along them at which they touch.
 
-    On one line the bodies are searched along it: centres on one path have no speed across their
-    distance, as those of unequal bodies have, and come together as their speeds along it say.
+    On one line (``straight``) both centres are put on the path of a, and the gap is that along the
+    line. The line of centres of unequal bodies is inclined, which would add a transverse velocity.
     """
     pair = world.pairs[j]
     a, b = flights_of(world, pair)
@@ -154,7 +155,7 @@ def paths_of(
 def _gap_at(
     world: World, j: int, straight: bool, age_a: float, age_b: float
 ) -> tuple[States, float, float, float]:
-    """States of a pair at ages (s) of its flights; its gap there and two derivatives of that."""
+    """Return the states of a pair at the ages (s) of its flights, its gap and two derivatives."""
     a, b = flights_of(world, world.pairs[j])
     piece_a, track_a, piece_b, track_b, reach = paths_of(world, j, straight)
     a_s, a_c, a_p, b_s, b_c, b_p = flow_of_two(a, b, age_a, age_b)
@@ -171,9 +172,9 @@ def _gap_at(
 def contact_by_distance(
     world: World, j: int, straight: bool, touching: int, horizon: float, limit: float, ages: Ages
 ) -> float:
-    """First contact of two bodies by the distance of centres, from ``d'' >= -(|A_a| + |A_b|)``.
+    """Return the first contact (s) by the distance of centres, from ``d'' >= -(|A_a| + |A_b|)``.
 
-    ``straight`` if both are on one line. Other parameters and the result as for
+    ``straight`` if both bodies are on one line. Other parameters and the result as for
     :func:`kernels.contact.arc_contact.contact_on_arc`.
     """
     pair = world.pairs[j]
@@ -200,7 +201,7 @@ def contact_by_distance(
             h = _refine_by_distance(world, j, straight, (age_a + t, age_b + t), guess, step, bound)
             if h > NONE_BEFORE_LIMIT:
                 if t + h < 0.0:
-                    # In contact already, by rounding: now, in the states of now.
+                    # Already in contact, by rounding: now, in the present states.
                     keep_flows(world, j, age_a, age_b)
                     return 0.0
                 pair.searched = limit
@@ -219,24 +220,24 @@ def contact_by_distance(
 def _unresolved_step(
     world: World, j: int, straight: bool, depth: float, second: float, bound_3: float
 ) -> float:
-    """Time (s) for which two bodies are at least in contact, or apart by less than rounding.
+    """Return a time (s) for which two bodies stay in contact or apart by less than rounding.
 
-    None if they are in one another by more than that, as deep (m) as they are.
+    Returns 0 if their overlap, ``depth`` (m), exceeds rounding.
     """
     piece_a, track_a, piece_b, track_b, reach = paths_of(world, j, straight)
     size = _size(piece_a, track_a) + _size(piece_b, track_b) + reach
-    # Bodies in contact get into one another where a closed trace misses its start.
+    # Bodies in contact overlap where a closed trace misses its start.
     unresolved = max(UNRESOLVED * size, world.settings[0].closing_error)
     return unresolved_step(second, bound_3, unresolved) if depth <= DEEP * unresolved else 0.0
 
 
 @kernel
 def _derivative_bounds(world: World, j: int, straight: bool, ages: Ages) -> tuple[float, float]:
-    """Bounds on ``-d''`` (m/s^2) and ``|d'''|`` (m/s^3) of the distance d of two bodies.
+    """Return bounds on ``-d''`` (m/s^2) and ``|d'''|`` (m/s^3) of the distance d of two bodies.
 
-    They hold while these are apart: ``d''' = n J + 3 (V_t A)/d - 3 d' V_t^2/d^2`` with the relative
-    velocity V, its part V_t across the line of centres, acceleration A and jerk J; ``|d'| V_t^2 <=
-    0.385 |V|^3``. On one line nothing is across.
+    They hold while the bodies are apart: ``d''' = n J + 3 (V_t A)/d - 3 d' V_t^2/d^2`` with the
+    relative velocity V, its component V_t across the line of centres, acceleration A and jerk J;
+    ``|d'| V_t^2 <= 0.385 |V|^3``. On one line V_t is zero.
     """
     a, b = flights_of(world, world.pairs[j])
     age_a, age_b = ages
@@ -255,7 +256,7 @@ def _derivative_bounds(world: World, j: int, straight: bool, ages: Ages) -> tupl
 
 @kernel
 def speed_and_jerk(flight: Flight, track: TrackData, until: float) -> tuple[float, float]:
-    """Bounds on the speed (m/s) and the jerk (m/s^3) of a body's centre on its flight."""
+    """Return bounds on the speed (m/s) and the jerk (m/s^3) of a body's centre on its flight."""
     if flight.at_rest == 1:
         return 0.0, 0.0
     speed = most_speed(flight, track, until)
@@ -270,7 +271,10 @@ def speed_and_jerk(flight: Flight, track: TrackData, until: float) -> tuple[floa
 
 @kernel
 def most_speed(flight: Flight, track: TrackData, until: float) -> float:
-    """Bound on the speed (m/s) of a body's centre up to an age (s) of a flight; of no segment."""
+    """Return a bound on the speed (m/s) of a body's centre up to an age (s) of its flight.
+
+    The flight must not be a segment.
+    """
     if flight.form == LINE:
         return abs(flight.flow_p) + abs(flight.line_acceleration) * until
     return 2.0 * flight.frequency * track.path_radius * math.sqrt(flight.parameter)
@@ -278,13 +282,13 @@ def most_speed(flight: Flight, track: TrackData, until: float) -> float:
 
 @kernel
 def pace(flight: Flight) -> float:
-    """Return the rate (1/s) at which a flight's derivatives grow from one to the next."""
+    """Return the rate (1/s) by which a flight's derivatives grow from each order to the next."""
     return max(flight.frequency, flight.line_growth)
 
 
 @kernel
 def _size(piece: PieceData, track: TrackData) -> float:
-    """Size (m) of a body's places on a piece, for their rounding."""
+    """Return the scale (m) of a body's positions on a piece, for their rounding."""
     return abs(piece.x) + abs(piece.y) + piece.length + track.path_radius
 
 
@@ -292,11 +296,11 @@ def _size(piece: PieceData, track: TrackData) -> float:
 def _refine_by_distance(
     world: World, j: int, straight: bool, ages: Ages, guess: float, safe: float, bound: float
 ) -> float:
-    """Halley's iteration on the distance, accepted only if the root is certified to be the first.
+    """Refine a contact by Halley's iteration on the distance; accept only a certified first root.
 
-    A guess that is negative, or beyond what the derivatives tell of, leads nowhere.
+    A guess that is negative, or beyond the range in which the derivatives are valid, is rejected.
 
-    Before a root with slope ``d' < 0`` the gap is positive for ``2 |d'|/B``; if that reaches back
+    Before a root with slope ``d' < 0`` the gap is positive for ``2 |d'|/B``. If that reaches back
     into the safe step from now, no earlier root exists.
     """
     a, b = flights_of(world, world.pairs[j])
@@ -326,31 +330,32 @@ def _refine_by_distance(
     return NONE_BEFORE_LIMIT
 
 
-# A flight whose relative rate times its length is more than this (rad, or a share of the bodies'
-# places) is timed well enough by places.
+# A flight whose relative rate times its duration exceeds this (rad, or a share of the bodies'
+# positions) is timed accurately enough by positions.
 FAR = 0.2
-# Times the frequency; displacements of longer flights are no smaller than places.
+# Times the frequency; displacements over longer flights are no smaller than positions.
 LONG = 1.0
-# Times the greater frequency; a bounce that ends sooner is a short one, whose end as displacements
-# tell it may come before that which places tell, and before another contact.
+# Times the greater frequency; a shorter bounce is a short one. Its end from displacements may come
+# before that from positions, and before another contact.
 SHORT = 0.001
-# Corrections of an instant below this share of it are its rounding.
+# Corrections of a time below this share of it are its rounding.
 SETTLED = 1.0e-11
 MOST_STEPS = 6
-# Gaps at the start of a bounce below this share of the places are their rounding.
+# Gaps at the start of a bounce below this share of the positions are their rounding.
 PLACES_ROUNDING = 4.0 * EPSILON
-# Bodies whose path is more nearly across their line of centres are not moved along it by gaps.
+# Below this n t a path is nearly across the line of centres, and a gap does not move its body.
 LEAST_NORMAL = 0.1
-# Near the top of a bounce a step of Newton's leads anywhere; one longer than this share is not his.
+# Near the top of a bounce Newton's step is unreliable; above this share of t it is replaced.
 LONG_STEP = 0.5
 
 
 @kernel
 def displacement(flight: Flight, t: float) -> tuple[float, float]:
-    """Sine and cosine of half the angle through which a body has gone since its flight began.
+    """Return sine and cosine of half the angle that a body has moved since its flight began.
 
-    ``S C0 - C S0`` and ``C C0 + S S0`` with the state of :func:`flow` put in and ``1 - cn`` as
-    ``sn^2/(1 + cn)``: no difference of places is left. On a line the way (m) and 1.
+    ``S C0 - C S0`` and ``C C0 + S S0`` with the state of :func:`flow` inserted and ``1 - cn``
+    written as ``sn^2/(1 + cn)``: no difference of positions is left. On a line: the distance (m)
+    and 1.
     """
     s0 = flight.flow_s
     c0 = flight.flow_c
@@ -370,7 +375,7 @@ def displacement(flight: Flight, t: float) -> tuple[float, float]:
 
 @kernel
 def _start(flight: Flight) -> State:
-    """State where a flight starts; a group's flow is that of its pendulum."""
+    """Return a body's state at the start of its flight; a group's flow is that of its pendulum."""
     if flight.grouped == 1:
         return flight.s, flight.c, flight.p
     return flight.flow_s, flight.flow_c, flight.flow_p
@@ -378,14 +383,14 @@ def _start(flight: Flight) -> State:
 
 @kernel
 def short_bounce(a: Flight, b: Flight) -> float:
-    """Return how long (s) a bounce of two bodies may last and be a short one."""
+    """Return the longest duration (s) of a short bounce of two bodies."""
     fastest = max(pace(a), pace(b))
     return SHORT / fastest if fastest > 0.0 else 0.0
 
 
 @kernel
 def _is_long(flight: Flight, t: float) -> bool:
-    """Tell whether displacements of a flight over a time t (s) are not better than its places."""
+    """Return whether displacements over a time t (s) are no more accurate than positions."""
     if flight.form == POLYNOMIAL or flight.form == HYPERBOLIC_TINY:
         return True
     return flight.frequency * t > LONG
@@ -393,9 +398,9 @@ def _is_long(flight: Flight, t: float) -> bool:
 
 @kernel
 def _step(gap: float, rate: float, first_rate: float, t: float) -> float:
-    """Step from t towards the end of a bounce that began at 0 with ``first_rate``.
+    """Return the step from t towards the end of a bounce that began at 0 with ``first_rate``.
 
-    Newton's, or where that is long the one that holds for a rate that falls evenly.
+    It is Newton's step, or where that is long, the step for a rate that falls linearly.
     """
     if rate < 0.0 and gap >= LONG_STEP * t * rate and gap <= -LONG_STEP * t * rate:
         return -gap / rate
@@ -404,9 +409,9 @@ def _step(gap: float, rate: float, first_rate: float, t: float) -> float:
 
 @kernel
 def _left_over(gap: float, rounding: float, first_rate: float, t: float) -> float:
-    """What of a gap at the start of a bounce is more than rounding, and is to be taken back.
+    """Return the part of a gap at the start of a bounce that exceeds rounding, to be corrected.
 
-    Bodies in one another come apart by at most half the height of the bounce.
+    Overlapping bodies separate by at most half the height of the bounce.
     """
     if gap >= -rounding:
         return max(gap - rounding, 0.0)
@@ -415,10 +420,10 @@ def _left_over(gap: float, rounding: float, first_rate: float, t: float) -> floa
 
 @kernel
 def _ends_in_places(a: Flight, b: Flight, t: float) -> bool:
-    """Tell whether the places of two bodies take back rounding, not the time t (s) of their bounce.
+    """Return whether rounding is corrected in two bodies' positions, not in the bounce time t (s).
 
-    Late in an accumulation rounding is not small against bounces. Bodies that are held to others,
-    or rest at a wall, stay where they are.
+    Late in an accumulation rounding is not small compared with the bounces. Bodies that are held to
+    others, or at rest at a wall, are not moved.
     """
     free = a.grouped + b.grouped == 0 and a.wall_side == 0 and b.wall_side == 0
     return free and t <= short_bounce(a, b)
@@ -426,10 +431,10 @@ def _ends_in_places(a: Flight, b: Flight, t: float) -> bool:
 
 @kernel
 def close_gap(world: World, j: int) -> None:
-    """Put two free bodies at the end of a bounce back into contact if rounding has parted them.
+    """Move two free bodies at the end of a bounce back into contact if rounding has parted them.
 
-    Each goes half of the way along its path. The pair has parted from contact; states and normals
-    of its contact now must be set.
+    Each moves half of the gap along its path. The pair must have separated from contact; states and
+    normals of its present contact must be set.
     """
     pair = world.pairs[j]
     a, b = flights_of(world, pair)
@@ -448,7 +453,7 @@ def close_gap(world: World, j: int) -> None:
 
 @kernel
 def _move(flight: Flight, track: TrackData, way: float) -> None:
-    """Move a body along its path by a way (m) that is as short as rounding."""
+    """Move a body along its path by a distance ``way`` (m) as small as rounding."""
     if track.path_radius == 0.0:
         flight.s += way
     else:
@@ -462,10 +467,10 @@ def _move(flight: Flight, track: TrackData, way: float) -> None:
 
 @kernel
 def polish_root_on_arc(world: World, j: int, t: float, orientation: float) -> float:
-    """Time of a contact on one arc (s), t nearly, that ends a flight from contact.
+    """Polish the approximate time t (s) of a contact on one arc that ends a flight from contact.
 
-    The states of contact, left in the pair, are sharpened too; a flight that is not a short one is
-    left as it is.
+    The states of contact in the pair are polished too. A flight that is not a short one is left as
+    it is.
     """
     pair = world.pairs[j]
     a, b = flights_of(world, pair)
@@ -475,7 +480,7 @@ def polish_root_on_arc(world: World, j: int, t: float, orientation: float) -> fl
     b_s, b_c, b_p = _start(b)
     first_rate = 2.0 * (b.own_frequency * b_p - a.own_frequency * a_p)
     if first_rate <= 0.0:
-        return t  # up to rounding it does not part: there is no bounce
+        return t  # up to rounding it does not separate: there is no bounce
     launched, _ = half_gap_sine(contact_of(world, j), a_s, a_c, b_s, b_c, orientation)
     if _ends_in_places(a, b, t):
         launched = 0.0
@@ -498,13 +503,13 @@ def polish_root_on_arc(world: World, j: int, t: float, orientation: float) -> fl
 
 @kernel
 def polish_root_by_distance(world: World, j: int, straight: bool, t: float) -> float:
-    """As :func:`polish_root_on_arc`, for two pieces, by ``d^2 - (r_a + r_b)^2``."""
+    """Polish a contact as :func:`polish_root_on_arc`, on two pieces, by ``d^2 - (r_a + r_b)^2``."""
     pair = world.pairs[j]
     a, b = flights_of(world, pair)
     if _is_long(a, t) or _is_long(b, t):
         return t
     piece_a, track_a, piece_b, track_b, reach = paths_of(world, j, straight)
-    # The line of centres where the flights begin, drawn to the length it has in contact.
+    # The line of centres at the start of the flights, scaled to its length in contact.
     a_s, a_c, a_p = _start(a)
     b_s, b_c, b_p = _start(b)
     ax, ay = centre_position(piece_a, track_a, a_s, a_c)
@@ -543,7 +548,7 @@ def polish_root_by_distance(world: World, j: int, straight: bool, t: float) -> f
 def _rate_of_square(
     world: World, j: int, straight: bool, x: float, y: float, states: States
 ) -> float:
-    """Rate (m^2/s) of the square of the distance of two bodies that is (x, y) in their states."""
+    """Return the rate (m^2/s) of the squared length of (x, y), the vector between two centres."""
     piece_a, track_a, piece_b, track_b, _ = paths_of(world, j, straight)
     a_s, a_c, a_p, b_s, b_c, b_p = states
     tax, tay = centre_tangent(piece_a, a_s, a_c)
@@ -557,11 +562,11 @@ def _rate_of_square(
 def _centre_displacement(
     flight: Flight, piece: PieceData, track: TrackData, t: float
 ) -> tuple[float, float]:
-    """How far a body's centre has gone since its flight began (m)."""
+    """Return the displacement (m) of a body's centre since its flight began."""
     sine, cosine = displacement(flight, t)
     if piece.sign == 0.0:
         return piece.tangent_x * sine, piece.tangent_y * sine
-    # Along the tangent half-way.
+    # The chord is parallel to the tangent halfway.
     s, c, _ = _start(flight)
     tx, ty = centre_tangent(piece, s, c)
     chord = 2.0 * track.path_radius * sine

@@ -1,8 +1,8 @@
-"""The first contact of two free swings on one arc in lanes, of scenarios or of both bodies.
+"""The first contact of two free librations on one arc, in lanes of scenarios or of both bodies.
 
-The operations of ``kernels.contact.arc_contact`` for two bodies that have just parted, without
-jumps. Where those would go another way, a lane is marked as failed; of both bodies the contact is
-then not looked for.
+The operations are those of ``kernels.contact.arc_contact`` for two bodies that have just separated,
+without branches. Where a branch would go another way, a lane is marked as failed; with lanes of
+both bodies, the contact is then not searched for.
 """
 
 from __future__ import annotations
@@ -64,13 +64,13 @@ from vibro_cli.kernels.world import (
     track_on,
 )
 
-# Evaluations of both flows for one contact; a lane that needs more fails.
+# Most evaluations of both flows for one contact; a lane that needs more fails.
 MOST_EVALUATIONS = 5
 
 
 @struct
 class BodyLanes(BodyData):
-    """One body in every lane."""
+    """One body in all lanes."""
 
     mass: Lanes
     rolling_mass: Lanes
@@ -79,7 +79,7 @@ class BodyLanes(BodyData):
 
 @struct
 class Meeting(Flight):
-    """A flight and its state of contact."""
+    """A flight and its state at contact."""
 
     contact_s: float  # (S, C, P)
     contact_c: float
@@ -88,7 +88,7 @@ class Meeting(Flight):
 
 @struct
 class LibrationLanes(Meeting):
-    """The flight of one body in every lane: a libration by itself, on the same arc in all."""
+    """The flight of one body in all lanes: a free libration, on the same arc in each."""
 
     flow_s: Lanes
     flow_c: Lanes
@@ -114,7 +114,7 @@ class LibrationLanes(Meeting):
     contact_s: Lanes
     contact_c: Lanes
     contact_p: Lanes
-    next_p: Lanes  # P after it, the energy and the parameter
+    next_p: Lanes  # P, energy and parameter after the contact
     next_specific_energy: Lanes
     next_m: Lanes
     next_root: Lanes
@@ -124,10 +124,10 @@ class LibrationLanes(Meeting):
 def contact_in_lanes(
     a: LibrationLanes, b: LibrationLanes, contact: PairTrack
 ) -> tuple[Lanes, bool]:
-    """First contact of two swings that have just parted, in all lanes.
+    """Return the first contact of two librations that have just separated, in all lanes.
 
-    Returns its time (s) from the start of both flights, the states being left in ``a`` and ``b``;
-    and in which lanes it is not certain.
+    Returns its time (s) from the start of both flights, with the states left in ``a`` and ``b``,
+    and in which lanes it is uncertain.
     """
     rate = 2.0 * (b.frequency * b.flow_p - a.frequency * a.flow_p)
     mean_s = 0.5 * (b.flow_s + a.flow_s)
@@ -143,9 +143,9 @@ def contact_in_lanes(
 def _expected(
     a: Flight, b: Flight, contact: PairTrack, rate: float, mean_s: float, mean_p: float
 ) -> tuple[float, float, float]:
-    """Time (s) before which two swings that part at a rate do not meet, and a guess when they do.
+    """Return a time (s) before which two separating librations do not meet, and an estimate.
 
-    And the angle of contact (rad), with what unequal frequencies pull at the difference.
+    Also returns the contact angle (rad), increased by what unequal frequencies add.
     """
     fastest = max(a.frequency, b.frequency)
     level = math.pi - contact.far_gap
@@ -159,9 +159,9 @@ def _expected(
 
 @kernel
 def _is_certain(h: float, clear: float, approach: float, level: float, fastest: float) -> bool:
-    """Tell whether a contact is the first one, and of a flight that is not a short one.
+    """Return whether a contact is certainly the first one and does not end a short flight.
 
-    Those from contact to contact are timed otherwise (kernels.contact.first_contact).
+    Short flights from contact to contact are timed differently (kernels.contact.first_contact).
     """
     long = mask_or(fastest * h > LONG, approach * h > FAR)
     return mask_and(is_clear_before(h - clear, approach, level, fastest), long)
@@ -171,7 +171,7 @@ def _is_certain(h: float, clear: float, approach: float, level: float, fastest: 
 def _refined(
     a: LibrationLanes, b: LibrationLanes, h: Lanes, contact: PairTrack
 ) -> tuple[Lanes, bool]:
-    """Zero of the sine of half the gap, as of ``refine_on_arc``; where it is not found."""
+    """Return the zero of the sine of half the gap, as ``refine_on_arc``, and where it is lost."""
     fastest = max(a.frequency, b.frequency)
     lost = h * (a.frequency + b.frequency) > 0.1 * REDUCTION_LIMIT
     done = lost
@@ -207,7 +207,7 @@ def _refined(
 
 @kernel
 def flow_in_lanes(libration: Flight, t: Lanes) -> tuple[Lanes, Lanes, Lanes]:
-    """State of a libration a time t (s) after its start (see ``kernels.flow.flow.flow_of_two``)."""
+    """Return the state of a libration a time t (s) after its start (see ``kernels.flow.flow``)."""
     s, c = sine_cosine_in_lanes(libration.frequency * t * libration.argument_scale)
     s, c, d, common = trigonometric_form(libration, s, c)
     return by_addition(libration.flow_s, libration.flow_c, libration.flow_p, s, c, d, common)
@@ -222,7 +222,7 @@ def _keep(libration: LibrationLanes, where: bool, s: Lanes, c: Lanes, p: Lanes) 
 
 @kernel
 def project_libration(libration: Meeting) -> bool:
-    """Project the state of contact (see ``kernels.flow.flight.project``); where that fails."""
+    """Project the state of contact as ``kernels.flow.flight.project``; return where this fails."""
     s = libration.contact_s
     c = libration.contact_c
     p = libration.contact_p
@@ -240,7 +240,7 @@ def project_libration(libration: Meeting) -> bool:
 
 @struct
 class TwoLibrations(Meeting):
-    """The flights of two bodies, a lane for each."""
+    """The flights of two bodies, one lane each."""
 
     frequency: Two
     flow_s: Two
@@ -267,12 +267,12 @@ class TwoLibrations(Meeting):
     contact_p: Two
     specific_energy: Two
     weight: Two
-    most_parameter: Two  # of such flights
+    most_parameter: Two  # upper limit of the parameter of such flights
 
 
 @struct
 class TwoTracks(TrackData):
-    """The paths of both bodies, a lane for each."""
+    """The paths of two bodies, one lane each."""
 
     speed_factor: Two
     top: Two
@@ -291,10 +291,10 @@ class TwoBodies(NamedTuple):
 def contact_of_two(
     two: TwoLibrations, a: Flight, b: Flight, contact: PairTrack, clock: Clock
 ) -> float:
-    """Time (s) of the first contact from the start of both flights, the states left in ``two``.
+    """Return the time (s) of the first contact from the start of both flights.
 
-    ``NONE_BEFORE_LIMIT`` where it is not certain. Of ``a`` and ``b`` the frequencies count, and
-    the bounds if these differ.
+    The states are left in ``two``. Returns ``NONE_BEFORE_LIMIT`` if the contact is uncertain. Only
+    the frequencies of ``a`` and ``b`` are used, and their bounds if the frequencies differ.
     """
     wa = a.frequency
     wb = b.frequency
@@ -315,7 +315,7 @@ def contact_of_two(
 
 @kernel
 def _refined_of_two(two: TwoLibrations, h: float, contact: PairTrack, clock: Clock) -> float:
-    """Zero of the sine of half the gap (see ``kernels.contact.arc_contact``)."""
+    """Return the zero of the sine of half the gap (see ``kernels.contact.arc_contact``)."""
     w = two.frequency
     wa = extract(w, 0)
     wb = extract(w, 1)
@@ -347,13 +347,13 @@ def _refined_of_two(two: TwoLibrations, h: float, contact: PairTrack, clock: Clo
     return NONE_BEFORE_LIMIT
 
 
-# Where there is nothing to go this way, the event loop is left alone for up to so many impacts.
+# While these kernels do not apply, the event loop handles up to this many impacts in a row.
 LONGEST_STAY = 1 << 12
 
 
 @kernel
 def fits(world: World, piece: int) -> bool:
-    """Tell whether two bodies have just parted and swing on an arc, far from its ends."""
+    """Return whether two bodies have just separated and librate on an arc, clear of its ends."""
     clock = world.clock[0]
     pair = world.pairs[0]
     valley = world.pieces[piece].sign > 0.0 and world.contacts[piece].normal_a > 0.0
