@@ -1,1 +1,1 @@
-"""Impact laws, impacts at one instant, accumulations of impacts."""
+"""Impact laws, simultaneous impacts and accumulations of impacts."""

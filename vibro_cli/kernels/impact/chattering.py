@@ -1,15 +1,16 @@
-"""Bounces of a pair left to itself, summed in closed form (Zeno), and their limit: a common speed.
+"""Accumulation of a pair's bounces (Zeno), summed in closed form, and its limit: a common speed.
 
-With the parting speed u and the approach acceleration ``c`` all further bounces last ``T0 = 2 u/(c
-(1 - k))``, and for a free pair on one arc what :func:`_changes` adds. It is taken when what this
-leaves out is smaller than what the rounding of the gap has made uncertain. Of bodies held to
-others, or leaning on a wall, each bounce is a sequence of impacts of them all, which leaves the
-same share of the speed each time: that of the last bounce stands for k.
+With the parting speed u and the approach acceleration ``c`` all further bounces last
+``T0 = 2 u/(c (1 - k))``, plus the terms of :func:`_changes` for a free pair on one arc. The sum is
+used once the terms it omits are smaller than the uncertainty due to the rounding of the gap. If
+bodies are held to others or rest against a wall, each bounce is a sequence of impacts of all of
+them, which leaves the same share of the speed each time; the share left by the last bounce replaces
+k.
 
-They are where a sequence of impacts that contracts ends, at one instant or in an accumulation: each
-impulse of it changes the speeds at right angles, measured by the kinetic energy, to the motions in
-which none of its contacts parts or closes, so that the part of the speeds which is such a motion
-stays as it was, and is all that is left in the end.
+The common speed is the limit of a contracting sequence of impacts, at one instant or in an
+accumulation. In the metric of the kinetic energy, each impulse changes the speeds at right angles
+to the motions in which no contact separates or closes. The component of the speeds along such
+motions is therefore unchanged, and is all that remains in the end.
 """
 
 from __future__ import annotations
@@ -64,24 +65,24 @@ from vibro_cli.kernels.world import (
     tracks_of,
 )
 
-# A bounce must be this small against the bodies before its accumulation is looked at.
+# Largest bounce, relative to the bodies, whose accumulation is considered.
 SMALL_BOUNCE = 1.0e-4
-# Free bounces are told by contact from this share of the distance of the centres over 1 - k down.
+# Greatest height of free bounces replaced by contact, over (distance of centres)/(1 - k).
 LOW_BOUNCE = 1.0e-10
-# A bounce lower than this many units in the last place of the places is lost in rounding.
+# A bounce lower than this many units in the last place of the positions is lost in rounding.
 LOST_BOUNCE = 4.0
-# Bodies that go less than this share of that from bounce to bounce go nowhere.
+# Bodies that move less than this share of a rounding from bounce to bounce count as at rest.
 NOWHERE = 1.0e-3
-# In which a pair is to stop whose law gives it the speed of a bounce again and again.
+# Bounces within which a pair must stop if its law gives it speed at each of them.
 SOME_BOUNCES = 64.0
-# Accelerations below this share of gravity are those of a force that is zero up to rounding.
+# Accelerations below this share of gravity are due to a force that is zero up to rounding.
 NO_PRESSURE = 1.0e-12
 NOT_YET = -1.0
 
 
 @kernel
 def _law_is_normal(world: World, j: int, law: int) -> bool:
-    """Tell whether a law acts on the speed along the line of centres, up to a positive factor."""
+    """Return whether a law acts on the speed along the line of centres, up to a positive factor."""
     pair = world.pairs[j]
     qa, _ = weight_and_response(law, world.bodies[pair.a], pair.normal_a)
     qb, _ = weight_and_response(law, world.bodies[pair.b], pair.normal_b)
@@ -92,8 +93,8 @@ def _law_is_normal(world: World, j: int, law: int) -> bool:
 def closing_law(world: World, first: int, count: int) -> int:
     """Return the law whose plastic impact is the limit of all bounces of a run of pairs.
 
-    That of the run, if it acts along the lines of centres, for what it balances stays the same in
-    each of them. ``hedrih`` then balances the same as ``normal-impulse``.
+    It is the law of the run if that acts along the lines of centres, since each bounce conserves
+    the same sum. ``hedrih`` then conserves the same as ``normal-impulse``.
     """
     law = world.settings[0].law
     if not balances_mass(law):
@@ -108,7 +109,10 @@ def closing_law(world: World, first: int, count: int) -> int:
 def speeds_after(
     world: World, one: BodyData, other: BodyData, k: float, piece: int, va: float, vb: float
 ) -> tuple[float, float, float, bool]:
-    """Speeds (m/s) after an impact, the energy (J) it takes, and whether it is no small bounce."""
+    """Return speeds (m/s) after an impact, energy lost (J), and whether its bounce is not small.
+
+    The last is false also if the bodies do not separate.
+    """
     settings = world.settings[0]
     contact = world.contacts[piece]
     normal_a, normal_b = contact.normal_a, contact.normal_b
@@ -121,14 +125,14 @@ def speeds_after(
 
 @kernel
 def is_bound(world: World, j: int) -> bool:
-    """Tell whether a body of a pair is held to another one, or leans on a wall."""
+    """Return whether a body of a pair is held to another body or rests against a wall."""
     a, b = flights_of(world, world.pairs[j])
     return a.grouped + b.grouped > 0 or a.wall_side != 0 or b.wall_side != 0
 
 
 @kernel
 def share_left(world: World, j: int) -> float:
-    """Share of a pair's speed that its bounce at this instant has left: k if both were free."""
+    """Return the share of a pair's speed left by its bounce at this instant: k for free bodies."""
     pair = world.pairs[j]
     if pair.struck == 0.0 or not is_bound(world, j):
         return pair.restitution
@@ -137,7 +141,7 @@ def share_left(world: World, j: int) -> float:
 
 @kernel
 def repeats(world: World, first: int, count: int, j: int) -> bool:
-    """Tell whether pair ``j`` of a chain is all in it that moves: the others are held, or lean."""
+    """Return whether only pair ``j`` of a chain moves: the others are held or at rest at a wall."""
     for step in range(count):
         other = number_along(world, first, step)
         if other != j and world.pairs[other].held == 0:
@@ -152,9 +156,10 @@ def repeats(world: World, first: int, count: int, j: int) -> bool:
 
 @kernel
 def time_to_rest(world: World, first: int, count: int, j: int) -> float:
-    """Duration (s) of all further bounces of a pair just launched, ``NOT_YET`` if not summable.
+    """Return the duration (s) of all further bounces of a pair just launched.
 
-    ``first`` and ``count`` tell the chain that it has been launched with.
+    Returns ``NOT_YET`` if they cannot be summed. ``first`` and ``count`` give the chain that it has
+    been launched with.
     """
     pair = world.pairs[j]
     u = parting_speed(world, j)
@@ -163,7 +168,7 @@ def time_to_rest(world: World, first: int, count: int, j: int) -> float:
     c = -present_approach(world, j)
     still = u <= SPEED_ROUNDING * speed_of_pair(world, j)
     if still and abs(c) <= NO_PRESSURE * world.settings[0].gravity:
-        return 0.0  # on one line nothing parts them either
+        return 0.0  # on one line nothing separates them either
     if c <= 0.0:
         return NOT_YET
     normal = _law_is_normal(world, j, pair.law)
@@ -174,8 +179,8 @@ def time_to_rest(world: World, first: int, count: int, j: int) -> float:
     rounding = EPSILON * size
     lost = u * u <= 2.0 * c * LOST_BOUNCE * rounding
     if not normal and world.flights[pair.a].grouped + world.flights[pair.b].grouped == 0:
-        # There is no sum; free bodies bounce, timed by displacements, until they go nowhere, or
-        # until most of the bounce is what the law gives again and again.
+        # There is no sum. Free bodies bounce, timed by displacements, until they no longer move, or
+        # until most of the bounce is the speed that the law gives each time.
         nowhere = 2.0 * u * speed_of_pair(world, j) <= NOWHERE * c * rounding
         lasting = 2.0 * _speed_given(world, j) >= (1.0 - pair.restitution) * u
         lasting = lasting and not _is_stopped(world, j, 2.0 * u / c)
@@ -183,7 +188,7 @@ def time_to_rest(world: World, first: int, count: int, j: int) -> float:
     share = share_left(world, j)
     once = is_bound(world, j) and (pair.struck == 0.0 or not repeats(world, first, count, j))
     if not normal or share >= 1.0 or once:
-        # Nothing accumulates; but a bounce lower than the rounding of the places is contact.
+        # Nothing accumulates, but a bounce lower than the rounding of the positions is contact.
         return 0.0 if lost else NOT_YET
     return _summed(world, j, u, c, share, rounding, lost)
 
@@ -192,9 +197,9 @@ def time_to_rest(world: World, first: int, count: int, j: int) -> float:
 def _summed(
     world: World, j: int, u: float, c: float, share: float, rounding: float, lost: bool
 ) -> float:
-    """The sum of the bounces that leave a share of the speed each, ``NOT_YET`` if it is uncertain.
+    """Return the sum of bounces that leave a share of the speed each; ``NOT_YET`` if uncertain.
 
-    Of bounces lost in rounding it is taken in any case.
+    The sum of bounces lost in rounding needs no such test.
     """
     pair = world.pairs[j]
     delay = 2.0 * u / (c * (1.0 - share))
@@ -211,9 +216,9 @@ def _summed(
 
 @kernel
 def _speed_given(world: World, j: int) -> float:
-    """Speed (m/s) along the line of centres that the law of a pair gives to bodies without any.
+    """Return the normal speed (m/s) that the law of a pair gives to it if it has none.
 
-    Bounces under it tend to this over ``1 - k``, not to nothing.
+    Bounces under the law tend to this over ``1 - k``, not to zero.
     """
     pair = world.pairs[j]
     scale = world.flights[pair.a].speed + world.flights[pair.b].speed
@@ -227,9 +232,9 @@ def _speed_given(world: World, j: int) -> float:
 
 @kernel
 def _is_stopped(world: World, j: int, lasts: float) -> bool:
-    """Tell whether the forces on a pair stop it within some bounces of so many seconds.
+    """Return whether the forces on a pair stop it within ``SOME_BOUNCES`` bounces of ``lasts`` (s).
 
-    Then what a law gives it again and again tends to nothing with its speed.
+    What a law gives at each bounce then vanishes with the speed of the pair.
     """
     pair = world.pairs[j]
     speed = world.flights[pair.a].speed + world.flights[pair.b].speed
@@ -239,10 +244,10 @@ def _is_stopped(world: World, j: int, lasts: float) -> bool:
 
 @kernel
 def _drift(world: World, j: int) -> float:
-    """What the bounces of a pair add to the acceleration (m/s^2) that it has in contact.
+    """Return what the bounces of a pair add to its acceleration in contact (m/s^2).
 
-    ``translational`` keeps the momentum ``sum m v``, which grows in free flight by the mean of the
-    accelerations weighted with m; in contact their mean weighted with ``kappa m`` holds.
+    ``translational`` conserves the momentum ``sum m v``. In free flight this grows by the mean of
+    the accelerations weighted with m; in contact the mean weighted with ``kappa m`` applies.
     """
     pair = world.pairs[j]
     body_a, body_b = world.bodies[pair.a], world.bodies[pair.b]
@@ -258,9 +263,9 @@ def _drift(world: World, j: int) -> float:
 
 @kernel
 def carry_drift(world: World, j: int, delay: float) -> float:
-    """Give a pair the speed in contact with which it will come out of its bounces.
+    """Add to the speed of a pair in contact what its bounces will have added to it in the end.
 
-    Returns the energy (J) that this takes. To be called before the contact is closed.
+    Returns the energy lost (J). Must be called before the contact is closed.
     """
     pair = world.pairs[j]
     added = _drift(world, j) * delay
@@ -279,21 +284,21 @@ def carry_drift(world: World, j: int, delay: float) -> float:
 def _refined(
     world: World, j: int, u: float, c: float, share: float, rounding: float, first_term: float
 ) -> float:
-    """The sum of the bounces with the changes of ``c``, ``NOT_YET`` while that leaves out much.
+    """Return the sum of bounces with the changes of ``c``; ``NOT_YET`` while that is inaccurate.
 
-    Nor is it taken while they are so high that contact, by which they are told, is far from them.
+    It is not used either while the bounces are so high that contact does not represent them.
     """
     pair = world.pairs[j]
     a, b = flights_of(world, pair)
     free = a.piece == b.piece and a.grouped == 0 and b.grouped == 0 and a.own_frequency > 0.0
     rate = _jerk(a, pair.distance) + _jerk(b, pair.distance)
     if not free:
-        # Above the rates (1/s) at which the geometry of the pair changes.
+        # Greater than the rates (1/s) at which the geometry of the pair changes.
         fastest = (abs(a.speed) + abs(b.speed)) / pair.distance + a.frequency + b.frequency
         rate += (a.acceleration_bound + b.acceleration_bound) * fastest
         missing = first_term * first_term * rate / c
         return first_term if missing * u <= rounding else NOT_YET
-    # What each bounce before has left uncertain of the speed is a series of squares.
+    # The uncertainty of the speed left by the bounces before is a series of squares.
     left = 1.0 - share
     uncertain = rounding / (u * left * math.sqrt(left * (1.0 + share)))
     missing = first_term * rate / c
@@ -306,27 +311,27 @@ def _refined(
 
 @kernel
 def _jerk(flight: Flight, distance: float) -> float:
-    """Bound (m/s^3) on how fast the acceleration of a body grows, at a distance (m) from another.
+    """Return a bound (m/s^3) on the jerk of a body at a ``distance`` (m) from another.
 
-    The derivatives of a flight are those of an angle on an arc, of a way on a line.
+    The derivatives of a flight are those of an angle on an arc and of a distance on a line.
     """
     return flight.jerk_bound * (distance if flight.own_frequency > 0.0 else 1.0)
 
 
 @kernel
 def _changes(world: World, j: int, c: float, k: float, time: float) -> float:
-    """What changes of ``c`` add to the sum T of the bounces of a free pair on one arc, over T.
+    """Return what changes of ``c`` add to the sum T of a free pair's bounces on one arc, over T.
 
-    ``-c' T/3c`` and, over ``9 (1 + k + k^2)``: ``(2 + 3k + 2k^2) (c' T/c)^2``, three quarters of
-    ``-(1 + k)^2 c'' T^2/c`` and of ``-(1 - k)^2 w^2 T^2``. The derivatives of ``c`` are those on
-    the motion in contact; ``w^2`` is that with the gap.
+    This is ``-c' T/3c`` and, divided by ``9 (1 + k + k^2)``: ``(2 + 3k + 2k^2) (c' T/c)^2``, three
+    quarters of ``-(1 + k)^2 c'' T^2/c`` and three quarters of ``-(1 - k)^2 w^2 T^2``. The
+    derivatives of ``c`` are along the motion in contact; ``w^2`` is that with respect to the gap.
     """
     pair = world.pairs[j]
     a, b = flights_of(world, pair)
     track_a, track_b = tracks_of(world, pair)
     _, gives_a = weight_and_response(pair.law, world.bodies[pair.a], pair.normal_a)
     _, gives_b = weight_and_response(pair.law, world.bodies[pair.b], pair.normal_b)
-    # Of a change of the difference of both angles.
+    # Shares of both bodies in a change of the difference of their angles.
     share_a = gives_a * track_b.path_radius
     share_a /= share_a + gives_b * track_a.path_radius
     share_b = 1.0 - share_a
@@ -348,7 +353,7 @@ def _changes(world: World, j: int, c: float, k: float, time: float) -> float:
 
 @kernel
 def _undisturbed(world: World, j: int, delay: float) -> bool:
-    """Tell whether no other body can hit a pair, or those held to it, before a delay (s)."""
+    """Return whether no other body can hit a pair, or those held to it, before a delay (s)."""
     settings = world.settings[0]
     first, count = run_around(world, j, False)
     for side in range(2):
@@ -363,10 +368,10 @@ def _undisturbed(world: World, j: int, delay: float) -> bool:
 
 @kernel
 def _is_hit_now(world: World, outer: int, side: int) -> bool:
-    """Tell whether the far body of an outer pair is in another impact of this very instant.
+    """Return whether the far body of an outer pair is in another impact at this instant.
 
-    Which of the two comes first must not decide: what that body does after its impact is not known
-    yet, or will not have been known to the other pair.
+    The order of the two impacts must not matter: the motion of that body after its impact is not
+    known yet, or was not known when the other pair was handled.
     """
     settings = world.settings[0]
     clock = world.clock[0]
@@ -394,7 +399,7 @@ def _is_hit_now(world: World, outer: int, side: int) -> bool:
 
 @kernel
 def _earliest_contact(world: World, j: int) -> float:
-    """Time (s) for which a pair certainly stays apart, from its gap, its rate and their bounds."""
+    """Return a time (s) for which a pair certainly stays apart, from gap, rate and bounds."""
     clock = world.clock[0]
     pair = world.pairs[j]
     a, b = flights_of(world, pair)
@@ -408,26 +413,26 @@ def _earliest_contact(world: World, j: int) -> float:
         (a_s, a_c, a_p, b_s, b_c, b_p), (along_a, along_b), pair.distance,
     )  # fmt: skip
     if pair.touching != 0:
-        gap = 0.0  # whatever the rounding of their places says
+        gap = 0.0  # whatever the rounding of their positions
     bound = a.acceleration_bound + b.acceleration_bound
     return safe_step_second_order(max(gap, 0.0), rate, bound)
 
 
-# ``pressing`` of a pair, or of a body at a wall: parts or closes, may be held, is held.
+# ``pressing`` of a pair, or of a body at a wall: separates or closes, may be held, is held.
 FREE = 0
 PROPOSED = 1
 PRESSING = 2
-FORCED = 3  # proved by the motion itself: without the contact they would be in one another
+FORCED = 3  # held, as the motion itself proves: without the contact the bodies would overlap
 
 
 @kernel
 def equalise(world: World, first: int, count: int) -> None:
     """Give the bodies of each run of held pairs one common normal speed (plastic impulses).
 
-    What that takes is kept in ``closing_loss``. Pairs that close then, which may just have parted,
-    are marked as ``CLOSING``.
+    The energy lost is kept in ``closing_loss``. Other pairs that close as a result, even if they
+    have just separated, are marked as ``CLOSING``.
     """
-    # Twice what counts as no speed in an impact: what is marked as closing closes there too.
+    # Twice the rounding of speeds in an impact: a pair marked as closing closes there too.
     rounding = 2.0 * SPEED_ROUNDING * share_fastest(world, first, count)
     start = 0
     while start < count:
@@ -446,7 +451,7 @@ def equalise(world: World, first: int, count: int) -> None:
 
 @kernel
 def _equalise_run(world: World, begin: int, length: int, rounding: float) -> None:
-    """Give the bodies of one run of held pairs a common normal speed, none at a wall."""
+    """Give the bodies of one run of held pairs a common normal speed, zero at a wall."""
     left = world.flights[begin].wall_side
     right = flight_along(world, begin, length).wall_side
     if left != 0 or right != 0:
@@ -472,17 +477,20 @@ def _equalise_run(world: World, begin: int, length: int, rounding: float) -> Non
 
 @kernel
 def _is_held_by_wall(world: World, ball: int, rounding: float) -> bool:
-    """Tell whether a body moves towards a wall that it touches, by rounding only."""
+    """Return whether a body moves only by rounding towards a wall that it touches."""
     towards = world.flights[ball].speed * touched_wall(world, ball)
     return 0.0 < towards <= rounding
 
 
 @kernel
 def half_approach(world: World, j: int, law: int) -> float:
-    """Half the speed whose sum before and after, times the impulse of a pair, is its work (m/s)."""
+    """Return half the approach speed (m/s) on which a pair's impulse does work.
+
+    The loss is the impulse times the sum of this before and after.
+    """
     pair = world.pairs[j]
     if balances_mass(law):
-        # The law balances m v, q = m h, the bodies carry kappa m v^2/2.
+        # The law conserves m v, so q = m h, but the energy is kappa m v^2/2.
         qa, _ = weight_and_response(law, world.bodies[pair.a], pair.normal_a)
         qb, _ = weight_and_response(law, world.bodies[pair.b], pair.normal_b)
         a = world.bodies[pair.a].kappa * qa * world.flights[pair.a].speed
@@ -492,7 +500,7 @@ def half_approach(world: World, j: int, law: int) -> float:
 
 @kernel
 def _stop_run(world: World, begin: int, length: int, side: int) -> None:
-    """Stop a run of held pairs that leans on a wall; each pair takes its share of the energy."""
+    """Stop a run of held pairs that rests against a wall; each pair gets its share of the loss."""
     for step in range(length):
         pair = pair_along(world, begin, step)
         loss_a = energy_of_motion(world, pair.a)
@@ -510,14 +518,14 @@ def _stop_run(world: World, begin: int, length: int, side: int) -> None:
 
 @kernel
 def energy_of_motion(world: World, ball: int) -> float:
-    """Energy (J) of a body's scratch speed."""
+    """Return the kinetic energy (J) of a body with its scratch speed."""
     speed = world.flights[ball].speed
     return 0.5 * world.bodies[ball].rolling_mass * speed * speed
 
 
 @kernel
 def lean(flight: Flight, side: int) -> None:
-    """Let a body lean on a wall, without speed."""
+    """Set a body at rest against a wall."""
     flight.pressing = PRESSING
     flight.wall_side = side
     flight.speed = 0.0
@@ -527,10 +535,10 @@ def lean(flight: Flight, side: int) -> None:
 def press_speeds(world: World, first: int, count: int, law: int) -> float:
     """Set the impulses (``solution``) of the plastic impact of a chain with the walls it touches.
 
-    They are positive only where speeds would close without them (``pressing`` is ``PRESSING``), and
-    none closes with them: of all motions that do not close it is the one nearest to that before,
-    measured by the kinetic energy of the difference. Contacts are added as in ``_press``. Returns
-    the energy (J) that walls take at once.
+    Impulses are positive only where speeds would close without them (``pressing`` is ``PRESSING``),
+    and none closes with them. Of all motions that do not close, the result is the one nearest to
+    the motion before, measured by the kinetic energy of the difference. Contacts are added as in
+    ``contact_changes._press``. Returns the energy (J) lost at once at walls.
     """
     rounding = SPEED_ROUNDING * share_fastest(world, first, count)
     taken = 0.0
@@ -565,7 +573,7 @@ def press_speeds(world: World, first: int, count: int, law: int) -> float:
 
 @kernel
 def _solve_speeds(world: World, first: int, count: int, law: int) -> None:
-    """Find the impulses of each run of pressing pairs of a chain; the others have none."""
+    """Solve for the impulses of each run of pressing pairs of a chain; the others have none."""
     start = 0
     while start < count:
         length = pressing_from(world, first, count, start)
@@ -576,9 +584,9 @@ def _solve_speeds(world: World, first: int, count: int, law: int) -> None:
 
 @kernel
 def pressing_from(world: World, first: int, count: int, start: int) -> int:
-    """Number of pressing pairs in a row from place ``start`` of a chain on.
+    """Return the number of consecutive pressing pairs from position ``start`` of a chain.
 
-    The pair after them, if there is one, is left without a ``solution``.
+    The pair after them, if there is one, gets a zero ``solution``.
     """
     length = 0
     while start + length < count:
@@ -592,7 +600,7 @@ def pressing_from(world: World, first: int, count: int, start: int) -> int:
 
 @kernel
 def _speed_after(world: World, first: int, count: int, step: int, law: int) -> float:
-    """Speed (m/s) of a body of a chain after the impulses (``solution``) of its pairs."""
+    """Return the speed (m/s) of a body in a chain after impulses (``solution``) of its pairs."""
     flight = flight_along(world, first, step)
     if flight.wall_side != 0:
         return 0.0

@@ -1,8 +1,8 @@
 """Chains of touching bodies and walls: their extent, simultaneous impacts and contact forces.
 
-The pair of a body and its right neighbour has the body's own number; a chain is a run of such
-pairs (round the seam of a closed trace). A wall is a body of infinite mass at the end of a chain:
-what decides whether a body stays at it is what decides on the contact of two bodies (see
+The pair of a body and its right neighbour has the body's number. A chain is a run of such pairs,
+across the seam of a closed trace too. A wall is a body of infinite mass at the end of a chain:
+whether a body stays at it is decided as for the contact of two bodies (see
 ``kernels.cluster.contact_changes``).
 """
 
@@ -37,13 +37,13 @@ from vibro_cli.kernels.world import (
     track_of,
 )
 
-# Height of a bounce that is lost in rounding, as a share of the size of the places.
+# Height of a bounce that is lost in rounding, as a share of the scale of positions.
 BOUNCE_ROUNDING = 16.0 * EPSILON
 
 
 @kernel
 def touched_wall(world: World, ball: int) -> int:
-    """The side (-1 left, +1 right) of the wall that a body touches, or 0."""
+    """Return the side (-1 left, +1 right) of the wall that a body touches, or 0."""
     settings = world.settings[0]
     if settings.closed == 1:
         return 0
@@ -61,7 +61,7 @@ def touched_wall(world: World, ball: int) -> int:
 
 @kernel
 def stand_at_wall(world: World, ball: int, side: int) -> None:
-    """Put a body that touches a wall where it touches it, so that it meets it at once or not."""
+    """Place a body that touches a wall exactly at it, so that it meets it at once or not at all."""
     flight = world.flights[ball]
     track = track_of(world, ball)
     flight.s = track.right_s if side > 0 else track.left_s
@@ -70,7 +70,7 @@ def stand_at_wall(world: World, ball: int, side: int) -> None:
 
 @kernel
 def touches_dissipative_wall(world: World, ball: int) -> bool:
-    """Tell whether a body touches a wall that takes energy."""
+    """Return whether a body touches a wall that dissipates energy."""
     side = touched_wall(world, ball)
     settings = world.settings[0]
     restitution = settings.right_wall if side > 0 else settings.left_wall
@@ -79,7 +79,7 @@ def touches_dissipative_wall(world: World, ball: int) -> bool:
 
 @kernel
 def _is_at_end(flight: Flight, track: TrackData, end_s: float, end_c: float) -> bool:
-    """Tell whether a body is at an end of its piece, up to rounding."""
+    """Return whether a body is at an end of its piece, up to rounding."""
     if track.path_radius == 0.0:
         return abs(flight.s - end_s) <= AT_END * flight.size
     return is_at(flight.s, flight.c, end_s, end_c)
@@ -87,7 +87,7 @@ def _is_at_end(flight: Flight, track: TrackData, end_s: float, end_c: float) -> 
 
 @kernel
 def lost_height(world: World, ball: int) -> float:
-    """Height (m) of a bounce that is lost in the rounding of the body's place."""
+    """Return the height (m) of a bounce that is lost in the rounding of the body's position."""
     flight = world.flights[ball]
     track = track_of(world, ball)
     x, y = centre_position(world.pieces[flight.piece], track, flight.s, flight.c)
@@ -96,7 +96,7 @@ def lost_height(world: World, ball: int) -> float:
 
 @kernel
 def bounce_is_lost(world: World, ball: int, side: int) -> bool:
-    """Tell whether a body alone is pressed to a wall and its next bounce is lost in rounding."""
+    """Return whether a body alone is pressed to a wall and its next bounce is lost in rounding."""
     set_speed(world, ball)
     speed = world.flights[ball].speed
     pull = free_acceleration(world, ball) * side
@@ -114,15 +114,15 @@ def last_number_of(world: World, ball: int) -> int:
 
 @kernel
 def last_row_of(world: World, ball: int) -> FlightRow:
-    """Return the row of a flight that has just been logged."""
+    """Return the last row of a body in the log of flights."""
     return world.log[last_number_of(world, ball)]
 
 
 @kernel
 def rest(world: World, ball: int, side: int, pulled: bool) -> None:
-    """Let a body that has just been launched rest, pressed to a wall or to a row at one.
+    """Set a body that has just been launched at rest, pressed to a wall or to a row at one.
 
-    One that a one-sided trace would have to pull (``pulled``) leaves it at once.
+    A body that a one-sided trace would have to pull (``pulled``) leaves the trace at once.
     """
     flight = world.flights[ball]
     flight.at_rest = 1
@@ -144,7 +144,7 @@ def rest(world: World, ball: int, side: int, pulled: bool) -> None:
 
 @kernel
 def row_from(world: World, ball: int, right: bool) -> int:
-    """Number of pairs of the chain that touches a body at the wall on a side."""
+    """Return the number of pairs in the chain from a body at a wall inwards."""
     most = ball if right else world.settings[0].bodies - 1 - ball
     count = 0
     while count < most:
@@ -165,9 +165,9 @@ def set_speeds_and_normals(world: World, first: int, count: int) -> None:
 
 @kernel
 def run_around(world: World, j: int, touching: bool) -> tuple[int, int]:
-    """First pair and number of pairs of the run around pair ``j`` of those that are held.
+    """Return the first pair and the number of pairs of the run of held pairs around pair ``j``.
 
-    With ``touching`` of the chain of those that are in contact when pair ``j`` is.
+    With ``touching`` the run includes the pairs that are in contact at the present instant.
     """
     settings = world.settings[0]
     first = j
@@ -196,7 +196,7 @@ def run_around(world: World, j: int, touching: bool) -> tuple[int, int]:
 
 @kernel
 def joins(world: World, j: int, touching: bool) -> bool:
-    """Tell whether a pair is held, or else in contact at the present instant up to rounding."""
+    """Return whether a pair is held or, with ``touching``, in contact now up to rounding."""
     clock = world.clock[0]
     pair = world.pairs[j]
     if pair.held == 1:
@@ -204,7 +204,7 @@ def joins(world: World, j: int, touching: bool) -> bool:
     if not touching or pair.apart == 1:
         return False
     if pair.contact_t == clock.t and pair.contact_t_low == clock.t_low:
-        return True  # whatever the rounding of its places says
+        return True  # whatever the rounding of its positions
     if pair.touching != 0 and pair.begin_t == clock.t and pair.begin_t_low == clock.t_low:
         return True  # launched in contact at this instant
     a_s, a_c, _ = state_at(world, pair.a, clock.t, clock.t_low)
@@ -215,7 +215,7 @@ def joins(world: World, j: int, touching: bool) -> bool:
 
 @kernel
 def held_from(world: World, first: int, count: int, start: int) -> int:
-    """Number of held pairs in a row from place ``start`` of a chain on."""
+    """Return the number of consecutive held pairs from position ``start`` of a chain."""
     length = 0
     while start + length < count:
         if pair_along(world, first, start + length).held == 0:
@@ -226,10 +226,10 @@ def held_from(world: World, first: int, count: int, start: int) -> int:
 
 @kernel
 def share_fastest(world: World, first: int, count: int) -> float:
-    """Size (m/s) of the greatest speeds that a chain has had at this instant.
+    """Return the scale (m/s) of a chain's greatest speeds at this instant; set it in its bodies.
 
-    A sequence of impacts at one instant may contract to rest: what is left of its speeds is
-    measured by those it began with. The bodies of the chain share what each of them remembers.
+    A sequence of simultaneous impacts may contract to rest. What remains of its speeds is compared
+    with those at its beginning.
     """
     fastest = 0.0 if count > 0 else abs(world.flights[first].speed)
     for step in range(count):
@@ -243,10 +243,10 @@ def share_fastest(world: World, first: int, count: int) -> float:
 
 @kernel
 def simultaneous_impulses(world: World, first: int, count: int, law: int, plastic: int) -> None:
-    """Impulses (``solution``) of pairs that close at one instant, each with its own k.
+    """Set the impulses (``solution``) of pairs that close at one instant, each with its own k.
 
-    Row of a pair: its law's relative speed after all impulses is ``-k`` times that before;
-    ``plastic`` takes k = 0 for all. A body that leans on a wall does not yield.
+    Equation of a pair: its law's relative speed after all impulses is ``-k`` times that before;
+    ``plastic`` sets k = 0 for all. A body that rests against a wall does not yield.
     """
     pairs = world.settings[0].pairs
     for step in range(count):
@@ -275,17 +275,17 @@ def simultaneous_impulses(world: World, first: int, count: int, law: int, plasti
 
 @kernel
 def _weight_and_response(world: World, law: int, ball: int, normal: float) -> tuple[float, float]:
-    """Weight and response of a body under a law; none of one that leans on a wall."""
+    """Return the weight and response of a body; the response is 0 at rest against a wall."""
     q, h = weight_and_response(law, world.bodies[ball], normal)
     return q, 0.0 if world.flights[ball].wall_side != 0 else h
 
 
 @kernel
 def apply_impulses(world: World, first: int, count: int, law: int) -> None:
-    """Change the speeds of a run of pairs by their impulses, the two of one body at once.
+    """Change the speeds of a run of bodies by the impulses of their pairs, both of a body at once.
 
-    A light body between heavy ones gets two great impulses that take one another away: what is left
-    is rounded as they are, so that their size counts as one of its speeds at this instant.
+    A light body between heavy ones gets two large impulses that nearly cancel. The result has their
+    rounding, so that their size counts as one of its speeds at this instant.
     """
     for step in range(count + 1):
         left, right = pushes(world, first, count, step, law)
@@ -296,7 +296,10 @@ def apply_impulses(world: World, first: int, count: int, law: int) -> None:
 
 @kernel
 def pushes(world: World, first: int, count: int, step: int, law: int) -> tuple[float, float]:
-    """Speeds (m/s) that the impulses to its left and right give a body, forward and back."""
+    """Return the changes of speed (m/s) by the impulses to the left and right of a body.
+
+    The first is forward and the second backward.
+    """
     ball = number_along(world, first, step)
     left = 0.0
     right = 0.0
@@ -313,7 +316,10 @@ def pushes(world: World, first: int, count: int, step: int, law: int) -> tuple[f
 
 @kernel
 def contact_forces(world: World, first: int, count: int) -> None:
-    """Forces (``solution``, N) that keep a run of pairs in contact (normals and speeds set)."""
+    """Set the forces (``solution``, N) that keep a run of pairs in contact.
+
+    Its normals and speeds must be set.
+    """
     pairs = world.settings[0].pairs
     for step in range(count):
         j = number_along(world, first, step)
@@ -324,7 +330,7 @@ def contact_forces(world: World, first: int, count: int) -> None:
         pair.part_a = pair.normal_a * pair.normal_a * ease_a
         pair.part_b = pair.normal_b * pair.normal_b * ease_b
         if pair.part_a + pair.part_b == 0.0:
-            # Both rest at walls: nothing moves, nothing presses.
+            # Both rest at walls: there is neither motion nor force.
             pair.part_a = 0.5
             pair.part_b = 0.5
         if step > 0:
@@ -338,7 +344,7 @@ def contact_forces(world: World, first: int, count: int) -> None:
 
 @kernel
 def keep_release(flight: Flight, pair: PairData, after: float) -> None:
-    """Keep when a contact force falls through zero (s after the flight's start), or NEVER."""
+    """Keep when a contact force falls through zero, ``after`` (s) the flight's start, or NEVER."""
     pair.release_t = NEVER
     pair.release_t_low = 0.0
     if after < NEVER:

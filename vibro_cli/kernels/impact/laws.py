@@ -1,8 +1,7 @@
-"""The three impact laws, for one pair and for several at one instant; the log of impacts.
+"""The three impact laws, for one pair or several simultaneous ones; the log of impacts.
 
-Every law is an impulse ``I`` between the bodies of a pair that turns the law's own relative speed
-``u = q_a v_a - q_b v_b`` (of approach) into ``-k u``; the speeds change by ``-I h_a`` and
-``+I h_b``:
+Every law is an impulse ``I`` between the bodies of a pair that turns the law's own approach speed
+``u = q_a v_a - q_b v_b`` into ``-k u``. The speeds change by ``-I h_a`` and ``+I h_b``:
 
 ===============  ==================  ==================
 law              weight ``q``        response ``h``
@@ -13,7 +12,7 @@ normal-impulse   ``n t``             ``n t/(kappa m)``
 ===============  ==================  ==================
 
 Sources: A (3), B (15)-(17), (20), C (3) for ``hedrih``; B (1)-(12) for ``translational``; Newton's
-restitution on the speed of approach with rolling kept for ``normal-impulse``.
+restitution on the approach speed with rolling preserved for ``normal-impulse``.
 """
 
 from __future__ import annotations
@@ -48,7 +47,10 @@ def weight_and_response(law: int, body: BodyData, normal: float) -> tuple[float,
 
 @kernel
 def inclination(one: BodyData, other: BodyData) -> float:
-    """Cosine between the line of centres of touching bodies and the plane or line they roll on."""
+    """Return the cosine between the line of centres of touching bodies and their support.
+
+    The support is the plane or line that they roll on.
+    """
     if one.radius == other.radius:
         return 1.0
     return 2.0 * math.sqrt(one.radius * other.radius) / (one.radius + other.radius)
@@ -56,9 +58,9 @@ def inclination(one: BodyData, other: BodyData) -> float:
 
 @kernel
 def balances_mass(law: int) -> bool:
-    """Tell whether a law keeps ``sum m v`` of two bodies, where others keep ``sum kappa m v``.
+    """Return whether a law conserves ``sum m v`` of two bodies; others conserve ``sum kappa m v``.
 
-    It is asked wherever lasting contact begins: what bounces keep is what is left of them.
+    Lasting contact must begin with what the bounces before it conserve.
     """
     return law == TRANSLATIONAL
 
@@ -73,13 +75,13 @@ def law_approach(
     speed_a: float,
     speed_b: float,
 ) -> float:
-    """Relative speed ``u = q_a v_a - q_b v_b`` of a law, to about one rounding of itself."""
+    """Return the relative speed ``u = q_a v_a - q_b v_b`` of a law, to about one rounding."""
     if law == TRANSLATIONAL:
         return speed_a - speed_b
     if law == HEDRIH:
         if body_a.radius == body_b.radius:
             return (speed_a - speed_b) / body_a.radius
-        # Not with the weights 1/r, whose roundings a small relative speed would show.
+        # Not with the weights 1/r: their rounding would show in a small relative speed.
         across = difference_of_products(body_b.radius, speed_a, body_a.radius, speed_b)
         return across / (body_a.radius * body_b.radius)
     if normal_a == normal_b:
@@ -98,12 +100,12 @@ def loss_of_impulse(
     sum_a: float,
     sum_b: float,
 ) -> float:
-    """Rolling energy (J) that the impulse of a pair takes, which turns ``u`` into ``-k u``.
+    """Return the rolling energy (J) lost by the impulse of a pair, which turns ``u`` into ``-k u``.
 
     ``sum_a, sum_b`` are the sums of each body's speeds before and after (m/s).
     """
     if balances_mass(law) and body_a.kappa != body_b.kappa:
-        # The law balances m v, q = m h, the bodies carry kappa m v^2/2.
+        # The law conserves m v, so q = m h, but the energy is kappa m v^2/2.
         qa, _ = weight_and_response(law, body_a, 1.0)
         qb, _ = weight_and_response(law, body_b, 1.0)
         lost = difference_of_products(body_a.kappa * qa, sum_a, body_b.kappa * qb, sum_b)
@@ -123,10 +125,11 @@ def impact_of_pair(
     speed_a: float,
     speed_b: float,
 ) -> tuple[float, float, float]:
-    """Speeds after the impact of one pair, and the energy that the law takes.
+    """Return the speeds after the impact of one pair, and the energy lost.
 
-    Returns ``v_a+``, ``v_b+`` (m/s) and the loss of rolling energy (J), formed from the impulse:
-    for ``hedrih`` and ``normal-impulse`` ``(1 - k) I u/2`` (B (20)), no difference of energies.
+    Returns ``v_a+``, ``v_b+`` (m/s) and the loss of rolling energy (J). The loss follows from the
+    impulse, for ``hedrih`` and ``normal-impulse`` as ``(1 - k) I u/2`` (B (20)), and not from a
+    difference of energies.
     """
     qa, ha = weight_and_response(law, body_a, normal_a)
     qb, hb = weight_and_response(law, body_b, normal_b)
@@ -150,10 +153,10 @@ def rounded_once(
     speed_a: float,
     speed_b: float,
 ) -> tuple[float, float, float]:
-    """As `impact_of_pair` of bodies with one normal, but the speeds to one rounding of each.
+    """Do what `impact_of_pair` does for bodies with one normal, but round each speed only once.
 
-    The law's factors would have the same roundings at every impact of a pair, and energy that is
-    not carried besides would drift. The common normal cancels.
+    The factors of the law have the same rounding at every impact of a pair, so that an energy which
+    is not carried separately would drift. The common normal cancels.
     """
     qa, ha = weight_and_response(law, body_a, 1.0)
     qb, hb = weight_and_response(law, body_b, 1.0)
@@ -178,28 +181,28 @@ def rounded_once(
 
 @kernel
 def separation_speed(normal_a: float, normal_b: float, speed_a: float, speed_b: float) -> float:
-    """Speed at which a pair parts along its line of centres, ``n (v_b t_b - v_a t_a)``, m/s."""
+    """Return the speed (m/s) at which a pair separates, ``n (v_b t_b - v_a t_a)``."""
     return normal_b * speed_b - normal_a * speed_a
 
 
-# A parting speed above -this (relative) is zero up to rounding.
+# An approach below this share of the speeds is zero up to rounding.
 SPEED_ROUNDING = 8.0 * EPSILON
 
 
 @kernel
 def do_part(normal_a: float, normal_b: float, wa: float, wb: float, size: float) -> bool:
-    """Tell whether bodies part, or stay together up to the rounding of speeds of a size (m/s)."""
+    """Return whether bodies do not approach, up to the rounding of speeds of ``size`` (m/s)."""
     separation = separation_speed(normal_a, normal_b, wa, wb)
     return separation >= -SPEED_ROUNDING * (abs(wa) + abs(wb) + size)
 
 
 @kernel
 def is_graze(approach: float, pull: float, rounding: float) -> bool:
-    """Tell whether an impact cannot be told from a passing touch.
+    """Return whether an impact cannot be distinguished from a passing touch.
 
-    Had it not happened, bodies that approach at a speed (m/s), and that a ``pull`` (m/s^2) drives
-    apart again, would have overlapped by ``approach^2/(2 pull)``: in a touch no more than the
-    ``rounding`` (m) of their places.
+    Without the impact, bodies that approach at ``approach`` (m/s) and are driven apart by ``pull``
+    (m/s^2) would overlap by ``approach^2/(2 pull)``. In a touch this is at most the ``rounding``
+    (m) of their positions.
     """
     return approach * approach <= 2.0 * pull * rounding
 
@@ -243,7 +246,7 @@ def log_impact(world: World, j: int, wa: float, wb: float, law: int, loss: float
 
 @kernel
 def hold(world: World, j: int, held: int, delay: float) -> None:
-    """Begin or end the lasting contact of a pair now, its bounces lasting ``delay`` (s) more."""
+    """Begin or end the lasting contact of a pair now; its bounces last ``delay`` (s) more."""
     clock = world.clock[0]
     pair = world.pairs[j]
     clock.held_pairs += held - pair.held
