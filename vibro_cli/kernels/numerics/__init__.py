@@ -1,1 +1,1 @@
-"""Arithmetic of the kernels: double-double, elliptic functions, roots found with a certificate."""
+"""Arithmetic of the kernels: double-double, elliptic functions, certified roots."""

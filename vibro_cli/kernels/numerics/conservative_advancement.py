@@ -1,7 +1,7 @@
 """Steps that never pass the first root of a function with bounded derivatives; polynomials.
 
-Trigonometric ones are of degree 2, ``a + b cos x + c sin x + d cos 2x + e sin 2x``, on an interval
-that begins at ``x = 0``. Steps to a simple root converge like Newton's.
+Trigonometric polynomials are of degree 2, ``a + b cos x + c sin x + d cos 2x + e sin 2x``, on an
+interval that begins at ``x = 0``. Steps to a simple root converge like Newton's.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from vibro_cli.compile.kernel import kernel, mask_and
 from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.kernels.numerics.elliptic import sine_cosine, twice_angle
 
-# In place of a bound that is zero, so that divisions by it have a result.
+# Replaces a bound of zero, which would be a divisor.
 LEAST_BOUND = 1.0e-200
 
 
@@ -38,11 +38,12 @@ def safe_step_third_order(
     """Return a step that stays before the first root, given ``|g''| <= A`` and ``|g'''| <= B``.
 
     The cubic lower bound ``g + g' h + g'' h^2/2 - B h^3/6`` is made quadratic on a trial interval
-    by ``h^3 <= H h^2``; its root is a valid step if it lies within the interval. Two trials.
+    by ``h^3 <= H h^2``; its root is a valid step if it lies within the interval. There are two
+    trials.
     """
     bound_third = max(bound_third, LEAST_BOUND)
     step = safe_step_second_order(g, rate, bound_second)
-    # Out of contact at rest (g = g' = 0 < g'') the first bound gives no step at all.
+    # Leaving contact from rest (g = g' = 0 < g''), the first bound gives no step at all.
     trial = max(2.0 * step, second / bound_third)
     for _ in range(2):
         a = second - bound_third * trial * (1.0 / 3.0)
@@ -65,8 +66,8 @@ def safe_step_third_order(
 def unresolved_step(second: float, bound_third: float, rounding: float) -> float:
     """Return a step over which a function falls by no more than its rounding.
 
-    It does not fall now, ``g' >= 0``, and ``|g'''| <= B``: half the rounding is for ``g''``, if
-    that is negative, half for ``B``.
+    The function must not fall now, ``g' >= 0``, and ``|g'''| <= B``. Half the rounding is allowed
+    for ``g''``, if that is negative, and half for ``B``.
     """
     step: float = (3.0 * rounding / max(bound_third, LEAST_BOUND)) ** (1.0 / 3.0)
     if second < 0.0:
@@ -78,25 +79,25 @@ def unresolved_step(second: float, bound_third: float, rounding: float) -> float
 def safe_return(g: float, rate: float, level: float, frequency: float) -> float:
     """Return a step up to which ``g >= 0`` is positive, given ``g'' >= -w^2 (g + Y)``, ``Y > 0``.
 
-    By Sturm's comparison ``g + Y`` stays above the oscillation of frequency ``w`` that starts like
-    it; ``atan x >= 3 x/(1 + 2 sqrt(1 + x^2))`` (Shafer) bounds the time at which that is at the
-    ``level`` Y.
+    By Sturm's comparison ``g + Y`` stays above the oscillation of frequency ``w`` with the same
+    initial state. ``atan x >= 3 x/(1 + 2 sqrt(1 + x^2))`` (Shafer) bounds the time at which that
+    reaches the ``level`` Y.
     """
     return safe_time(_rise(g, rate, level, frequency), frequency * (2.0 * level + g), frequency)
 
 
 @kernel
 def safe_time(over: float, under: float, frequency: float) -> float:
-    """Lower bound of ``2 atan(over/under)/w``, for a rise of ``over >= 0``."""
+    """Return a lower bound of ``2 atan(over/under)/w``, for a rise of ``over >= 0``."""
     return 6.0 * over / (frequency * (under + 2.0 * math.sqrt(under * under + over * over)))
 
 
 @kernel
 def is_clear_before(time: float, slope: float, level: float, frequency: float) -> bool:
-    """Tell whether ``g`` is positive for a time before a zero at which it falls with ``-slope``.
+    """Return whether ``g`` is positive for a time before a zero at which it falls with ``-slope``.
 
-    Seen backwards from the zero, where it rises, the bound of :func:`safe_return` holds; here it is
-    compared without its root and quotient, and with 1 % in hand for the rounding of the zero.
+    Backwards from the zero ``g`` rises, and the bound of :func:`safe_return` holds. It is compared
+    here without its root and quotient, with a margin of 1 % for the rounding of the zero.
     """
     over = 2.0 * slope
     under = frequency * (2.0 * level)
@@ -110,7 +111,8 @@ def is_clear_before(time: float, slope: float, level: float, frequency: float) -
 def first_return(g: float, rate: float, level: float, frequency: float) -> float:
     """Estimate the time after which ``g`` is zero, given ``g'' = -w^2 (g + Y)``.
 
-    Parameters as for :func:`safe_return`; within 0.6 %, by a quotient in place of the arc tangent.
+    Parameters as for :func:`safe_return`. The error is at most 0.6 %, since a quotient replaces the
+    arc tangent.
     """
     return time_of_rise(_rise(g, rate, level, frequency), frequency * (2.0 * level + g), frequency)
 
@@ -126,7 +128,7 @@ def time_of_rise(over: float, under: float, frequency: float) -> float:
 
 @kernel
 def _rise(g: float, rate: float, level: float, frequency: float) -> float:
-    """Tangent of half the phase until the return, times ``w (2 Y + g)``."""
+    """Return the tangent of half the phase until the return, times ``w (2 Y + g)``."""
     if g == 0.0:
         return 2.0 * rate if rate > 0.0 else 0.0
     pull = frequency * frequency * (g * (g + 2.0 * level))
@@ -190,8 +192,9 @@ def curvature_bound(row: Sequence[float], first: int, last: int, end: float) -> 
 def first_zero_crossing(row: Sequence[float], first: int, last: int, end: float) -> float:
     """Return the first t in [0, end] at which a polynomial falls to zero, or NO_ROOT.
 
-    At the start it is positive, or the root is there. Steps are those of a parabola that lies
-    below it throughout, so that none passes a root; they converge to a simple one quadratically.
+    If it is not positive at the start, the root is there. Each step ends at the root of a parabola
+    that lies below the polynomial throughout, so that none passes a root. The steps converge
+    quadratically to a simple root.
     """
     bound = curvature_bound(row, first, last, end)
     value = row[first]
@@ -220,17 +223,17 @@ Harmonics = tuple[float, float, float, float, float]
 
 # A value below this share of the coefficients is zero up to rounding.
 ROUNDING = 1.0e-14
-# Least step (rad): where a function is stationary, less than rounding can tell.
+# Least step (rad), below what rounding resolves where a function is stationary.
 LEAST_STEP = 1.0e-8
 NOWHERE = -1.0
-# A zero is polished by steps that are smaller than this (rad) from the first one on.
+# A zero is polished by this many of Newton's steps, each smaller than POLISHED (rad).
 NEWTON_STEPS = 2
 POLISHED = 1.0e-3
 
 
 @kernel
 def harmonic_value(h: Harmonics, sine: float, cosine: float) -> float:
-    """Value where ``x`` has this sine and cosine."""
+    """Return the value at the ``x`` that has this sine and cosine."""
     a, b, c, d, e = h
     twice, double = twice_angle(sine, cosine)
     return a + b * cosine + c * sine + d * double + e * twice
@@ -238,28 +241,28 @@ def harmonic_value(h: Harmonics, sine: float, cosine: float) -> float:
 
 @kernel
 def harmonic_slope(h: Harmonics) -> Harmonics:
-    """The derivative."""
+    """Return the derivative of a function."""
     _, b, c, d, e = h
     return 0.0, c, -b, 2.0 * e, -2.0 * d
 
 
 @kernel
 def harmonic_size(h: Harmonics) -> float:
-    """Bound on the size."""
+    """Return a bound on the absolute value of a function."""
     a, b, c, d, e = h
     return abs(a) + math.sqrt(b * b + c * c) + math.sqrt(d * d + e * e)
 
 
 @kernel
 def mirrored(h: Harmonics) -> Harmonics:
-    """The same function of ``-x``."""
+    """Return the same function of ``-x``."""
     a, b, c, d, e = h
     return a, b, -c, d, -e
 
 
 @kernel
 def turned(h: Harmonics, sine: float, cosine: float) -> Harmonics:
-    """The same function of ``x + y``, where ``y`` has this sine and cosine."""
+    """Return the same function of ``x + y``, where ``y`` has this sine and cosine."""
     a, b, c, d, e = h
     twice, double = twice_angle(sine, cosine)
     return (
@@ -273,14 +276,14 @@ def turned(h: Harmonics, sine: float, cosine: float) -> Harmonics:
 
 @kernel
 def scaled(weight: float, h: Harmonics) -> Harmonics:
-    """A multiple of a function."""
+    """Return a multiple of a function."""
     a, b, c, d, e = h
     return weight * a, weight * b, weight * c, weight * d, weight * e
 
 
 @kernel
 def combined(g: Harmonics, weight: float, h: Harmonics) -> Harmonics:
-    """A function and a multiple of another one."""
+    """Return the sum of a function and a multiple of another one."""
     ga, gb, gc, gd, ge = g
     a, b, c, d, e = h
     return ga + weight * a, gb + weight * b, gc + weight * c, gd + weight * d, ge + weight * e
@@ -288,7 +291,7 @@ def combined(g: Harmonics, weight: float, h: Harmonics) -> Harmonics:
 
 @kernel
 def first_zero_crossing_of_harmonics(h: Harmonics, limit: float) -> float:
-    """First place before ``limit`` (rad) where the function falls through zero, or ``NOWHERE``."""
+    """Return the first ``x`` before ``limit`` (rad) where ``h`` falls through 0, or ``NOWHERE``."""
     slope = harmonic_slope(h)
     size = harmonic_size(h)
     floor = ROUNDING * size
@@ -309,9 +312,10 @@ def first_zero_crossing_of_harmonics(h: Harmonics, limit: float) -> float:
 
 @kernel
 def next_zero(h: Harmonics, start: float, limit: float) -> float:
-    """First place (rad) from ``start`` to ``limit`` where the sign changes, polished; or infinity.
+    """Return the first ``x`` (rad) from ``start`` to ``limit`` where the sign changes, or infinity.
 
-    Where the function is zero up to rounding it has the sign that it takes next.
+    The zero is polished. Where the function starts at zero, up to rounding, it has the sign that it
+    takes next.
     """
     sine, cosine = sine_cosine(start)
     slope = harmonic_slope(h)
@@ -330,7 +334,7 @@ def next_zero(h: Harmonics, start: float, limit: float) -> float:
         rate = harmonic_value(slope, sine, cosine)
         change = harmonic_value(h, sine, cosine)
         if abs(change) >= POLISHED * abs(rate):
-            # It hardly changes its sign: a double zero.
+            # Nearly a double zero: Newton's steps are unreliable.
             return x
         x -= change / rate
     return x
@@ -338,7 +342,7 @@ def next_zero(h: Harmonics, start: float, limit: float) -> float:
 
 @kernel
 def least_value(h: Harmonics, limit: float) -> float:
-    """Least value from 0 to ``limit`` (rad)."""
+    """Return the least value of a function from 0 to ``limit`` (rad)."""
     slope = harmonic_slope(h)
     bend = harmonic_slope(slope)
     size = harmonic_size(slope)
@@ -347,7 +351,7 @@ def least_value(h: Harmonics, limit: float) -> float:
     while x < limit:
         sine, cosine = sine_cosine(x)
         least = min(least, harmonic_value(h, sine, cosine))
-        # From one place at which it is stationary to the next.
+        # From one stationary point to the next.
         rate = harmonic_value(slope, sine, cosine)
         change = harmonic_value(bend, sine, cosine)
         step = safe_step_second_order(abs(rate), change if rate >= 0.0 else -change, 4.0 * size)
@@ -358,7 +362,7 @@ def least_value(h: Harmonics, limit: float) -> float:
 
 @kernel
 def greatest_quotient(top: Harmonics, below: Harmonics, limit: float, known: float) -> float:
-    """The greatest ``|top|/below`` from 0 to ``limit`` (rad), or ``known`` if that is greater.
+    """Return the greatest ``|top|/below`` from 0 to ``limit`` (rad), or ``known`` if greater.
 
     ``below`` must be positive there.
     """
@@ -370,7 +374,7 @@ def greatest_quotient(top: Harmonics, below: Harmonics, limit: float, known: flo
 
 @kernel
 def _greatest_positive(top: Harmonics, below: Harmonics, limit: float, known: float) -> float:
-    """As :func:`greatest_quotient`, of ``top/below``."""
+    """Return the same as :func:`greatest_quotient` for ``top/below``."""
     top_slope = harmonic_slope(top)
     below_slope = harmonic_slope(below)
     # Bound on the second derivative of top' below - top below', of degree 3.
@@ -378,7 +382,7 @@ def _greatest_positive(top: Harmonics, below: Harmonics, limit: float, known: fl
     known = max(known, _quotient(top, below, 0.0), _quotient(top, below, limit))
     x = 0.0
     while x < limit:
-        # Where the excess of what is known is positive, nothing is greater.
+        # Where this excess is positive, the quotient is below ``known``.
         excess = combined(scaled(-1.0, top), known, below)
         sine, cosine = sine_cosine(x)
         spare = harmonic_value(excess, sine, cosine)
@@ -392,7 +396,7 @@ def _greatest_positive(top: Harmonics, below: Harmonics, limit: float, known: fl
             step = safe_step_second_order(max(spare, 0.0), rate, 4.0 * harmonic_size(excess))
             x += max(step, LEAST_STEP)
         else:
-            # It grows beyond that: on to where it is greatest.
+            # It rises above ``known``: on to its maximum.
             f_bend = harmonic_value(harmonic_slope(top_slope), sine, cosine)
             n_bend = harmonic_value(harmonic_slope(below_slope), sine, cosine)
             rate = f_bend * n - f * n_bend

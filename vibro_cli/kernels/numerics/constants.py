@@ -1,4 +1,4 @@
-"""Numbers that have one value everywhere."""
+"""Constants shared by the whole package."""
 
 EPSILON = 2.0**-52
 """The distance from 1 to the next double."""

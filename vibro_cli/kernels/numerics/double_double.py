@@ -29,8 +29,8 @@ def time_between(high: float, low: float, earlier_high: float, earlier_low: floa
 def difference_of_products(a: float, b: float, c: float, d: float) -> float:
     """Return ``a b - c d`` to about one rounding, even where the products cancel.
 
-    Both products with their rounding errors (Dekker 1971, Veltkamp's split); the factors must stay
-    below 1e300 in size.
+    Both products are formed with their rounding errors (Dekker 1971, Veltkamp's split). The factors
+    must stay below 1e300 in size.
     """
     first = a * b
     second = c * d
@@ -47,7 +47,7 @@ def sum_of_products(a: float, b: float, c: float, d: float) -> tuple[float, floa
 
 @kernel
 def product_error(a: float, b: float, product: float) -> float:
-    """``a b - product`` exactly, for the rounded product."""
+    """Return ``a b - product`` exactly, for the rounded product."""
     shifted = SPLITTER * a
     a_high = shifted - (shifted - a)
     a_low = a - a_high
@@ -59,7 +59,7 @@ def product_error(a: float, b: float, product: float) -> float:
 
 @kernel
 def dd_add(high: float, low: float, more: float, more_low: float) -> tuple[float, float]:
-    """Return the sum of two pairs."""
+    """Return the sum of two numbers that are each held in two doubles."""
     total = high + more
     part = total - high
     rest = (high - (total - part)) + (more - part) + (low + more_low)
@@ -69,7 +69,7 @@ def dd_add(high: float, low: float, more: float, more_low: float) -> tuple[float
 
 @kernel
 def dd_multiply(high: float, low: float, factor: float) -> tuple[float, float]:
-    """Return a pair times a double; both must stay below 1e300 in size."""
+    """Return a number in two doubles times a double; both must stay below 1e300 in size."""
     product = high * factor
     rest = product_error(high, factor, product) + low * factor
     result = product + rest

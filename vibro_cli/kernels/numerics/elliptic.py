@@ -2,14 +2,14 @@
 
 The functions solve Euler's top ``s' = c d, c' = -s d, d' = -m s c`` from ``(0, 1, 1)`` for every
 ``m >= 0``: for ``m <= 1`` they are sn, cn, dn of parameter ``m``; for ``m > 1`` they follow from
-those of parameter ``1/m`` by the reciprocal-modulus transformation. What depends on ``m`` alone is
-set up once for a flight (:func:`set_theta_constants`); one evaluation then costs one sine and
-cosine or one exponential, and a division that the caller shares (:func:`theta_functions`).
+those of parameter ``1/m`` by the reciprocal-modulus transformation. Constants that depend on ``m``
+alone are set once for a flight (:func:`set_theta_constants`). One evaluation then costs one sine
+and cosine or one exponential, and a division that the caller shares (:func:`theta_functions`).
 
 The parameter is given twice, as ``m`` and as the signed root of its complement
 ``complementary_modulus = sign(1 - m) sqrt|1 - m|``, because near the separatrix the complement
-holds all the information and ``m`` none. Formulas: DLMF 20.2, 22.2 (theta series), 19.36
-(Carlson's R_F).
+holds all the information and ``m`` none. Formulas: DLMF 20.2, 22.2 (theta series), 19.36 (Carlson's
+R_F).
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from vibro_cli.compile.kernel import Lanes, has_bit, kernel, select, struct
 
 @struct
 class ThetaConstants:
-    """What the theta series of one parameter need (fields of a flight)."""
+    """Constants of the theta series of one parameter (fields of a flight)."""
 
     parameter: float  # m
     complementary_modulus: float  # sign(1 - m) sqrt|1 - m|
     form: int  # TRIGONOMETRIC, HYPERBOLIC, HYPERBOLIC_TINY
-    reciprocal: int  # 1: m > 1, so cn and dn change places
+    reciprocal: int  # 1: m > 1, so cn and dn are exchanged
     argument_scale: float  # z = u scale (trigonometric), z = u + u scale (hyperbolic)
     even_0: float
     even_2: float
@@ -49,7 +49,7 @@ class ThetaConstants:
 
 @struct
 class QuarticConstants(ThetaConstants):
-    """What the motion under one quartic needs (fields of a flight)."""
+    """Constants of the motion under one quartic (fields of a flight)."""
 
     quartic_0: float  # a0
     quartic_1: float  # a1
@@ -63,7 +63,7 @@ class QuarticConstants(ThetaConstants):
     third: float  # e1 - e3; rhombic: imaginary part of e1 - e2
     rate_scale: float  # argument of the theta functions for one unit of time
     back: float  # u'^2 z where it comes back to the start
-    returns_early: int  # 1: it does so within half a period
+    returns_early: int  # 1: it comes back within half a period
 
 
 TWO_OVER_PI = 2.0 / math.pi
@@ -83,7 +83,7 @@ COS_8 = 2.48015872894767294178e-05
 COS_10 = -2.75573143513906633035e-07
 COS_12 = 2.08757232129817482790e-09
 COS_14 = -1.13596475577881948265e-11
-# Added to a double of less than 2^51 in size and subtracted again, it leaves the nearest integer.
+# Added to a double below 2^51 in size and subtracted again, it rounds to the nearest integer.
 TO_WHOLE = 6755399441055744.0  # 1.5 * 2^52
 # Beyond this the two-part reduction loses digits and the library's own reduction is used.
 REDUCTION_LIMIT = 1.0e5
@@ -96,7 +96,7 @@ def sine_cosine(x: float) -> tuple[float, float]:
         return math.sin(x), math.cos(x)
     quadrant, s, c = in_quadrant(x)
     turn = int(quadrant) & 3
-    # Two choices of two values each, which need no jump: quadrants come in no order.
+    # Each value is selected without a branch, which could not be predicted.
     sine = c if turn & 1 else s
     cosine = s if turn & 1 else c
     return -sine if turn & 2 else sine, -cosine if (turn + 1) & 2 else cosine
@@ -104,7 +104,7 @@ def sine_cosine(x: float) -> tuple[float, float]:
 
 @kernel
 def sine_cosine_in_lanes(x: Lanes) -> tuple[Lanes, Lanes]:
-    """Do what :func:`sine_cosine` does for ``x`` up to ``REDUCTION_LIMIT`` in size, in lanes."""
+    """Return :func:`sine_cosine` in lanes, for ``x`` up to ``REDUCTION_LIMIT`` in size."""
     quadrant, s, c = in_quadrant(x)
     odd = has_bit(quadrant, 1)
     sine = select(odd, c, s)
@@ -115,31 +115,31 @@ def sine_cosine_in_lanes(x: Lanes) -> tuple[Lanes, Lanes]:
 
 @kernel
 def angle_sum(s: float, c: float, by_s: float, by_c: float) -> tuple[float, float]:
-    """Sine and cosine of the sum of two angles, given theirs."""
+    """Return the sine and cosine of the sum of two angles, given theirs."""
     return s * by_c + c * by_s, c * by_c - s * by_s
 
 
 @kernel
 def angle_difference(s: float, c: float, from_s: float, from_c: float) -> tuple[float, float]:
-    """Sine and cosine of an angle less another one, given theirs."""
+    """Return the sine and cosine of the difference of two angles, given theirs."""
     return s * from_c - c * from_s, c * from_c + s * from_s
 
 
 @kernel
 def twice_angle(s: float, c: float) -> tuple[float, float]:
-    """Sine and cosine of twice an angle, given its own."""
+    """Return the sine and cosine of twice an angle, given its own."""
     return 2.0 * s * c, (c - s) * (c + s)
 
 
 @kernel
 def in_quadrant(x: float) -> tuple[float, float, float]:
-    """Return the number of the quadrant nearest to ``x``, and sine and cosine from there."""
-    # To the nearest quadrant, without a way through an integer: its place is used at once.
+    """Return the number of quarter turns nearest to ``x``; sine and cosine of the remainder."""
+    # Rounded to the nearest quadrant without conversion to an integer, which would take longer.
     quadrant = (x * TWO_OVER_PI + TO_WHOLE) - TO_WHOLE
     r = (x - quadrant * HALF_PI_HIGH) - quadrant * HALF_PI_LOW
     z = r * r
     w = z * z
-    # Terms in pairs: a processor works on them at the same time.
+    # Terms in pairs, which a processor evaluates at the same time.
     odd = (SIN_3 + z * SIN_5) + w * ((SIN_7 + z * SIN_9) + w * (SIN_11 + z * SIN_13))
     even = (COS_4 + z * COS_6) + w * ((COS_8 + z * COS_10) + w * (COS_12 + z * COS_14))
     return quadrant, r + (r * z) * odd, (1.0 - 0.5 * z) + w * even
@@ -147,7 +147,7 @@ def in_quadrant(x: float) -> tuple[float, float, float]:
 
 @kernel
 def fill_angles(y: Sequence[float], x: Sequence[float], angles: list[float]) -> None:
-    """Fill in the angles (rad, -pi to pi) of vectors."""
+    """Fill in the angles (rad, -pi to pi) of the vectors ``(x, y)``."""
     for number in range(len(angles)):
         angles[number] = math.atan2(y[number], x[number])
 
@@ -156,11 +156,12 @@ def fill_angles(y: Sequence[float], x: Sequence[float], angles: list[float]) -> 
 PARAMETER_SPLIT = 0.8
 # Below this root of the complement, products of it underflow and the flow rescales its formulas.
 ROOT_COMPLEMENT_TINY = 1.0e-70
-# Below it a quarter period comes from its expansion at the separatrix.
+# Below this, a quarter period follows from its expansion at the separatrix.
 ROOT_COMPLEMENT_SMALL = 1.0e-3
-# Sum of two of Carlson's arguments over the third below which R_F is a logarithm to its last place.
+# Where two of Carlson's arguments sum to less than this share of the third, R_F is a logarithm to
+# its last place.
 LOGARITHM_LIMIT = 1.0e-18
-# Below it the hyperbolic sine comes from its power series, to its own last place.
+# Below this, the hyperbolic sine follows from its power series, accurate to the last place.
 SMALL_ARGUMENT = 0.35
 
 TRIGONOMETRIC = 0
@@ -202,7 +203,10 @@ def set_two_theta_constants(
     b_m: float,
     b_root_complement: float,
 ) -> None:
-    """Do what :func:`set_theta_constants` does twice; for two librations the steps take turns."""
+    """Call :func:`set_theta_constants` for two parameters.
+
+    For two librations the operations alternate, so that the processor can overlap them.
+    """
     least = min(a_root_complement, b_root_complement)
     if least < 0.0 or max(a_m, b_m) > PARAMETER_SPLIT:
         set_theta_constants(a, a_m, a_root_complement)
@@ -216,7 +220,7 @@ def set_two_theta_constants(
 
 @kernel
 def set_libration(theta: ThetaConstants, m: float, complementary_modulus: float) -> None:
-    """Fill one set for a parameter up to ``PARAMETER_SPLIT``."""
+    """Fill ``theta`` for a parameter ``m`` up to ``PARAMETER_SPLIT``."""
     _set_with_nome(theta, m, complementary_modulus, _direct_nome(m, complementary_modulus))
 
 
@@ -233,7 +237,7 @@ def _set_with_nome(
 
 @kernel
 def _direct_nome(m: float, complementary_modulus: float) -> float:
-    """Nome of parameter ``m`` (DLMF 19.5.5 with ``lambda = (1 - sqrt k')/(2 (1 + sqrt k'))``)."""
+    """Return the nome of ``m`` (DLMF 19.5.5 with ``lambda = (1 - sqrt k')/(2 (1 + sqrt k'))``)."""
     b = 1.0 + math.sqrt(complementary_modulus)
     small = 0.5 * m / ((1.0 + complementary_modulus) * b * b)
     x = small * small
@@ -245,7 +249,7 @@ def _direct_nome(m: float, complementary_modulus: float) -> float:
 
 @kernel
 def _complementary_nome(theta: ThetaConstants, m: float, complementary_modulus: float) -> float:
-    """Nome of the complement, its root, and its logarithm in two doubles."""
+    """Return the complementary nome; set its root, and its logarithm in two doubles."""
     k = math.sqrt(m)
     root = complementary_modulus * math.sqrt(0.5 / (1.0 + k)) / (1.0 + math.sqrt(k))
     x = root * root
@@ -266,7 +270,7 @@ def _complementary_nome(theta: ThetaConstants, m: float, complementary_modulus: 
 
 @kernel
 def _set_series(theta: ThetaConstants, nome: float, rate: float, excess: float) -> None:
-    """Coefficients of the even and odd parts of the theta series, and the scales."""
+    """Set the coefficients of the even and odd parts of the theta series, and the scales."""
     q = nome
     q2 = q * q
     q4 = q2 * q2
@@ -320,7 +324,7 @@ def theta_functions(theta: ThetaConstants, u: float) -> tuple[float, float, floa
 def trigonometric_form(
     theta: ThetaConstants, s: float, c: float
 ) -> tuple[float, float, float, float]:
-    """As :func:`theta_functions`, of sine and cosine of ``u argument_scale``."""
+    """Return :func:`theta_functions` from the sine and cosine of ``u argument_scale``."""
     x = theta.two_nome - 2.0 * theta.two_nome * (s * s)
     x2 = x * x
     total = theta.sum_0 + x2 * theta.sum_2
@@ -364,7 +368,7 @@ def _hyperbolic(theta: ThetaConstants, u: float) -> tuple[float, float, float, f
 
 @kernel
 def _hyperbolic_sine(r: float) -> float:
-    """Hyperbolic sine for r below ``SMALL_ARGUMENT``, by its power series."""
+    """Return the hyperbolic sine of r below ``SMALL_ARGUMENT``, by its power series."""
     z = r * r
     series = 1.0 + z * (1.0 / 42.0) * (1.0 + z * (1.0 / 72.0) * (1.0 + z * (1.0 / 110.0)))
     return r + r * z * (1.0 / 6.0) * (1.0 + z * (1.0 / 20.0) * series)
@@ -372,9 +376,10 @@ def _hyperbolic_sine(r: float) -> float:
 
 @kernel
 def rf_near_logarithm(root_x: float, root_y: float, z: float) -> float:
-    """Carlson's ``R_F(x, y, z)`` for x and y below 1e-18 z, given their square roots.
+    """Return Carlson's ``R_F(x, y, z)`` for x and y below 1e-18 z, given their square roots.
 
-    ``ln(4 sqrt z/(sqrt x + sqrt y))/sqrt z`` (DLMF 19.27.2), where x and y may underflow.
+    It is ``ln(4 sqrt z/(sqrt x + sqrt y))/sqrt z`` (DLMF 19.27.2); x and y themselves may
+    underflow.
     """
     root = math.sqrt(z)
     return math.log(4.0 * root / (root_x + root_y)) / root
@@ -382,9 +387,9 @@ def rf_near_logarithm(root_x: float, root_y: float, z: float) -> float:
 
 @kernel
 def quarter_period(m: float, complementary_modulus: float) -> float:
-    """Argument from the bottom to the turning point (m < 1) or to the top (m > 1).
+    """Return the argument from the bottom to the turning point (m < 1) or to the top (m > 1).
 
-    K(m) for a libration, ``K(1/m)/sqrt m`` for a rotation; infinite on the separatrix.
+    It is K(m) for a libration, ``K(1/m)/sqrt m`` for a rotation and infinite on the separatrix.
     """
     root = abs(complementary_modulus)
     if root == 0.0:
@@ -404,12 +409,12 @@ def quarter_period(m: float, complementary_modulus: float) -> float:
 
 @kernel
 def carlson_rf(x: float, y: float, z: float) -> float:
-    """Carlson's ``R_F(x, y, z)`` for non-negative arguments, at most one of them zero.
+    """Return Carlson's ``R_F(x, y, z)`` for non-negative arguments, at most one of them zero.
 
-    Duplication until the spread is below 1e-2, then the series to seventh order (DLMF 19.36.1),
-    whose eighth-order terms are below 1e-17: every duplication adds a rounding error, the series
-    hardly any. Where x and y are so small that it would take many, the logarithm is exact. Two zero
-    arguments give infinity.
+    Duplication until the spread is below 1e-2 is followed by the series to seventh order (DLMF
+    19.36.1), whose eighth-order terms are below 1e-17: every duplication adds a rounding error, the
+    series hardly any. Where x and y are so small that many duplications would be needed, the
+    logarithm is exact. Two zero arguments give infinity.
     """
     if x + y <= 0.0 or y + z <= 0.0 or z + x <= 0.0:
         return math.inf

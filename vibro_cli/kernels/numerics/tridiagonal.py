@@ -1,7 +1,7 @@
-"""The tridiagonal system of a chain of touching bodies: impulses at one instant, contact forces.
+"""The tridiagonal system of a chain of touching bodies, for joint impulses or contact forces.
 
-A row belongs to a pair of neighbours. The system is solved from both ends to the middle, so that a
-mirror image has mirrored results to the bit.
+Each row belongs to a pair of neighbours. The system is solved from both ends to the middle, so that
+a mirror image has mirrored results to the bit.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ from vibro_cli.compile.kernel import kernel, struct
 
 @struct
 class ChainRow:
-    """One row: what the impulse or the force of a pair does, and its solution."""
+    """One row: the coefficients of the impulse or force of a pair, and its solution."""
 
-    part_a: float  # both bodies' parts of the diagonal
+    part_a: float  # contributions of both bodies to the diagonal
     part_b: float
-    lower: float  # what stands beside it
+    lower: float  # elements below and above the diagonal
     upper: float
-    right: float
+    right: float  # right-hand side
     solution: float
 
 
@@ -32,15 +32,15 @@ def _quotient(value: float, divisor: float) -> float:
 def solve_from_both_ends(rows: Sequence[ChainRow], pairs: int, first: int, count: int) -> None:
     """Solve the system held in ``count`` rows from ``first`` on, of ``pairs`` in a circle.
 
-    A diagonal is the sum of what both bodies of a pair yield, ``part_a + part_b``, and the product
-    of ``lower`` and the ``upper`` before it that of two parts of one body; those of the ends of the
-    chain, beside which nothing stands, are not asked for. Eliminating a pair from
-    the left leaves of the next one's ``part_a`` the share ``part_a/(part_a + part_b)`` of the pair
-    before: nothing is subtracted, and where all pairs close every impulse is right to a few units
-    in its last place, however much one pair makes another one's.
+    A diagonal element is the sum of what both bodies of a pair contribute, ``part_a + part_b``. The
+    product of ``lower`` and the ``upper`` before it equals that of two parts of one body. ``lower``
+    of the first row and ``upper`` of the last one are not used. Eliminating a pair from the left
+    multiplies ``part_a`` of the next pair by ``part_a/(part_a + part_b)`` of the eliminated one:
+    nothing is subtracted. Where all pairs close, every impulse is therefore accurate to a few units
+    in its last place, however strongly the pairs are coupled.
 
-    A row of bodies from one wall to the other has a diagonal of zero in the end: what they press
-    one another with is not determined, and the middle pair is left without any.
+    A row of bodies from one wall to the other ends with a zero diagonal: the forces between the
+    bodies are not determined, and the middle pair gets none.
     """
     half = (count - 1) // 2
     for step in range(half):

@@ -1,8 +1,8 @@
 """Motion under a quartic: ``u'^2 = a0 u^4 + 4 a1 u^3 + 6 a2 u^2 + 4 a3 u + a4`` from ``u = 0``.
 
-By Weierstrass's formula ``u`` is rational in his function and its derivative, whatever the roots of
-the quartic: oscillation between two of them, in either of two wells, or rotation through infinity.
-His function is used as ``z = wp - a2/2``, which solves ``z'^2 = 4 z^3 + 6 a2 z^2 + b z + c``; where
+By Weierstrass's formula ``u`` is a rational function of wp and its derivative, whatever the roots
+of the quartic: oscillation between two of them, in either of two wells, or rotation through
+infinity. wp is used as ``z = wp - a2/2``, which solves ``z'^2 = 4 z^3 + 6 a2 z^2 + b z + c``. Where
 a motion is slow, next to a saddle or a centre, the small roots of that cubic keep their relative
 accuracy. ``u = X/Y = tan h``: the pair (X, Y) has no pole. Formulas: Whittaker and Watson 20.6;
 DLMF 23.6 (Weierstrass by Jacobi), 19.25 (Carlson).
@@ -26,12 +26,12 @@ RHOMBIC = 1  # one real root, two conjugate ones
 # Below this share of the other factors a root's distance is taken from the derivative.
 NEAR_ROOT = 0.25
 POLISHING_STEPS = 3
-# Up to here the root of a cubic with one real root is guessed by a polynomial.
+# Up to this ratio a polynomial estimates the root of a cubic with one real root.
 FLAT = 1.25
-# Below this square of the share that cancellation leaves of a form, the other one is taken.
+# If cancellation leaves a share of a form whose square is below this, the other form is used.
 NEAR_NOTHING = 1.0e-3
-# A square of the rate above this share of its terms gives the rate better than the derivative does;
-# one of the first form above it has nearly all its digits.
+# Above this share of its terms the squared rate gives the rate more accurately than the derivative
+# does, and the squared norm of the first form has nearly all its digits.
 CLEAR = 0.125
 
 
@@ -39,7 +39,7 @@ CLEAR = 0.125
 def set_quartic_constants(
     motion: QuarticConstants, a0: float, a1: float, a2: float, a3: float, rate: float, over: int
 ) -> None:
-    """Fill in the constants of the motion that starts at ``u = 0`` with ``u' = rate``."""
+    """Set the constants of the motion that starts at ``u = 0`` with ``u' = rate``."""
     motion.quartic_0 = a0
     motion.quartic_1 = a1
     motion.quartic_2 = a2
@@ -68,7 +68,7 @@ def set_quartic_constants(
 
 @kernel
 def _isolated_root(p2: float, p1: float, p0: float) -> float:
-    """The real root of ``z^3 + p2 z^2 + p1 z + p0`` that lies furthest from the other two."""
+    """Return the real root of ``z^3 + p2 z^2 + p1 z + p0`` furthest from the other two."""
     shift = p2 / 3.0
     g = shift * shift - p1 / 3.0
     h = 0.5 * (shift * (p1 - 2.0 * shift * shift) - p0)
@@ -109,7 +109,10 @@ def _isolated_root(p2: float, p1: float, p0: float) -> float:
 
 @kernel
 def _trisected(x: float) -> float:
-    """``2 cos(arccos(x)/3)`` for x from 0 to 1, to 7e-7: the greatest y with y^3 - 3 y = 2 x."""
+    """Return ``2 cos(arccos(x)/3)`` for x from 0 to 1, to 7e-7.
+
+    It is the greatest y with y^3 - 3 y = 2 x.
+    """
     square = x * x
     low = (1.73205196 + 0.333245128 * x) + square * (-0.0951072518 + 0.0439555711 * x)
     return low + (square * square) * (-0.0181083439 + 0.0039638132 * x)
@@ -117,7 +120,10 @@ def _trisected(x: float) -> float:
 
 @kernel
 def _hyperbolically_trisected(x: float) -> float:
-    """``2 sinh(arsinh(x)/3)`` for x from 0 to FLAT, to 1.3e-6: the y with y^3 + 3 y = 2 x."""
+    """Return ``2 sinh(arsinh(x)/3)`` for x from 0 to FLAT, to 1.3e-6.
+
+    It is the y with y^3 + 3 y = 2 x.
+    """
     s = x * x
     square = s * s
     low = (0.666665828 - 0.0987088431 * s) + square * (0.0432535053 - 0.0231401238 * s)
@@ -129,7 +135,10 @@ def _hyperbolically_trisected(x: float) -> float:
 def _set_rectangular(
     motion: QuarticConstants, r: float, total: float, product: float, width: float
 ) -> None:
-    """Three real roots: ``r`` and those of ``z^2 + total z + product``, ``width`` apart."""
+    """Set the constants for three real roots of the cubic.
+
+    They are ``r`` and those of ``z^2 + total z + product``, ``width`` apart.
+    """
     motion.lattice = RECTANGULAR
     outer = -0.5 * (total + width) if total >= 0.0 else 0.5 * (width - total)
     inner = product / outer if outer != 0.0 else 0.0
@@ -153,7 +162,7 @@ def _set_rectangular(
 
 @kernel
 def _set_rhombic(motion: QuarticConstants, r: float, real: float, imaginary: float) -> None:
-    """One real root ``r`` and two conjugate ones."""
+    """Set the constants for one real root ``r`` of the cubic and two conjugate ones."""
     motion.lattice = RHOMBIC
     motion.root = r
     motion.second = r - real
@@ -191,9 +200,9 @@ def quartic_motion(motion: QuarticConstants, t: float) -> tuple[float, float, fl
 
 @kernel
 def _rate_by_energy(motion: QuarticConstants, sine: float, cosine: float, rate: float) -> float:
-    """``h'`` of the place, with the sign of ``rate``; ``rate`` itself where that loses digits.
+    """Return ``h'`` from the energy, with the sign of ``rate``; ``rate`` where that loses digits.
 
-    The derivative is a difference of powers of ``z``: soon after a start twenty roundings off.
+    ``rate`` is a difference of powers of ``z``: soon after a start it is off by twenty roundings.
     """
     s2 = sine * sine
     c2 = cosine * cosine
@@ -213,15 +222,16 @@ def _rate_by_energy(motion: QuarticConstants, sine: float, cosine: float, rate: 
 def _by_weierstrass(
     motion: QuarticConstants, sigma: float, level: float, slope: float
 ) -> tuple[float, float, float]:
-    """State from ``z = root + level/sigma^2`` and its slope, by a form of ``u`` far from 0/0.
+    """Return the state from ``z = root + level/sigma^2`` and its slope.
 
-    Both forms of ``u = X/Y`` become 0/0: the first where ``z = +- u' sqrt(a0)/2``, as often as u
-    passes infinity, and nearly so where a0 is just below 0; the second, of whose X a factor is
-    divided out, as long before the end of a period as the motion comes back to its start after the
-    beginning. A motion that turns over never comes back.
+    The form of ``u = X/Y`` that is far from 0/0 is used. The first becomes 0/0 where
+    ``z = +- u' sqrt(a0)/2``, as often as u passes infinity, and nearly so where a0 is just below 0.
+    The second, with a factor of X divided out, does so as long before the end of a period as the
+    motion takes from its start until it comes back there. A motion that turns over never comes
+    back.
     """
     if motion.turns_over == 0 and sigma < 0.0:
-        # It repeats after a period of z, where both change their signs.
+        # The motion repeats after a period of z, over which both change their signs.
         sigma = -sigma
         slope = -slope
     square = sigma * sigma
@@ -250,9 +260,10 @@ def _by_weierstrass(
 def _by_second_form(
     motion: QuarticConstants, sigma: float, z: float, slope: float
 ) -> tuple[float, float, float, float, bool]:
-    """X, Y and ``X' Y - X Y'`` by the form of whose X a factor is divided out, and their sign.
+    """Return X, Y, ``X' Y - X Y'`` and their sign by the form with a factor of X divided out.
 
-    And whether it is far from 0/0. If not, the sign is that of ``sin h``, for the first form.
+    Also returns whether it is far from 0/0. If not, the sign is that of ``sin h``, for the first
+    form.
     """
     a3 = motion.quartic_3
     rate = motion.start_rate
@@ -267,7 +278,7 @@ def _by_second_form(
     sign = 1.0 if rate > 0.0 else -1.0
     clear = True
     if motion.turns_over == 0:
-        # On which side of the start it is: it has not come back yet, or has.
+        # The side of the start depends on whether the motion has come back yet.
         if motion.returns_early == 1:
             ahead = slope > 0.0 and x_part > 0.0
         else:
@@ -286,7 +297,7 @@ def _by_second_form(
 
 @kernel
 def _bend(motion: QuarticConstants, z: float, square: float) -> float:
-    """``z'' sigma^4``."""
+    """Return ``z'' sigma^4``."""
     a4 = motion.start_rate * motion.start_rate
     b = 2.0 * motion.quartic_1 * motion.quartic_3 - 0.5 * motion.quartic_0 * a4
     return 6.0 * z * (z + motion.quartic_2 * square) + b * (square * square)
@@ -296,7 +307,7 @@ def _bend(motion: QuarticConstants, z: float, square: float) -> float:
 def _first_form(
     motion: QuarticConstants, sigma: float, z: float, slope: float
 ) -> tuple[float, float, float]:
-    """Weierstrass's own form of ``u = X/Y``: both terms of ``X/sigma``, and Y."""
+    """Return both terms of ``X/sigma``, and Y, of Weierstrass's own form of ``u = X/Y``."""
     a4 = motion.start_rate * motion.start_rate
     square = sigma * sigma
     turned = 2.0 * motion.start_rate * slope
@@ -306,7 +317,7 @@ def _first_form(
 
 @kernel
 def _is_first_form_lost(motion: QuarticConstants, sigma: float, z: float, slope: float) -> bool:
-    """Tell whether Weierstrass's own form, where ``a0 <= 0``, is nearly 0/0: its X cancels."""
+    """Return whether Weierstrass's own form is nearly 0/0 for ``a0 <= 0``: its X cancels."""
     turned, along, y = _first_form(motion, sigma, z, slope)
     x = sigma * (turned + along)
     terms = sigma * (abs(turned) + abs(along))
@@ -317,7 +328,10 @@ def _is_first_form_lost(motion: QuarticConstants, sigma: float, z: float, slope:
 def _by_first_form(
     motion: QuarticConstants, sigma: float, z: float, slope: float
 ) -> tuple[float, float, float]:
-    """X, Y and ``X' Y - X Y'`` by Weierstrass's own form, whose signs are right if ``a0 <= 0``."""
+    """Return X, Y and ``X' Y - X Y'`` by Weierstrass's own form.
+
+    Their signs are right if ``a0 <= 0``.
+    """
     first, rest, y = _first_form(motion, sigma, z, slope)
     x_part = first + rest
     turned = motion.start_rate * _bend(motion, z, sigma * sigma)
@@ -327,7 +341,7 @@ def _by_first_form(
 
 @kernel
 def squared_rate(motion: QuarticConstants, sine: float, cosine: float) -> float:
-    """``h'^2`` where the motion passes ``h``."""
+    """Return ``h'^2`` where the motion passes ``h``."""
     s2 = sine * sine
     c2 = cosine * cosine
     sc = sine * cosine
@@ -338,7 +352,7 @@ def squared_rate(motion: QuarticConstants, sine: float, cosine: float) -> float:
 
 @kernel
 def period_of(motion: QuarticConstants) -> float:
-    """Time after which the motion repeats."""
+    """Return the time after which the motion repeats."""
     return 2.0 * quarter_period(motion.parameter, motion.complementary_modulus) / motion.rate_scale
 
 
@@ -346,7 +360,7 @@ def period_of(motion: QuarticConstants) -> float:
 def time_to_place(motion: QuarticConstants, sine: float, cosine: float, rate: float) -> float:
     """Return the first time at which the motion is at ``h`` with ``h' = rate``.
 
-    The place must lie on the motion; ``sine`` and ``cosine`` may both have the other sign.
+    ``h`` must lie on the motion; ``sine`` and ``cosine`` may both have the opposite sign.
     """
     z, derivative = _place_on_curve(motion, sine, cosine, rate)
     distance = z - motion.root
@@ -380,7 +394,7 @@ def time_to_place(motion: QuarticConstants, sine: float, cosine: float, rate: fl
 def _place_on_curve(
     motion: QuarticConstants, s: float, c: float, rate: float
 ) -> tuple[float, float]:
-    """``z`` and ``-z'/2`` at the time of a place: Weierstrass's and Biermann's formulas."""
+    """Return ``z`` and ``-z'/2`` at a position, by Weierstrass's and Biermann's formulas."""
     a0 = motion.quartic_0
     a1 = motion.quartic_1
     a2 = motion.quartic_2
