@@ -1,1 +1,1 @@
-"""The mechanics of bodies on a trace: geometry, bodies, laws of impact, motion on one piece."""
+"""Mechanics of bodies on a trace: geometry, potential, contacts, impact laws and initial states."""

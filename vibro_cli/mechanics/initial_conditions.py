@@ -1,7 +1,7 @@
 """Initial states: positions on the trace, speeds of the centres, bodies that start in contact.
 
-Numbers may be arrays (see ``numerics.elementwise``), but not where the place beside another body is
-searched for: `beside` takes numbers only, and `reaches_over` has a bound for arrays.
+Numbers may be arrays (see ``numerics.elementwise``), with two exceptions: `beside` takes numbers
+only, and `reaches_over` evaluates a bound for arrays.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from vibro_cli.mechanics.trace import Piece, Trace
 from vibro_cli.numerics import elementwise
 
 GAP_ROUNDING = 16.0
-"""At the start |gap| ≤ 16 eps of the positions is contact."""
+"""Bodies start in contact if |gap| ≤ 16 eps times the size of their positions."""
 
 
 def snap_to_piece(piece: Piece, position: float) -> float:
-    """Return a position drawn onto its piece, nan when it lies beyond one of its ends.
+    """Return a position on its piece, or nan if it lies beyond one of the ends.
 
-    `position` as φ or ψ (rad), on a line as a distance (m). A hair beyond an end (8 eps of the
-    piece) is rounding and means the end.
+    `position` is φ or ψ (rad), on a line a distance (m). A position beyond an end by no more than
+    rounding (8 eps of the piece) is moved to the end.
     """
     low, high = piece.angle_start, piece.angle_end
     hair = 8.0 * EPSILON * elementwise.greatest(abs(low), abs(high))
@@ -35,7 +35,7 @@ def snap_to_piece(piece: Piece, position: float) -> float:
 
 
 def speed_of_rate(piece: Piece, body: Body, rate: float) -> float:
-    """Return the speed of the centre v = ρ φ̇ (m/s) of a rate of the angle (rad/s) on an arc.
+    """Return the speed of the centre v = ρ φ̇ (m/s) for a rate of the angle (rad/s) on an arc.
 
     Raises ValueError on a line, which has no angle.
     """
@@ -45,7 +45,7 @@ def speed_of_rate(piece: Piece, body: Body, rate: float) -> float:
 
 
 def speed_of_omega(body: Body, omega: float) -> float:
-    """Return the speed of the centre v = r ω_P (m/s) of a rate of rolling (rad/s).
+    """Return the speed of the centre v = r ω_P (m/s) for an angular velocity (rad/s).
 
     Raises ValueError for a body of radius 0, which does not roll.
     """
@@ -55,10 +55,10 @@ def speed_of_omega(body: Body, omega: float) -> float:
 
 
 def enter_piece(trace: Trace, state: InitialState) -> InitialState:
-    """Return the state of a body on a junction on the piece it moves into; at rest it stays.
+    """Return the state of a body at a junction on the piece that it moves into.
 
-    The speed of the centre is continuous at a junction. Past an end of an open trace there is no
-    piece to move into: the state is returned as it is.
+    The speed of the centre is continuous at a junction. A state at rest, inside a piece or at an
+    end of an open trace is returned unchanged.
     """
     piece = trace.pieces[state.piece]
     count = len(trace.pieces)
@@ -76,7 +76,7 @@ def enter_piece(trace: Trace, state: InitialState) -> InitialState:
 
 
 def out_of_order(left: InitialState, right: InitialState) -> Any:
-    """Tell whether of two bodies the right one does not stand to the right of the left one."""
+    """Return whether the right body is not to the right of the left one."""
     if left.piece != right.piece:
         return left.piece > right.piece
     return left.position >= right.position
@@ -85,9 +85,9 @@ def out_of_order(left: InitialState, right: InitialState) -> Any:
 def gap(
     trace: Trace, body_a: Body, state_a: InitialState, body_b: Body, state_b: InitialState
 ) -> tuple[float, float]:
-    """Return the gap of two bodies |C_b − C_a| − r_a − r_b (m) and its rounding at this place (m).
+    """Return the gap of two bodies |C_b − C_a| − r_a − r_b (m) and its rounding error (m).
 
-    On one piece from the distance along it, without cancellation:
+    On one piece it is computed from the distance along the piece, without cancellation:
     |C_b − C_a|² − (r_a + r_b)² = 4 ρ_a ρ_b sin²(Δφ/2) − 4 r_a r_b, on a line Δ² − 4 r_a r_b.
     """
     piece_a, piece_b = trace.pieces[state_a.piece], trace.pieces[state_b.piece]
@@ -117,11 +117,11 @@ def gap(
 def beside(
     trace: Trace, body_a: Body, state_a: InitialState, body_b: Body
 ) -> tuple[int, float] | None:
-    """Return piece and position of a body that touches another one on its right side, or None.
+    """Return piece and position of body b where it touches body a on the right, or None.
 
-    The first place to the right of body a where the distance of the centres is r_a + r_b: on its
-    own piece `contact_angle` further on, else the first root of the distance on the pieces that
-    follow. None when an open trace ends before it (or a closed one comes round).
+    This is the first place to the right of body a where the centres are r_a + r_b apart: further by
+    `contact_angle` on the same piece, else the first root on the following pieces. None if there is
+    no such place before the end of an open trace (or one turn of a closed trace).
     """
     own = trace.pieces[state_a.piece]
     place = state_a.position + contact_angle(own, body_a.radius, body_b.radius)
@@ -141,9 +141,10 @@ def beside(
 def _first_contact(
     piece: Piece, centre: tuple[float, float], contact: float, radius: float
 ) -> float | None:
-    """Return the first position on a piece whose centre path leaves a circle, or None.
+    """Return the first position on a piece where the path of a centre leaves a circle, or None.
 
-    The circle of radius `contact` is around `centre`, and the path begins inside it.
+    The circle has radius `contact` and centre `centre`. If the path starts outside it, the start is
+    returned.
     """
 
     def outside(position: float) -> float:
@@ -175,7 +176,7 @@ def _first_contact(
 def _circle_meets_path(
     piece: Piece, centre: tuple[float, float], contact: float, radius: float
 ) -> float | None:
-    """Return about where the path of a centre first leaves a circle to the right, or None."""
+    """Return approximately where the path of a centre first leaves a circle, or None."""
     if piece.is_line:
         x, y = piece.body_centre(0.0, radius)
         cosine, sine = math.cos(piece.start_slope), math.sin(piece.start_slope)
@@ -197,11 +198,11 @@ def _circle_meets_path(
 
 
 def wall_position(piece: Piece, radius: float, right: bool) -> float:
-    """Return where on an end piece a body touches the wall across the trace's end.
+    """Return the position on an end piece at which a body touches the wall, or nan.
 
-    `radius` of the body in m. The centre is then at distance r from the plane through the end,
-    square to the trace: r along a line, ρ sin Δφ = r on an arc. nan when there is no such place
-    on the piece.
+    `radius` of the body in m. The wall is the plane through the end of the trace and normal to it.
+    The centre is at distance r from it: r along a line, ρ sin Δφ = r on an arc. nan if there is no
+    such position on the piece.
     """
     if piece.is_line:
         offset = radius
@@ -216,22 +217,22 @@ def wall_position(piece: Piece, radius: float, right: bool) -> float:
 
 
 def reaches_into_wall(piece: Piece, position: float, touch: float, right: bool) -> Any:
-    """Tell whether a body on an end piece starts beyond where it touches its wall."""
+    """Return whether a body on an end piece starts beyond the position `touch` at its wall."""
     beyond = position - touch if right else touch - position
     size = piece.angle_end if piece.is_line else elementwise.greatest(1.0, abs(touch))
     return beyond > 1e-15 * size
 
 
 def reaches_over(trace: Trace, bodies: Sequence[Body], right: bool) -> Any:
-    """Return which body is the first to reach a wall over those between it and the wall, or 0.
+    """Return the first body that can reach a wall over the bodies between, or 0 if there is none.
 
-    All `bodies` from left to right; counted from the one at the wall, which is 0. That one stands
-    at the wall, every other one touches the one before it: as near to the wall as it comes. Then it
-    has to be farther from the wall's plane than its radius. 0 too where the trace has no room for
-    the row.
+    `bodies` are all bodies from left to right; the result is counted from 0 at the wall. The body
+    at the wall touches it, and each other body touches the one before it, so that it is as near to
+    the wall as it can come. If its distance from the wall's plane is then at most its radius, it
+    reaches the wall. The result is also 0 if the trace has no room for the row.
 
-    These places are searched for. Arrays have a bound instead: true where a body may do so, given
-    that only neighbours touch.
+    For numbers these positions are searched for. Arrays are tested with a bound: true where some
+    body may reach the wall, provided that only neighbours touch.
     """
     row = bodies[::-1] if right else bodies
     if not all(map(elementwise.is_number, (*trace.pieces[-1].end, *(b.radius for b in row)))):
@@ -257,10 +258,10 @@ def reaches_over(trace: Trace, bodies: Sequence[Body], right: bool) -> Any:
 
 
 def _may_reach_over(piece: Piece, radius: float, between: float) -> Any:
-    """Tell whether a body may reach a wall with another one between it and the wall.
+    """Return whether a body may reach a wall over another one of radius `between`.
 
-    Radii in m. It is the larger one, and both at the wall, in the corner with the trace, do not
-    surely overlap; or the piece has no place at the wall for it.
+    Radii in m. It may if it is the larger one and either both fit at the wall, on the trace,
+    without a certain overlap, or the piece has no position where it touches the wall.
     """
     over = _height_at_wall(piece, radius) - _height_at_wall(piece, between)
     apart, reach = (radius - between) * (radius - between) + over * over, radius + between
@@ -269,7 +270,7 @@ def _may_reach_over(piece: Piece, radius: float, between: float) -> Any:
 
 
 def _height_at_wall(piece: Piece, radius: float) -> float:
-    """How far (m) from the trace's tangent at its end the centre of a body at the wall is."""
+    """Return the distance (m) from the end tangent to the centre of a body at the wall."""
     if piece.is_line:
         return radius
     rho = piece.path_radius(radius)

@@ -1,12 +1,12 @@
-"""The potential of a body on the trace: heights of arcs, and the pieces of one that turns.
+"""The potential of a body on the trace: heights of pieces, and arcs of a rotating trace.
 
-Near a crest a body's kinetic energy is a small difference of heights; heights summed in doubles
-would leave it with few digits. Here the chain of pieces is followed in 50 decimal digits, and each
-height above the body's lowest place is rounded once.
+Near a crest a body's kinetic energy is a small difference of heights, and would keep few digits if
+the heights were summed in doubles. So the heights are summed along the pieces in 50 decimal digits,
+and each height above the body's lowest place is rounded once.
 
-On a trace that rotates about a vertical axis ``V = S^2 - tilt S C - spread S^2 C^2`` on an arc (see
-``kernels.flow.rotating_flow``): a trigonometric polynomial of degree 2 in the angle, whose
-stationary points are found as roots of a polynomial in ``exp(i f)``. D, perspectives.
+On an arc of a trace that rotates about a vertical axis, ``V = S^2 - tilt S C - spread S^2 C^2``
+(see ``kernels.flow.rotating_flow``). This is a trigonometric polynomial of degree 2 in the angle;
+its stationary points are found as roots of a polynomial in ``exp(i f)``. D, perspectives.
 """
 
 from __future__ import annotations
@@ -27,44 +27,48 @@ _PI = Decimal("3.141592653589793238462643383279502884197169399375105820974944592
 
 
 def heights(trace: Trace, radius: float) -> list[tuple[float, float]]:
-    """Return heights (m) of a body's centre on each piece above its lowest place on the trace.
+    """Return two heights (m) of a body's centre for each piece, above its lowest on the trace.
 
-    At the lowest and the highest point of the full circle of its path; on a line at the left end
-    and the right one. `radius` of the body in m.
+    On an arc: the lowest and the highest point of the full circle of the centre's path. On a line:
+    the left and the right end. `radius` of the body in m.
     """
     with localcontext() as context:
         context.prec = _DIGITS
         extremes = _extremes(trace, _decimal(radius))
         lowest = elementwise.least_of([low for _, _, low in extremes])
         rises = [(bottom - lowest, top - lowest) for bottom, top, _ in extremes]
-        # Between two doubles the last digits, which depend on the trace's left end, do not decide.
+        # Drop the last digits, which depend on the trace's left end: they must not decide between
+        # two doubles.
         context.prec = _CERTAIN_DIGITS
         return [(_double(bottom), _double(top)) for bottom, top in rises]
 
 
 def _decimal(value: elementwise.Some) -> Any:
-    """A double, or each of many, as a decimal."""
+    """Return a double, or each of an array, as a decimal."""
     return elementwise.each(Decimal, value, kind=object)
 
 
 def _double(value: Any) -> Any:
-    """The double nearest to a decimal, or to each of many."""
+    """Return the double nearest to a decimal, or to each of an array."""
     if isinstance(value, Decimal):
         return float(+value)
     return elementwise.each(lambda one: float(+one), value)
 
 
 def contains_turn(piece: Piece, angle: float) -> bool:
-    """Tell whether an arc contains ``angle`` (rad) plus some whole turns."""
+    """Return whether an arc contains ``angle`` (rad) plus a whole number of turns."""
     turns = elementwise.ceiling((piece.angle_start - angle) / math.tau)
     return angle + turns * math.tau <= piece.angle_end  # type: ignore[no-any-return]
 
 
 def _extremes(trace: Trace, radius: Any) -> list[tuple[Any, Any, Any]]:
-    """Bottom and top of the path of the centre, and the lowest place on the piece, for each."""
+    """Return for each piece the heights of the centre at bottom and top, and its lowest height.
+
+    Bottom and top are those of the full circle; on a line, the left and the right end.
+    """
     found = []
     cosine = elementwise.each(_cosine, trace.pieces[0].start_slope, kind=object)
-    # The body's centre is above the contact point by r cos(alpha), at every slope.
+    # At slope alpha the body's centre is r cos(alpha) above the contact point.
     contact: Any = Decimal(0)
     for piece in trace.pieces:
         start = contact + radius * cosine
@@ -90,13 +94,13 @@ def _sine(slope: float) -> Decimal:
     return _cosine_of(Decimal(slope) - _PI / 2)
 
 
-@lru_cache(maxsize=4096)  # the scenarios of a grid ask for the same ones again and again
+@lru_cache(maxsize=4096)  # the scenarios of a grid have the same slopes again and again
 def _cosine(slope: float) -> Decimal:
     return _cosine_of(Decimal(slope))
 
 
 def _cosine_of(x: Decimal) -> Decimal:
-    """Cosine by its series, after reduction to [-pi, pi] and three halvings."""
+    """Return the cosine from its series, after reduction to [-pi, pi] and three halvings."""
     x -= 2 * _PI * (x / (2 * _PI)).to_integral_value()
     x /= 8
     square = x * x
@@ -111,15 +115,15 @@ def _cosine_of(x: Decimal) -> Decimal:
     return total
 
 
-# Roots this close to the unit circle are angles, double ones too.
+# Roots this close to the unit circle count as angles; double roots are less accurate than others.
 _ON_CIRCLE = 1e-6
-# A saddle and a centre that have just arisen are told apart from here on.
+# Factor above the bifurcation at which a new saddle and a new centre are told apart.
 _RESOLVED = 1.0 + 1e-14
 
 
 @dataclass(frozen=True)
 class Turning:
-    """The axis about which a trace rotates, and its rate."""
+    """Axis and rate of a rotating trace."""
 
     x: float
     """Horizontal position of the axis, from the trace's left end (m)."""
@@ -134,9 +138,9 @@ class Turning:
 
 @dataclass(frozen=True)
 class Pull:
-    """Pull of gravity and turning on an arc: ``-sin f + tilt cos f + spread sin f cos f``.
+    """Force of gravity and rotation along an arc: ``-sin f + tilt cos f + spread sin f cos f``.
 
-    In units of g/(κρ), in the angle f = φ of a valley, ψ + π of a hump.
+    In units of g/(κρ); the angle f is φ in a valley, ψ + π on a hump.
     """
 
     tilt: float
@@ -144,7 +148,7 @@ class Pull:
 
     @staticmethod
     def on_arc(piece: Piece, body_radius: float, turning: Turning, gravity: float) -> Pull:
-        """Return the pull on a body of the given radius (m) on an arc."""
+        """Return the force on a body of a radius (m) on an arc."""
         strength = turning.square / gravity
         return Pull(
             piece.sign * strength * (piece.centre[0] - turning.x),
@@ -157,23 +161,24 @@ class Pull:
         return s * s - s * c * (self.tilt + self.spread * s * c)
 
     def force(self, angle: float) -> float:
-        """Return the pull at an angle f (rad)."""
+        """Return the force at an angle f (rad)."""
         sine, cosine = math.sin(angle), math.cos(angle)
         return sine * (self.spread * cosine - 1.0) + self.tilt * cosine
 
     def stiffness(self, angle: float) -> float:
-        """Return the derivative of the pull with the angle."""
+        """Return the derivative of the force with respect to the angle."""
         return -math.cos(angle) - self.tilt * math.sin(angle) + self.spread * math.cos(2.0 * angle)
 
     def bending(self, angle: float) -> float:
-        """Return the second derivative of the pull with the angle."""
+        """Return the second derivative of the force with respect to the angle."""
         sine = math.sin(angle) - 2.0 * self.spread * math.sin(2.0 * angle)
         return sine - self.tilt * math.cos(angle)
 
     def equilibria(self) -> list[float]:
-        """Return the angles f in [-pi, pi) at which nothing pulls.
+        """Return the angles f in [-pi, pi) at which the force is zero.
 
-        On its axis an arc has them in closed form, so that the pitchfork at spread = 1 is exact.
+        For an arc centred on the axis they are in closed form, so that the pitchfork at spread = 1
+        is exact.
         """
         if self.tilt == 0.0:
             aside = math.acos(1.0 / self.spread) if self.spread > 1.0 else 0.0
@@ -182,15 +187,15 @@ class Pull:
         resolved = (1.0 + abs(self.tilt) ** (2 / 3)) * _RESOLVED
         if len(found) < 4 or self.spread ** (2 / 3) >= resolved:
             return found
-        # Two of them are about to meet, or have met: which of it is known in closed form only.
+        # Drop the two closest roots: by the closed form they do not exist, or are not resolved.
         gaps = [(found[i] - found[i - 1]) % math.tau for i in range(4)]
         close = gaps.index(min(gaps))
         return [angle for i, angle in enumerate(found) if i not in (close, (close - 1) % 4)]
 
     def greatest(self, order: int, low: float, high: float) -> float:
-        """Return the greatest size of the pull (order 0) or of a derivative of it on an interval.
+        """Return the greatest magnitude of the force (order 0) or a derivative on an interval.
 
-        Where it is stationary, or at an end.
+        It is reached at a stationary point or at an end.
         """
         value = (self.force, self.stiffness, self.bending)[order]
         stationary = roots(1.0, self.tilt, self.spread, order + 1)
@@ -198,14 +203,14 @@ class Pull:
         return max(abs(value(place)) for place in places)
 
     def steepest_fall(self, low: float, high: float) -> float:
-        """Return the greatest fall of the pull with the angle on an interval, or 1/100 if less."""
+        """Return the steepest decrease of the force on an interval of angles, at least 1/100."""
         stationary = roots(1.0, self.tilt, self.spread, 2)
         places = [low, high, *inside(stationary, low, high)]
         return max(0.01, *(-self.stiffness(place) for place in places))
 
 
 def roots(weight: float, tilt: float, spread: float, order: int) -> list[float]:
-    """Angles in [-pi, pi) at which a derivative of ``-weight sin f + tilt cos f + ...`` is zero.
+    """Return the zeros in [-pi, pi) of a derivative of ``-weight sin f + tilt cos f + ...``.
 
     ``... = (spread/2) sin 2f``; ``order`` 0 is the function itself.
     """
@@ -214,13 +219,14 @@ def roots(weight: float, tilt: float, spread: float, order: int) -> list[float]:
 
 
 def zeros(constant: float, first: complex, second: complex) -> list[float]:
-    """Angles f in [-pi, pi) at which ``constant + 2 Re(first e^(i f) + second e^(2 i f))`` is 0."""
+    """Return the zeros f in [-pi, pi) of ``constant + 2 Re(first e^(i f) + second e^(2 i f))``."""
     import numpy as np
 
     found = []
     coefficients = [second, first, constant, first.conjugate(), second.conjugate()]
     if abs(second) < EPSILON * abs(first):
-        # Its own two roots are far from the circle, and would cost the others their digits.
+        # The two roots that the term adds are far from the circle; they would cost the others
+        # accuracy.
         coefficients = coefficients[1:-1]
     for z in np.roots(np.trim_zeros(coefficients, trim="f")):
         if abs(abs(z) - 1.0) < _ON_CIRCLE:
@@ -229,7 +235,7 @@ def zeros(constant: float, first: complex, second: complex) -> list[float]:
 
 
 def _polished(angle: float, constant: float, first: complex, second: complex) -> float:
-    """Newton's steps on the trigonometric polynomial itself."""
+    """Refine a root by Newton steps on the trigonometric polynomial itself."""
     for _ in range(4):
         one = complex(math.cos(angle), math.sin(angle))
         two = one * one
@@ -242,7 +248,7 @@ def _polished(angle: float, constant: float, first: complex, second: complex) ->
 
 
 def inside(angles: list[float], low: float, high: float) -> list[float]:
-    """Return those of some angles, with all whole turns added, that lie within an interval."""
+    """Return all angles inside an open interval that differ from a given one by whole turns."""
     found = []
     for angle in angles:
         turns = math.ceil((low - angle) / math.tau)

@@ -1,19 +1,19 @@
-"""What a body can touch: its own piece only, and which other bodies; every answer is certified.
+"""Certified tests of what a body can touch: pieces other than its own, and other bodies.
 
 The geometry rests on one comparison. Let a stretch of the trace have slopes within a range smaller
 than π and a curvature of at most K = 1/R (to the side of the bodies). Then it is a graph over some
 direction, and sin(slope) grows along it at most as fast as on a circle of radius R, so that
 
-- it stays outside a disk of radius r < R that touches it (a body touches nothing of that stretch
-  but its point of contact), and
+- it stays outside a disk of radius r < R that touches it (a body touches that stretch at its point
+  of contact only), and
 - it stays inside the circle of radius R that encloses two touching bodies on it (the pocket between
-  two bodies is the largest where the trace is bent the most).
+  two bodies is largest where the trace is most strongly curved).
 
-What lies beyond such a stretch is searched by branch and bound, nothing is sampled. The distance of
-a point from an arc is known exactly, and it changes no faster than the point moves, so that an
-interval of the path is done when the distance from its middle exceeds what is needed by more than
-half its length. What is regarded of the other piece is told by a window: for a stretch between the
-two that turns by less than π there are the better reasons above.
+The rest of the trace is searched by branch and bound, without sampling. The distance of a point
+from an arc is known exactly and changes no faster than the point moves. So an interval of the path
+is clear if the distance from its middle exceeds the needed one by more than half its length. A
+`Window` selects the stretch of the other piece that must be searched: it leaves out what is joined
+to the path by a stretch that turns by less than π, for which the comparison above holds.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ from vibro_cli.numerics import elementwise
 
 _SEARCH_LIMIT = 5000
 _RESOLUTION = 1e-9
-# Halvings of many paths at once.
+# Number of halvings of the intervals when many paths are searched at once.
 _LEVELS = 12
-# Stretches (rad, m) of a path that are short enough to give up where the middle seems to touch.
+# Length (rad, m) of an interval below which the search gives up if its middle seems to touch.
 _NARROW = 0.1
 
 Interval = tuple[float, float]
@@ -55,7 +55,7 @@ class Path:
 
     @staticmethod
     def of(piece: Piece, body_radius: float) -> Path:
-        """Return the path of a body of a radius (m)."""
+        """Return the path of the centre of a body of radius `body_radius` (m)."""
         low, high, sign = piece.angle_start, piece.angle_end, piece.sign
         rate = piece.path_scale(body_radius)
         if not piece.is_line:
@@ -66,7 +66,7 @@ class Path:
 
     @property
     def size(self) -> float:
-        """Size of the coordinates on the path (m)."""
+        """Upper bound of the coordinates on the path (m)."""
         farthest: float = elementwise.greatest(-self.low, self.high)
         return abs(self.origin[0]) + abs(self.origin[1]) + self.rate * farthest
 
@@ -102,15 +102,15 @@ class Path:
 
 
 def _rounding(path: Path, other: Path, needed: float) -> float:
-    """More than what distances (m) of two paths can be wrong by."""
+    """Return an upper bound of the rounding error of distances (m) between two paths."""
     return 64.0 * EPSILON * (path.size + other.size + needed)
 
 
 def is_clear(path: Path, other: Path, window: Window, needed: float) -> bool:
-    """Tell whether every point of a path is certified to keep more than a distance from another.
+    """Return whether a path is certified to stay farther than `needed` (m) from another one.
 
-    `window.stretch(low, high)` gives the stretch of the other path that has to be regarded for the
-    positions between low and high. False also where it was not found out.
+    `window.stretch(low, high)` gives the stretch of the other path that must be searched for the
+    positions between low and high. Also False if the search remained undecided.
     """
     rounding = _rounding(path, other, needed)
     pending = [(path.low, path.high)]
@@ -136,10 +136,10 @@ def is_clear(path: Path, other: Path, window: Window, needed: float) -> bool:
 
 
 def near(paths: Sequence[Path], others: Sequence[Path], needed: float) -> list[tuple[int, int]]:
-    """Return the pairs (i, j) of paths that may come within a distance (m), in order.
+    """Return the sorted pairs (i, j) of paths that may come within a distance (m).
 
-    Of all others a bound certifies that they stay further apart: a path stays within half its
-    length of its middle.
+    All other pairs are certified to stay farther apart: a path stays within half its length of its
+    middle.
     """
     sizes = sum(max((path.size for path in row), default=0.0) for row in (paths, others))
     reach = needed + 256.0 * EPSILON * (sizes + needed)
@@ -164,10 +164,10 @@ def near(paths: Sequence[Path], others: Sequence[Path], needed: float) -> list[t
 
 
 def surely_clear(path: Path, other: Path, window: Window, needed: Any, count: int) -> Any:
-    """Return where each of some paths is certified to keep more than a distance from another.
+    """Return for each of many paths whether it is certified to stay farther than `needed` (m).
 
-    Their numbers and `needed` (m) are arrays of `count`, or the same for all. An array of truth
-    values; false also where it was not found out soon.
+    As `is_clear`, with arrays of `count` numbers, or numbers that all share. The result is an array
+    of booleans, also False where a few halvings left the search undecided.
     """
     import numpy as np
 
@@ -182,7 +182,7 @@ def surely_clear(path: Path, other: Path, window: Window, needed: Any, count: in
         away = beside.distance(x, y, *stretch) - reach_of
         room = away - 0.5 * (high - low) * ahead.rate
         open_ones = (stretch[0] < stretch[1]) & ~(room > _rounding(ahead, beside, reach_of))
-        # What is regarded may be more than what there is for the middle: then it is in doubt.
+        # The stretch for the interval may exceed that for its middle: a long interval stays open.
         touched = open_ones & (away < 0.0) & (high - low < _NARROW)
         clear[which[touched]] = False
         open_ones &= clear[which]
@@ -204,7 +204,8 @@ def _slopes(piece: Piece, low: float, high: float) -> Interval:
 def _junction_slopes(trace: Trace, first: int, last: int) -> Interval:
     """Return the range of the slopes from the end of one piece to the start of a later one.
 
-    Past the seam of a closed trace the numbers go on beyond the last piece, and so do the slopes.
+    Past the seam of a closed trace the piece numbers continue beyond the last piece, and the slopes
+    continue as well.
     """
     count = len(trace.pieces)
     turn = _turn(trace)
@@ -217,7 +218,7 @@ def _turn(trace: Trace) -> float:
 
 
 def _after(piece: Piece, slopes: Interval) -> Any:
-    """Return where a piece leaves the slopes within π of all those before it (its end: nowhere)."""
+    """Return the position from which a piece's slopes span π or more with the slopes before it."""
     low, high = slopes
     within = low + math.pi if piece.sign > 0.0 else math.pi - high
     within = math.inf if piece.is_line else within
@@ -225,7 +226,7 @@ def _after(piece: Piece, slopes: Interval) -> Any:
 
 
 def _before(piece: Piece, slopes: Interval) -> Any:
-    """Return where a piece, going left, leaves the slopes within π of all those behind it."""
+    """Return the position up to which a piece's slopes span π or more with the slopes after it."""
     low, high = slopes
     within = high - math.pi if piece.sign > 0.0 else -low - math.pi
     within = -math.inf if piece.is_line else within
@@ -238,19 +239,22 @@ def _hull(one: Interval, two: Interval, shift: float) -> Interval:
 
 @dataclass(frozen=True)
 class Window:
-    """What of a piece no stretch turning less than π joins to a place on another one."""
+    """The part of a piece that must be searched for a stretch of a path on another piece.
+
+    It leaves out what a stretch of the trace that turns by less than π joins to that path.
+    """
 
     here: Piece
     there: Piece
     to_right: Interval | None
-    """Slopes between them on the way to the right, None where there is no such way."""
+    """Range of slopes on the way from here to the right; None if that way does not lead there."""
     shift_right: float
     to_left: Interval | None
     shift_left: float
 
     @staticmethod
     def of(trace: Trace, i: int, j: int) -> Window:
-        """Return what of piece j is so, seen from piece i."""
+        """Return the window from piece i on piece j."""
         count, turn = len(trace.pieces), _turn(trace)
         to_right = to_left = None
         shift_right = 0.0 if i < j else -turn
@@ -264,7 +268,7 @@ class Window:
         return Window(here, there, to_right, shift_right, to_left, shift_left)
 
     def stretch(self, low: float, high: float) -> Interval:
-        """Return the stretch for the positions between two; its ends in disorder: there is none."""
+        """Return the stretch for positions between two; it is empty if its ends are reversed."""
         first, last = self.there.angle_start, self.there.angle_end
         slopes = _slopes(self.here, low, high)
         if self.to_right is not None:
@@ -277,23 +281,23 @@ class Window:
 
 
 def whole(piece: Piece) -> Window:
-    """Return a window that shows all of a piece, whatever is between."""
+    """Return a window on all of a piece."""
     return Window(piece, piece, None, 0.0, None, 0.0)
 
 
-# Answers that are kept: the scenarios of a grid ask for the same ones again and again.
+# Size of the caches: the scenarios of a grid repeat the same calls again and again.
 _REMEMBERED = 4096
 
 
 def narrow_valleys(trace: Trace, radius: float) -> list[Any]:
-    """Tell of each piece whether it is a valley that a body (m) does not fit: r ≥ R."""
+    """Return for each piece whether it is a valley too narrow for a body of `radius` (m): r ≥ R."""
     return [piece.sign > 0.0 and radius >= piece.radius for piece in trace.pieces]
 
 
 def overlapping_pieces(trace: Trace) -> list[Any]:
-    """Tell of each piece whether it is an arc that runs over itself, with a full turn or more.
+    """Return for each piece whether it is an arc that overlaps itself: a full turn or more.
 
-    A full turn is right only for a single piece that is closed.
+    A closed trace of a single piece may make one full turn.
     """
     limit = math.tau * (1.0 - 4.0 * EPSILON)
     if trace.closed and len(trace.pieces) == 1:
@@ -303,11 +307,11 @@ def overlapping_pieces(trace: Trace) -> list[Any]:
 
 @lru_cache(maxsize=_REMEMBERED)
 def touched_pieces(trace: Trace, radius: float) -> tuple[tuple[int, int], ...]:
-    """Return the pairs (i, j) such that a body rolling on piece i may touch piece j elsewhere.
+    """Return the pairs (i, j) such that a body rolling on piece i may touch another piece j.
 
-    `radius` of the body in m, smaller than that of every valley; 0 finds where the trace meets
-    itself. An empty answer is certified; where rounding hides whether a body just touches, the
-    pair is listed.
+    `radius` of the body in m, smaller than that of every valley; with 0 the pairs are those where
+    the trace meets itself. An empty result is certified; a pair that rounding leaves undecided is
+    listed.
     """
     return tuple(_not_clear(trace, radius, 0.0, True))
 
@@ -315,7 +319,7 @@ def touched_pieces(trace: Trace, radius: float) -> tuple[tuple[int, int], ...]:
 def _not_clear(
     trace: Trace, radius_a: float, radius_b: float, both_ways: bool
 ) -> Iterator[tuple[int, int]]:
-    """Yield pieces i and j > i on which two bodies may touch; with j < i too if `both_ways`."""
+    """Yield pairs of pieces i < j on which two bodies may touch; also j < i if `both_ways`."""
     paths_a = [Path.of(piece, radius_a) for piece in trace.pieces]
     paths_b = [Path.of(piece, radius_b) for piece in trace.pieces]
     needed = radius_a + radius_b
@@ -349,10 +353,10 @@ def reach(trace: Trace, body_a: Body, body_b: Body) -> tuple[tuple[int, int], ..
 
 
 def contact_angle(piece: Piece, radius_a: float, radius_b: float) -> float:
-    """Return how far apart on one piece touching bodies are: β (rad), on a line in m.
+    """Return the distance along one piece between touching bodies: β (rad), on a line in m.
 
     sin(β/2) = √(r_a r_b/(ρ_a ρ_b)) (A (6), B (48), whose arccos loses digits); 2√(r_a r_b) on a
-    line (C §3). inf when the bodies are too large to touch within one valley (r_a + r_b > R): there
+    line (C §3). inf if the bodies are too large to touch within one valley (r_a + r_b > R), where
     they would always overlap.
     """
     if piece.is_line:
@@ -368,10 +372,10 @@ def contact_angle(piece: Piece, radius_a: float, radius_b: float) -> float:
 
 
 def joined_behind(trace: Trace, radius_a: float, radius_b: float) -> list[Any]:
-    """Tell of each piece whether it is so nearly a full turn that two bodies touch through its gap.
+    """Return for each piece whether its gap to a full turn lets two bodies touch across it.
 
-    Radii in m. There φ_b − φ_a > 2π − β: a contact on one piece on which the bodies are not
-    neighbours.
+    Radii in m. At such a contact φ_b − φ_a > 2π − β: the bodies touch on one piece, but not as
+    neighbours along it.
     """
     ring = trace.closed and len(trace.pieces) == 1
     return [not ring and _is_joined(piece, radius_a, radius_b) for piece in trace.pieces]
@@ -386,20 +390,20 @@ def _is_joined(piece: Piece, radius_a: float, radius_b: float) -> Any:
 
 
 def touch_across(trace: Trace, radius_a: float, radius_b: float) -> tuple[int, int] | None:
-    """Return two pieces on which bodies may touch that are not side by side on the trace, or None.
+    """Return two pieces on which bodies that are not side by side may touch, or None.
 
-    Radii in m; a is left of b. Side by side are bodies with a stretch between them that turns by
-    less than π: what happens there is for `fits_between`. None is certified.
+    Radii in m; a is left of b. Bodies are side by side if the trace between them turns by less than
+    π; `fits_between` decides about those. The result None is certified.
     """
     return next(_not_clear(trace, radius_a, radius_b, trace.closed), None)
 
 
 def pocket_radius(curvature: float, radius_a: float, radius_b: float) -> float:
-    """Return the radius (m) of the largest disk below two touching bodies on the trace.
+    """Return the radius (m) of the largest disk between the trace and two touching bodies on it.
 
-    `curvature` of the trace in 1/m, positive in a valley; Descartes' theorem of four touching
-    circles: 1/r = 1/r_a + 1/r_b − K + 2√(1/(r_a r_b) − K(1/r_a + 1/r_b)). inf when two such
-    bodies do not fit side by side in the valley.
+    `curvature` K of the trace in 1/m, positive in a valley. By Descartes' theorem of four touching
+    circles, 1/r = 1/r_a + 1/r_b − K + 2√(1/(r_a r_b) − K(1/r_a + 1/r_b)). inf if the two bodies do
+    not fit side by side in the valley.
     """
     a, b = 1.0 / radius_a, 1.0 / radius_b
     under_root = a * b - curvature * (a + b)
@@ -411,10 +415,10 @@ def pocket_radius(curvature: float, radius_a: float, radius_b: float) -> float:
 
 
 def fits_between(trace: Trace, outer: tuple[float, float], between: tuple[float, ...]) -> Any:
-    """Tell whether two touching bodies may have all of some others between them on the trace.
+    """Return whether two touching bodies may enclose all of the given others on the trace.
 
-    Radii in m, in order from left to right. False is certified. On a single piece the answer is
-    exact; on a chain the tightest valley decides, and bodies that fit one by one count as
+    Radii in m, in order from left to right. The result False is certified. On a single piece the
+    result is exact; on a chain the tightest valley decides, and bodies that fit one by one count as
     fitting together.
     """
     curvature = elementwise.greatest_of(
@@ -434,12 +438,12 @@ def fits_between(trace: Trace, outer: tuple[float, float], between: tuple[float,
 
 
 Between = tuple[tuple[int, int], tuple[int, ...]]
-"""Two bodies, from left to right, and those between them."""
+"""Two bodies, from left to right, and the bodies between them."""
 
 
 @dataclass(frozen=True)
 class Overreach:
-    """Two bodies that may be able to touch, but not as neighbours do."""
+    """Two bodies that may be able to touch although they do not meet as neighbours."""
 
     first: int
     """Index of the body on the left."""
@@ -448,11 +452,11 @@ class Overreach:
     over: tuple[int, ...]
     """Indices of the bodies over which they touch; empty if across a gap of the trace."""
     pieces: tuple[int, int] | None = None
-    """Pieces on which they touch across a gap."""
+    """Pieces on which they touch across a gap, else None."""
 
 
 def not_neighbours(count: int, closed: bool) -> Iterator[tuple[int, int]]:
-    """Give every two bodies that are not neighbours."""
+    """Yield every pair of bodies that are not neighbours."""
     for first, second in combinations(range(count), 2):
         if 1 < second - first < (count - 1 if closed else count):
             yield first, second
@@ -461,10 +465,10 @@ def not_neighbours(count: int, closed: bool) -> Iterator[tuple[int, int]]:
 def over_others(
     count: int, closed: bool, too_long: Callable[[int, tuple[int, ...]], bool] | None = None
 ) -> Iterator[Between]:
-    """Give every two bodies with others between them.
+    """Yield every pair of bodies with the bodies between them.
 
-    On a closed trace neighbours too, which have all the others between them the other way round.
-    `too_long` tells of a body and a row right of it that no longer row needs to be given.
+    On a closed trace this includes neighbours, which have all the others between them the other
+    way round. `too_long(left, row)` ends the rows to the right of a body: longer ones are skipped.
     """
     for left in range(count):
         row: tuple[int, ...] = ()
@@ -478,9 +482,9 @@ def over_others(
 def _is_full(
     trace: Trace, radii: tuple[float, ...], largest: float, left: int, row: tuple[int, ...]
 ) -> bool:
-    """Whether a row right of a body is too long for it, and so every longer one.
+    """Return whether a row to the right of a body, and so any longer one, has no room.
 
-    It has no room between the body and even the `largest` one, which leaves the most.
+    It does not even fit between the body and the `largest` one, which leaves the most room.
     """
     radius, more_than_rounding = radii[left], 1.0 + 1e-9
     if len(trace.pieces) > 1:
@@ -496,10 +500,10 @@ def _is_full(
 
 
 def overreaching(trace: Trace, radii: tuple[float, ...]) -> tuple[Overreach, ...]:
-    """Return the pairs of bodies that may be able to touch, but not as neighbours do.
+    """Return the pairs of bodies that may be able to touch although they do not meet as neighbours.
 
-    `radii` in m, in order along the trace. An empty answer certifies that only neighbours ever
-    touch, with nothing between them (on a line: no body smaller than a quarter of two equal ones
+    `radii` in m, in order along the trace. An empty result certifies that only neighbours ever
+    touch, with nothing between them (on a line: no body is smaller than a quarter of two equal ones
     around it).
     """
     across: dict[tuple[float, float], tuple[int, int] | None] = {}
@@ -509,7 +513,7 @@ def overreaching(trace: Trace, radii: tuple[float, ...]) -> tuple[Overreach, ...
     for (left, right), row in over_others(len(radii), trace.closed, is_full):
         if fits_between(trace, (radii[left], radii[right]), tuple(radii[n] for n in row)):
             found.append(Overreach(min(left, right), max(left, right), row))
-    # The largest body encloses, where it touches the trace, all the others there.
+    # The largest body, where it touches the trace, encloses every other body at that point.
     if len(radii) < 3 or touch_across(trace, largest, largest) is None:
         return tuple(found)
     for first, second in not_neighbours(len(radii), trace.closed):
@@ -523,12 +527,12 @@ def overreaching(trace: Trace, radii: tuple[float, ...]) -> tuple[Overreach, ...
 
 
 def surely_sound(trace: Trace, radii: Sequence[float], count: int) -> Any:
-    """Return where it is certified that bodies touch their own piece and their neighbours only.
+    """Return for each of many traces whether bodies certainly touch own piece and neighbours only.
 
-    Numbers are arrays of `count`, or the same for all; radii in m, of bodies that fit every valley.
-    Where it is true `overreaching` finds nothing, nor does `touched_pieces` for any radius and for
-    0. These search one trace until it is decided. Here `surely_clear` has a few halvings for all
-    traces at once, and it is false, too, where they were not enough.
+    Numbers are arrays of `count`, or shared by all; radii in m, of bodies that fit every valley.
+    Where the result is True, `overreaching` finds nothing, nor does `touched_pieces` for any of the
+    radii or for 0. Those functions search one trace until it is decided; here `surely_clear` makes
+    a few halvings for all traces at once. The result is also False where these left it undecided.
     """
     import numpy as np
 
@@ -537,7 +541,7 @@ def surely_sound(trace: Trace, radii: Sequence[float], count: int) -> Any:
         between = tuple(radii[n] for n in row)
         fits = fits_between(trace, (radii[left], radii[right]), between)
         sound = sound & np.logical_not(fits)
-    # The largest body encloses, where it touches the trace, all the others there.
+    # The largest body, where it touches the trace, encloses every other body at that point.
     asked = [(elementwise.greatest_of(radii), 0.0, True)]
     asked += [
         (radii[a], radii[b], trace.closed) for a, b in not_neighbours(len(radii), trace.closed)

@@ -1,4 +1,4 @@
-"""What the solver solves: a trace with bodies that roll or slide, how they start and collide."""
+"""The system to solve: a trace, its rolling or sliding bodies, their start and impact law."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ HOLLOW_BALL = "hollow_ball"
 HOOP = "hoop"
 PARTICLE = "particle"
 CUSTOM = "custom"
-"""Kind of a body that is given by its inertia ratio."""
+"""Kind of a body defined by its inertia ratio."""
 
 INERTIA_RATIO = {BALL: 2 / 5, DISK: 1 / 2, HOLLOW_BALL: 2 / 3, HOOP: 1.0, PARTICLE: 0.0}
 """J_C/(m r²) of each kind of body."""
@@ -30,7 +30,7 @@ INERTIA_RATIO = {BALL: 2 / 5, DISK: 1 / 2, HOLLOW_BALL: 2 / 3, HOOP: 1.0, PARTIC
 _KAPPA = {BALL: 7 / 5, DISK: 3 / 2, HOLLOW_BALL: 5 / 3, HOOP: 2.0, PARTICLE: 1.0}
 
 NEEDS_THICKNESS = (DISK, HOLLOW_BALL, HOOP)
-"""Kinds whose mass follows from a density only with a thickness."""
+"""Kinds that need a thickness to compute the mass from a density."""
 
 
 def mass_from_density(
@@ -38,11 +38,11 @@ def mass_from_density(
 ) -> float:
     """Return the mass (kg) of a homogeneous body.
 
-    `radius` and `thickness` in m, `density` in kg/m³. Ball and particle: ⁴⁄₃π r³ ρ. Disk of the
-    given thickness: π r² t ρ. Hollow ball, thin against its radius: 4π r² t ρ. Hoop, a thin ring
-    of square cross-section t × t: 2π r t² ρ. Hollow ball and hoop are thin in the sense of their
-    moments of inertia (⅔ m r² and m r²): their matter is counted at radius r.
-    Raises ValueError for another kind, or when the thickness is missing.
+    `radius` and `thickness` in m, `density` in kg/m³. Ball and particle: ⁴⁄₃π r³ ρ. Disk of
+    thickness t: π r² t ρ. Thin hollow ball: 4π r² t ρ. Hoop, a thin ring of square cross-section
+    t × t: 2π r t² ρ. As in their moments of inertia (⅔ m r² and m r²), all the matter of a
+    hollow ball or hoop is taken to be at radius r.
+    Raises ValueError for any other kind, or if the thickness is missing.
     """
     if kind in (BALL, PARTICLE):
         return 4.0 / 3.0 * math.pi * elementwise.power(radius, 3) * density
@@ -84,12 +84,12 @@ class Body:
 
     @property
     def slides(self) -> bool:
-        """Whether it is moved as one that slides, without turning: κ = 1."""
+        """Whether the body slides without turning: κ = 1."""
         return self.kappa == 1.0
 
     @property
     def rolling_mass(self) -> float:
-        """κ m (kg), the mass that the speed of the centre has to do with."""
+        """κ m (kg): the kinetic energy is κ m v²/2 at speed v of the centre."""
         return self.kappa * self.mass
 
     @property
@@ -100,7 +100,7 @@ class Body:
     def natural_rate(self, gravity: float, rho: float) -> float:
         """Return w = √(g/κρ) (rad/s), the rate of small oscillations at the bottom of a valley.
 
-        ``gravity`` is in m/s²; ``rho`` is the radius (m) of the path of the body's centre. Numbers
+        ``gravity`` is in m/s²; ``rho`` is the radius (m) of the path of the body's centre. Both
         may be arrays or carry derivatives (see ``numerics.elementwise``).
         """
         return natural_rate(gravity, self.kappa, rho)
@@ -108,14 +108,17 @@ class Body:
 
 @dataclass(frozen=True)
 class Wall:
-    """A plane across an end of the trace, touched by a body at distance r: v⁺ = −restitution v⁻."""
+    """A plane across an end of the trace; at an impact v⁺ = −restitution v⁻.
+
+    A body touches it when its centre is at distance r.
+    """
 
     restitution: float
 
 
 @dataclass(frozen=True)
 class InitialState:
-    """Where a body starts and how fast."""
+    """Initial position and speed of a body."""
 
     piece: int
     """Index of its piece, from 0."""
@@ -127,7 +130,7 @@ class InitialState:
 
 @dataclass(frozen=True)
 class TraceSystem:
-    """Bodies in order from left to right on a trace, and everything their motion depends on."""
+    """Bodies on a trace, from left to right, and everything that determines their motion."""
 
     gravity: float
     """g (m/s²), downwards."""
@@ -136,65 +139,72 @@ class TraceSystem:
     initial: tuple[InitialState, ...]
     """State of each body at time 0."""
     restitution: tuple[float, ...]
-    """k of each pair of neighbours, on a closed trace with three or more bodies the seam's last."""
+    """k of each pair of neighbours, in the order of `neighbours`."""
     law: str
-    """Its name in `LAWS`."""
+    """Name of the impact law in `LAWS`."""
     inadmissible: str
-    """What follows an inadmissible impact: `stop` or `normal-impulse`."""
+    """Response to an inadmissible impact: `stop` or `normal-impulse`."""
     surface: str
     """`two-sided` or `one-sided`."""
     left_end: Wall | None
-    """Wall at the left end of an open trace; None stops the run there."""
+    """Wall at the left end of an open trace; if None, the run stops there."""
     right_end: Wall | None
-    """Wall at the right end of an open trace; None stops the run there."""
+    """Wall at the right end of an open trace; if None, the run stops there."""
     turning: Turning | None
-    """The vertical axis about which the trace rotates, and its rate; None at rest."""
+    """Vertical axis and rate of the trace's rotation; None at rest."""
 
     def restitution_of(self, pair: int) -> float:
-        """Return k of a pair (from 0): two bodies that meet two ways have one k for both."""
+        """Return k of a pair (from 0).
+
+        Two bodies on a closed trace make two pairs, which share one k.
+        """
         return self.restitution[min(pair, len(self.restitution) - 1)]
 
     def fastest_rate(self, body: Body, piece: Piece) -> float:
-        """Return √(Ω² + a/κρ) (rad/s), no less than a body's rate of oscillation on an arc.
+        """Return √(Ω² + a/κρ) (rad/s), an upper bound of a body's rate of oscillation on an arc.
 
-        a is what pulls at the centre of the arc (`drive`): far from its axis a rotating trace
-        drives a body many times as hard as gravity.
+        a is the acceleration at the centre of the arc (`drive`): far from the axis of a rotating
+        trace it is many times that of gravity.
         """
         turning = 0.0 if self.turning is None else self.turning.square
         drive = self.drive(piece) / (body.kappa * piece.path_radius(body.radius))
         return math.sqrt(turning + drive)
 
     def drive(self, piece: Piece) -> float:
-        """Return what pulls at the centre of an arc (m/s²): g, with Ω² (O_x − x₀) across it."""
+        """Return the acceleration at the centre of an arc (m/s²): √(g² + (Ω² (O_x − x₀))²)."""
         if self.turning is None:
             return self.gravity
         return math.hypot(self.gravity, self.turning.square * (piece.centre[0] - self.turning.x))
 
 
 def neighbours(count: int, closed: bool) -> list[tuple[int, int]]:
-    """Return the neighbours on a trace; on a closed one of three or more bodies the seam's last."""
+    """Return the pairs of neighbours on a trace, from left to right.
+
+    With three or more bodies on a closed trace, the pair across the seam is last.
+    """
     pairs = list(pairwise(range(count)))
     return [*pairs, (count - 1, 0)] if closed and count > 2 else pairs
 
 
-# The impact laws as users meet them. What a law does is in the kernels (kernels/impact/laws.py),
-# which know it by its number.
+# Descriptions of the impact laws for users. Kernels implement the laws (kernels/impact/laws.py),
+# and identify each by its number.
 
 
 @dataclass(frozen=True)
 class ImpactLaw:
-    """What is said of a law."""
+    """Description of an impact law."""
 
     statement: str
-    """In the help, with formulas."""
+    """Text of the help, with formulas."""
     summary: str
-    """In a report, with its source."""
+    """Text of a report, with its source."""
     separates_on_lines: bool
-    """Whether bodies of unequal radii on one line always part; else impacts can be inadmissible."""
+    """Whether bodies of unequal radii on one line always separate; else an impact of theirs can be
+    inadmissible."""
     separates_on_arcs: bool
     """The same on arcs."""
     balances_mass: bool
-    """Whether it keeps Σ m v of two bodies, where others keep Σ κ m v, as the kernels have it."""
+    """Whether the law conserves Σ m v of two bodies, instead of Σ κ m v; as in the kernels."""
 
 
 LAWS: Mapping[str, ImpactLaw] = {
@@ -229,22 +239,22 @@ LAWS: Mapping[str, ImpactLaw] = {
 
 
 def law_keeps_energy(law: str, kappa: Any) -> Any:
-    """Return whether impacts with k = 1 take no energy of rolling.
+    """Return whether impacts with k = 1 conserve the energy of rolling.
 
-    Those of a law that balances Σ m v take none of bodies of equal κ only.
-    `kappa` has a number for each body, or an array, for which the result is an array too.
+    A law that conserves Σ m v does so only between bodies of equal κ.
+    `kappa` has a number, or an array, for each body; with arrays the result is an array.
     """
     return reduce(and_, [one == kappa[0] for one in kappa]) | (not LAWS[law].balances_mass)
 
 
 DRY_FRICTION = 1.0
-"""A coefficient of friction that dry surfaces hardly exceed."""
+"""Coefficient of friction that dry surfaces hardly ever exceed."""
 
 
 def mechanics_warnings(system: TraceSystem, stop_time: float | None = None) -> tuple[str, ...]:
-    """Return what a user should know about a sound system before running it, a sentence each.
+    """Return warnings about a valid system for its user, one sentence each.
 
-    `stop_time` (s) is when its run ends at the latest.
+    `stop_time` (s) is the latest time at which its run ends.
     """
     bodies = system.bodies
     pairs = [(bodies[a], bodies[b]) for a, b in neighbours(len(bodies), system.trace.closed)]
@@ -262,7 +272,10 @@ def mechanics_warnings(system: TraceSystem, stop_time: float | None = None) -> t
 def law_warnings(
     system: TraceSystem | ImpactSystem, pairs: Sequence[tuple[Body, Body]], arcs: bool = False
 ) -> list[str]:
-    """Return what is doubtful about a law between the bodies that can meet, perhaps on arcs."""
+    """Return warnings about the system's impact law.
+
+    `pairs` are the bodies that can meet; `arcs` tells whether the trace has arcs.
+    """
     law, warnings = LAWS[system.law], []
     unequal_kappa = any(a.kappa != b.kappa for a, b in pairs)
     if law.balances_mass and unequal_kappa:
@@ -282,9 +295,9 @@ def law_warnings(
 
 
 def _longest_phase(system: TraceSystem) -> float:
-    """Return the time (s) after which a phase in double precision is off by a radian, or inf.
+    """Return the time (s) after which rounding alone has turned a phase by a radian, or inf.
 
-    An angle grows at most at a rate of √(φ̇₀² + 4 w²) on an arc, w² = g/(κ ρ).
+    An angle on an arc grows at a rate of at most √(φ̇₀² + 4 w²), w² = g/(κ ρ).
     """
     fastest = 0.0
     for body, state in zip(system.bodies, system.initial, strict=True):
@@ -298,22 +311,22 @@ def _longest_phase(system: TraceSystem) -> float:
 
 @dataclass(frozen=True)
 class ImpactSystem(ABC):
-    """Bodies and the law of their impacts."""
+    """Bodies and their impact law."""
 
     bodies: tuple[Body, ...]
     law: str
-    """Its name in `LAWS`."""
+    """Name of the impact law in `LAWS`."""
     inadmissible: str
-    """What follows an inadmissible impact: `stop` or `normal-impulse`."""
+    """Response to an inadmissible impact: `stop` or `normal-impulse`."""
 
     @property
     def law_keeps_energy(self) -> bool:
-        """Whether impacts with k = 1 take no energy of rolling."""
+        """Whether impacts with k = 1 conserve the energy of rolling."""
         return bool(law_keeps_energy(self.law, [body.kappa for body in self.bodies]))
 
     @abstractmethod
     def keeps_energy(self, clock: Mapping[str, Any]) -> bool:
-        """Whether nothing takes energy in a run, whose clock at its end is given."""
+        """Return whether a run conserved energy, given its clock at the end."""
 
 
 def touching_distance(one: Body, other: Body) -> float:

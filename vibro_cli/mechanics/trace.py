@@ -1,6 +1,6 @@
 """The trace: a plane curve of valleys, humps and lines with a common tangent at every junction.
 
-Its numbers may be arrays (see ``numerics.elementwise``): then it is many traces of the same shapes.
+Its numbers may be arrays (see ``numerics.elementwise``), for many traces of the same shapes.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ LINE = "line"
 
 Point = tuple[float, float]
 Along = TypeVar("Along", float, "NDArray[np.float64]")
-"""A coordinate along a piece, or many of them."""
+"""A coordinate along a piece, or an array of them."""
 
 _SIGN = {VALLEY: 1.0, HUMP: -1.0, LINE: 0.0}
 
 
 def sine_cosine(angle: float) -> Point:
-    """Return (sin, cos) of an angle, exact at the doubles nearest to the multiples of π/2.
+    """Return (sin, cos) of an angle (rad), with exact zeros at multiples of π/2.
 
-    `angle` in rad. A sine within half a unit in the last place of its argument belongs to the
-    double nearest to a multiple of π and is 0; likewise the cosine at odd multiples of π/2.
+    A sine within half a unit in the last place of the angle is that of the double nearest to a
+    multiple of π, and is returned as 0; likewise the cosine at odd multiples of π/2.
     """
     rounding = 0.5 * elementwise.last_place(angle)
     sine = elementwise.sine(angle)
@@ -43,13 +43,13 @@ def sine_cosine(angle: float) -> Point:
 
 
 def bends(shape: str, start_slope: float, end_slope: float) -> Any:
-    """Tell whether the slope changes as on a piece of a shape: it rises in a valley."""
+    """Return whether the slope rises, as in a valley, or falls, as on a hump."""
     return _SIGN[shape] * (end_slope - start_slope) > 0.0
 
 
 @dataclass(frozen=True)
 class ArcShape:
-    """One piece as it is described: a shape with radius (m) and end slope (rad), or length (m)."""
+    """Description of a piece: shape, with radius (m) and end slope (rad), or length (m)."""
 
     shape: str
     radius: float | None = None
@@ -59,7 +59,7 @@ class ArcShape:
 
 @dataclass(frozen=True)
 class Piece:
-    """One arc or line of the trace, in its place.
+    """One arc or line of the trace, with its place in the plane.
 
     The coordinate of a body on a piece (`position` below) is φ = α in a valley, ψ = −α on a hump,
     both in rad and growing to the right, and the distance in m from the left end on a line.
@@ -102,7 +102,7 @@ class Piece:
         return math.inf if self.is_line else self.radius - self.sign * body_radius
 
     def path_scale(self, body_radius: float) -> float:
-        """Return speed over rate of the position: ρ (m) on an arc, 1 on a line."""
+        """Return the ratio of speed to rate of position: ρ (m) on an arc, 1 on a line."""
         return 1.0 if self.is_line else self.path_radius(body_radius)
 
     def slope(self, position: float) -> float:
@@ -136,7 +136,10 @@ class Piece:
 
 
 class _Pen:
-    """The end of the chain drawn so far, kept as sums so that symmetric traces stay symmetric."""
+    """The end of the chain drawn so far.
+
+    Its coordinates are kept as exact sums, so that symmetric traces stay symmetric.
+    """
 
     def __init__(self, slope: float) -> None:
         self.slope = slope
@@ -145,7 +148,7 @@ class _Pen:
         self._s: list[float] = []
 
     def _place(self, *more: float) -> Point:
-        """Return the end of the chain, moved by two terms if given and rounded once."""
+        """Return the end of the chain, shifted by (x, y) if given, rounded once."""
         return (
             elementwise.exact_sum([*self._x, *more[:1]]),
             elementwise.exact_sum([*self._y, *more[1:]]),
@@ -156,7 +159,7 @@ class _Pen:
         return elementwise.exact_sum(self._s)
 
     def draw(self, index: int, shape: str, radius: float, length: float, end_slope: float) -> Piece:
-        """Draw on by a piece."""
+        """Append a piece to the chain and return it."""
         sign, start, start_s = _SIGN[shape], self._place(), self.arc_length()
         start_slope, self.slope = self.slope, end_slope
         sine, cosine = sine_cosine(start_slope)
@@ -222,11 +225,11 @@ class Trace:
 
     @staticmethod
     def chain(start_slope: float, shapes: Sequence[ArcShape], closed: bool = False) -> Trace:
-        """Build the trace from the slope at its left end and its pieces, each with its end slope.
+        """Build the trace from the slope at its left end and the descriptions of its pieces.
 
         `start_slope` in rad. Valleys turn left (α grows with s), humps right; x to the right, y up.
-        Raises ValueError when a piece lacks a dimension or turns against its shape. Whether a
-        closed chain does close is for the caller to test with `closing_error`.
+        Raises ValueError if a piece lacks a dimension or its slope changes against its shape. The
+        caller must test with `closing_error` that a closed chain closes.
         """
         if not shapes:
             raise ValueError("a trace needs at least one piece")
@@ -235,7 +238,7 @@ class Trace:
         return Trace(pieces, closed, pen.arc_length())
 
     def mirrored(self) -> Trace:
-        """Return the mirror image, right for left: it begins where this one ends."""
+        """Return the mirror image, with left and right exchanged."""
         shapes = [
             ArcShape(piece.shape, length=piece.length)
             if piece.is_line
@@ -245,7 +248,7 @@ class Trace:
         return Trace.chain(-self.pieces[-1].end_slope, shapes, self.closed)
 
     def closing_error(self) -> tuple[float, float]:
-        """Return the distance between the ends (m) and the turn between their slopes (rad)."""
+        """Return the distance between the ends (m) and the difference of their slopes (rad)."""
         first, last = self.pieces[0], self.pieces[-1]
         distance = math.hypot(last.end[0] - first.start[0], last.end[1] - first.start[1])
         return distance, last.end_slope - first.start_slope
