@@ -1,1 +1,1 @@
-"""Elliptic functions by themselves; functions of numbers, arrays and derivatives alike."""
+"""Jacobi's elliptic functions; functions of numbers, arrays and numbers with derivatives."""

@@ -1,9 +1,9 @@
-"""Functions of numbers, of arrays of numbers and of numbers with derivatives, with the same bits.
+"""Functions of numbers, arrays of numbers and numbers with derivatives, with the same bits.
 
-What a system is built with is written once with them: for one scenario with numbers, which need no
-numpy, for many that differ in numbers with arrays, and for its derivatives with numbers that carry
-them, which is forward differentiation and exact. Sums, products, quotients and square roots of
-arrays are rounded as those of numbers; all else is asked of the same library, one by one.
+With them, the code that builds a system is written once. It takes numbers for one scenario, without
+numpy; arrays for many scenarios that differ in numbers; and numbers with derivatives for exact
+forward differentiation. Sums, products, quotients and square roots of arrays are rounded as those
+of numbers; all other functions call the same library for each element.
 """
 
 from __future__ import annotations
@@ -20,21 +20,21 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 Some = Any
-"""A number, an array of numbers with one axis, or a number with derivatives. Where a number goes in
-and out, all are said to be numbers, as everywhere else."""
+"""A number, an array of numbers with one axis, or a number with derivatives. Functions from numbers
+to numbers are annotated with `float`, as in the rest of the package."""
 
 _NUMBERS = (float, int)
 
 
 def is_number(values: Some) -> bool:
-    """Tell whether there is one number, not an array."""
+    """Return whether a value is a single number without derivatives, not an array."""
     return isinstance(values, _NUMBERS)
 
 
 def each(function: Callable[..., Any], *arguments: Some, kind: type = float) -> Some:
-    """Return a function's values, one by one where an argument is an array.
+    """Return a function's value, or an array of values if an argument is an array.
 
-    They are floats, or of another ``kind`` of an array.
+    ``kind`` is the type of the array's elements.
     """
     for one in arguments:
         if not isinstance(one, _NUMBERS):
@@ -50,19 +50,19 @@ def each(function: Callable[..., Any], *arguments: Some, kind: type = float) -> 
 
 
 def sine(angle: float) -> float:
-    """Return the sine (of rad)."""
+    """Return the sine of an angle (rad)."""
     found: float = each(math.sin, angle)
     return found
 
 
 def cosine(angle: float) -> float:
-    """Return the cosine (of rad)."""
+    """Return the cosine of an angle (rad)."""
     found: float = each(math.cos, angle)
     return found
 
 
 def arcsine(value: Some) -> float:
-    """Return the arcsine (rad), nan beyond 1 and -1."""
+    """Return the arcsine (rad), nan outside [-1, 1]."""
     found: float = each(math.asin if isinstance(value, Dual) else _arcsine, value)
     return found
 
@@ -72,7 +72,7 @@ def _arcsine(value: float) -> float:
 
 
 def square_root(value: Some) -> float:
-    """Return the square root; of negative elements of an array nan."""
+    """Return the square root; nan for negative elements of an array."""
     if is_number(value):
         return math.sqrt(value)
     if isinstance(value, Dual):
@@ -93,7 +93,7 @@ def last_place(value: Some) -> Some:
 
 
 def power(base: float, exponent: int) -> float:
-    """Return a power."""
+    """Return ``base ** exponent``."""
     found: float = each(pow, base, exponent)
     return found
 
@@ -110,7 +110,10 @@ def exact_sum(terms: Iterable[float]) -> float:
 
 
 def fewer_terms(terms: list[float]) -> list[float]:
-    """Return few numbers with exactly the sum of many; other than finite numbers as they are."""
+    """Return a few numbers with exactly the same sum as ``terms``.
+
+    Terms that are not all numbers with a finite sum are returned unchanged.
+    """
     if not (all(map(is_number, terms)) and math.isfinite(math.fsum(terms))):
         return terms
     fewer: list[float] = []
@@ -120,17 +123,17 @@ def fewer_terms(terms: list[float]) -> list[float]:
 
 
 def nearest(value: Some) -> Some:
-    """Return the nearest whole number, the even one of two."""
+    """Return the nearest integer; of two, the even one."""
     return each(round, value)
 
 
 def ceiling(value: Some) -> Some:
-    """Return the least whole number that is not smaller."""
+    """Return the least integer that is not smaller than a value."""
     return each(math.ceil, value)
 
 
 def choose(condition: Some, one: Some, other: Some) -> Some:
-    """Return the one where a condition holds, else the other."""
+    """Return ``one`` where a condition holds, else ``other``."""
     if isinstance(condition, bool):
         return one if condition else other
     import numpy as np
@@ -139,55 +142,55 @@ def choose(condition: Some, one: Some, other: Some) -> Some:
 
 
 def zero_where(condition: Some, value: Some) -> Some:
-    """Return 0 where a condition holds, else the value; it changes as the value does."""
+    """Return 0 where a condition holds, else the value; derivatives are kept in both cases."""
     if isinstance(value, Dual):
         return Dual(0.0, value.change) if condition else value
     return choose(condition, 0.0, value)
 
 
 def least(one: Some, other: Some) -> Some:
-    """Return the smaller of two."""
+    """Return the smaller of two values."""
     return choose(one <= other, one, other)
 
 
 def greatest(one: Some, other: Some) -> Some:
-    """Return the larger of two."""
+    """Return the larger of two values."""
     return choose(one >= other, one, other)
 
 
 def least_of(values: Sequence[Some]) -> Some:
-    """Return the smallest of some."""
+    """Return the smallest of several values."""
     return min(values) if set(map(type, values)) <= {float, int} else reduce(least, values)
 
 
 def greatest_of(values: Sequence[Some]) -> Some:
-    """Return the largest of some."""
+    """Return the largest of several values."""
     return max(values) if set(map(type, values)) <= {float, int} else reduce(greatest, values)
 
 
 def holds(condition: Some) -> bool:
-    """Tell whether a condition holds everywhere."""
+    """Return whether a condition holds everywhere."""
     return bool(condition if isinstance(condition, bool) else condition.all())
 
 
 def occurs(condition: Some) -> bool:
-    """Tell whether a condition holds somewhere."""
+    """Return whether a condition holds somewhere."""
     return bool(condition if isinstance(condition, bool) else condition.any())
 
 
 def outside(value: Some, low: float, high: float) -> Some:
-    """Tell whether a value is beyond one of two bounds, or nan."""
+    """Return whether a value lies outside [``low``, ``high``], or is nan."""
     inside = (low <= value) & (value <= high)
     return not inside if isinstance(inside, bool) else ~inside
 
 
 def is_nan(value: Some) -> Some:
-    """Tell whether a value is no number."""
+    """Return whether a value is nan."""
     return value != value
 
 
 def taken(numbers: Any, at: Any) -> Any:
-    """Return numbers, or what has numbers within, with some elements of every array."""
+    """Return the elements ``at`` of every array in a number, tuple or dataclass."""
     if isinstance(numbers, tuple):
         return tuple(taken(one, at) for one in numbers)
     if is_dataclass(numbers) and not isinstance(numbers, type):
@@ -196,11 +199,11 @@ def taken(numbers: Any, at: Any) -> Any:
     return numbers[at] if getattr(numbers, "ndim", 0) else numbers
 
 
-# To rounding only: arrays with the functions of numpy, whose last bits are others.
+# Equal to rounding only: for arrays these call numpy, whose functions differ in the last bits.
 
 
 def about(name: str, function: Callable[..., float], *arguments: Some) -> Any:
-    """Return a function of numbers, of arrays the one that numpy has by a name."""
+    """Return a function of numbers; for arrays, call numpy's function ``name`` instead."""
     for one in arguments:
         if not isinstance(one, _NUMBERS):
             break
@@ -212,12 +215,12 @@ def about(name: str, function: Callable[..., float], *arguments: Some) -> Any:
 
 
 def distance(x: Some, y: Some) -> Any:
-    """Return the length of a vector, to rounding."""
+    """Return the length of a vector, equal to rounding."""
     return about("hypot", math.hypot, x, y)
 
 
 def direction(y: Some, x: Some) -> Any:
-    """Return the angle (rad) of a vector, to rounding."""
+    """Return the angle (rad) of a vector, equal to rounding."""
     return about("arctan2", math.atan2, y, x)
 
 
@@ -225,10 +228,10 @@ Floats: TypeAlias = "NDArray[np.float64]"
 
 
 class Dual:
-    """A number and its derivatives, an array."""
+    """A number with its derivatives with respect to some parameters, in an array."""
 
     __slots__ = ("change", "value")
-    __array_ufunc__ = None  # numbers of numpy leave sums and products to it
+    __array_ufunc__ = None  # numpy scalars defer sums and products to this class
 
     def __init__(self, value: float, change: Floats) -> None:
         self.value = float(value)
@@ -285,7 +288,7 @@ class Dual:
         return self.value >= value_of(other)
 
     def __eq__(self, other: object) -> bool:
-        """Whether both are the same and stay so: a number that changes is no constant."""
+        """Return whether values and derivatives are equal; a constant has derivatives of zero."""
         import numpy as np
 
         its = other.change if isinstance(other, Dual) else 0.0
@@ -300,7 +303,7 @@ def value_of(number: Any) -> float:
 
 
 def change_of(number: Any, size: int) -> Floats:
-    """Return the derivatives of a number to ``size`` parameters, zero for a constant."""
+    """Return the derivatives of a number by ``size`` parameters, zero for a constant."""
     import numpy as np
 
     return number.change if isinstance(number, Dual) else np.zeros(size)
@@ -316,12 +319,14 @@ _STEPS: tuple[Callable[..., Any], ...] = (round, math.ceil)
 
 
 def through(function: Callable[..., Any], *arguments: Any) -> Any:
-    """Return a function of numbers of which some have derivatives.
+    """Return the value of a function, with derivatives if some arguments have them.
+
+    Step functions are returned without derivatives.
 
     Raises
     ------
     TypeError
-        If its derivative is not known.
+        If the derivative of the function is not known.
     """
     values = [value_of(one) for one in arguments]
     if function in _STEPS:

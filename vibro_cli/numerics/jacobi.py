@@ -1,11 +1,11 @@
-"""Jacobi's functions by themselves: every value to a few units of its own last place.
+"""Jacobi's elliptic functions, each value to a few units in its last place.
 
-Next to a zero the argument counts as measured from that zero, and so the quarter period to more
-digits than a double has: it comes from Gauss's arithmetic-geometric mean (DLMF 19.8.5) in 80, and
-the argument is reduced by it to within half of it of 0, where ``kernels.numerics.elliptic`` has
-all three
-functions to a few units. A flight does without: its argument is the rounded product of a frequency
-and a time, in which the zeros are no better known than its last place.
+Near a zero only the distance of the argument from that zero counts, so the quarter period must be
+known to more digits than a double has. It is computed to 80 digits by Gauss's arithmetic-geometric
+mean (DLMF 19.8.5). The argument is reduced by multiples of it to at most half of it in magnitude,
+where ``kernels.numerics.elliptic`` computes all three functions to a few units. A flight does
+without this reduction: its argument is the rounded product of a frequency and a time, so the zeros
+are known no better than to its last place.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ EXACT = Context(prec=80)
 HALF_PI = Decimal(
     "1.57079632679489661923132169163975144209858469968755291048747229615390820314310449931402"
 )
-# Means that differ by less than this share differ by its square, after one step more.
+# Means whose relative difference is below this one differ by about its square after one more step.
 ALIKE = Decimal("1e-41")
 
 
@@ -31,12 +31,12 @@ class Jacobi:
     Parameters
     ----------
     complementary_modulus
-        ``sign(1 - m) sqrt|1 - m|``, at most 1: near ``m = 1`` it knows what ``m`` does not.
+        ``sign(1 - m) sqrt|1 - m|``, at most 1: near ``m = 1`` it keeps digits that ``m`` loses.
 
     Raises
     ------
     ValueError
-        If ``m`` would be negative, or too large.
+        If ``m`` would be negative or too large.
     """
 
     def __init__(self, complementary_modulus: float) -> None:
@@ -51,16 +51,16 @@ class Jacobi:
         self._over = complementary_modulus < 0.0
         self._modulus = math.sqrt(m) if self._over else 1.0
         self.quarter_period = _quarter_period(complementary_modulus)
-        """K(m), for ``m > 1`` K(1/m)/sqrt m: |s| is greatest there, and c (for ``m > 1`` d) is 0.
+        """K(m), for ``m > 1`` K(1/m)/sqrt m, where |s| is greatest and c (for ``m > 1`` d) is 0.
         Infinite for ``m = 1``."""
 
     def functions(self, u: float) -> tuple[float, float, float]:
-        """Return ``(s, c, d)`` at any ``u`` below 1e60 in size."""
+        """Return ``(s, c, d)`` at any ``u`` with ``|u| < 1e60``."""
         quarters, v = self._reduced(u)
         s, c, d, common = theta_functions(self._theta, v)
         changing, lasting = (d, c) if self._over else (c, d)
         if quarters % 2 == 1:
-            # DLMF 22.4.3: a quarter period on they are cd, -k' sd, k' nd.
+            # DLMF 22.4.3: a quarter period further they are cd, -k' sd, k' nd.
             root = self._root
             s, changing, lasting, common = (
                 changing / self._modulus, -root * s, root / self._modulus * common, lasting,
@@ -71,7 +71,7 @@ class Jacobi:
         return s / common, c / common, d / common
 
     def _reduced(self, u: float) -> tuple[int, float]:
-        """The number of quarter periods nearest to ``u``, and what is left, to its last place."""
+        """Return the number of quarter periods nearest to ``u``, and the accurate remainder."""
         if self.quarter_period.is_infinite():
             return 0, u
         exact = Decimal(u)
@@ -80,7 +80,7 @@ class Jacobi:
 
 
 def _quarter_period(complementary_modulus: float) -> Decimal:
-    """``pi/2`` over the mean of 1, for ``m > 1`` of sqrt m, and the root of the complement."""
+    """Return ``pi/2`` over the mean of 1 (``sqrt m`` for ``m > 1``) and ``sqrt|1 - m|``."""
     a, b = Decimal(1), Decimal(abs(complementary_modulus))
     if b == 0:
         return Decimal("inf")
