@@ -1,6 +1,6 @@
-"""The programs of the library: which kernels are called from Python, with which overrides.
+"""The programs of the library: the kernels called from Python, and their overrides.
 
-``python -m vibro_cli.programs`` makes the library of a source checkout anew.
+``python -m vibro_cli.programs`` rebuilds the library of a source checkout.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from vibro_cli.systems import NAMES, system_named
 
 
 def programs() -> list[Program]:
-    """Return the programs, those first that take longest to compile."""
+    """Return the programs; those that take longest to compile come first."""
     solving = (
         proceed,
         update_statistics,

@@ -1,5 +1,5 @@
-"""Kernels: short typed Python functions, interpreted as they are or run as machine code.
+"""Kernels: short typed Python functions that are interpreted or run as machine code.
 
-``kernel`` declares them and the structs they work on, ``kinds`` and ``translate`` write them as
-C++, ``build`` makes the library with a C++ compiler, ``native`` loads it and calls it.
+``kernel`` declares kernels and the structs they work on; ``kinds`` and ``translate`` translate them
+to C++; ``build`` compiles the library; ``native`` loads and calls it.
 """

@@ -1,7 +1,7 @@
-"""Making the library of kernels: C++ source files, a compiler, one shared object for a machine.
+"""Build the library of kernels: C++ source files, compiled to a shared object for each processor.
 
-The build hook of the package calls it when the package is installed or a wheel is made, and
-``python -m vibro_cli.programs`` in a source checkout.
+The package's build hook calls it when the package is installed or a wheel is built;
+``python -m vibro_cli.programs`` calls it in a source checkout.
 """
 
 from __future__ import annotations
@@ -31,35 +31,35 @@ GENERIC = "generic"
 ZIG = "ziglang"
 _SYSTEMS = ("c++", "g++", "clang++")
 
-# Same operations in the same order as the interpreter: no contraction and no reassociation. What
-# is left out is errno and traps, which nobody reads, and vectorisers, which only cost time but in
-# programs that ask for them.
+# Same operations in the same order as the interpreter: no contraction and no reassociation. errno
+# and traps are disabled since nothing reads them. The vectorisers are disabled since they only cost
+# time, except in the programs whose own flags enable them.
 _FLAGS = (
     *("-O3", "-std=c++17", "-fPIC", "-fvisibility=hidden", "-w"),
     *("-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math"),
     *("-fno-tree-vectorize", "-fno-tree-slp-vectorize"),
-    # g++ alone would leave calls between kernels of middle size, whose tuples go through memory.
+    # By default g++ does not inline kernels of medium size, whose tuples then go through memory.
     *("--param=max-inline-insns-auto=200", "--param=inline-unit-growth=200"),
 )
 
 
 class BuildError(Exception):
-    """The library cannot be made; the message tells why, and what to do."""
+    """The library cannot be built; the message says why, and what to do."""
 
 
 def system_compiler() -> list[str]:
-    """Return the command of the C++ compiler, ``$CXX`` or the system's; empty if there is none."""
+    """Return the command of the C++ compiler: ``$CXX`` or the system's; empty if none is found."""
     named = os.environ.get("CXX")
     return named.split() if named else list(filter(shutil.which, _SYSTEMS))[:1]
 
 
 def compiler() -> list[str]:
-    """Return the command of the C++ compiler: :func:`system_compiler`, else the wheel's.
+    """Return the command of the C++ compiler: :func:`system_compiler`, else that of ``ziglang``.
 
     Raises
     ------
     BuildError
-        If there is none.
+        If no compiler is found.
     """
     if found := system_compiler():
         return found
@@ -72,12 +72,12 @@ def compiler() -> list[str]:
 
 
 def portable_levels() -> tuple[str, ...]:
-    """Return what processors a portable library is made for, best first."""
+    """Return the processor levels that a portable library is built for, best first."""
     return LEVELS if platform.machine().lower() in ("x86_64", "amd64") else (GENERIC,)
 
 
 def flags(level: str, command: Sequence[str]) -> list[str]:
-    """Return the compiler's options for a processor."""
+    """Return the compiler's options for a processor level."""
     if level == GENERIC:
         return list(_FLAGS)
     of_apple = level == NATIVE and platform.system() == "Darwin"
@@ -87,7 +87,7 @@ def flags(level: str, command: Sequence[str]) -> list[str]:
 
 
 def library_name(level: str) -> str:
-    """Return the file name of the library for a processor."""
+    """Return the file name of the library for a processor level."""
     return f"kernels-{level}.so"
 
 
@@ -97,17 +97,17 @@ def build(
     levels: Sequence[str] = (NATIVE,),
     more_flags: Sequence[str] = (),
 ) -> None:
-    """Make the library in a folder, with a record of what it was made of; whole or not at all.
+    """Build the library in a folder, with a record of its sources; nothing changes if this fails.
 
-    The folder is made if it is not there. ``levels`` are the processors it is made for, best first;
-    ``more_flags`` are for the compiler, after its own.
+    The folder is created if it does not exist. ``levels`` are the processor levels, best first;
+    ``more_flags`` are further options of the compiler, after all others.
 
     Raises
     ------
     BuildError
-        If there is no compiler, or it fails.
+        If no compiler is found, or if it fails.
     TranslationError
-        If a kernel uses what the subset does not have.
+        If a kernel is not in the compiled subset of Python.
     """
     command = compiler()
     with _work_folder(folder) as work:
@@ -123,12 +123,12 @@ def build(
 
 @contextmanager
 def _work_folder(folder: Path) -> Iterator[Path]:
-    """A folder for what a library is made of, in that of the library: one at a time."""
+    """Yield a temporary folder inside the library's, which is locked: one build at a time."""
     folder.mkdir(parents=True, exist_ok=True)
     handle = os.open(folder, os.O_RDONLY)
     try:
         fcntl.flock(handle, fcntl.LOCK_EX)
-        for left in folder.glob("making-*"):  # by a process that was killed
+        for left in folder.glob("making-*"):  # left behind by a process that was killed
             shutil.rmtree(left, ignore_errors=True)
         with tempfile.TemporaryDirectory(dir=folder, prefix="making-") as name:
             yield Path(name)
@@ -143,7 +143,7 @@ def _compiled(
     levels: Sequence[str],
     work: Path,
 ) -> list[Path]:
-    """Compile and link the sources for every kind of processor."""
+    """Compile and link the sources for each processor level, and return the libraries."""
     tasks = [
         [
             *(*command, *flags(level, command), *program.flags, *more_flags),
@@ -154,8 +154,8 @@ def _compiled(
     ]
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         list(pool.map(lambda task: _run(task, work), tasks))
-    # The wheel would first build its runtime, which takes a minute, and whose sines are not to the
-    # bit those that Python calls. The machine's own libraries have all that kernels need.
+    # ziglang would first build its own runtime, which takes a minute and has sines that differ in
+    # bits from those that Python calls. The machine's own libraries have all that kernels need.
     own_runtime = ["-nostdlib", "-lc"] if ZIG in command else []
     link = [*command, "-shared", "-fPIC", *more_flags]
     for level in levels:
@@ -165,8 +165,8 @@ def _compiled(
 
 
 def _record(levels: Sequence[str]) -> dict[str, Any]:
-    """The libraries, and what they were made of: files of the package that were imported for it."""
-    # Not by getattr, upon which some modules import more.
+    """Return the record of the libraries and their sources: the imported files of the package."""
+    # Read `__file__` from `__dict__`: some modules import more upon getattr.
     names = [getattr(module, "__dict__", {}).get("__file__") for module in [*sys.modules.values()]]
     files = {Path(str(name)) for name in names}
     inside = [file for file in {*files, PRELUDE, _MAIN} if file.is_relative_to(PACKAGE)]

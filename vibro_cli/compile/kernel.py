@@ -1,15 +1,16 @@
-"""Declaring kernels and structs: what is interpreted and what is compiled are the same functions.
+"""Declare kernels and structs; the same functions are interpreted and compiled.
 
 A kernel is a short function of numbers and structs. Decorated with :func:`kernel` it stays a plain
 Python function; ``native.compiled`` returns its compiled form. A struct is a class of annotated
-fields: an object with slots for the interpreter, an element of a structured array for the machine.
+fields: the interpreter uses an object with slots, compiled code an element of a structured array.
 Both evaluate the same floating-point operations in the same order (no contraction, no
-reassociation), so they give the same bits. Nothing heavy is imported here: this is needed to build.
+reassociation), so they give the same bits. This module imports nothing heavy, since the build needs
+it.
 
-A kernel without jumps may work on lanes in place of numbers: each lane then undergoes the same
-operations in the same order as the number would, and has the same bits. Where lanes differ in what
-is to be done, both are done and :func:`select` takes one for each lane. Lanes are there in compiled
-kernels only; what is written here is their meaning for one number.
+A kernel without branches may work on lanes instead of numbers. Each lane then undergoes the same
+operations in the same order as a single number, and has the same bits. Where lanes take different
+branches, both are computed and :func:`select` chooses one for each lane. Only compiled kernels have
+lanes; the functions here define their meaning for a single number.
 """
 
 from __future__ import annotations
@@ -26,17 +27,17 @@ Kernel = Callable[..., Any]
 Function = TypeVar("Function", bound=Kernel)
 StructClass = TypeVar("StructClass", bound=type)
 
-# Lanes of a register of 512 bits; on processors with shorter ones the compiler takes several.
+# Lanes of a register of 512 bits; on processors with shorter registers several are used.
 LANES = 8
 
-# For the type checker lanes are like numbers, and comparisons of them like truth values.
+# For the type checker, lanes are numbers and comparisons of them booleans.
 Lanes = float
 # Two lanes: the same quantity of both bodies of a pair.
 Two = float
-# Entries of a Series: the nodes of a collocation segment.
+# Number of entries of a Series: the nodes of a collocation segment.
 SERIES_LENGTH = 8
 Series = list[float]
-# Arrays of two axes and more in C order; for the type checker they are numpy's.
+# Arrays of two or more axes in C order; the type checker does not check them.
 FloatMatrix = Any
 IntMatrix = Any
 BoolMatrix = Any
@@ -53,7 +54,7 @@ def kernel(function: Function) -> Function:
 
 
 def is_kernel(value: Any) -> bool:
-    """Tell whether a value is a function decorated with :func:`kernel`."""
+    """Return whether a value is a function decorated with :func:`kernel`."""
     return isinstance(value, FunctionType) and value in _kernels
 
 
@@ -63,16 +64,16 @@ def kernel_names() -> set[str]:
 
 
 def is_struct(value: Any) -> bool:
-    """Tell whether a value is a class decorated with :func:`struct`."""
+    """Return whether a value is a class decorated with :func:`struct`."""
     return isinstance(value, type) and hasattr(value, "fields")
 
 
 def struct(cls: StructClass) -> StructClass:
-    """Turn a class of annotated fields into one with slots and zero values.
+    """Turn a class of annotated fields into one with slots and zeros as initial values.
 
-    The mapping ``fields`` of the result gives their names and kinds: ``float``, ``int``, ``Series``
-    (a short row of floats, such as the coefficients of a polynomial), ``Lanes`` or ``Two``. The
-    fields of base classes that are structs come first.
+    The mapping ``fields`` of the result gives the kind of each field by name: ``float``, ``int``,
+    ``Series`` (a short row of floats, such as the coefficients of a polynomial), ``Lanes`` or
+    ``Two``. The fields of base classes that are structs come first.
     """
     fields: dict[str, str] = {}
     for base in reversed(cls.__mro__):
@@ -135,11 +136,11 @@ def fused(a: float, b: float, c: float) -> float:
 
 
 class Overrides:
-    """Kernels that stand for others: the same event loop for another mechanics.
+    """Kernels that replace others, for the same event loop with different mechanics.
 
-    A name in a kernel means what it means in its module, or what stands for that in ``replaced``,
-    with the same parameters and result. The kernels themselves know nothing of it, so what is not
-    asked for costs nothing. Their name is part of those of their entry points in the library.
+    A kernel that is called by name is looked up in its module; if it is a key of ``replaced``, the
+    value is called instead, with the same parameters and result. Kernels do not refer to overrides,
+    so programs without them pay no cost. ``name`` prefixes the entry points in the library.
     """
 
     def __init__(self, name: str, replaced: Mapping[Kernel, Kernel]) -> None:
@@ -149,11 +150,11 @@ class Overrides:
         self._namespaces: dict[str, dict[str, Any]] = {}
 
     def resolved(self, value: Any) -> Any:
-        """Return what a kernel's name means; other values as they are."""
+        """Return the override of a kernel if it has one, else the value itself."""
         return self.replaced.get(value, value) if isinstance(value, FunctionType) else value
 
     def interpreted(self, function: Function) -> Function:
-        """Return a kernel as the interpreter calls it, names looked up with the overrides."""
+        """Return a kernel for the interpreter, with overrides of all the kernels that it calls."""
         meant = self.resolved(function)
         if meant not in self._functions:
             namespace = self._namespace(meant.__module__)
@@ -162,7 +163,7 @@ class Overrides:
         return self._functions[meant]  # type: ignore[return-value]
 
     def _namespace(self, module: str) -> dict[str, Any]:
-        """Names of a module, where those of kernels mean what they do with the overrides."""
+        """Return the names of a module, with its kernels replaced by their overrides."""
         if module not in self._namespaces:
             self._namespaces[module] = names = dict(vars(sys.modules[module]))
             for name, value in list(names.items()):
@@ -172,42 +173,42 @@ class Overrides:
 
 
 def interpreted(function: Function, overrides: Overrides | None) -> Function:
-    """Return a kernel as the interpreter calls it with overrides; itself without."""
+    """Return a kernel for the interpreter with overrides; without any, the kernel itself."""
     return function if overrides is None else overrides.interpreted(function)
 
 
 def select(condition: bool, yes: float, no: float) -> float:
-    """Return one of two numbers, in each lane by the lane's own condition."""
+    """Return one of two numbers; in lanes, each lane's condition chooses."""
     return yes if condition else no
 
 
 def any_lane(condition: bool) -> bool:
-    """Tell whether a condition holds in any lane."""
+    """Return whether a condition holds in any lane."""
     return condition
 
 
 def mask_and(one: bool, other: bool) -> bool:
-    """Tell in each lane whether two conditions hold."""
+    """Return in each lane whether both conditions hold."""
     return one and other
 
 
 def mask_or(one: bool, other: bool) -> bool:
-    """Tell in each lane whether one of two conditions holds."""
+    """Return in each lane whether at least one of two conditions holds."""
     return one or other
 
 
 def mask_not(condition: bool) -> bool:
-    """Tell in each lane whether a condition does not hold."""
+    """Return in each lane whether a condition does not hold."""
     return not condition
 
 
 def has_bit(x: float, bit: int) -> bool:
-    """Tell in each lane whether a whole number has a bit, given by its value."""
+    """Return in each lane whether an integer has a bit set; ``bit`` is the bit's value."""
     return int(x) & bit != 0
 
 
 def pack(first: float, second: float) -> float:
-    """Return two lanes of numbers."""
+    """Return two numbers as two lanes."""
     assert first == second
     return first
 
@@ -219,6 +220,6 @@ def extract(lanes: float, number: int) -> float:
 
 
 def insert(lanes: float, number: int, value: float) -> float:
-    """Return lanes with another number in one of them."""
+    """Return lanes with the number in one of them replaced."""
     assert number == 0
     return value if number == 0 else lanes

@@ -1,4 +1,4 @@
-"""The types of the kernels' subset of Python, and how C++ writes them."""
+"""The types of the compiled subset of Python, and their names in C++."""
 
 from __future__ import annotations
 
@@ -15,28 +15,28 @@ from vibro_cli.compile.kernel import LANES, SERIES_LENGTH, Kernel, Overrides, is
 
 
 class Kind(NamedTuple):
-    """A type: of which form it is, and how C++ writes it."""
+    """A type: its form and its name in C++."""
 
     form: str
     cpp: str
     item: Any = None
-    """The type of the elements of an array or row, those of a tuple; the class of a struct."""
+    """Type of the elements of an array or row; types of a tuple's items; class of a struct."""
     size: Any = 0
-    """How many lanes or axes it has, or the extents of a constant."""
+    """Number of lanes or axes, or the extents of a constant."""
 
     @property
     def is_numeric(self) -> bool:
-        """Whether its values are numbers or truth values, in lanes or not."""
+        """Whether its values are numbers or booleans, in lanes or not."""
         return self.form in ("number", "lanes", "mask")
 
 
 def lanes_of(count: int) -> Kind:
-    """Return the type of a double in each of some lanes of a register."""
+    """Return the type of ``count`` lanes with a double in each."""
     return Kind("lanes", f"Lanes<{count}>", size=count)
 
 
 def mask_of(kind: Kind) -> Kind:
-    """Return the type of comparisons of numbers: truth values, in lanes where those are."""
+    """Return the type of a comparison of numbers: boolean, in lanes if the numbers are."""
     return Kind("mask", f"Mask<{kind.size}>", size=kind.size) if kind.size else BOOL
 
 
@@ -48,12 +48,12 @@ def tuple_of(items: Iterable[Kind]) -> Kind:
 
 def array_of(item: Kind, axes: int = 1) -> Kind:
     """Return the type of an array of numbers or structs in C order."""
-    element = item.cpp.rstrip("*")  # structs stand in it themselves
+    element = item.cpp.rstrip("*")  # an array holds structs, not pointers to them
     return Kind("array", f"Array<{element}, {axes}>", item, axes)
 
 
 class TranslationError(Exception):
-    """A kernel uses what the subset does not have; the message tells file, line and what it is."""
+    """A kernel is not in the compiled subset; the message gives file, line and reason."""
 
 
 FLOAT, INT, BOOL = (Kind("number", name) for name in ("double", "int64_t", "bool"))
@@ -76,7 +76,7 @@ NAMED: Mapping[str, Kind] = {
 
 
 def joined(*kinds: Kind) -> Kind | None:
-    """Return the type of a variable that is given values of some types; None if there is none."""
+    """Return the type of a variable assigned values of the given types; None if there is none."""
     found: Kind | None = kinds[0]
     for kind in kinds[1:]:
         found = found and _joined(found, kind)
@@ -100,7 +100,7 @@ def _joined(one: Kind, other: Kind) -> Kind | None:
 
 @cache
 def annotated(text: str, module: str) -> Any:
-    """Return the type that an annotation in a module means; None if it means none."""
+    """Return the type of an annotation in a module; None if it is not in the subset."""
     return _meant(ast.parse(text, mode="eval").body, module)
 
 
@@ -145,12 +145,12 @@ def fields_of(world: type) -> dict[str, Any]:
 
 
 def field(cls: type, name: str) -> Any:
-    """Return the type of a field of a struct; None if it has none of that name."""
+    """Return the type of a field of a struct; None if there is no such field."""
     return NAMED.get(cls.fields.get(name, ""))  # type: ignore[attr-defined]
 
 
 def declaration(kind: Kind) -> str:
-    """Return how C++ declares a type: a struct is laid out as its structured array."""
+    """Return the C++ declaration of a type; structs have the layout of their structured array."""
     head = f"struct {getattr(kind.item, '__name__', '')}"
     if kind.form == "struct":
         fields = [_in_struct(name, field(kind.item, name)) for name in kind.item.fields]
@@ -171,7 +171,7 @@ def _in_struct(name: str, kind: Kind) -> str:
 
 
 def symbol_of(kernel: Kernel, overrides: Overrides | None = None) -> str:
-    """Return the name by which the library exports a kernel that is an entry point."""
+    """Return the name under which the library exports a kernel that is an entry point."""
     place = f"{kernel.__module__}.{kernel.__name__}".replace(".", "_")
     return f"{overrides.name}_{place}" if overrides else place
 
@@ -183,7 +183,7 @@ def signature(kernel: Kernel) -> tuple[tuple[str, ...], tuple[Any, ...], Any]:
     Raises
     ------
     TranslationError
-        If an annotation is missing, or is not of the subset.
+        If an annotation is missing or not in the subset.
     """
     kinds = {}
     for name in (*inspect.signature(kernel).parameters, "return"):
@@ -200,12 +200,12 @@ def signature(kernel: Kernel) -> tuple[tuple[str, ...], tuple[Any, ...], Any]:
 
 
 def place_of(kernel: Kernel) -> str:
-    """Return file and line of a kernel."""
+    """Return the file and line of a kernel."""
     return f"{shown(kernel.__code__.co_filename)}:{kernel.__code__.co_firstlineno}"
 
 
 def shown(path: str) -> str:
-    """Return the path of a file as messages tell it: of the package, from its root."""
+    """Return a path as messages show it: relative to the root of the package if it is inside."""
     file = Path(path)
     root = Path(__file__).parents[2]
     return file.relative_to(root).as_posix() if file.is_relative_to(root) else path

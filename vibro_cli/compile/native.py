@@ -1,6 +1,6 @@
 """The library of kernels: loaded once, called without the interpreter's lock.
 
-In a source checkout a library that is missing, or older than the kernels, is made anew first.
+In a source checkout, a library that is missing or older than the kernels is rebuilt first.
 """
 
 from __future__ import annotations
@@ -24,27 +24,27 @@ from vibro_cli.errors import NoLibrary
 
 PACKAGE = Path(__file__).parents[1]
 FOLDER = Path(__file__).parent / "library"
-"""Where the library is."""
+"""Folder of the library."""
 RECORD = "build.json"
-"""What the library was made of, beside it."""
+"""File beside the library that records its sources."""
 LEVELS = ("x86-64-v4", "x86-64-v3", "x86-64-v2")
-"""Of a portable library: the best one that a processor has is loaded."""
+"""Levels of a portable library: the best one that the processor supports is loaded."""
 _SCALARS = {t.FLOAT: ctypes.c_double, t.INT: ctypes.c_int64, t.BOOL: ctypes.c_bool}
-# Results have eight bytes each.
+# Each result takes eight bytes.
 _RESULTS = {t.FLOAT: "d", t.INT: "q", t.BOOL: "?7x", t.NOTHING: ""}
 _MODULE = "vibro_cli.programs"
 
 
 @cache
 def library() -> ctypes.CDLL:
-    """Return the library of kernels, made before if it is missing or out of date.
+    """Return the library of kernels; build it first if it is missing or out of date.
 
-    ``VIBRO_LIBRARY`` names another one, as tests of other compilers do.
+    The environment variable ``VIBRO_LIBRARY`` names another library, for tests of other compilers.
 
     Raises
     ------
     NoLibrary
-        If there is none and it cannot be made.
+        If the library cannot be built.
     """
     return ctypes.CDLL(os.environ.get("VIBRO_LIBRARY") or str(_path()))
 
@@ -57,7 +57,7 @@ def _path() -> Path:
     names: list[str] = record["libraries"]
     if len(names) == 1:
         return FOLDER / names[0]
-    # The plainest one knows what the processor has.
+    # Every library can report the processor's level; the lowest one runs on all processors.
     plainest = ctypes.CDLL(str(FOLDER / names[-1]))
     level: int = plainest.kernels_level()
     return FOLDER / names[max(0, len(LEVELS) + 1 - level)]
@@ -71,7 +71,7 @@ def _record() -> Any:
 
 
 def _make(why: str) -> None:
-    """Make the library by a process of its own, which imports what is needed for it only."""
+    """Build the library in a separate process, which imports only what the build needs."""
     print(f"vibro: the kernels {why}; they are compiled now, which takes seconds", file=sys.stderr)
     command = [sys.executable, "-m", _MODULE]
     environment = {**os.environ, "PYTHONPATH": str(FOLDER.parents[2])}
@@ -85,7 +85,7 @@ def _make(why: str) -> None:
 
 
 def digest_of(sources: Sequence[str]) -> str:
-    """Return a digest of files of the package; empty if one is not there."""
+    """Return a digest of files of the package; empty if one is missing."""
     found = hashlib.sha256()
     for name in sources:
         path = PACKAGE / name
@@ -96,11 +96,11 @@ def digest_of(sources: Sequence[str]) -> str:
 
 
 class CompiledKernel:
-    """A kernel of the library, to be called like the kernel itself.
+    """A kernel of the library, called like the kernel itself.
 
-    It is an entry point of a program (see ``vibro_cli.programs``), with whose overrides it is made.
-    Its parameters are numbers, or numpy arrays in C order, or named tuples of them; it returns
-    numbers, or a tuple of them, or nothing.
+    It must be an entry point of a program (see ``vibro_cli.programs``) with the same overrides. Its
+    parameters are numbers, numpy arrays in C order, or named tuples of arrays; it returns a number,
+    a tuple of numbers, or None.
     """
 
     def __init__(self, kernel: Kernel, overrides: Overrides | None = None) -> None:
@@ -114,12 +114,12 @@ class CompiledKernel:
         self._results = struct.Struct("=" + "".join(_RESULTS[kind] for kind in results))
 
     def __call__(self, *arguments: Any) -> Any:
-        """Return what the kernel returns.
+        """Call the kernel and return its result.
 
         Raises
         ------
         TypeError
-            If an array is not of the type that the kernel's annotation tells.
+            If an array does not have the type of the kernel's annotation.
         """
         given = [
             argument if kind in _SCALARS else _words(kind, argument, name)
@@ -132,19 +132,19 @@ class CompiledKernel:
 
 
 compiled = cache(CompiledKernel)
-"""The compiled form of a kernel, made once."""
+"""Return the compiled form of a kernel, created once."""
 
 
 def _found(symbol: str) -> Any:
     try:
-        return library()[symbol]  # an object of its own each time: its types are not shared
+        return library()[symbol]  # a new object each time, so that argument types are not shared
     except AttributeError:
         found = f"the library of kernels has no {symbol}: it is named in no program"
         raise NoLibrary(found) from None
 
 
 def _words(kind: Any, argument: Any, name: str) -> Any:
-    """What C++ knows of an array or a named tuple of arrays, as words of memory."""
+    """Return an array or a named tuple of arrays as the words that C++ reads."""
     if kind.form != "world":
         words = _array_words(argument, kind, name)
     else:
@@ -155,7 +155,7 @@ def _words(kind: Any, argument: Any, name: str) -> Any:
 
 
 def _array_words(array: Any, kind: Any, name: str) -> list[int]:
-    """Address and extents of an array."""
+    """Return the address and extents of an array."""
     wanted, axes = _layout(kind)
     if array.dtype != wanted or array.ndim != axes or not array.flags.c_contiguous:
         raise TypeError(

@@ -1,4 +1,4 @@
-// What kernels in C++ are made of: arrays, tuples, numbers in lanes, and Python's arithmetic.
+// The basis of the kernels in C++: arrays, numbers in lanes, and Python's arithmetic.
 #pragma once
 
 #include <cmath>
@@ -11,10 +11,10 @@
 #endif
 
 #define EXPORTED __attribute__((visibility("default")))
-// What takes or returns numbers in many lanes: a call would put all registers of them in memory.
+// For functions that take or return many lanes: a call would pass all their registers in memory.
 #define IN_PLACE static inline __attribute__((always_inline))
 
-// Bounds are checked in the build for tests only (see tests/sanitize.py).
+// Bounds are checked only in the build for tests (see tests/sanitize.py).
 #ifndef CHECK_BOUNDS
 #define CHECK_BOUNDS 0
 #endif
@@ -25,7 +25,8 @@ static inline void check(int64_t index, int64_t count) {
   }
 }
 
-// An array in C order, whose memory Python keeps; its elements, or its parts of one axis less.
+// An array in C order, in memory that Python owns; an index gives an element, or a subarray with
+// one axis less.
 template <class Item, int axes>
 struct Array {
   Item* first;
@@ -44,8 +45,8 @@ struct Array {
   }
 };
 
-// Numbers in lanes, in as many registers of the processor as they take: where a vector is longer
-// than one of them, g++ makes comparisons, choices and roots number by number.
+// Numbers in lanes, in as many registers of the processor as they need: for a vector longer than a
+// register, g++ would compute comparisons, choices and roots number by number.
 #if defined(__AVX512F__)
 static constexpr int REGISTER = 8;
 #elif defined(__AVX__)
@@ -63,7 +64,7 @@ struct InLanes {
 template <int count>
 using Lanes = InLanes<double, count>;
 template <int count>
-using Mask = InLanes<int64_t, count>;  // of each lane all bits, or none
+using Mask = InLanes<int64_t, count>;  // in each lane all bits are set, or none
 
 template <class Result, class Function>
 static inline Result by_parts(Function part) {
@@ -118,7 +119,7 @@ static inline Lanes<count> select(Mask<count> condition, Lanes<count> yes, Lanes
 static inline double sqrt(double value) { return __builtin_sqrt(value); }
 template <class Part>
 static inline Part root_of(Part part) {
-#ifdef __AVX__  // compilers make scalar roots of the loop; the header of such functions is long
+#ifdef __AVX__  // compilers turn the loop into scalar roots; the intrinsics' header is long
   __asm__("vsqrtpd %1, %0" : "=v"(part) : "v"(part));
 #else
   for (int at = 0; at < int(sizeof part / 8); at++) part[at] = __builtin_sqrt(part[at]);
@@ -148,7 +149,7 @@ static inline Mask<count> has_bit(Lanes<count> lanes, int64_t bit) {
 }
 template <int count>
 static inline Lanes<count> insert(Lanes<count> lanes, int64_t number, double value) {
-#ifdef __AVX__  // a number written into a long register's memory is waited for at the next read
+#ifdef __AVX__  // writing one number to a register's memory would stall the next read of all
   typedef typename Lanes<count>::Part Part;
   typename Mask<count>::Part place;
   for (int lane = 0; lane < lanes.width; lane++) place[lane] = lane;
@@ -180,7 +181,7 @@ static inline bool any_lane(Mask<count> mask) {
   return bits != 0;
 }
 
-// min and max as Python has them: the first one unless another is beyond it.
+// Python's min and max, which return the first argument unless another one is beyond it.
 template <class Number, class... More>
 static inline Number min(Number one, Number other, More... more) {
   Number least = py::select(other < one, other, one);
@@ -207,19 +208,19 @@ static inline int64_t floordiv(int64_t one, int64_t other) {
   return (one - mod(one, other)) / other;
 }
 
-// The results of an entry point, in eight bytes each.
+// Store a result of an entry point; each takes eight bytes.
 template <class Value>
 static inline void keep(int64_t* results, Value value) {
   std::memcpy(results, &value, sizeof value);
 }
 }  // namespace py
 
-// Which level of x86-64 the processor and the system have, 2 to 4 (see native.py); 0 on others.
+// The level of x86-64 that processor and system support, 2 to 4 (see native.py); 0 on others.
 extern "C" EXPORTED __attribute__((used)) inline int kernels_level() {
 #ifdef __x86_64__
   unsigned a, b, c, d, state, more;
   if (!__get_cpuid(1, &a, &b, &c, &d)) return 2;
-  bool kept = c & (1u << 27);  // the system keeps registers beyond those of level 2
+  bool kept = c & (1u << 27);  // the system saves registers beyond those of level 2
   bool fused = c & (1u << 12);
   if (!kept || !fused || !__get_cpuid_count(7, 0, &a, &b, &c, &d)) return 2;
   __asm__("xgetbv" : "=a"(state), "=d"(more) : "c"(0));

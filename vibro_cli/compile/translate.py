@@ -1,8 +1,8 @@
-"""From kernels to C++: one source file for each program, readable, and traceable to the kernels.
+"""Translate kernels to C++: one readable source file per program, with the kernels' line numbers.
 
-A kernel becomes one C++ function of the same name for each combination of types that it is called
-with; functions of one name are told apart by their parameters. Locals are declared at the top with
-the type that all their assignments share. What the subset does not have is an error with its place.
+A kernel becomes one C++ function of the same name for each combination of argument types;
+overloading tells these apart. Locals are declared at the top, with the type that all their
+assignments share. Anything outside the subset is an error with its file and line.
 """
 
 from __future__ import annotations
@@ -35,21 +35,21 @@ _PLAIN = {ast.Pass: ";", ast.Break: "break;", ast.Continue: "continue;"}
 
 
 class Value(NamedTuple):
-    """An expression in C++, and its type."""
+    """A C++ expression and its type."""
 
     code: str
     kind: Kind
 
 
 class Rule(NamedTuple):
-    """How C++ writes a function that kernels may call."""
+    """The C++ form of a Python function that kernels may call."""
 
     text: str
-    """With {0}, {1}, … for the arguments, {all} for all of them, {kind} for the result's type."""
+    """Template: {0}, {1}, … are the arguments, {all} all of them, {kind} the type of the result."""
     result: Kind | Callable[..., Kind | None]
-    """The type of the result, or a function that finds it from those of the arguments."""
+    """Type of the result, or a function that returns it for the types of the arguments."""
     cast: int = 9
-    """The first of the arguments that are made what the result is."""
+    """Index of the first argument to cast to the type of the result; all later ones are too."""
 
 
 def _chosen(condition: Kind, yes: Kind, no: Kind) -> Kind | None:
@@ -79,7 +79,7 @@ _RULES: dict[Any, Rule] = {
     math.floor: Rule("(int64_t)std::floor({0})", t.INT),
     math.ceil: Rule("(int64_t)std::ceil({0})", t.INT),
 }
-# Functions of Python's module math that are those of the C library, to the bit.
+# Functions of Python's module math with the same bits as those of the C library.
 _OF_C = """exp expm1 log log1p log2 copysign fabs pow sin cos tan asin acos atan atan2
     sinh cosh tanh asinh acosh atanh"""
 _RULES |= {getattr(math, name): Rule(f"std::{name}({{all}})", t.FLOAT, 0) for name in _OF_C.split()}
@@ -87,12 +87,12 @@ _RULES |= {getattr(math, name): Rule(f"std::{name}({{all}})", t.FLOAT, 0) for na
 
 @dataclass
 class Program:
-    """The kernels that one entry point or several reach, as one C++ source file."""
+    """A C++ source file of all the kernels that some entry points call."""
 
-    name: str  # of the file
+    name: str  # of the source file
     entries: Sequence[Kernel]  # called from Python
     overrides: Overrides | None = None
-    flags: Sequence[str] = ()  # for the compiler, after those of all programs
+    flags: Sequence[str] = ()  # further options of the compiler
     functions: dict[Any, Function] = field(default_factory=dict)
     declared: dict[Kind, None] = field(default_factory=dict)
     constants: dict[str, tuple[Any, str]] = field(default_factory=dict)
@@ -106,7 +106,7 @@ class Program:
         Raises
         ------
         TranslationError
-            If a kernel uses what the subset does not have.
+            If a kernel is not in the compiled subset of Python.
         """
         doors = [self._entry(kernel) for kernel in self.entries]
         parts = [
@@ -120,7 +120,7 @@ class Program:
         return "\n".join(parts)
 
     def note(self, kind: Kind) -> Kind:
-        """Have a type declared, and before it those that it is made of; return it."""
+        """Register a type for declaration, after the types that it consists of; return it."""
         if kind not in self.declared:
             is_world, is_tuple = kind.form == "world", kind.form == "tuple"
             parts = t.fields_of(kind.item).values() if is_world else kind.item
@@ -131,7 +131,7 @@ class Program:
         return kind
 
     def name_of(self, kernel: Kernel) -> str:
-        """Return the name of a kernel in C++: its own, with its module's where that is taken."""
+        """Return the C++ name of a kernel: its own, prefixed with its module's if that is taken."""
         own, home = kernel.__name__, kernel.__module__.rpartition(".")[2]
         if self.names.setdefault(own, kernel) is not kernel:
             own = f"{home}_{own}"
@@ -140,7 +140,7 @@ class Program:
         return own
 
     def function(self, kernel: Kernel, kinds: tuple[Kind, ...]) -> Function:
-        """Return a kernel's function for parameters of some types, translated."""
+        """Return the translated function of a kernel for given parameter types."""
         if (kernel, kinds) not in self.functions:
             function = self.functions[kernel, kinds] = Function(self, kernel, kinds)
             function.translate()
@@ -148,7 +148,7 @@ class Program:
         return self.functions[kernel, kinds]
 
     def _entry(self, kernel: Kernel) -> str:
-        """The function by which a kernel is called from outside: results in words of memory."""
+        """Return the exported function of a kernel, which writes the results to ``found``."""
         kernel = self.overrides.resolved(kernel) if self.overrides else kernel
         names, kinds, _ = signature(kernel)
         function = self.function(kernel, kinds)
@@ -167,7 +167,7 @@ class Program:
         return "\n".join([head, *(f"  {line}" for line in body), "}\n"])
 
     def constant(self, name: str, value: Any, module: str) -> Value | None:
-        """Return a module's number or tuple of numbers as a named constant."""
+        """Return a module's number or tuple of numbers as a named constant, else None."""
         kind = _kind_of_constant(value)
         if kind is None:
             return None
@@ -190,7 +190,7 @@ def _kind_of_constant(value: Any) -> Kind | None:
 
 
 def literal(value: Any) -> str:
-    """Return a number or a tuple of numbers as C++ writes it, exactly."""
+    """Return a number or a tuple of numbers as an exact C++ literal."""
     if isinstance(value, tuple):
         reals = (one if isinstance(one, tuple) else float(one) for one in value)
         return "{" + ", ".join(map(literal, reals)) + "}"
@@ -205,14 +205,14 @@ def literal(value: Any) -> str:
 
 @cache
 def _definitions(path: str) -> dict[int, ast.FunctionDef]:
-    """The functions of a module by the lines where they begin, at their decorators."""
+    """Return the decorated functions of a module by the line of their first decorator."""
     tree = ast.parse(Path(path).read_text(encoding="utf-8"))
     found = [node for node in tree.body if isinstance(node, ast.FunctionDef)]
     return {node.decorator_list[0].lineno: node for node in found if node.decorator_list}
 
 
 class Function:
-    """One kernel as a C++ function of parameters of given types."""
+    """A kernel as a C++ function, for given parameter types."""
 
     def __init__(self, program: Program, kernel: Kernel, kinds: tuple[Kind, ...]) -> None:
         self.program = program
@@ -230,7 +230,7 @@ class Function:
             program.note(kind)
 
     def translate(self) -> None:
-        """Translate the body until the types of its variables are known."""
+        """Translate the body repeatedly, until the types of all variables are known."""
         known: Any = None
         while known != (self._kinds, self.returns):
             known = dict(self._kinds), self.returns
@@ -239,7 +239,7 @@ class Function:
         self.returns = self.program.note(self._result())
 
     def _result(self) -> Kind:
-        """The declared type, in lanes where what is returned is."""
+        """Return the declared type of the result, in lanes where the returned values are."""
         declared: Kind = self._declared
         found = self.returns
         if declared == t.NOTHING or found is None:
@@ -267,7 +267,7 @@ class Function:
         return f"{name}_" if name in self.program.taken or name.isupper() else name
 
     def _meaning(self, node: ast.expr) -> Any:
-        """What a name that is no variable means in the kernel's module."""
+        """Return the value in the kernel's module of a name that is not a variable."""
         if isinstance(node, ast.Attribute) and ast.unparse(node.value) == "math":
             return getattr(math, node.attr, None)
         if not isinstance(node, ast.Name):
@@ -292,7 +292,7 @@ class Function:
             write(statement)
 
     def _method(self, task: str, node: ast.AST) -> Any:
-        """The method that does a task for such a node."""
+        """Return the method that performs a task for this type of node."""
         name = type(node).__name__
         method = getattr(self, f"{task}_{name}", None)
         return method or self._fail(node, f"a kernel has no {name.lower()}")
@@ -360,7 +360,7 @@ class Function:
     def _write_Assign(self, statement: ast.Assign) -> None:
         target, given = statement.targets[0], statement.value
         if isinstance(target, ast.Tuple) and isinstance(given, ast.Tuple):
-            # All values are found before the first is assigned.
+            # All values are evaluated before the first one is assigned.
             values = [self._kept(self._value(expression)) for expression in given.elts]
             for one, value in zip(target.elts, values, strict=True):
                 self._assign(one, value, statement)
@@ -412,7 +412,7 @@ class Function:
         return value
 
     def _cast(self, value: Value, kind: Kind, node: ast.AST) -> str:
-        """An expression as one of another type, where that is the same value."""
+        """Return the C++ code of an expression cast to another type without loss."""
         code, given = value
         if given == kind:
             return code
@@ -435,7 +435,7 @@ class Function:
         return value.code
 
     def _alike(self, node: ast.expr, values: Sequence[Value]) -> tuple[Kind, list[str]]:
-        """The type that numbers share, and they as such."""
+        """Return the type that numbers share, and their code cast to it."""
         kind = t.joined(*(value.kind for value in values))
         if kind is None or not kind.is_numeric:
             self._fail(node, f"{ast.unparse(node)}: expected numbers")
@@ -523,7 +523,7 @@ class Function:
 
     def _value_BoolOp(self, node: ast.BoolOp) -> Value:
         sign = " && " if isinstance(node.op, ast.And) else " || "
-        # Python would return a whole number itself.
+        # Only booleans: of integers, Python would return one of the operands.
         codes = [self._condition(one, (t.BOOL,)) for one in node.values]
         return Value(f"({sign.join(codes)})", t.BOOL)
 
@@ -588,7 +588,7 @@ class Function:
 
 
 def _passed(wanted: Kind, given: Kind) -> Kind:
-    """The type that a parameter has for an argument: structs and lanes keep their own."""
+    """Return the type of a parameter for an argument; only integers and booleans are converted."""
     if given not in (t.INT, t.BOOL):
         return given
     number = t.FLOAT if wanted.form == "lanes" else wanted
@@ -596,5 +596,5 @@ def _passed(wanted: Kind, given: Kind) -> Kind:
 
 
 def _in_lanes(declared: Kind, found: Kind) -> Kind:
-    """The type of a result: lanes are what they are found to be, numbers what is declared."""
+    """Return the type of a result: as found if it is in lanes, otherwise as declared."""
     return found if "lanes" in (declared.form, found.form) or found.form == "mask" else declared
