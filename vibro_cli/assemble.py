@@ -1,9 +1,9 @@
-"""From scenarios to the systems that are solved: the only place that knows both.
+"""Build the systems to solve from scenarios; the only module that knows both.
 
-All that is mechanically wrong with a scenario is gathered and told at once. The numbers of a
-scenario of a trace may be arrays (see ``numerics.elementwise``): then so are those of the system,
-and the same checks find which of many scenarios are wrong. What is searched for, such as where a
-body touches a piece that it does not roll on, is searched for one scenario only.
+Mechanical errors of a scenario are collected and reported together. The numbers of a scenario of a
+trace may be arrays (see ``numerics.elementwise``). The numbers of the system are then arrays too,
+and the same checks find which of many scenarios are invalid. Checks that need a search, such as
+where a body touches a piece that it does not roll on, take a single scenario only.
 """
 
 from __future__ import annotations
@@ -37,14 +37,14 @@ from vibro_cli.systems import system_named
 
 
 def trace_of(scenario: Scenario) -> Trace:
-    """Return the trace; raises ``ValueError`` if the pieces do not make a chain."""
+    """Return the trace of a scenario; raise ``ValueError`` if its pieces do not make a chain."""
     table = scenario.trace
     shapes = [ArcShape(arc.shape, arc.radius, arc.length, arc.end_slope) for arc in table.arcs]
     return Trace.chain(table.start_slope, shapes, table.closed)
 
 
 def speed_of(ball: Ball, body: Body, piece: Piece) -> float:
-    """Return the speed (m/s) with which the centre of a body starts on a piece."""
+    """Return the initial speed (m/s) of a body's centre on a piece."""
     if ball.speed is not None:
         return ball.speed
     if ball.omega is not None:
@@ -80,27 +80,27 @@ def system_of(
 
 
 class Problems:
-    """Collects what is wrong, each with its place in the scenario."""
+    """Collects the problems of a scenario, each with its place there."""
 
     def __init__(self, scenario: AnyScenario) -> None:
         self._scenario = scenario
         self.found: list[Problem] = []
 
     def refuse(self, wrong: Some) -> bool:
-        """Tell whether something is wrong, which is then to be added."""
+        """Return whether there is a problem, which the caller then adds."""
         return bool(wrong)
 
     def refused(self, pieces: Iterable[Piece], wrong: Iterable[Some]) -> list[Piece]:
-        """Return those pieces with which something is wrong."""
+        """Return the pieces that have a problem."""
         return [piece for piece, one in zip(pieces, wrong, strict=True) if self.refuse(one)]
 
     def add(self, path: str, found: str, expected: str) -> None:
-        """Add what was found at a key, and what was expected there."""
+        """Add a problem: what was found at a key, and what was expected there."""
         place = self._scenario.place(path)
         self.found.append(Problem.at(place, path, found, expected))
 
     def raise_if_any(self) -> None:
-        """Raise everything found so far, in the order of the file."""
+        """Raise a ScenarioError with all problems found so far, in the order of the file."""
         if self.found:
             raise ScenarioError(in_order(self.found))
 
@@ -109,7 +109,7 @@ _MASSES = (1e-100, 1e100)
 
 
 def bodies_of(balls: Sequence[BodyTable], problems: Problems) -> tuple[Body, ...]:
-    """Return the bodies; one of a mass that doubles cannot compute with is a finding."""
+    """Return the bodies; add a problem for each mass that is too small or large to compute with."""
     bodies = tuple(map(body_of, balls))
     low, high = _MASSES
     for number, (ball, body) in enumerate(zip(balls, bodies, strict=True), 1):
@@ -135,14 +135,14 @@ def body_of(ball: BodyTable) -> Body:
 
 _CLOSING_TOLERANCE = 1e-12
 
-# Rates of turning (rad/s), of either sign.
+# Magnitudes of the rate of a rotating trace (rad/s).
 _RATES = (1e-10, 1e10)
 
 
 def build_system(scenario: Scenario) -> TraceSystem:
-    """Return the system of a scenario, checked against the mechanics.
+    """Return the system of a scenario after checking its mechanics.
 
-    Raises ScenarioError with every problem: a trace that does not close or meets itself, bodies
+    Raises ScenarioError with every problem: a trace that does not close or meets itself; bodies
     that do not fit it, that could touch over others, or that start out of order or overlapping.
     """
     problems = Problems(scenario)
@@ -165,7 +165,7 @@ def build_system(scenario: Scenario) -> TraceSystem:
 
 
 def with_start_of(scenario: Scenario, system: TraceSystem) -> Scenario:
-    """Return a scenario of a trace whose bodies start as those of a system of it do."""
+    """Return a copy of a scenario in which the bodies start as in `system`, built from it."""
     changes: dict[str, float] = {}
     for number, state in enumerate(system.initial, 1):
         place = "position" if system.trace.pieces[state.piece].is_line else "angle"
@@ -183,7 +183,7 @@ def _trace(scenario: Scenario, problems: Problems) -> Trace:
 
 
 def _turning(scenario: Scenario, trace: Trace, problems: Problems) -> Turning | None:
-    """The axis and the rate of a rotating trace; None at rest, which a rate of 0 is."""
+    """Return the axis and rate of a rotating trace; None at rest or for a rate of 0."""
     table = scenario.trace.turning
     if table is None or table.rate == 0.0:
         return None
@@ -196,7 +196,7 @@ def _turning(scenario: Scenario, trace: Trace, problems: Problems) -> Turning | 
 
 
 def _check_trace(trace: Trace, problems: Problems) -> bool:
-    """Check that the trace closes if it should, and meets itself nowhere."""
+    """Check that a closed trace closes, and that no trace meets itself."""
     if trace.closed:
         distance, turn = trace.closing_error()
         turns_once = abs(abs(turn) - math.tau) <= _CLOSING_TOLERANCE
@@ -215,7 +215,7 @@ def _check_trace(trace: Trace, problems: Problems) -> bool:
 
 
 def check_turns(trace: Trace, problems: Problems) -> bool:
-    """Check that no arc runs over itself."""
+    """Check that no arc overlaps itself."""
     before = len(problems.found)
     for piece in problems.refused(trace.pieces, reachability.overlapping_pieces(trace)):
         expected = "less than a full turn (a full turn of one arc only if the trace is closed)"
@@ -230,7 +230,7 @@ def _arc(piece: Piece) -> str:
 def check_fit(
     trace: Trace, bodies: tuple[Body, ...], problems: Problems, trace_is_sound: bool
 ) -> bool:
-    """Check that every body fits every valley, and on a sound trace touches its own piece only."""
+    """Check that every body fits every valley and, on a sound trace, touches its own piece only."""
     before = len(problems.found)
     touched: dict[float, tuple[tuple[int, int], ...]] = {}
     for number, body in enumerate(bodies, 1):
@@ -252,13 +252,13 @@ def check_fit(
 
 
 def check_gaps(trace: Trace, bodies: tuple[Body, ...], problems: Problems) -> None:
-    """Check that no arc is so nearly a full turn that bodies touch through its gap."""
+    """Check that no arc is so nearly a full turn that bodies touch across its gap."""
     checked = list(range(len(bodies)))
     if all(elementwise.is_number(body.radius) for body in bodies):  # arrays are not compared
         of_size: dict[float, list[int]] = {}
         for index in checked:
             of_size.setdefault(bodies[index].radius, []).append(index)
-        # Two bodies of each size stand for all of that size.
+        # Two bodies of each size represent all bodies of that size.
         checked = sorted(index for alike in of_size.values() for index in alike[:2])
     for a, b in combinations(checked, 2):
         joined = reachability.joined_behind(trace, bodies[a].radius, bodies[b].radius)
@@ -268,7 +268,7 @@ def check_gaps(trace: Trace, bodies: tuple[Body, ...], problems: Problems) -> No
 
 
 def _check_contacts(trace: Trace, bodies: tuple[Body, ...], problems: Problems) -> None:
-    """Check that bodies touch only as neighbours do."""
+    """Check that only neighbours can touch."""
     for over in reachability.overreaching(trace, tuple(body.radius for body in bodies)):
         first, second = over.first + 1, over.second + 1
         if over.pieces is not None:
@@ -284,7 +284,7 @@ def _check_contacts(trace: Trace, bodies: tuple[Body, ...], problems: Problems) 
 def initial_states(
     scenario: Scenario, trace: Trace, bodies: tuple[Body, ...], problems: Problems
 ) -> list[InitialState | None]:
-    """Return where each body starts, None where that could not be told."""
+    """Return the initial state of each body, None where it could not be determined."""
     states: list[InitialState | None] = []
     for ball, body in zip(scenario.balls, bodies, strict=True):
         position = _next_position(scenario, trace, bodies, states, problems)
@@ -304,12 +304,12 @@ def _next_position(
     states: Sequence[InitialState | None],
     problems: Problems,
 ) -> float | None:
-    """The place of the first body whose state is not known yet, None where it could not be told."""
+    """Return the position of the next body after `states`; None if it could not be determined."""
     index = len(states)
     ball, body, path = scenario.balls[index], bodies[index], f"balls[{index + 1}]"
     piece = trace.pieces[ball.arc - 1]
     if not elementwise.holds(piece.path_radius(body.radius) > 0.0):
-        return None  # it does not fit this valley, which has been said
+        return None  # the body does not fit this valley: `check_fit` has added that problem
     if ball.touching is None:
         key = "position" if piece.is_line else "angle"
         given = ball.position if piece.is_line else ball.angle
@@ -341,7 +341,7 @@ def _check_order(
     states: list[InitialState | None],
     problems: Problems,
 ) -> None:
-    """Check that the bodies start in order along the trace, no two overlap, and there is room."""
+    """Check that the bodies start in order along the trace, without overlap, and have room."""
     gaps = []
     for a, b in neighbours(len(bodies), trace.closed):
         left, right = states[a], states[b]
@@ -371,7 +371,7 @@ def _check_order(
 
 
 def _path_of_place(scenario: Scenario, index: int) -> str:
-    """The key that says where a body starts."""
+    """Return the key that gives the initial position of a body."""
     ball = scenario.balls[index]
     keys = ("touching", "angle", "position")
     return next(f"balls[{index + 1}].{key}" for key in keys if getattr(ball, key) is not None)
@@ -384,7 +384,7 @@ def check_walls(
     states: Sequence[InitialState | None],
     problems: Problems,
 ) -> None:
-    """Check that the outer bodies, and none else, can meet their walls, and start free of them."""
+    """Check that only the outer bodies can meet the walls, and that they start clear of them."""
     for side, index, piece in (
         ("left", 0, trace.pieces[0]),
         ("right", len(bodies) - 1, trace.pieces[-1]),
@@ -413,9 +413,9 @@ def check_walls(
 
 
 def build_any(scenario: AnyScenario) -> Any:
-    """Return the system of a scenario of whatever kind, checked against its mechanics.
+    """Return the system of a scenario of any kind after checking its mechanics.
 
-    Raises ScenarioError with everything that is wrong, and TypeError for what is no scenario.
+    Raises ScenarioError with every problem, and TypeError if `scenario` is not a scenario.
     """
     check_scenario(scenario)
     return system_named(scenario.system).build(scenario)
