@@ -1,1 +1,1 @@
-"""Balls on a table: event loop, walls, impacts."""
+"""Balls on a table: event loop, walls, impacts, tangent map."""

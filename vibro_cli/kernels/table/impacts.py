@@ -1,21 +1,22 @@
 """Impacts of balls, of one pair or of several at one instant, and of a ball on the wall.
 
-A law acts on the components along the horizontal line of centres; the tangential ones stay (C,
-parts 1 and 2). Along that line each ball rolls as on a straight trace: the laws are those of
-`kernels.impact.laws`, with ``c = 2 sqrt(r_a r_b)/(r_a + r_b)`` between it and the line of centres.
+A law acts on the velocity components along the horizontal line of centres; the tangential ones do
+not change (C, parts 1 and 2). Along that line each ball rolls as on a straight trace. The laws are
+those of `kernels.impact.laws`, with the cosine ``c = 2 sqrt(r_a r_b)/(r_a + r_b)`` between it and
+the line of centres in space.
 
-Of several pairs that touch at one instant the impulse ``I_p`` along each line of centres turns the
-law's relative speed ``u_p`` into ``-k u_p``:
+If several pairs touch at one instant, the impulse ``I_p`` of each pair turns the law's relative
+speed ``u_p`` into ``-k u_p``:
 
     sum_q A_pq I_q = (1 + k) u_p,
 
-where A says what each impulse changes in each relative speed: symmetric, and singular where more
-pairs touch than there are motions to stop, though the velocities are unique. It is solved by
-conjugate gradients on residuals of 31 digits, so that the doubles that come out do not depend on
-the order of the pairs: symmetric scenes stay so. All pairs of a group that close at an instant are
-solved together; pairs that close because of it follow at the same instant, as a group of their own.
-Where that goes on and on, the relative speeds shrinking (k < 1), the limit is taken: impacts with
-k = 0, after which the balls roll on side by side.
+where A_pq is the change of relative speed p by a unit impulse q. A is symmetric, and singular if
+more pairs touch than there are motions to stop, though the velocities are unique. The system is
+solved by conjugate gradients on residuals of 31 digits, so that the resulting doubles do not depend
+on the order of the pairs, and symmetric motions stay symmetric. All pairs of a group that approach
+at an instant are solved together. Pairs that approach as a result follow at the same instant, as a
+group of their own. If this does not end while the relative speeds shrink (k < 1), the limit is
+taken: impacts with k = 0, after which the balls roll on side by side.
 """
 
 from __future__ import annotations
@@ -38,10 +39,10 @@ from vibro_cli.kernels.table.walls import RESOLVED, bend_at, present_place, touc
 from vibro_cli.kernels.table.world import POLYGON, BounceRow, PairRow, World
 from vibro_cli.kernels.world import END_INADMISSIBLE, END_WALL_CONTACT, RUNNING
 
-# Below this share of the speed a bounce cannot be told from rolling along: the rounding of the
-# place turns the normal by about the root of it.
+# Below this share of the speed a bounce cannot be told from rolling along the wall: the rounding of
+# the position turns the normal by about its square root.
 ALONG_THE_WALL = 1.0e-6
-# Energies that differ by less, relatively, differ by rounding.
+# A smaller relative difference of energies is rounding.
 SMALL_SURPLUS = 1.0e-12
 
 
@@ -57,7 +58,7 @@ def bring(world: World, ball: int) -> None:
 
 @kernel
 def _set_velocity(world: World, ball: int, vx: float, vy: float) -> None:
-    """Give a ball its velocity after an impact; note the greater one, which it is rounded by."""
+    """Set a ball's velocity after an impact, and the greater of both, which sets its rounding."""
     state = world.balls[ball]
     state.fastest = max(abs(state.vx) + abs(state.vy), abs(vx) + abs(vy))
     state.vx, state.vy = vx, vy
@@ -65,7 +66,7 @@ def _set_velocity(world: World, ball: int, vx: float, vy: float) -> None:
 
 @kernel
 def collide(world: World, a: int, b: int, instant: int) -> int:
-    """Carry out the impact of two balls; return RUNNING or the end that it brings."""
+    """Carry out the impact of two balls; return RUNNING or the cause of the end."""
     bring(world, a)
     bring(world, b)
     clock = world.clock[0]
@@ -93,7 +94,7 @@ def collide(world: World, a: int, b: int, instant: int) -> int:
 
 @kernel
 def note_before(world: World, row: PairRow, a: int, b: int) -> None:
-    """Note an impact as it comes: places, velocities, line of centres."""
+    """Log the state before an impact: positions, velocities, line of centres, gap."""
     clock = world.clock[0]
     one = world.balls[a]
     other = world.balls[b]
@@ -126,12 +127,12 @@ def note_before(world: World, row: PairRow, a: int, b: int) -> None:
 
 @kernel
 def apply_law(world: World, row: PairRow, law: int) -> None:
-    """Set the components after the impact by a law, and the energy it takes."""
+    """Set the components after the impact by a law, and the energy loss."""
     one = world.bodies[row.a]
     other = world.bodies[row.b]
     inclined = inclination(one, other)
     row.law = law
-    if row.normal_a_pre <= row.normal_b_pre:  # a graze after which they part already, by rounding
+    if row.normal_a_pre <= row.normal_b_pre:  # a graze: by rounding the balls already separate
         row.normal_a_post, row.normal_b_post, row.loss = row.normal_a_pre, row.normal_b_pre, 0.0
         return
     row.normal_a_post, row.normal_b_post, row.loss = rounded_once(
@@ -141,14 +142,14 @@ def apply_law(world: World, row: PairRow, law: int) -> None:
 
 @kernel
 def _rounding(world: World, row: PairRow) -> float:
-    """What of the components along the line of centres may be rounding, of all components."""
+    """Return a bound (m/s) of the rounding of the components along the line of centres."""
     before = math.sqrt(world.balls[row.a].square) + math.sqrt(world.balls[row.b].square)
     return RESOLVED * (before + abs(row.normal_a_post) + abs(row.normal_b_post))
 
 
 @kernel
 def _after(row: PairRow) -> None:
-    """Set the velocities after the impact: only the components along the line have changed."""
+    """Set the velocities after the impact: only the components along the line change."""
     change_a = row.normal_a_post - row.normal_a_pre
     change_b = row.normal_b_post - row.normal_b_pre
     row.vx_a_post = row.vx_a_pre + change_a * row.normal_x
@@ -159,7 +160,7 @@ def _after(row: PairRow) -> None:
 
 @kernel
 def _part(world: World, row: PairRow) -> None:
-    """Give the balls their velocities; where nothing is lost, the energy that both had stays."""
+    """Set both velocities after an impact; if nothing is lost, conserve the energy exactly."""
     one = world.balls[row.a]
     other = world.balls[row.b]
     mass_a = world.bodies[row.a].rolling_mass
@@ -183,7 +184,10 @@ def _part(world: World, row: PairRow) -> None:
 
 @kernel
 def bounce(world: World, ball: int) -> int:
-    """Carry out the impact of a ball on the wall: the component across it becomes -k times it."""
+    """Carry out the impact of a ball on the wall: the normal component is multiplied by -k.
+
+    Return RUNNING or the cause of the end.
+    """
     clock = world.clock[0]
     wall = world.wall[0]
     state = world.balls[ball]
@@ -204,8 +208,8 @@ def bounce(world: World, ball: int) -> int:
     concave = wall.kind != POLYGON and wall.side > 0.0
     row.grazing = 1 if _grazes(world, row, closing, concave) else 0
     k = wall.restitution
-    # The normal is of length 1 but for rounding, which would add up bounce after bounce; so would
-    # that of its square, since doubles are twice as dense below 1 as above.
+    # The normal's length is 1 only up to rounding, which would add up over the bounces. So would
+    # the rounding of its square, since doubles are twice as dense below 1 as above.
     excess = (to.normal_x * to.normal_x - 0.5) + (to.normal_y * to.normal_y - 0.5)
     share = closing - closing * excess
     taken = (1.0 - k) * (1.0 + k) * closing * share
@@ -215,7 +219,7 @@ def bounce(world: World, ball: int) -> int:
     state.square = max(state.square - taken, 0.0)
     row.vx_post, row.vy_post = _kept(world, ball, vx, vy, taken)
     _set_velocity(world, ball, row.vx_post, row.vy_post)
-    # Where k < 1 bounces along a concave wall come ever faster, until the ball stays there.
+    # With k < 1, bounces along a concave wall accumulate until the ball stays in contact.
     if concave and k * closing <= ALONG_THE_WALL * speed:
         return END_WALL_CONTACT
     return RUNNING
@@ -223,9 +227,9 @@ def bounce(world: World, ball: int) -> int:
 
 @kernel
 def _grazes(world: World, row: BounceRow, closing: float, concave: bool) -> bool:
-    """Tell whether a bounce cannot be told from a passing touch.
+    """Return whether a bounce cannot be told from a passing touch.
 
-    From a side, and from within a curve, a ball that touches does not come away again.
+    Only a convex wall or a corner curves away from a ball that touches it.
     """
     pull = 0.0
     if not concave:
@@ -237,10 +241,10 @@ def _grazes(world: World, row: BounceRow, closing: float, concave: bool) -> bool
 
 @kernel
 def _kept(world: World, ball: int, vx: float, vy: float, taken: float) -> tuple[float, float]:
-    """Give a velocity the speed that it has by the law; what that takes or gives is added up.
+    """Return a velocity scaled to the speed that the law gives; add up the energy correction.
 
-    Where a bounce has taken more (of the square of the speed) than it left, what is left is the
-    difference of large terms, and the velocity tells it better.
+    If a bounce has taken more of the square of the speed than it left, the remaining square is a
+    difference of large terms, and the velocity is more accurate: it is returned unchanged.
     """
     state = world.balls[ball]
     found = vx * vx + vy * vy
@@ -254,18 +258,18 @@ def _kept(world: World, ball: int, vx: float, vy: float, taken: float) -> tuple[
     return vx - 0.5 * surplus * vx, vy - 0.5 * surplus * vy
 
 
-# Centres whose distance is within so much of that of touching, as a share of their places, touch.
+# Balls touch if their distance exceeds that of contact by at most this share of their positions.
 TOUCHING = 16.0 * EPSILON
 
 
 @kernel
 def find_group(world: World, a: int, b: int) -> int:
-    """Note the pairs that touch at this instant and hang together with two balls; their number.
+    """Find the touching pairs that are connected to two balls now; return their number.
 
-    The balls of the group stand in ``world.group``, first of them a and b.
+    ``world.group`` receives the balls of the group, a and b first.
     """
     clock = world.clock[0]
-    for place in range(clock.group):  # of the event before
+    for place in range(clock.group):  # the group of the previous event
         world.shares[world.group[place]].place = 0
     world.group[0], world.group[1] = a, b
     world.shares[a].place, world.shares[b].place = 1, 2
@@ -280,7 +284,7 @@ def find_group(world: World, a: int, b: int) -> int:
             if world.sifted[other] > 0.0:
                 continue
             place = world.shares[other].place
-            # Each pair once, by whichever of the two comes first; the pair of the event is there.
+            # Add each pair once, from the ball that comes first; the event's own pair is present.
             if other == ball or 0 < place <= done or (done == 0 and place == 2):
                 continue
             if count < len(world.touches):
@@ -297,7 +301,7 @@ def find_group(world: World, a: int, b: int) -> int:
 
 @kernel
 def sift_touching(world: World, ball: int) -> None:
-    """Set 0 for all that touch a ball at this instant, but for the rounding of their places."""
+    """Set ``sifted`` to 0 for the balls that touch a ball now, up to rounding of the positions."""
     x, y = world.x[ball], world.y[ball]
     radius = world.radii[ball]
     for other in range(len(world.balls)):
@@ -309,16 +313,16 @@ def sift_touching(world: World, ball: int) -> None:
         world.sifted[other] = 0.0 if touches else 1.0
 
 
-# The square of the share of the impulses at which the residuals are nothing but rounding.
+# Square of the relative residual below which residuals are only rounding.
 SOLVED = 1.0e-50
-# Impulses that change relative speeds by a smaller share than this balance one another but for the
-# rounding of the normals: there is nothing to be solved for.
+# Impulses that change relative speeds by a smaller share than this balance each other up to the
+# rounding of the normals: the descent ends there.
 BALANCED = 1.0e-12
 
 
 @kernel
 def solve_impulses(world: World, closing: int, law: int, restitution: float) -> None:
-    """Set the impulses of the closing pairs, and the velocities after them in the shares."""
+    """Set the impulses of the closing pairs, and the velocity changes by them in the shares."""
     _set_up(world, closing, law, restitution)
     _descend(world, closing)
     for number in range(closing):
@@ -329,7 +333,7 @@ def solve_impulses(world: World, closing: int, law: int, restitution: float) -> 
 
 @kernel
 def impulses_for(world: World, pairs: int) -> None:
-    """Set the impulses of pairs for right-hand sides given in ``left``, each a double."""
+    """Set the impulses of pairs for the right-hand sides in ``left``, each a single double."""
     if pairs == 1:
         world.touches[0].impulse = world.touches[0].left / world.touches[0].diagonal
         return
@@ -343,8 +347,9 @@ def impulses_for(world: World, pairs: int) -> None:
 def _descend(world: World, closing: int) -> None:
     """Set the impulses by conjugate gradients, from the right-hand sides.
 
-    Where contacts are redundant but for the rounding of their normals, the residuals fall to that
-    rounding and grow again before it is seen: the impulses are those that leave least.
+    If contacts are redundant up to the rounding of their normals, the residuals fall to that
+    rounding and may grow again before this is detected. So the impulses with the smallest residual
+    are taken.
     """
     target = 0.0
     for number in range(closing):
@@ -377,7 +382,7 @@ def _descend(world: World, closing: int) -> None:
 
 @kernel
 def set_weights(world: World, number: int, law: int) -> None:
-    """Set weights and responses of a pair of touching balls."""
+    """Set the weights and responses of a pair of touching balls."""
     touch = world.touches[number]
     one = world.bodies[touch.a]
     other = world.bodies[touch.b]
@@ -389,7 +394,7 @@ def set_weights(world: World, number: int, law: int) -> None:
 
 @kernel
 def _set_up(world: World, closing: int, law: int, restitution: float) -> None:
-    """Set weights, responses and right-hand sides of the closing pairs."""
+    """Set the weights, responses and right-hand sides of the closing pairs."""
     first = world.clock[0].pair_rows - closing
     for number in range(closing):
         touch = world.touches[number]
@@ -401,8 +406,8 @@ def _set_up(world: World, closing: int, law: int, restitution: float) -> None:
         touch.approach = law_approach(
             law, one, other, inclined, inclined, row.normal_a_pre, row.normal_b_pre
         )
-    # By the very weights that the impulses are measured with: where these are redundant, another
-    # rounding of the speeds would ask for what no impulses can do.
+    # Compute the relative speeds with the same weights as the effect of the impulses: for redundant
+    # pairs, differently rounded speeds could make the system inconsistent.
     for place in range(world.clock[0].group):
         ball = world.group[place]
         share = world.shares[ball]
@@ -417,9 +422,9 @@ def _set_up(world: World, closing: int, law: int, restitution: float) -> None:
 
 @kernel
 def _apply(world: World, closing: int) -> float:
-    """Set what impulses ``direction`` change: in the balls' velocities, in the relative speeds.
+    """Set the changes of velocities and relative speeds by the impulses ``direction``.
 
-    Returns the product of the impulses with the changes of the relative speeds.
+    Return the product of the impulses with the changes of the relative speeds.
     """
     for place in range(world.clock[0].group):
         share = world.shares[world.group[place]]
@@ -434,9 +439,9 @@ def _apply(world: World, closing: int) -> float:
 
 @kernel
 def _measure(world: World, closing: int) -> float:
-    """Set the relative speeds of the velocities in the shares, positive where pairs part.
+    """Set the relative speeds for the velocities in the shares, positive if pairs separate.
 
-    Returns the product of the impulses with them.
+    Return the product of the impulses ``direction`` with them.
     """
     product = 0.0
     for number in range(closing):
@@ -468,9 +473,9 @@ def _along(world: World, ball: int, x: float, y: float) -> tuple[float, float]:
 
 @kernel
 def _step(world: World, closing: int, rho: float, length: float) -> float:
-    """Go a step along the direction; set the next one and return the new measure of what is left.
+    """Take a step along the direction; set the next direction and return the new residual measure.
 
-    The residuals follow the steps in two doubles, whatever rounding there is in their lengths.
+    The residuals are updated in two doubles, so that a rounded step length does no harm.
     """
     measure = 0.0
     for number in range(closing):
@@ -486,13 +491,13 @@ def _step(world: World, closing: int, rho: float, length: float) -> float:
     return measure
 
 
-# After so many events in a row without time between them what is left of them is taken as k = 0.
+# After this many successive events without time between them, the limit is taken: k = 0.
 SETTLING = 60
 
 
 @kernel
 def collide_jointly(world: World, count: int, instant: int) -> int:
-    """Carry out the impacts of those touching pairs that close; RUNNING or the run's end."""
+    """Carry out the impacts of the touching pairs that close; return RUNNING or the end's cause."""
     clock = world.clock[0]
     settings = world.settings[0]
     for place in range(clock.group):
@@ -524,9 +529,9 @@ def collide_jointly(world: World, count: int, instant: int) -> int:
 
 @kernel
 def _closing(world: World, count: int) -> int:
-    """Note the pairs that close, first in ``world.touches`` and as rows; return their number.
+    """Move the closing pairs to the front of ``world.touches`` and log them; return their number.
 
-    Where none does, the pair of the event stays first: it grazes.
+    If none closes, the pair of the event, a graze, stays first.
     """
     clock = world.clock[0]
     closing = 0
@@ -540,8 +545,8 @@ def _closing(world: World, count: int) -> int:
         other = world.balls[b]
         speeds = one.fastest + other.fastest
         approach = row.normal_a_pre - row.normal_b_pre
-        # The pair of the event closes by its time, however slowly, and so do those that close as
-        # fast, as its mirror image does.
+        # The pair of the event closes, however slowly, and so do pairs that close as fast, such as
+        # its mirror image.
         if number == 0 and approach > 0.0:
             least = approach
         if approach <= RESOLVED * speeds and approach < least:
@@ -562,9 +567,10 @@ def _closing(world: World, count: int) -> int:
 
 @kernel
 def _separate(world: World, first: int, closing: int) -> bool:
-    """Set the components after the impacts in the rows; whether all the pairs separate then.
+    """Set the components after the impacts in the rows; return whether all the pairs separate.
 
-    Impulses of one pair change the speeds of others: all are rounded as the greatest are.
+    Impulses of one pair change the speeds of others, so the greatest speed sets the rounding of
+    all.
     """
     greatest = 0.0
     for number in range(closing):
@@ -582,7 +588,7 @@ def _separate(world: World, first: int, closing: int) -> bool:
 
 @kernel
 def _set_after(world: World, row: PairRow) -> None:
-    """Set velocities and components of both balls of a row after all impulses."""
+    """Set the velocities and components of both balls of a row after all impulses."""
     one = world.shares[row.a]
     other = world.shares[row.b]
     row.vx_a_post = row.vx_a_pre + one.x
@@ -597,7 +603,7 @@ def _set_after(world: World, row: PairRow) -> None:
 def _complete(
     world: World, first: int, closing: int, law: int, restitution: float, admissible: int
 ) -> None:
-    """Set law, loss and velocities of the rows."""
+    """Set the law, loss and velocities in the rows."""
     for number in range(closing):
         touch = world.touches[number]
         row = world.pair_log[first + number]
@@ -619,7 +625,7 @@ def _complete(
 
 @kernel
 def _part_jointly(world: World, first: int, closing: int) -> None:
-    """Give the balls their velocities; where nothing is lost, the energy that all had stays."""
+    """Set all velocities after joint impacts; if nothing is lost, conserve the energy exactly."""
     loss = 0.0
     for number in range(closing):
         loss += abs(world.pair_log[first + number].loss)

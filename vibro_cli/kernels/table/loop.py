@@ -1,9 +1,9 @@
-"""The event loop of the table: the first meeting of all, its impact, the search anew.
+"""The event loop of the table: find the first meeting, carry out its impact, search again.
 
-The row of a ball holds the first of its meetings with the wall and with the balls after it in the
-list. After an event only the rows that it concerns are searched anew, and the matches of the
-tournament above them are played again: log2 n each. Most pairs are sifted out by a bound of the
-time until they touch, in loops over plain arrays that the compiler makes several rounds of at once.
+The row of a ball holds the first of its meetings with the wall and with balls of greater index.
+After an event only the affected rows are searched again, and their matches in the tournament are
+replayed, log2 n for each row. A bound of the time to contact rejects most pairs, in loops over
+plain arrays that the compiler vectorises.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from vibro_cli.kernels.world import (
 
 @kernel
 def note_motion(world: World, ball: int) -> None:
-    """Note where a ball is now and how it moves."""
+    """Store the present position and velocity of a ball in the plain arrays."""
     world.x[ball], world.y[ball] = present_place(world, ball)
     world.vx[ball] = world.balls[ball].vx
     world.vy[ball] = world.balls[ball].vy
@@ -44,7 +44,7 @@ def note_motion(world: World, ball: int) -> None:
 def time_to_pair(world: World, a: int, b: int) -> float:
     """Return the time (s) from now until two balls touch, or NEVER.
 
-    They touch at the horizontal distance ``2 sqrt(r_a r_b)`` of their centres (C, part 1).
+    They touch when the horizontal distance of their centres is ``2 sqrt(r_a r_b)`` (C, part 1).
     """
     one = world.balls[a]
     other = world.balls[b]
@@ -55,7 +55,7 @@ def time_to_pair(world: World, a: int, b: int) -> float:
     return time_to_distance(dx, dy, other.vx - one.vx, other.vy - one.vy, distance, rounding)
 
 
-# What rounding may take from d^2 - D^2 in `sift`, as a share of d^2 + D^2; see there.
+# Bound of the rounding of d^2 - D^2 in `sift`, as a share of d^2 + D^2.
 SIFTED = 32.0 * EPSILON
 # Squares of speeds (m^2/s^2) below which products with the least lengths, 1e-30 m, lose digits.
 SLOW = 1.0e-240
@@ -63,13 +63,13 @@ SLOW = 1.0e-240
 
 @kernel
 def sift(world: World, ball: int, first: int, last: int) -> None:
-    """Set for other balls a time (s) that ``time_to_pair`` is not below: NEVER for most.
+    """Set a lower bound (s) of ``time_to_pair`` for each of some other balls: NEVER for most.
 
-    Where ``c = d^2 - D^2`` and the approach ``b = -d w`` are positive, the distance is that of
-    touching at ``t = c/(root + b)``, ``root^2 = b^2 - w^2 c``: not before ``c/2b``, and nowhere if
-    ``w^2 c > b^2``. With w^2 t <= 2b, which ``time_to_distance`` asks for, all roundings, there
-    (of ``root`` too) and here, are as one of c by less than 22 EPSILON of d^2 + D^2. Of very slow
-    balls nothing is said: squares of their speeds have few digits, or none.
+    Where ``c = d^2 - D^2`` and the approach ``b = -d w`` are positive, the balls touch at
+    ``t = c/(root + b)``, ``root^2 = b^2 - w^2 c``: not before ``c/2b``, and never if
+    ``w^2 c > b^2``. Since ``time_to_distance`` requires w^2 t <= 2b, all rounding errors, there (of
+    ``root`` too) and here, amount to an error of c below 22 EPSILON of d^2 + D^2. For very slow
+    balls the bound is 0, since the squares of their speeds have few digits, or none.
     """
     x, y = world.x[ball], world.y[ball]
     vx, vy = world.vx[ball], world.vy[ball]
@@ -92,7 +92,7 @@ def sift(world: World, ball: int, first: int, last: int) -> None:
 
 @kernel
 def search_row(world: World, ball: int) -> None:
-    """Find what a ball meets next of the wall and of the balls after it."""
+    """Find the next meeting of a ball with the wall or a ball of greater index."""
     row = world.meetings[ball]
     best = NEVER
     if world.wall[0].kind != NO_WALL:
@@ -126,7 +126,7 @@ def _set_time(world: World, ball: int, time: float) -> None:
 
 @kernel
 def renew(world: World, ball: int) -> None:
-    """Search anew all that the motion of one ball decides."""
+    """Search again for all meetings that depend on the motion of one ball."""
     search_row(world, ball)
     clock = world.clock[0]
     stale = 0
@@ -148,7 +148,7 @@ def renew(world: World, ball: int) -> None:
 
 @kernel
 def sooner(world: World, one: int, other: int) -> int:
-    """Return which of two balls has its meeting first; the one before in the list if at once."""
+    """Return the ball of two that has the earlier meeting, ``one`` if both are at once."""
     if other >= len(world.balls):
         return one
     a = world.meetings[one]
@@ -160,7 +160,7 @@ def sooner(world: World, one: int, other: int) -> int:
 
 @kernel
 def _play(world: World, ball: int) -> None:
-    """Play the matches of one ball again, up to the root; note the ball that it meets."""
+    """Replay the matches of one ball up to the root, and store the ball that it meets."""
     row = world.meetings[ball]
     world.partners[ball] = row.other if row.kind == MEETS_BALL else -1
     leaves = len(world.tree)
@@ -174,7 +174,7 @@ def _play(world: World, ball: int) -> None:
         node //= 2
 
 
-# So many events in a row, of each ball, at what the clock shows as one instant are an accumulation.
+# An accumulation is this many successive events per ball that the clock cannot tell apart.
 MOST_AT_ONCE = 200
 
 
@@ -189,7 +189,7 @@ def advance(world: World) -> int:
         for ball in range(len(world.balls)):
             search_row(world, ball)
         clock.begun = 1
-    # What the tournament shows, and who meets whom, follows from the meetings alone.
+    # The tournament and the partners follow from the meetings alone.
     for ball in range(len(world.balls)):
         _play(world, ball)
     while True:
@@ -199,7 +199,7 @@ def advance(world: World) -> int:
             return END_BOUNCES
         rows = max(clock.pair_rows, clock.bounce_rows)
         if rows >= settings.capacity:
-            # The rows of one instant are wanted together, as far as there is room.
+            # Keep the rows of one instant together as long as there is room.
             meeting = world.meetings[world.tree[1]]
             later = time_between(meeting.t, meeting.t_low, clock.t, clock.t_low) > 0.0
             if later or rows > 2 * settings.capacity - ROWS_OF_EVENT * len(world.balls):
@@ -239,7 +239,7 @@ def _event(world: World) -> int:
 
 @kernel
 def _meet(world: World, ball: int, other: int, instant: int) -> int:
-    """Carry out the impact of two balls, with those of others that touch them at this instant."""
+    """Carry out the impact of two balls, jointly with balls that touch them at this instant."""
     count = find_group(world, ball, other)
     if count == 1:
         cause = collide(world, ball, other, instant)

@@ -1,14 +1,14 @@
 """The tangent map of a run on the table, from the logs of its event loop.
 
-Of each ball the place and the velocity of its centre, two numbers each. Between events balls are
-independent of one another: of each the tangent vectors are those at its last event. Where a gap g
-closes, places go on by ``dx^+ = dx^- + (v^- - v^+) dt``, ``dt = -dg/g'``, and velocities by the
+The state has the position and velocity of each ball's centre, two numbers each. Between events the
+balls are independent, so the rows of a ball are kept as at its last event. Where a gap g closes,
+positions change by ``dx^+ = dx^- + (v^- - v^+) dt``, ``dt = -dg/g'``. Velocities change by the
 derivative of the law, in which the normal turns by dn as the place of the contact moves. Joint
-impacts are one linear system for the changes dI of all impulses:
+impacts give one linear system for the changes dI of all impulses:
 
     M(sum R n dI) = -(1 + k) M(dv) - k dM(v^-) - dM(v^+) - M(sum R dn I),
 
-with M the law's relative speeds (positive where pairs part), dM what dn changes of them, and R the
+where M are the law's relative speeds (positive if pairs separate), dM their change by dn, and R the
 responses (see `impacts`).
 """
 
@@ -46,9 +46,9 @@ def follow_balls(
 ) -> None:
     """Carry tangent vectors through a part of a run.
 
-    Arguments as of `kernels.tangent.follow.follow_tangents`, but 0 or 1 for ``known``. In
-    ``world.balls`` are the times of their last events before it; the columns of
-    impacts are those of both logs in order of their events.
+    The arguments are those of `kernels.tangent.follow.follow_tangents`, except that ``known`` is 0
+    or 1. ``world.balls`` has the times of the last events before the part. Impacts are numbered
+    through both logs in the order of their events.
     """
     if known == 0:
         begin_frame(tangents)
@@ -74,7 +74,7 @@ def follow_balls(
 
 @kernel
 def _is_pair_next(world: World, pair: int, bounce: int) -> bool:
-    """Tell whether the next event is an impact of two balls, and not one on the wall."""
+    """Return whether the next event is an impact of two balls, and not one on the wall."""
     clock = world.clock[0]
     if pair >= clock.pair_rows:
         return False
@@ -85,7 +85,7 @@ def _is_pair_next(world: World, pair: int, bounce: int) -> bool:
 
 @kernel
 def _count_of_event(world: World, first: int) -> int:
-    """Number of impacts, from a row on, that are solved together."""
+    """Return the number of impacts, from row ``first`` on, that are solved together."""
     count = 1
     event = world.pair_log[first].event
     while first + count < world.clock[0].pair_rows and world.pair_log[first + count].event == event:
@@ -95,7 +95,7 @@ def _count_of_event(world: World, first: int) -> int:
 
 @kernel
 def _carry(world: World, tangents: Tangents, ball: int, t: float, t_low: float) -> float:
-    """Carry the tangent vectors of a ball to an instant; returns how long it has flown, s."""
+    """Carry the tangent vectors of a ball to an instant; return the time (s) of its flight."""
     state = world.balls[ball]
     age = time_between(t, t_low, state.t, state.t_low)
     share = age / tangents.state[0].time_scale
@@ -112,7 +112,7 @@ def _carry(world: World, tangents: Tangents, ball: int, t: float, t_low: float) 
 def _arrive(
     world: World, tangents: Tangents, ball: int, t: float, t_low: float, impact: int
 ) -> None:
-    """Carry a ball to its impact; if it had another at this instant, their order decides."""
+    """Carry a ball to its impact; a second one at the same instant makes both not smooth."""
     age = _carry(world, tangents, ball, t, t_low)
     last = tangents.current[0, ball]
     if age == 0.0 and t > 0.0:
@@ -124,7 +124,7 @@ def _arrive(
 
 @kernel
 def _rebound(world: World, tangents: Tangents, bounce: int, impact: int) -> None:
-    """Carry tangent vectors over the impact of a ball on the wall."""
+    """Carry the tangent vectors across the impact of a ball on the wall."""
     row = world.bounce_log[bounce]
     tangents.state[0].rough = row.grazing
     _arrive(world, tangents, row.ball, row.t, row.t_low, impact)
@@ -140,7 +140,7 @@ def _rebound(world: World, tangents: Tangents, bounce: int, impact: int) -> None
 
 @kernel
 def _reflect(world: World, tangents: Tangents, row: BounceRow, closing: float) -> None:
-    """Turn round the component across the wall, which is met at a speed (m/s), of the vectors."""
+    """Apply the derivative of a bounce at a closing speed (m/s) to the tangent vectors."""
     tau = tangents.state[0].time_scale
     more = 1.0 + world.wall[0].restitution
     nx, ny = row.normal_x, row.normal_y
@@ -162,7 +162,7 @@ def _reflect(world: World, tangents: Tangents, row: BounceRow, closing: float) -
 
 @kernel
 def _meet(world: World, tangents: Tangents, first: int, count: int, impact: int) -> None:
-    """Carry tangent vectors over the impacts of an event, solved together."""
+    """Carry the tangent vectors across the impacts of an event, solved together."""
     tangents.state[0].rough = 1 if count > 1 else 0
     fine = True
     for number in range(count):
@@ -189,7 +189,7 @@ def _meet(world: World, tangents: Tangents, first: int, count: int, impact: int)
 
 @kernel
 def _strike(world: World, tangents: Tangents, first: int, count: int) -> None:
-    """Change the tangent vectors by the impulses of an event, and by what changes of these."""
+    """Apply the impulses of an event and their changes to the tangent vectors."""
     restitution = world.pair_log[first].restitution
     if restitution == 0.0:
         tangents.state[0].lost = 1
@@ -217,7 +217,7 @@ def _strike(world: World, tangents: Tangents, first: int, count: int) -> None:
 
 @kernel
 def _gather(world: World, first: int, count: int) -> None:
-    """Note the pairs of an event and their balls, for their impulses to be solved for."""
+    """Set the pairs of an event and the group of their balls, to solve for their impulses."""
     world.clock[0].group = 0
     for number in range(count):
         row = world.pair_log[first + number]
@@ -235,7 +235,7 @@ def _gather(world: World, first: int, count: int) -> None:
 
 @kernel
 def _join(world: World, ball: int) -> None:
-    """Note a ball of an event, once."""
+    """Add a ball to the group of an event, once."""
     clock = world.clock[0]
     if world.shares[ball].place == 0:
         world.group[clock.group] = ball
@@ -245,7 +245,7 @@ def _join(world: World, ball: int) -> None:
 
 @kernel
 def _turn(world: World, tangents: Tangents, first: int, number: int, column: int) -> None:
-    """Set what one tangent vector changes of a pair: the time of its impact, its normal."""
+    """Set the changes of a pair's time of impact and normal by one tangent vector."""
     row = world.pair_log[first + number]
     frame = tangents.frame
     a = NUMBERS * row.a
@@ -271,7 +271,7 @@ def _asked(
     column: int,
     restitution: float,
 ) -> float:
-    """The right-hand side of a pair for what one tangent vector changes of its impulse."""
+    """Return the right-hand side of a pair for the change of its impulse by one tangent vector."""
     row = world.pair_log[first + number]
     touch = world.touches[number]
     turn_x = tangents.turning[number, _TURN_X]
@@ -296,7 +296,7 @@ def _asked(
 
 @kernel
 def _along(tangents: Tangents, ball: int, nx: float, ny: float, column: int) -> float:
-    """Component along a unit vector of what a tangent vector changes of a ball's velocity."""
+    """Return the component of a ball's velocity change along a unit vector."""
     row = NUMBERS * ball + 2
     along: float = nx * tangents.frame[row, column] + ny * tangents.frame[row + 1, column]
     return along
@@ -306,7 +306,10 @@ def _along(tangents: Tangents, ball: int, nx: float, ny: float, column: int) -> 
 def _shared(
     world: World, tangents: Tangents, number: int, other: int, ball: int, weight: float
 ) -> float:
-    """Relative speed of a pair by what the turn of a pair's normal changes of a ball's velocity."""
+    """Return the relative speed of pair ``number`` due to the turn of another pair's normal.
+
+    That turn changes the velocity of a ball that both pairs share.
+    """
     touch = world.touches[number]
     source = world.touches[other]
     if ball == source.a:
@@ -323,7 +326,7 @@ def _shared(
 
 @kernel
 def _apply(world: World, tangents: Tangents, number: int, column: int) -> None:
-    """Change the ways and speeds of one tangent vector by what a pair's impulse and delay do."""
+    """Change positions and velocities of one tangent vector by a pair's impulse and delay."""
     touch = world.touches[number]
     frame = tangents.frame
     impulse = tangents.turning[number, _IMPULSE]

@@ -1,14 +1,14 @@
-"""Where a ball that moves straight on meets the wall, its centre at the distance r from it.
+"""Contact of a ball in straight motion with the wall, at distance r of its centre.
 
-A conic (ellipse or circle with the semi-axes a, b) is met on its offset curve, which is no ellipse.
-With the unit normal ``n`` of the wall at some point, the centre of a ball that touches it there is
+On a conic (ellipse or circle with semi-axes a, b) the centre reaches an offset curve, which is not
+an ellipse. If the ball touches the wall where its unit normal is ``n``, the centre is at
 ``c = (a^2 n_x, b^2 n_y)/H - s r n``, ``H^2 = a^2 n_x^2 + b^2 n_y^2``, s = 1 inside and -1 outside;
-its curve turns with the radius ``a^2 b^2/H^3 - s r``. While that is positive (build refuses other
-balls) the centres that touch enclose a convex region, left once by a straight line, where
-``n u > 0`` for its direction u, and entered once, where ``n u < 0``. On either half the distance
-``u x (c - p)`` of c from the line grows or falls throughout: its one root is bracketed, and
-Newton's steps that leave the bracket are replaced by its middle. So the contact found is the first.
-A particle, r = 0, meets the wall itself, in closed form.
+the offset curve has the radius of curvature ``a^2 b^2/H^3 - s r``. While this is positive (other
+balls are refused when the system is built) the curve encloses a convex region. A straight line of
+direction u leaves that region once, where ``n u > 0``, and enters it once, where ``n u < 0``. On
+either half the distance ``u x (c - p)`` of c from the line is monotonic, so its only root is
+bracketed; Newton steps that leave the bracket are replaced by bisection. So the contact found is
+the first. A particle, r = 0, meets the wall itself, in closed form.
 """
 
 from __future__ import annotations
@@ -22,22 +22,23 @@ from vibro_cli.kernels.table.world import POLYGON, Ball, BounceRow, Edge, Meetin
 from vibro_cli.kernels.world import BodyData
 
 MOST_STEPS = 200
-# Once steps are below this share of the half turn, they shrink until rounding decides them.
+# Once steps of t are below this, one that is not less than half the last shows only rounding.
 SETTLED = 1.0e-6
-# A step below it is taken along the tangent: what it misses there is its square.
+# A step below this is taken along the tangent, with an error of its square.
 STRAIGHT = 1.0e-10
-# Components of a velocity across a wall below this share of it are rounding, not approach; of the
-# greatest speed in its last impact, for at k = 0 little of it may be left.
+# A velocity component across a wall below this share of the speed is rounding, not approach. The
+# speed is the greatest in the last impact, since at k = 0 little of it may be left.
 RESOLVED = 4.0 * EPSILON
-# A slower ball (m/s) is at rest: the square of its speed has no digits any more.
+# A slower ball (m/s) counts as at rest: the square of its speed has no digits left.
 SLOWEST = 1.0e-145
 
 
 @kernel
 def meet_wall(world: World, body: BodyData, ball: Ball, x: float, y: float, to: Meeting) -> float:
-    """Return the time (s) until a ball at (x, y) meets the wall, and where; NEVER if it does not.
+    """Return the time (s) until a ball at (x, y) meets the wall, or NEVER.
 
-    ``to`` gets the place of the centre, the normal and the edge or -1; ``ball`` is how it moves.
+    ``ball`` has the velocity; ``to`` receives the centre at the contact, the normal, and the side,
+    or -1 on a conic.
     """
     to.other = -1
     wall = world.wall[0]
@@ -55,8 +56,8 @@ def meet_wall(world: World, body: BodyData, ball: Ball, x: float, y: float, to: 
         before = world.edges[index - 1 if index > 0 else sides - 1]
         after = world.edges[index + 1 if index + 1 < sides else 0]
         time = _meet_edge(edge, after, body.radius, ball, x, y, best, to)
-        # The normal at a corner lies between those of its sides: who comes to neither, as a ball
-        # that has rolled along one, does not come to it. A particle meets one of the sides.
+        # The normal at a corner lies between those of its two sides: a ball that approaches neither
+        # side, such as one that rolled along one, cannot meet it. A particle meets a side instead.
         pointed = edge.corner == 1 and body.radius > 0.0
         if pointed and max(_approach_to(before, ball), _approach_to(edge, ball)) > 0.0:
             time = _meet_corner(edge, body.radius, ball, x, y, time, to)
@@ -77,15 +78,15 @@ def _meet_curve(
     least: float,
     to: Meeting,
 ) -> float:
-    """Distance along the unit vector u to the contact; NEVER if there is none ahead.
+    """Return the distance along the unit vector u to the contact, or NEVER if none is ahead.
 
-    From outside there is none where the component of u across the wall is not above ``least``.
+    From outside, there is no contact unless the component of u across the wall exceeds ``least``.
     """
     px = x - wall.x
     py = y - wall.y
     if wall.a == wall.b:
         return _meet_circle(wall, wall.a - wall.side * radius, px, py, ux, uy, least, to)
-    # Normals within a quarter turn of +u inside, of -u outside: t is the tangent of half the angle.
+    # Normals lie within a quarter turn of f: +u inside, -u outside. t = tan(half the angle to f).
     fx = wall.side * ux
     fy = wall.side * uy
     offset = wall.side * radius
@@ -99,8 +100,8 @@ def _meet_curve(
         if wall.side * (nx * ux + ny * uy) <= least:
             return NEVER
     if ahead < 0.0:
-        # By rounding it is beyond the wall: it touches where it is, not where it came through,
-        # which along the wall may be far behind.
+        # By rounding the ball is beyond the wall: the contact is where the ball is, not where it
+        # crossed the wall, which may be far behind along the wall.
         cx, cy, nx, ny = _contact(wall, offset, px, py, nx, ny)
     _note(to, wall.x + cx, wall.y + cy, wall.side * nx, wall.side * ny)
     return max(ahead, 0.0)
@@ -110,7 +111,10 @@ def _meet_curve(
 def _contact(
     wall: WallData, offset: float, px: float, py: float, fx: float, fy: float
 ) -> tuple[float, float, float, float]:
-    """Centre that touches, and the normal there, where the line through p along f is met."""
+    """Return the centre of a touching ball and the normal, where the line through p along f leaves.
+
+    It leaves the region that the centres of touching balls enclose.
+    """
     if offset == 0.0:  # the wall itself, in closed form
         x, y = _left_at(wall.a, wall.b, px, py, fx, fy)
         slope = wall.a / wall.b * y
@@ -127,14 +131,14 @@ def _contact(
             high = t
         step = 2.0
         if turning > 0.0:
-            turn = away * (1.0 / turning)  # a quotient that need not wait for `away`
+            turn = away * (1.0 / turning)  # the division need not wait for `away`
             step = -0.5 * (1.0 + t * t) * turn
         size = abs(step)
         if size <= STRAIGHT:
             slip = away * ((1.0 + t * t) / (1.0 - t * t))
             return cx + slip * ny, cy - slip * nx, nx + turn * ny, ny - turn * nx
         if last < SETTLED and size >= 0.5 * last:
-            return cx, cy, nx, ny  # as near as the rounding of the distance allows
+            return cx, cy, nx, ny  # the rounding of the distance allows no more accuracy
         last = size
         t += step
         if not low < t < high:
@@ -150,9 +154,10 @@ def _contact(
 def touch_curve(
     wall: WallData, offset: float, fx: float, fy: float, t: float
 ) -> tuple[float, float, float, float, float]:
-    """Centre that touches, normal there, and how fast the centre leaves the line as it turns.
+    """Return the centre of a touching ball, the normal, and how fast the centre leaves the line.
 
-    At t = 0, where f is the normal, the last is the radius of curvature of the centre's curve.
+    This is the derivative, by the angle of the normal, of the distance from a line along f. At
+    t = 0, where f is the normal, it is the radius of curvature of the offset curve.
     """
     cosine = (1.0 - t * t) / (1.0 + t * t)
     sine = 2.0 * t / (1.0 + t * t)
@@ -167,9 +172,9 @@ def touch_curve(
 
 @kernel
 def bend_at(world: World, row: BounceRow) -> float:
-    """Return by how much (rad) the normal at a contact turns as the centre moves on by 1 m.
+    """Return the angle (rad) by which the normal at a contact turns per metre of the centre's way.
 
-    The normal is that towards the wall; the centre's curve about a corner has the radius r.
+    The normal points towards the wall; about a corner the centre moves on a circle of radius r.
     """
     wall = world.wall[0]
     radius = world.bodies[row.ball].radius
@@ -185,7 +190,7 @@ def bend_at(world: World, row: BounceRow) -> float:
 
 @kernel
 def _note(to: Meeting, x: float, y: float, nx: float, ny: float) -> None:
-    """Note where the centre is at a contact, and the normal to the wall."""
+    """Store the centre at a contact, and the normal to the wall."""
     to.x = x
     to.y = y
     to.normal_x = nx
@@ -194,7 +199,10 @@ def _note(to: Meeting, x: float, y: float, nx: float, ny: float) -> None:
 
 @kernel
 def _crosses(wall: WallData, offset: float, px: float, py: float, fx: float, fy: float) -> bool:
-    """Whether the line through p along f crosses the region of centres that touch or overlap."""
+    """Return whether the line through p along f crosses the region that the offset curve encloses.
+
+    In it the ball touches or overlaps the wall.
+    """
     first_x, first_y, _, _, _ = touch_curve(wall, offset, fx, fy, -1.0)
     last_x, last_y, _, _, _ = touch_curve(wall, offset, fx, fy, 1.0)
     first = fx * (first_y - py) - fy * (first_x - px)
@@ -206,11 +214,11 @@ def _crosses(wall: WallData, offset: float, px: float, py: float, fx: float, fy:
 def _first_guess(
     wall: WallData, offset: float, px: float, py: float, fx: float, fy: float
 ) -> float:
-    """Guess of the contact, from the ellipse whose semi-axes are shorter (longer) by r."""
+    """Return a first guess of t, from the ellipse with semi-axes shorter (outside: longer) by r."""
     a = wall.a - offset
     b = wall.b - offset
     x, y = _left_at(a, b, px, py, fx, fy)
-    # Of both components, for f is of length 1 but for rounding.
+    # The angle from both components, since the length of f is 1 only up to rounding.
     dot = fx * x / a + fy * y / b
     cross = fx * y / b - fy * x / a
     if dot <= 0.0:
@@ -220,7 +228,7 @@ def _first_guess(
 
 @kernel
 def _left_at(a: float, b: float, px: float, py: float, fx: float, fy: float) -> tuple[float, float]:
-    """Where the line through p along f leaves an ellipse, in units of its semi-axes."""
+    """Return the point where the line through p along f leaves an ellipse, in its semi-axes."""
     qx, qy, gx, gy = px / a, py / b, fx / a, fy / b
     square = gx * gx + gy * gy
     along = qx * gx + qy * gy
@@ -241,7 +249,7 @@ def _meet_circle(
     least: float,
     to: Meeting,
 ) -> float:
-    """The same for a circle on which the centres that touch lie at the distance rho."""
+    """Return the same as ``_meet_curve`` for a circle; touching centres are at distance rho."""
     along = px * ux + py * uy
     across = difference_of_products(px, uy, py, ux)
     square = (rho - across) * (rho + across)
@@ -270,7 +278,7 @@ def _meet_circle(
 
 @kernel
 def _approach_to(edge: Edge, ball: Ball) -> float:
-    """Speed (m/s) at which a ball moves towards the line of a side; 0 if it is rounding."""
+    """Return the speed (m/s) at which a ball approaches the line of a side, 0 if it is rounding."""
     closing = ball.vx * edge.normal_x + ball.vy * edge.normal_y
     return closing if closing > RESOLVED * ball.fastest else 0.0
 
@@ -279,7 +287,10 @@ def _approach_to(edge: Edge, ball: Ball) -> float:
 def _meet_edge(
     edge: Edge, after: Edge, r: float, ball: Ball, x: float, y: float, best: float, to: Meeting
 ) -> float:
-    """The sooner of a time and that until a straight side is met, which is then noted."""
+    """Return the time (s) until a straight side is met, and store the contact; else ``best``.
+
+    ``best`` is the time of an earlier contact.
+    """
     closing = _approach_to(edge, ball)
     if closing == 0.0:
         return best
@@ -291,14 +302,15 @@ def _meet_edge(
     place = (x - edge.x + time * vx) * edge.along_x + (y - edge.y + time * vy) * edge.along_y
     start, end = place + edge.open_start, edge.length + edge.open_end - place
     if r == 0.0:
-        # By the corners themselves: both sides of one tell alike how a particle passes it.
+        # Decide by the corners themselves, so that both sides of a corner agree on how a particle
+        # passes it.
         turn = edge.normal_x * edge.along_y - edge.normal_y * edge.along_x
         start = turn * _beside(edge, ball, x, y) if edge.corner == 1 else start
         end = -turn * _beside(after, ball, x, y) if after.corner == 1 else end
     if start < 0.0 or end < 0.0:
         return best
     if distance < 0.0 and -distance > 1.0e-9 * (edge.length + r):
-        return best  # it is behind this side, and sees it from there
+        return best  # the ball is behind this side
     centre_x = edge.x + place * edge.along_x - r * edge.normal_x
     centre_y = edge.y + place * edge.along_y - r * edge.normal_y
     _note(to, centre_x, centre_y, edge.normal_x, edge.normal_y)
@@ -307,7 +319,10 @@ def _meet_edge(
 
 @kernel
 def _beside(edge: Edge, ball: Ball, x: float, y: float) -> float:
-    """On which side of a ball's path the first corner of a side lies: positive on the right."""
+    """Return a number that is positive if a side's first corner is to the right of a ball's path.
+
+    It is negative if the corner is to the left.
+    """
     return (edge.x - x) * ball.vy - (edge.y - y) * ball.vx
 
 
@@ -315,7 +330,7 @@ def _beside(edge: Edge, ball: Ball, x: float, y: float) -> float:
 def _meet_corner(
     edge: Edge, radius: float, ball: Ball, x: float, y: float, best: float, to: Meeting
 ) -> float:
-    """The same for the first corner of a side: the centre comes to the distance r from it."""
+    """Return the same as ``_meet_edge`` for a side's first corner, met at distance r."""
     vx, vy = ball.vx, ball.vy
     rounding = RESOLVED * ball.fastest
     time = time_to_distance(edge.x - x, edge.y - y, -vx, -vy, radius, rounding)
@@ -336,14 +351,14 @@ def _meet_corner(
 def time_to_distance(
     dx: float, dy: float, wx: float, wy: float, distance: float, rounding: float
 ) -> float:
-    """Return when ``|d + w t|`` falls to a distance (s from now), or NEVER.
+    """Return the time (s from now) when ``|d + w t|`` falls to a distance D, or NEVER.
 
-    The root of ``w^2 t^2 + 2 d w t + d^2 - D^2`` at which the distance falls, without cancellation:
-    ``t = c/(root - d w)``, ``root^2 = (|w| D - |d x w|)(|w| D + |d x w|)``. An approach slower than
-    ``rounding`` (m/s) is none.
+    This is the root of ``w^2 t^2 + 2 d w t + c``, ``c = d^2 - D^2``, where the distance decreases.
+    Without cancellation ``t = c/(root - d w)``, ``root^2 = (|w| D - |d x w|)(|w| D + |d x w|)``.
+    An approach slower than ``rounding`` (m/s) counts as none.
     """
     closing = dx * wx + dy * wy
-    if closing >= 0.0:  # half of the pairs, told without a root
+    if closing >= 0.0:  # half of all pairs, excluded without a square root
         return NEVER
     apart = math.sqrt(dx * dx + dy * dy)
     if closing >= -rounding * apart:
@@ -356,13 +371,13 @@ def time_to_distance(
         return NEVER
     beyond = (apart - distance) * (apart + distance)
     time = max(beyond / (math.sqrt(inside) - closing), 0.0)
-    # Where they are further apart by then than now, ``root`` is nothing but rounding: they pass by.
+    # If the distance is greater then than now, ``root`` is only rounding: they pass each other.
     return time if time * square <= -2.0 * closing else NEVER
 
 
 @kernel
 def touching_distance(world: World, a: int, b: int) -> float:
-    """Return the horizontal distance of two touching balls' centres, m."""
+    """Return the horizontal distance (m) between the centres of two touching balls."""
     radius_a = world.bodies[a].radius
     radius_b = world.bodies[b].radius
     if radius_a == radius_b:
@@ -372,7 +387,7 @@ def touching_distance(world: World, a: int, b: int) -> float:
 
 @kernel
 def present_place(world: World, ball: int) -> tuple[float, float]:
-    """Return where the centre of a ball is at the present instant, m."""
+    """Return the position (m) of a ball's centre at the present instant."""
     clock = world.clock[0]
     state = world.balls[ball]
     past = time_between(clock.t, clock.t_low, state.t, state.t_low)

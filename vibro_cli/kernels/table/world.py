@@ -1,4 +1,4 @@
-"""What the event loop of the table works on: one tuple of records, and the logs that it fills."""
+"""The world of the table: the structs and arrays that its event loop works on, and its logs."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import NamedTuple
 from vibro_cli.compile.kernel import struct
 from vibro_cli.kernels.world import BodyData, Instant
 
-# What a ball meets next.
+# Kinds of a ball's next meeting.
 NOTHING = 0
 MEETS_WALL = 1
 MEETS_BALL = 2
@@ -28,16 +28,16 @@ class Ball:
     vy: float
     t: float  # in two doubles, s
     t_low: float
-    square: float  # square of the speed that it has by the laws, m^2/s^2
+    square: float  # square of its speed, as the impact laws give it, m^2/s^2
     fastest: float  # greatest |vx| + |vy| before and after its last impact, m/s
 
 
 @struct
 class Meeting(Instant):
-    """What a ball meets next: the wall, or a ball after it in the list."""
+    """The next meeting of a ball: with the wall, or with a ball of greater index."""
 
     kind: int
-    other: int  # the ball, or the edge of a polygon
+    other: int  # the other ball, or the side of a polygon
     x: float  # centre of the ball at the wall, m
     y: float
     normal_x: float  # from the ball to the wall
@@ -46,7 +46,7 @@ class Meeting(Instant):
 
 @struct
 class WallData:
-    """The wall as a whole."""
+    """Shape and properties of the wall."""
 
     kind: int
     side: float  # +1: the balls are inside, -1: outside
@@ -59,7 +59,7 @@ class WallData:
 
 @struct
 class Edge:
-    """A straight side of a polygon, from one corner to the next, and its first corner."""
+    """A straight side of a polygon from one corner to the next, with its first corner."""
 
     x: float  # m
     y: float
@@ -69,13 +69,13 @@ class Edge:
     normal_y: float
     length: float
     corner: int  # 1: a ball can touch the corner itself
-    open_start: float  # how far beyond its ends the side is met, m
+    open_start: float  # length beyond each end over which the side is also met, m
     open_end: float
 
 
 @struct
 class Touch:
-    """Two balls that touch at the present instant, and what is solved for them."""
+    """Two balls that touch at the present instant, with the variables of their impulse."""
 
     a: int
     b: int
@@ -89,19 +89,19 @@ class Touch:
     approach: float  # the law's relative speed
     impulse: float  # in two doubles
     impulse_low: float
-    best: float  # impulse that has left least so far
-    left: float  # of the right-hand side, in two doubles
+    best: float  # impulse with the smallest residual so far
+    left: float  # residual, at first the right-hand side, in two doubles
     left_low: float
-    direction: float  # of the next step
-    change: float  # of the relative speed by that direction, in two doubles
+    direction: float  # search direction of the next step
+    change: float  # of the relative speed in that direction, in two doubles
     change_low: float
 
 
 @struct
 class Share:
-    """What all impulses at the present instant change in the velocity of a ball."""
+    """Change of a ball's velocity by all impulses at the present instant."""
 
-    place: int  # in the group, from 1; 0: it is not in it
+    place: int  # in the group, from 1; 0: not in the group
     x: float  # m/s, in two doubles
     x_low: float
     y: float
@@ -116,15 +116,15 @@ class Clock(Instant):
     bounces: int
     pair_rows: int
     bounce_rows: int
-    stalled: int  # events in a row without time between them
-    group: int  # balls in the group that collides now
+    stalled: int  # successive events without time between them
+    group: int  # number of balls in the group that collides now
     energy_correction: float
     begun: int
 
 
 @struct
 class Settings:
-    """What does not change."""
+    """Constants of the run."""
 
     law: int
     substitute: int
@@ -139,7 +139,7 @@ class Settings:
 class PairRow(Instant):
     """One impact of two balls."""
 
-    event: int  # number of the event, of either kind
+    event: int  # number of the event, counting both kinds
     a: int
     b: int
     x_a: float
@@ -162,7 +162,7 @@ class PairRow(Instant):
     normal_b_post: float
     loss: float
     gap: float
-    restitution: float  # k of its impulse
+    restitution: float  # k of the impulse
     law: int
     admissible: int
     substituted: int
@@ -176,7 +176,7 @@ class BounceRow(Instant):
 
     event: int
     ball: int
-    edge: int  # side of the wall, from 0; negative where it is a curve
+    edge: int  # side of the wall, from 0; -1 on a conic
     x: float
     y: float
     normal_x: float
@@ -199,15 +199,15 @@ class World(NamedTuple):
     bodies: Sequence[BodyData]
     balls: Sequence[Ball]
     meetings: Sequence[Meeting]
-    tree: list[int]  # tournament of the meetings: winners of matches, root at 1; one for each leaf
-    partners: list[int]  # the ball that each meets next, -1 without one
-    stale: list[int]  # balls whose meetings are to be searched anew
+    tree: list[int]  # tournament of the meetings: winners of the matches, root at 1
+    partners: list[int]  # the ball that each ball meets next, or -1
+    stale: list[int]  # balls whose meetings must be searched again
     radii: list[float]  # of the balls, m
     x: list[float]  # their centres at the present instant, m
     y: list[float]
     vx: list[float]  # m/s
     vy: list[float]
-    sifted: list[float]  # what is found of all balls at once
+    sifted: list[float]  # for each other ball, a bound of the time to contact, or 0 if it touches
     touches: Sequence[Touch]
     shares: Sequence[Share]
     group: list[int]  # balls that touch one another now
