@@ -1,1 +1,1 @@
-"""Bodies on springs along a line: event loop, series, contacts, impacts."""
+"""Bodies on springs along a line: event loop, series, contacts, impacts, tangent map."""

@@ -1,13 +1,13 @@
-"""Impacts of neighbours on the line, and which of them stay in contact.
+"""Impacts of neighbours on the line, and the decision which of them stay in contact.
 
-On the line both centres move along it: the laws are those of `kernels.impact.laws` with the cosine
+All centres move along the line. The laws are those of `kernels.impact.laws`, with the cosine
 ``c = 2 sqrt(r_a r_b)/(r_a + r_b)`` between it and the line of centres. Neighbouring pairs that
-approach at one instant are solved jointly; pairs that approach because of it follow at the same
+approach at one instant are solved jointly. Pairs that approach as a result follow at the same
 instant, and so on.
 
-Where no pair of a chain of touching bodies approaches, those stay in contact which the springs
-press together: the forces F of the contacts satisfy ``F >= 0``, the pairs that part ``gap'' >= 0``,
-never both.
+Once no pair of a chain of touching bodies approaches, the pairs that the springs press together
+stay in contact: their contact forces satisfy ``F >= 0``, and the other pairs ``gap'' >= 0``, with
+``F gap'' = 0``.
 """
 
 from __future__ import annotations
@@ -63,19 +63,19 @@ from vibro_cli.kernels.springs.world import (
 )
 from vibro_cli.kernels.world import END_INADMISSIBLE, RUNNING
 
-# Speeds within so much of each other are equal but for rounding, as a share of the greatest at this
-# instant: at k = 0 little of them may be left.
+# A smaller difference of speeds is rounding, as a share of the greatest speeds at this instant: at
+# k = 0 little of these may be left.
 ROUNDING = 8.0 * EPSILON
-# Bounces that would all be over within this share of 1/w0 are taken as one: what they would still
-# move the bodies by is below the square of it.
+# Bounces that would all be over within this share of 1/w0 are taken as one plastic impact: the
+# relative displacement by them is below its square.
 NEARLY_OVER = 1.0e-7
-# So many rounds of impacts of a chain at one instant are taken to contract without end.
+# After more rounds of impacts at one instant, those of a chain are taken to continue for ever.
 MOST_ROUNDS = 1000
 
 
 @kernel
 def approach_of(world: World, pair: int) -> float:
-    """Return the speed (m/s) at which a body and its right neighbour approach; 0 if rounding."""
+    """Return the speed (m/s) at which a body and its right neighbour approach, 0 if rounding."""
     one = world.springs[pair]
     other = world.springs[pair + 1]
     speed = one.v - other.v
@@ -85,11 +85,10 @@ def approach_of(world: World, pair: int) -> float:
 
 @kernel
 def collide_approaching(world: World) -> int:
-    """Carry out the impacts of all pairs in contact that approach now, of one run with each call.
+    """Carry out the impacts of the next run of neighbouring pairs that approach now.
 
-    Of pairs that are no neighbours each logs the states of all bodies: the log has no room for
-    those of all runs. Returns COLLIDED, RUNNING if no pair approaches, or the end that an impact
-    brings.
+    Each run logs the states of all bodies, and the log may not have room for all runs, so that each
+    call carries out one. Return COLLIDED, RUNNING if no pair approaches, or the cause of the end.
     """
     last = len(world.bodies) - 1
     first = first_closing(world)
@@ -110,7 +109,7 @@ def collide_approaching(world: World) -> int:
 
 @kernel
 def first_closing(world: World) -> int:
-    """Return the first pair whose impact of the present round is to come, or how many pairs."""
+    """Return the first pair whose impact in this round is pending, or the number of pairs."""
     last = len(world.bodies) - 1
     for pair in range(last):
         if world.pairs[pair].closing == 1:
@@ -120,7 +119,7 @@ def first_closing(world: World) -> int:
 
 @kernel
 def _closing_from(world: World, first: int) -> int:
-    """Return how many pairs from one on have impacts to come."""
+    """Return the number of successive pairs from ``first`` on whose impacts are pending."""
     count = 0
     while first + count < len(world.bodies) - 1 and world.pairs[first + count].closing == 1:
         count += 1
@@ -129,7 +128,7 @@ def _closing_from(world: World, first: int) -> int:
 
 @kernel
 def _begin_round(world: World) -> None:
-    """Note the pairs in contact that approach; of an endless chain all that its limit needs."""
+    """Mark the pairs in contact that approach; in an endless chain, all that its limit needs."""
     for pair in range(len(world.bodies) - 1):
         closing = is_in_contact(world, pair) and approach_of(world, pair) > 0.0
         world.pairs[pair].closing = 1 if closing else 0
@@ -140,9 +139,9 @@ def _begin_round(world: World) -> None:
 
 @kernel
 def _widen(world: World) -> bool:
-    """Let those pairs of endless chains collide too which others would close; whether any would.
+    """Mark further pairs of endless chains that the marked ones would close; return whether any.
 
-    So the plastic impact is found that is the limit of all impacts: none is ever to be taken back.
+    This finds the plastic impact that is the limit of all impacts; no mark has to be undone.
     """
     law = _limit_law(world)
     last = len(world.bodies) - 1
@@ -169,7 +168,10 @@ def _widen(world: World) -> bool:
 
 @kernel
 def _is_endless(world: World, pair: int) -> bool:
-    """Whether the impacts of a pair's chain are taken to their limit: without loss they end."""
+    """Return whether the limit of the impacts of a pair's chain is taken.
+
+    It is taken after many rounds if any k < 1; without loss the impacts end.
+    """
     if world.clock[0].rounds <= MOST_ROUNDS:
         return False
     while pair > 0 and is_in_contact(world, pair - 1):
@@ -183,14 +185,14 @@ def _is_endless(world: World, pair: int) -> bool:
 
 @kernel
 def _limit_law(world: World) -> int:
-    """Return the law whose plastic impact is the limit of many: what all keep stays the same."""
+    """Return the law whose plastic impact is the limit of many: it conserves what these do."""
     law = world.settings[0].law
     return law if balances_mass(law) else NORMAL_IMPULSE
 
 
 @kernel
 def touches_no_other(world: World, pair: int) -> bool:
-    """Whether the bodies of a pair touch no other ones."""
+    """Return whether the bodies of a pair touch no other bodies."""
     if pair > 0 and is_in_contact(world, pair - 1):
         return False
     return pair + 2 >= len(world.bodies) or not is_in_contact(world, pair + 1)
@@ -198,7 +200,10 @@ def touches_no_other(world: World, pair: int) -> bool:
 
 @kernel
 def _collide_alone(world: World, pair: int) -> int:
-    """Carry out the impact of a pair that touches no other body; RUNNING or the end it brings."""
+    """Carry out the impact of a pair that touches no other body; return RUNNING or the end's cause.
+
+    If the bounces that would follow are nearly over, lasting contact begins.
+    """
     clock = world.clock[0]
     row = _new_row(world, pair)
     state = world.pairs[pair]
@@ -227,7 +232,7 @@ def _collide_alone(world: World, pair: int) -> int:
 
 @kernel
 def hold(world: World, pair: int, lasting: float) -> None:
-    """Begin lasting contact; the bodies have one speed."""
+    """Begin lasting contact of a pair with a common speed."""
     world.pairs[pair].held = 1
     world.pairs[pair].known = RESTING
     world.clock[0].contacts += 1
@@ -237,13 +242,13 @@ def hold(world: World, pair: int, lasting: float) -> None:
 
 @kernel
 def _collide_jointly(world: World, first: int, count: int) -> int:
-    """Carry out the impacts of neighbouring pairs at one instant; RUNNING or the end it brings."""
+    """Carry out joint impacts of neighbouring pairs; return RUNNING or the cause of the end."""
     clock = world.clock[0]
     start = clock.impact_rows
     for pair in range(first, first + count):
         row = _new_row(world, pair)
         row.simultaneous = 1 if count > 1 else row.simultaneous
-    # The limit lets all part: approach that its rounding leaves is for the next round.
+    # In the limit no pair approaches: an approach left by rounding is for the next round.
     endless = _is_endless(world, first)
     law = _limit_law(world) if endless else world.settings[0].law
     if not _impulses(world, start, count, law) and not endless:
@@ -267,7 +272,7 @@ def _collide_jointly(world: World, first: int, count: int) -> int:
 
 @kernel
 def _impulses(world: World, start: int, count: int, law: int) -> bool:
-    """Set the speeds after simultaneous impacts, from row ``start`` on; whether all pairs part."""
+    """Set the speeds after joint impacts, from row ``start`` on; return whether all separate."""
     first = world.impacts[start].pair
     _solve(world, first, count, law)
     for number in range(start, start + count):
@@ -292,7 +297,7 @@ def _impulses(world: World, start: int, count: int, law: int) -> bool:
 
 @kernel
 def _solve(world: World, first: int, count: int, law: int) -> None:
-    """Find the impulses of neighbouring pairs that collide jointly, each with its k."""
+    """Solve for the impulses of neighbouring pairs that collide jointly, each with its k."""
     for pair in range(first, first + count):
         set_chain_row(world, pair, law, first, count)
         v_a, v_b = world.springs[pair].v, world.springs[pair + 1].v
@@ -303,13 +308,13 @@ def _solve(world: World, first: int, count: int, law: int) -> None:
 
 @kernel
 def _restitution_now(world: World, pair: int) -> float:
-    """Return k of a pair, 0 where the limit of its chain's impacts is taken."""
+    """Return k of a pair, 0 if the limit of its chain's impacts is taken."""
     return 0.0 if _is_endless(world, pair) else world.pairs[pair].restitution
 
 
 @kernel
 def approach_by_law(world: World, pair: int, law: int, v_a: float, v_b: float) -> float:
-    """Return the relative speed that a law turns, of a pair with some speeds (m/s)."""
+    """Return a law's relative speed of a pair with the given speeds (m/s)."""
     one = world.bodies[pair]
     other = world.bodies[pair + 1]
     c = inclination(one, other)
@@ -318,7 +323,7 @@ def approach_by_law(world: World, pair: int, law: int, v_a: float, v_b: float) -
 
 @kernel
 def set_chain_row(world: World, pair: int, law: int, first: int, count: int) -> None:
-    """Set the matrix row of a pair: what impulses change of its law's relative speed."""
+    """Set the matrix row of a pair: the changes of its relative speed by unit impulses."""
     row = world.pairs[pair]
     one = world.bodies[pair]
     other = world.bodies[pair + 1]
@@ -337,10 +342,10 @@ def set_chain_row(world: World, pair: int, law: int, first: int, count: int) -> 
 
 @kernel
 def _speed_after(world: World, body: int, law: int, first: int, count: int) -> float:
-    """Speed (m/s) of a body after the impulses of the pairs on both of its sides.
+    """Return the speed (m/s) of a body after the impulses of the pairs on both of its sides.
 
-    Those on a light body between heavy ones take one another away: what is left is rounded as they
-    are, so that their size counts as one of its speeds at this instant.
+    On a light body between heavy ones the two nearly cancel, and the rest keeps their rounding, so
+    that their magnitude counts as one of its speeds at this instant.
     """
     own = world.bodies[body]
     spring = world.springs[body]
@@ -358,7 +363,7 @@ def _speed_after(world: World, body: int, law: int, first: int, count: int) -> f
 
 @kernel
 def _new_row(world: World, pair: int) -> ImpactRow:
-    """Begin the row of an impact."""
+    """Return a new row of the log with the state before an impact."""
     clock = world.clock[0]
     row = world.impacts[clock.impact_rows]
     clock.impact_rows += 1
@@ -389,7 +394,7 @@ def _new_row(world: World, pair: int) -> ImpactRow:
 
 @kernel
 def _parts(world: World, row: ImpactRow) -> bool:
-    """Whether the law sends the bodies apart, as far as the rounding of all speeds can tell."""
+    """Return whether the bodies separate after the law, up to the rounding of all speeds."""
     separating = row.v_b_post - row.v_a_post
     speeds = abs(row.v_a_post) + abs(row.v_b_post)
     speeds += world.springs[row.pair].fastest + world.springs[row.pair + 1].fastest
@@ -398,7 +403,7 @@ def _parts(world: World, row: ImpactRow) -> bool:
 
 @kernel
 def apply_law(world: World, row: ImpactRow, law: int, restitution: float) -> None:
-    """Set the speeds after the impact of a pair by a law, and the energy it takes."""
+    """Set the speeds after the impact of a pair by a law, and the energy loss."""
     one = world.bodies[row.pair]
     other = world.bodies[row.pair + 1]
     c = inclination(one, other)
@@ -411,9 +416,10 @@ def apply_law(world: World, row: ImpactRow, law: int, restitution: float) -> Non
 
 @kernel
 def _time_of_bounces(world: World, pair: int, separating: float) -> float:
-    """How long all further bounces would last (s), if so short that contact begins; else -1.
+    """Return the time (s) that all further bounces would last, or -1 if contact does not begin.
 
-    Each lasts ``2 u/A`` and begins with k times the speed u of the one before.
+    A bounce of speed u lasts ``2 u/A``, and the next one starts with k u. Contact begins if they
+    are nearly over.
     """
     k = world.pairs[pair].restitution
     pressed = acceleration_of(world.springs[pair]) - acceleration_of(world.springs[pair + 1])
@@ -425,23 +431,24 @@ def _time_of_bounces(world: World, pair: int, separating: float) -> float:
 
 @kernel
 def frequency(world: World, pair: int) -> float:
-    """Return the greater of the frequencies w0 (rad/s) of the springs of a pair."""
+    """Return the greater frequency w0 (rad/s) of the two springs of a pair."""
     return math.sqrt(max(world.springs[pair].square, world.springs[pair + 1].square))
 
 
 @kernel
 def _apply_plastic(world: World, row: ImpactRow, lasting: float) -> None:
-    """Give both bodies the speed that their bounces, which last so long (s), tend to.
+    """Set the common speed that the bounces of a pair, lasting ``lasting`` (s), tend to.
 
-    That is the law at k = 0, from their momentum: either's own speed after it is rounded as before,
-    which to the heavier one may be much. Where the law keeps ``sum m v``, it is that which the
-    springs change in the time, as the bodies on their own: not ``sum kappa m v``.
+    This is the law at k = 0. It is computed from the momentum, since each body's own speed keeps
+    the rounding of before, which may be large for the heavier one. If the law conserves
+    ``sum m v``, the springs change that sum in the time, as for separate bodies, not
+    ``sum kappa m v``.
     """
     law = row.law
     qa, _ = weight_and_response(law, world.bodies[row.pair], 1.0)
     qb, _ = weight_and_response(law, world.bodies[row.pair + 1], 1.0)
     if qa != qb:
-        law = NORMAL_IMPULSE  # equal omega would not be one speed
+        law = NORMAL_IMPULSE  # equal omega would not mean equal speeds
     apply_law(world, row, law, 0.0)
     _equalise(world, row.pair, row.pair + 1)
     row.v_a_post = world.springs[row.pair].v
@@ -459,7 +466,7 @@ def _apply_plastic(world: World, row: ImpactRow, lasting: float) -> None:
 
 @kernel
 def settle_contacts(world: World) -> None:
-    """Decide which pairs stay in contact, then carry it out, with each call for one pair."""
+    """Decide which pairs stay in contact; later calls carry this out, one pair at a time."""
     clock = world.clock[0]
     last = len(world.bodies) - 1
     if clock.unsettled == DECISION:
@@ -476,7 +483,7 @@ def settle_contacts(world: World) -> None:
             log_states(world, COLLISION, 0, 0.0)
             for pair in range(last):
                 if is_in_contact(world, pair) and approach_of(world, pair) > 0.0:
-                    clock.unsettled = IMPACTS  # one speed of some made others approach
+                    clock.unsettled = IMPACTS  # equalised speeds made other pairs approach
             return
     for pair in range(last):
         state = world.pairs[pair]
@@ -491,7 +498,7 @@ def settle_contacts(world: World) -> None:
 
 @kernel
 def _propose(world: World, pair: int) -> None:
-    """Propose a pair to stay: one without relative speed, or whose bounces would soon be over."""
+    """Mark a pair that may stay: at relative rest, or with bounces that would soon be over."""
     state = world.pairs[pair]
     state.stays = 0
     state.needed = 0.0
@@ -513,10 +520,10 @@ def _propose(world: World, pair: int) -> None:
 
 @kernel
 def _press(world: World) -> bool:
-    """Let those that may stay do so which are pressed together; False if there are none.
+    """Let pairs that may stay do so if they are pressed together; return whether any do.
 
-    Bodies that stay together push their other neighbours more: what is pressed once stays so
-    (Chandrasekaran's method for a matrix with no positive element beside its diagonal).
+    Bodies that stay together push their other neighbours harder, so that a pair once pressed stays
+    pressed (Chandrasekaran's method for a matrix without positive off-diagonal elements).
     """
     found = False
     first = 0
@@ -534,10 +541,11 @@ def _press(world: World) -> bool:
 
 @kernel
 def _pressing(world: World, first: int, count: int, more: int) -> float:
-    """Return what presses ``count`` bodies that move as one and the next ``more`` together.
+    """Return a measure of how ``count`` bodies that move as one and the next ``more`` are pressed.
 
-    That is the relative acceleration (m/s^2) where some is needed, else the first term of the gap's
-    series that within its reach presses more than rounding does; what is zero before is noted.
+    This is the relative acceleration (m/s^2) if some is needed. Otherwise it is the first term of
+    the gap's series that exceeds rounding within its reach, with the sign of pressing; ``known``
+    becomes its order.
     """
     other = first + count
     pair = world.pairs[other - 1]
@@ -563,7 +571,7 @@ def _pressing(world: World, first: int, count: int, more: int) -> float:
 
 @kernel
 def _staying(world: World, first: int) -> int:
-    """How many bodies from one on stay together."""
+    """Return the number of bodies from ``first`` on that stay together."""
     count = 1
     while first + count < len(world.bodies) and world.pairs[first + count - 1].stays == STAYS:
         count += 1
@@ -581,7 +589,7 @@ def common_acceleration(world: World, first: int, count: int) -> float:
 
 @kernel
 def _close(world: World, pair: int) -> None:
-    """Begin lasting contact of a pair, whose bodies have been given one speed."""
+    """Begin lasting contact of a pair whose speeds have been equalised."""
     state = world.pairs[pair]
     lasting = 0.0
     if state.needed > 0.0:
@@ -594,7 +602,7 @@ def _close(world: World, pair: int) -> None:
 
 @kernel
 def _equalise_all(world: World) -> bool:
-    """Give all bodies that stay together, or rest and part, one speed; whether that changed any."""
+    """Equalise the speeds of bodies that stay together or at rest; return whether any changed."""
     changed = False
     first = 0
     bodies = len(world.bodies)
@@ -619,7 +627,7 @@ def _equalise_all(world: World) -> bool:
 
 @kernel
 def _has_one_speed(world: World, pair: int) -> bool:
-    """Whether a pair stays together, or approaches by the rounding of far greater speeds."""
+    """Return whether a pair stays, or approaches only by the rounding of far greater speeds."""
     state = world.pairs[pair]
     v_a, v_b = world.springs[pair].v, world.springs[pair + 1].v
     rests = state.known >= RESTING and approach_of(world, pair) == 0.0
@@ -628,7 +636,10 @@ def _has_one_speed(world: World, pair: int) -> bool:
 
 @kernel
 def _equalise(world: World, first: int, end: int) -> float:
-    """Give bodies ``first`` to ``end`` one speed, at the law's momentum; the energy lost (J)."""
+    """Set a common speed of bodies ``first`` to ``end``, conserving the law's momentum.
+
+    Return the energy lost (J).
+    """
     moving = 0.0
     total = 0.0
     for body in range(first, end + 1):
@@ -648,7 +659,7 @@ def _equalise(world: World, first: int, end: int) -> float:
 
 @kernel
 def _last_impact(world: World, first: int, end: int) -> int:
-    """Row of the last impact of this instant of bodies ``first`` to ``end``, or -1."""
+    """Return the row of the last impact now among bodies ``first`` to ``end``, or -1."""
     clock = world.clock[0]
     for number in range(clock.impact_rows - 1, -1, -1):
         row = world.impacts[number]
@@ -676,16 +687,17 @@ def open_contact(world: World, pair: int) -> None:
 
 @kernel
 def rounding_of_gap(world: World, pair: int) -> float:
-    """Return by how much (m) rounding may change the gap of a pair in contact."""
+    """Return a bound (m) of the rounding of the gap of a pair in contact."""
     size = _coordinate(world.springs[pair]) + _coordinate(world.springs[pair + 1])
     return 2.0 * ROUNDING * (size + world.pairs[pair].touch)
 
 
 @kernel
 def rounding_of_pressing(world: World, first: int, count: int, more: int) -> float:
-    """Return half of what rounding of the gap may change (m/s^2) of what presses two groups.
+    """Return half the change (m/s^2) by rounding of the acceleration that presses two groups.
 
-    While they are at rest that moves them by the rounding within the time that their series hold.
+    From relative rest, an acceleration of this size moves the groups by the rounding of their gap
+    within the time for which their series hold.
     """
     reach, one = bounds_of_group(world, first, count)
     way, other = bounds_of_group(world, first + count, more)
@@ -694,16 +706,16 @@ def rounding_of_pressing(world: World, first: int, count: int, more: int) -> flo
 
 @kernel
 def _coordinate(spring: SpringBody) -> float:
-    """Return the greater distance (m) of a body from the origin and from its foot.
+    """Return the greater of a body's distances (m) from the origin and from its foot.
 
-    It is given from the one and moves in the other; both are rounded.
+    Its initial position is measured from the origin, its motion from the foot; both are rounded.
     """
     return max(abs(spring.foot + spring.x), abs(spring.x))
 
 
 @kernel
 def note_touching(world: World) -> None:
-    """Note the pairs that are in contact at the present instant, as far as rounding can tell."""
+    """Mark the pairs that are in contact at the present instant, up to rounding."""
     for pair in range(len(world.bodies) - 1):
         if is_in_contact(world, pair):
             continue

@@ -55,9 +55,10 @@ from vibro_cli.kernels.world import (
 
 @kernel
 def first_event(world: World, step: float, unit: float) -> tuple[float, int]:
-    """Return when (s from now) within a step the first pair meets or parts, and which; else -1.
+    """Return the time (s from now) and the pair of the first contact change within a step.
 
-    ``unit`` is that of the series (s).
+    A pair meets or separates; the pair is -1 if there is none. ``unit`` is the unit of time (s) of
+    the series.
     """
     best = NEVER
     found = -1
@@ -75,9 +76,10 @@ def first_event(world: World, step: float, unit: float) -> tuple[float, int]:
 
 @kernel
 def _meeting(world: World, pair: int, end: float) -> float:
-    """When the gap of a free pair falls to zero, without the root that is known at the start.
+    """Return when the gap of a free pair falls to zero, apart from the known root at the start.
 
-    Here and in `_opening` times are in the unit of the series, from now to ``end``.
+    Here and in `_opening` times are in the unit of the series, from now to ``end``; NO_ROOT if
+    there is none.
     """
     rows = world.gaps
     known = world.pairs[pair].known
@@ -91,14 +93,14 @@ def _meeting(world: World, pair: int, end: float) -> float:
     elif known == PARTING:
         rows[base + 1] = max(rows[base + 1], 0.0)
     elif rows[base + known] <= 0.0:
-        # Decided to part or to stay, it is zero up to rounding; the next step will tell.
+        # The pair was let go, so this term is zero up to rounding; the next step will tell.
         return NO_ROOT
     return first_zero_crossing(rows, base + known, base + ORDER, end)
 
 
 @kernel
 def _opening(world: World, pair: int, end: float) -> float:
-    """When nothing presses the bodies on both sides of a lasting contact together any more."""
+    """Return when the force of a lasting contact between two groups of bodies falls to zero."""
     rows = world.gaps
     base = pair * ROW
     first = pair
@@ -108,7 +110,7 @@ def _opening(world: World, pair: int, end: float) -> float:
     right = group_size(world, first) - left
     for k in range(ORDER - 1):
         rows[base + k] = _common(world, first, left, k) - _common(world, pair + 1, right, k)
-    # What begins at zero holds if the first of its terms beyond rounding grows.
+    # A contact whose force starts at zero holds if its first term beyond rounding is positive.
     known = 0
     reach = end / STEP
     power = 1.0
@@ -125,14 +127,14 @@ def _opening(world: World, pair: int, end: float) -> float:
 
 @kernel
 def _common(world: World, first: int, count: int, k: int) -> float:
-    """Return coefficient k of the acceleration (m/s^2) of bodies that would move as one."""
+    """Return coefficient k of the common acceleration (m/s^2) of bodies that move as one."""
     force = 0.0
     for body in range(first, first + count):
         force += world.bodies[body].rolling_mass * world.series[body * BODY_ROWS + FORCE + k]
     return force / mass_of_group(world, first, count)
 
 
-# So many steps without an event are more than a run is worth: it is refused.
+# A run ends after this many steps without an event.
 MOST_STEPS = 20_000_000
 
 
@@ -140,7 +142,7 @@ MOST_STEPS = 20_000_000
 def advance(world: World) -> int:
     """Run until the end, or until a log is full; return the cause.
 
-    A run that ends by time stands at the beginning of its last step until it is finished.
+    A run that ends by time stays at the start of its last step until ``finishing`` is set.
     """
     clock = world.clock[0]
     settings = world.settings[0]
@@ -159,18 +161,18 @@ def advance(world: World) -> int:
 
 @kernel
 def _run(world: World) -> int:
-    """Go from step to step; return why it came back."""
+    """Advance step by step; return the cause of the end, or LOG_FULL."""
     clock = world.clock[0]
     settings = world.settings[0]
     while True:
         clock.work += 1
-        # The rows of one instant are wanted together: the driver makes room for them, if it can.
+        # Keep the rows of one instant together: the driver makes room for them if it can.
         capacity = settings.capacity
         if clock.at_once > 0:
             capacity = 2 * settings.capacity - ROWS_OF_EVENT * len(world.bodies)
         if clock.impact_rows >= capacity or clock.state_rows >= capacity:
             return LOG_FULL
-        if clock.work >= 2 * settings.capacity:  # so that progress is told and interrupts are seen
+        if clock.work >= 2 * settings.capacity:  # lets the driver report progress, see interrupts
             return LOG_FULL
         if clock.unsettled != SETTLED:
             cause = _settle(world)
@@ -184,10 +186,10 @@ def _run(world: World) -> int:
 
 @kernel
 def _settle(world: World) -> int:
-    """Do the next thing for bodies in contact at the present instant; RUNNING or the run's end."""
+    """Do the next task for bodies in contact now; return RUNNING or the cause of the end."""
     clock = world.clock[0]
     if clock.unsettled == IMPACTS:
-        # A round of impacts is carried out beyond the last that is asked for.
+        # A round of impacts is completed even beyond the greatest number of collisions.
         begun = first_closing(world) < len(world.bodies) - 1
         if begun or clock.collisions < world.settings[0].stop_collisions:
             cause = collide_approaching(world)
@@ -200,7 +202,7 @@ def _settle(world: World) -> int:
 
 @kernel
 def _step(world: World) -> int:
-    """Go on by one step, or to the first event within it."""
+    """Move on by one step, or to the first event within it; return RUNNING or the end's cause."""
     clock = world.clock[0]
     settings = world.settings[0]
     left = settings.stop_time - clock.t - clock.t_low
@@ -212,7 +214,7 @@ def _step(world: World) -> int:
     if clock.steps > MOST_STEPS:
         return END_QUIET
     step, unit = expand(world)
-    # Of the whole step, wherever the run stops: it goes on from here with the same bits.
+    # Search the whole step, wherever the run stops: a continued run then has the same bits.
     time, pair = first_event(world, step, unit)
     if pair >= 0:
         step = time
@@ -222,7 +224,7 @@ def _step(world: World) -> int:
     _go_on(world, step, unit)
     if pair >= 0:
         if world.pairs[pair].held == 1 and time > 0.0:
-            clock.unsettled = DECISION  # of all: other contacts may hang on this one
+            clock.unsettled = DECISION  # decide all: other contacts may depend on this one
         elif world.pairs[pair].held == 1:
             open_contact(world, pair)
         else:
@@ -234,12 +236,12 @@ def _step(world: World) -> int:
 
 @kernel
 def _go_on(world: World, step: float, unit: float) -> None:
-    """Move all bodies on by a time (s) within the step of their series, energies kept."""
+    """Move all bodies on by a time (s) within the step of their series, conserving energies."""
     clock = world.clock[0]
     go_on(world, step, unit)
     clock.t, clock.t_low = add_to_time(clock.t, clock.t_low, step)
     if step > 0.0:
-        # What was known of gaps no longer holds.
+        # What was known of the gaps no longer holds.
         for pair in range(len(world.bodies) - 1):
             if world.pairs[pair].held == 0:
                 world.pairs[pair].known = FREE
@@ -251,7 +253,7 @@ def _go_on(world: World, step: float, unit: float) -> None:
 
 @kernel
 def _finish(world: World) -> int:
-    """Move all bodies from the last whole step on to the end of the run."""
+    """Move all bodies from the end of the last whole step to the end of the run."""
     clock = world.clock[0]
     end = world.settings[0].stop_time
     left = end - clock.t - clock.t_low
@@ -264,7 +266,10 @@ def _finish(world: World) -> int:
 
 @kernel
 def never_meet(world: World) -> bool:
-    """Whether the energies keep all neighbours apart for ever; groups in contact may still part."""
+    """Return whether the energies keep all neighbours apart for ever.
+
+    False if any are in lasting contact, since these may still separate.
+    """
     for pair in range(len(world.bodies) - 1):
         if world.pairs[pair].held == 1:
             return False
@@ -279,7 +284,7 @@ def never_meet(world: World) -> bool:
 
 @kernel
 def farthest(spring: SpringBody, side: float) -> float:
-    """Return how far to a side (+1 right, -1 left) a body can get by its energy, m from its foot.
+    """Return how far (m from its foot) a body's energy lets it go to a side (+1 right, -1 left).
 
     The length of its spring stays within l -+ sqrt(2 e)/w; below the energy of the saddle the body
     stays on its side of the foot.

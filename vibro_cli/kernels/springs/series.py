@@ -1,19 +1,20 @@
-"""Taylor series of the bodies' places: how far they hold, the log, the motion between events.
+"""Taylor series of the bodies' positions: their step, the motion between events, the log.
 
 ``x'' = -w^2 (x - l x/s)``, ``s = sqrt(b^2 + x^2)`` (C (4)), by recurrence: the coefficients of s
-from those of x^2, of y = x/s from x = s y. Bodies in lasting contact move as one; each adds its
-share ``M_i/M`` of the acceleration.
+follow from those of x^2, and those of y = x/s from x = s y. Bodies in lasting contact move as one;
+each adds its share ``M_i/M`` of the acceleration.
 
-How far: for complex places within R of the present one, R < s, the length stays above s - R, the
-acceleration below ``w^2 (|x| + R)(1 + l/(s - R))``, its derivative to the place (see `tangent`)
-below ``w^2 (1 + l b^2/(s - R)^3)``, and so the acceleration also below what it is now and R times
-that. With A, the lower of the two bounds: for complex times up to T, ``|v| T + A T^2/2 = R``, the
-place stays within R, and by Cauchy the coefficients of its series are at most ``R/T^k``: what a
-step ``h = q T`` leaves out is below ``R q^(N+1)/(1 - q)``.
+The step: for complex positions within R of the present one, R < s, the length stays above s - R.
+The acceleration stays below ``w^2 (|x| + R)(1 + l/(s - R))``, and its derivative by the position
+(see `tangent`) below ``w^2 (1 + l b^2/(s - R)^3)``, so that the acceleration also stays below its
+present value plus R times this. Let A be the lower of the two bounds. For complex times up to T,
+``|v| T + A T^2/2 = R``, the position stays within R, and by Cauchy's estimate the coefficients of
+its series are at most ``R/T^k``: the remainder of a step ``h = q T`` is below
+``R q^(N+1)/(1 - q)``.
 
-The series are in powers of the time in a unit: the second, or a power of two near the step where
-that is so short or long that its 24th power would leave doubles. No bit of the motion depends on
-the unit.
+The series are in powers of time, in a unit that is the second; for a step so short or long that its
+24th power would leave the range of doubles, it is a power of two near the step. No bit of the
+motion depends on the unit.
 """
 
 from __future__ import annotations
@@ -37,20 +38,20 @@ from vibro_cli.kernels.springs.world import (
     World,
 )
 
-# q: 0.2^25 0.5 = 1.7e-18 of the spring's length.
+# q: the remainder is 0.2^25 0.5 = 1.7e-18 of the spring's length.
 STEP = 0.2
 # R as a share of s.
 REACH = 0.5
-# Series that hold for steps (s) between these are in seconds.
+# Series with steps (s) between these are in seconds.
 LEAST_IN_SECONDS = 1.0e-6
 MOST_IN_SECONDS = 1.0e6
-# A tenth of the way that a body goes in a step, q R at most, as a share of s.
+# A tenth of the greatest displacement in a step, q R, as a share of s.
 MOST_CHANGE = 0.1 * STEP * REACH
 
 
 @kernel
 def group_size(world: World, first: int) -> int:
-    """Return how many bodies move as one with the body ``first``, their leftmost."""
+    """Return the number of bodies that move as one, of which ``first`` is the leftmost."""
     count = 1
     while first + count < len(world.bodies) and world.pairs[first + count - 1].held == 1:
         count += 1
@@ -70,7 +71,7 @@ def mass_of_group(world: World, first: int, count: int) -> float:
 def expand(world: World) -> tuple[float, float]:
     """Set the series of all bodies at the present instant.
 
-    Returns the step (s) they hold for, and the unit of time (s) that they are in.
+    Return the step (s) for which they hold, and their unit of time (s).
     """
     step = step_of_all(world)
     unit = unit_of(step)
@@ -84,7 +85,7 @@ def expand(world: World) -> tuple[float, float]:
 
 @kernel
 def step_of_all(world: World) -> float:
-    """Return the step (s) that the series of all bodies hold for."""
+    """Return the step (s) for which the series of all bodies hold."""
     step = NEVER
     first = 0
     while first < len(world.bodies):
@@ -104,7 +105,7 @@ def expand_group(world: World, first: int, count: int, unit: float) -> None:
 
 @kernel
 def unit_of(step: float) -> float:
-    """Return the unit of time (s) of series that hold for a step (s)."""
+    """Return the unit of time (s) of series for a step (s)."""
     if LEAST_IN_SECONDS < step < MOST_IN_SECONDS:
         return 1.0
     return 2.0 ** math.floor(math.log2(step))
@@ -121,7 +122,7 @@ def begin_group(world: World, first: int, count: int, unit: float) -> None:
 
 @kernel
 def extend_group(world: World, first: int, count: int, k: int, unit: float) -> None:
-    """Set coefficient k of the accelerations of a group, and with it k + 2 of its places."""
+    """Set coefficient k of the accelerations of a group, and from it k + 2 of its positions."""
     if count == 1:
         common = _next_force(world, first, k)
     else:
@@ -136,7 +137,7 @@ def extend_group(world: World, first: int, count: int, k: int, unit: float) -> N
 
 @kernel
 def step_of_group(world: World, first: int, count: int) -> float:
-    """Return the step (s) that the series of a group hold for: q T."""
+    """Return the step (s) for which the series of a group hold: q T."""
     reach, acceleration = bounds_of_group(world, first, count)
     speed = abs(world.springs[first].v)
     radius = 2.0 * reach / (speed + math.sqrt(speed * speed + 2.0 * acceleration * reach))
@@ -145,7 +146,10 @@ def step_of_group(world: World, first: int, count: int) -> float:
 
 @kernel
 def bounds_of_group(world: World, first: int, count: int) -> tuple[float, float]:
-    """Return R (m) of a group, and A (m/s^2): their ratio bounds what a way changes of forces."""
+    """Return R (m) and A (m/s^2) of a group.
+
+    A/R bounds the change of acceleration per displacement.
+    """
     reach = NEVER
     acceleration = 0.0
     for body in range(first, first + count):
@@ -168,7 +172,7 @@ def bounds_of_group(world: World, first: int, count: int) -> tuple[float, float]
 def _next_force(world: World, body: int, k: int) -> float:
     """Set and return the k-th coefficient of the free acceleration of a body, m/s^2.
 
-    The latest coefficients come last in the sums, so that the others are not waited for.
+    The latest coefficients come last in the sums, so that the other terms need not wait for them.
     """
     rows = world.series
     spring = world.springs[body]
@@ -179,7 +183,7 @@ def _next_force(world: World, body: int, k: int) -> float:
         start = math.sqrt(spring.height * spring.height + x * x)
         rows[length] = start
         rows[ratio] = x / start
-        # Without cancellation where the spring is nearly unstressed.
+        # Avoids cancellation if the spring is nearly unstressed.
         force = -spring.square * rows[ratio] * (start - spring.length)
     else:
         inverse = 1.0 / rows[length]
@@ -204,9 +208,9 @@ def _next_force(world: World, body: int, k: int) -> float:
 
 @kernel
 def move_body(world: World, body: int, last: int, time: float, rate: float) -> None:
-    """Move a body on by a time in units, along its series up to the power ``last``.
+    """Move a body on by a time in units, by its series up to the power ``last``.
 
-    ``rate`` is how many units a second has.
+    ``rate`` is the number of units in a second.
     """
     rows = world.series
     base = body * BODY_ROWS + PLACE
@@ -215,7 +219,7 @@ def move_body(world: World, body: int, last: int, time: float, rate: float) -> N
     for k in range(last, 0, -1):
         speed = speed * time + k * rows[base + k]
     spring.v = speed * rate
-    # The change apart from the place, so that a short step does not lose it.
+    # Sum the displacement separately from the position, so that a short step does not lose it.
     spring.x = rows[base] + time * value_of(rows, base + 1, base + last, time)
 
 
@@ -253,7 +257,7 @@ def energy_of_group(world: World, first: int, count: int) -> float:
 
 @kernel
 def keep_energy(world: World, first: int, count: int) -> None:
-    """Bring place and speed of a group back to its energy, by the shortest way in (w x, v)."""
+    """Project position and speed of a group onto its energy, by the shortest way in (w x, v)."""
     spring = world.springs[first]
     surplus = energy_of_group(world, first, count) - spring.energy
     mass = mass_of_group(world, first, count)
@@ -266,12 +270,12 @@ def keep_energy(world: World, first: int, count: int) -> None:
         square += share * world.springs[body].square
         nearest = min(nearest, square_of_length(world.springs[body]))
     steepness = rise * rise / square + spring.v * spring.v
-    # Beside a saddle and in a small swing a rounding of the energy would move the body too far.
+    # Near a saddle, and in small oscillations, rounding of the energy would move the body too far.
     if steepness <= 1.0e-2 * (spring.energy + square * spring.height * spring.height):
         return
     back = surplus / steepness
     change = back * rise / square
-    # Beside a foot near the line too: it would undo the step.
+    # The same near a foot close to the line: the projection would undo the step.
     if change * change > MOST_CHANGE * MOST_CHANGE * nearest:
         return
     world.clock[0].energy_correction += mass * abs(surplus)
@@ -283,7 +287,7 @@ def keep_energy(world: World, first: int, count: int) -> None:
 
 @kernel
 def go_on(world: World, time: float, unit: float) -> None:
-    """Move all bodies on by a time (s) within the step of their series, energies kept."""
+    """Move all bodies on by a time (s) within the step of their series, conserving energies."""
     rate = 1.0 / unit
     first = 0
     while first < len(world.bodies):
@@ -296,7 +300,7 @@ def go_on(world: World, time: float, unit: float) -> None:
 
 @kernel
 def renew_energies(world: World) -> None:
-    """Set the energy that each group keeps from now on."""
+    """Set the energy that each group conserves from now on."""
     first = 0
     while first < len(world.bodies):
         count = group_size(world, first)
@@ -323,7 +327,7 @@ def log_states(world: World, cause: int, pair: int, value: float) -> None:
         row.energy = energy_of(spring)
         row.held = 0
         if body < len(world.bodies) - 1:
-            # Between impacts of one instant bodies that were in contact may have other speeds.
+            # Between impacts at one instant, bodies that were in contact may have unequal speeds.
             same = world.springs[body + 1].v == spring.v
             row.held = 1 if world.pairs[body].held == 1 and same else 0
         row.value = value
@@ -331,16 +335,16 @@ def log_states(world: World, cause: int, pair: int, value: float) -> None:
 
 @struct
 class Sample:
-    """An instant at which the motion is asked for."""
+    """An instant at which to compute the motion."""
 
-    row: int  # of the first body's state in the log, after the event before the instant
-    way: float  # -1: the motion from there with all speeds reversed
-    t: float  # from the start of the run that way, s
+    row: int  # in the log, of the first body's state after the event before the instant
+    way: float  # -1: the motion from there with all speeds reversed; else 1
+    t: float  # time (s) from the start of the run in that direction
 
 
 @struct
 class Found:
-    """A body at one instant."""
+    """State of a body at one instant."""
 
     x: float  # from the foot's place, m
     v: float  # m/s
@@ -357,8 +361,8 @@ def sample_states(
 ) -> None:
     """Fill in the states of all bodies at some instants: ``states[sample * bodies + body]``.
 
-    Those after one event stand together, and do not fall. ``world`` has the log and is changed,
-    ``scratch`` has a body for each.
+    Instants after the same event must be adjacent and not decreasing. ``world`` has the log, and is
+    modified; ``scratch`` has an element for each body.
     """
     bodies = len(world.bodies)
     clock = world.clock[0]
@@ -396,7 +400,7 @@ def sample_states(
 
 @kernel
 def restore(world: World, row: int, way: float) -> None:
-    """Put the bodies into the state after an event, with speeds times ``way``."""
+    """Restore the state of all bodies after an event, with speeds times ``way``."""
     bodies = len(world.bodies)
     for body in range(bodies):
         state = world.states[row + body]
@@ -419,6 +423,6 @@ def gap_of(world: World, pair: int) -> float:
 
 @kernel
 def is_in_contact(world: World, pair: int) -> bool:
-    """Whether a pair is known to be in contact at the present instant."""
+    """Return whether a pair is known to be in contact at the present instant."""
     state = world.pairs[pair]
     return state.held == 1 or state.known >= PARTING

@@ -1,17 +1,19 @@
 """The tangent map of a run of bodies on springs: along the Taylor series, and across events.
 
-A change d of a place goes on by ``d'' = g d``, ``g = -w^2 (1 - l h)``, ``h = b^2/s^3``, the
-derivative of the acceleration; h, that of y = x/s, follows from ``s h = 1 - y^2`` and the series of
-s and y. Bodies in lasting contact move as one; each adds its share ``M_i/M`` of g. While the place
-stays within R < s of that at the start of the step, the length stays above s - R, and |g| below
-``w^2 (1 + l b^2/(s - R)^3)``: the series of d hold for the step that those of the places do.
+A change d of a position obeys ``d'' = g d``, ``g = -w^2 (1 - l h)``, ``h = b^2/s^3``. Here g is the
+derivative of the acceleration, and h that of y = x/s; h follows from ``s h = 1 - y^2`` and the
+series of s and y. Bodies in lasting contact move as one; each adds its share ``M_i/M`` of g. While
+the position stays within R < s of that at the start of the step, the length stays above s - R, and
+|g| below ``w^2 (1 + l b^2/(s - R)^3)``: the series of d hold for the same step as those of the
+positions.
 
-Of each body the place and the speed of its centre. Between events the motion is gone through again
-with tangent vectors, along as much of its series as they need (see `_expand`). Where a gap
-closes, ``dx^+ = dx^- + (v^- - v^+) dt`` and ``dv^+ = dv^- - (a^+ - a^-) dt + (change of v^+ -
-v^-)``, ``dt = -dg/g'``; the accelerations a jump where bodies come into lasting contact, or out of
-it by an impact. Impulses are those of `impacts`, their changes one linear system with the same
-matrix. Where contact begins, changes are projected onto the common motion.
+The state has the position and the speed of each body's centre. Between events the motion is
+computed again together with the tangent vectors, with as many terms of the series as these need
+(see `_expand`). Where a gap g closes, ``dx^+ = dx^- + (v^- - v^+) dt`` and ``dv^+ = dv^- -
+(a^+ - a^-) dt + (change of v^+ - v^-)``, ``dt = -dg/g'``. The acceleration a jumps if bodies come
+into lasting contact, or out of it by an impact. The impulses are those of `impacts`; their changes
+solve one linear system with the same matrix. Where contact begins, changes are projected onto the
+common motion.
 """
 
 from __future__ import annotations
@@ -55,9 +57,9 @@ from vibro_cli.kernels.tangent.frame import (
 )
 from vibro_cli.kernels.world import RUNNING
 
-# Terms of a step are left out that are below this: those of changes, and of a place over b.
+# Terms below this are left out of a step: those of changes, and of a position over b.
 REST = 1.0e-18
-# Rows of the scratch: g of a group, d that begins as a way or as a speed of 1, and h of each body.
+# Rows of the scratch: g of a group, d for an initial displacement or speed of 1, h of each body.
 _SLOPE, _WAY, _SPEED, _STEEPNESS = 0, 1, 2, 3
 
 
@@ -90,9 +92,9 @@ def _expand(
 ) -> int:
     """Set the series of a group and of changes; return the power of the last terms needed.
 
-    ``time`` is the step in units (s), and a speed of 1 is one of 1 m in a unit.
-    Two in succession have to be small, since every second one vanishes where a body is at rest. The
-    first does not count: over the foot of a spring without stress there, the first two vanish.
+    ``time`` is the step in units of time (``unit`` s each), and a speed of 1 means 1 m per unit.
+    Two successive terms must be small, since every second one vanishes if a body is at rest. The
+    first does not count: at the foot of a spring that is unstressed there, the first two vanish.
     """
     mass = mass_of_group(world, first, count)
     place = first * BODY_ROWS + PLACE
@@ -121,7 +123,7 @@ def _expand(
 
 @kernel
 def _next_slope(world: World, series: FloatMatrix, body: int, k: int) -> float:
-    """Return the k-th coefficient of g of a body on its own; set that of h."""
+    """Return the k-th coefficient of g of a single body; set that of h."""
     spring = world.springs[body]
     length = body * BODY_ROWS + LENGTH
     ratio = body * BODY_ROWS + RATIO
@@ -145,7 +147,7 @@ def _next_slope(world: World, series: FloatMatrix, body: int, k: int) -> float:
 
 @kernel
 def _next_changes(series: FloatMatrix, k: int, unit: float) -> tuple[float, float]:
-    """Set and return coefficient k + 2 of the changes that begin as a way and as a speed."""
+    """Set and return coefficient k + 2 of the changes by an initial displacement and speed."""
     way = 0.0
     speed = 0.0
     for i in range(k + 1):
@@ -161,7 +163,7 @@ def _next_changes(series: FloatMatrix, k: int, unit: float) -> tuple[float, floa
 
 @kernel
 def _at(series: FloatMatrix, row: int, last: int, time: float) -> tuple[float, float]:
-    """Value and derivative of a series (Horner)."""
+    """Return the value and derivative of a series (Horner's scheme)."""
     value = 0.0
     slope = 0.0
     for k in range(last, -1, -1):
@@ -170,15 +172,15 @@ def _at(series: FloatMatrix, row: int, last: int, time: float) -> tuple[float, f
     return value, slope
 
 
-NUMBERS = 2  # of the state of a body: its place, tau times its speed
+NUMBERS = 2  # of the state of a body: its position, tau times its speed
 
-# Columns of the scratch row of a pair: its impulse, and how much later it comes.
+# Columns of the scratch row of a pair: its impulse, and the delay of its impact.
 _IMPULSE, _DELAY = 0, 1
 # Columns of the scratch row of a body: its acceleration before and after an event.
 _BEFORE, _AFTER = 0, 1
 
-# After so many steps of a flight the frame is made orthonormal again: while a body lingers at a
-# saddle, tangent vectors grow so much that they would become parallel.
+# Number of steps of a flight after which the frame is made orthonormal again: while a body lingers
+# near a saddle, tangent vectors grow so much that they would become parallel.
 STEPS = 8
 
 
@@ -188,8 +190,8 @@ def follow_bodies(
 ) -> None:
     """Carry tangent vectors through a part of a run.
 
-    Arguments as of `kernels.tangent.follow.follow_tangents`, but 0 or 1 for ``known``; the
-    bodies are as they were at the last event before it.
+    The arguments are those of `kernels.tangent.follow.follow_tangents`, except that ``known`` is 0
+    or 1. The bodies are in their state after the last event before the part.
     """
     clock = world.clock[0]
     if known == 0:
@@ -214,9 +216,10 @@ def follow_bodies(
 
 @kernel
 def _tell(tangents: Tangents, told: int, impact: int) -> int:
-    """Tell of the impacts of an instant that is over; return how many are told of.
+    """Fill in the growth at the impacts of an instant that is over; return the next impact.
 
-    Not sooner: its delays are those of the vectors as they are before others change them.
+    This orthogonalises the frame, which must not happen sooner: all delays of one instant refer to
+    the same vectors.
     """
     if impact > told:
         tell_event(tangents, told, impact - told)
@@ -225,7 +228,7 @@ def _tell(tangents: Tangents, told: int, impact: int) -> int:
 
 @kernel
 def _happen(world: World, tangents: Tangents, row: int, impact: int, count: int) -> None:
-    """Carry tangent vectors over one event, with ``count`` impacts or with none."""
+    """Carry the tangent vectors across one event with ``count`` impacts, perhaps none."""
     _carry(world, tangents, world.states[row].t, world.states[row].t_low)
     _note_accelerations(world, tangents, _BEFORE)
     if count > 0:
@@ -251,11 +254,11 @@ def _happen(world: World, tangents: Tangents, row: int, impact: int, count: int)
 
 @kernel
 def _judge(world: World, tangents: Tangents, impact: int, count: int, closed: bool) -> None:
-    """Fill in whether the motion still has a derivative at the impacts of an event."""
+    """Fill in whether the motion is differentiable at the impacts of an event."""
     row = world.impacts[impact]
     fine = count == 1 and row.simultaneous == 0 and row.grazing == 0
     if closed:
-        # By an impact without restitution, not as a sum of bounces.
+        # Contact must begin by an impact at k = 0, not by a sum of bounces.
         lawful = row.law == world.settings[0].law or row.substituted == 1
         fine = fine and lawful and world.pairs[row.pair].restitution == 0.0
     if row.simultaneous == 1:
@@ -266,9 +269,9 @@ def _judge(world: World, tangents: Tangents, impact: int, count: int, closed: bo
 
 @kernel
 def _carry(world: World, tangents: Tangents, t: float, t_low: float) -> None:
-    """Move all bodies on to an instant by the steps of the solver, and tangent vectors with them.
+    """Move all bodies and tangent vectors on to an instant, with the steps of the solver.
 
-    Then nothing is late yet at the new instant, and no body is struck.
+    At a new instant there are no delays yet, and no body has been struck.
     """
     clock = world.clock[0]
     left = time_between(t, t_low, clock.t, clock.t_low)
@@ -291,7 +294,7 @@ def _carry(world: World, tangents: Tangents, t: float, t_low: float) -> None:
 
 @kernel
 def _note_accelerations(world: World, tangents: Tangents, when: int) -> None:
-    """Note the accelerations of all bodies before or after an event."""
+    """Store the accelerations of all bodies before or after an event."""
     first = 0
     while first < len(world.bodies):
         count = group_size(world, first)
@@ -303,7 +306,7 @@ def _note_accelerations(world: World, tangents: Tangents, when: int) -> None:
 
 @kernel
 def _closes(world: World, row: int) -> bool:
-    """Tell whether lasting contact of a pair begins with an event, or begins again."""
+    """Return whether lasting contact of a pair begins, or begins again, at an event."""
     for body in range(len(world.bodies) - 1):
         if world.states[row + body].held == 1 and world.pairs[body].held == 0:
             return True
@@ -312,7 +315,7 @@ def _closes(world: World, row: int) -> bool:
 
 @kernel
 def _strike(world: World, tangents: Tangents, begin: int, count: int) -> None:
-    """Carry tangent vectors over impacts of neighbouring pairs, solved jointly."""
+    """Carry the tangent vectors across impacts of neighbouring pairs, solved jointly."""
     first = world.impacts[begin].pair
     pairs = len(world.bodies) - 1
     for number in range(count):
@@ -345,10 +348,10 @@ def _strike(world: World, tangents: Tangents, begin: int, count: int) -> None:
 
 @kernel
 def _delay(tangents: Tangents, row: ImpactRow, column: int) -> float:
-    """How much later (s) an impact comes by one tangent vector.
+    """Return the delay (s) of an impact by one tangent vector.
 
-    A pair that collides because one of its bodies has been struck at this instant is as late as
-    that; its speed of approach may be no more than rounding.
+    A pair that collides because one of its bodies was struck at this instant has the delay of that
+    impact, since its own speed of approach may be only rounding.
     """
     if tangents.current[0, row.pair] + tangents.current[0, row.pair + 1] > 0:
         late: float = tangents.delay[0, column]
@@ -362,7 +365,7 @@ def _delay(tangents: Tangents, row: ImpactRow, column: int) -> float:
 def _approach_change(
     world: World, tangents: Tangents, row: ImpactRow, column: int, delay: float
 ) -> float:
-    """What one tangent vector changes of the law's relative speed before an impact."""
+    """Return the change of the law's relative speed before an impact by one tangent vector."""
     tau = tangents.state[0].time_scale
     a = row.pair
     b = a + 1
@@ -377,7 +380,7 @@ def _approach_change(
 
 @kernel
 def _apply(world: World, tangents: Tangents, row: ImpactRow, number: int, column: int) -> None:
-    """Change ways and speeds of one tangent vector by what a pair's impulse and delay do."""
+    """Change positions and speeds of one tangent vector by a pair's impulse and delay."""
     tau = tangents.state[0].time_scale
     one = world.bodies[row.pair]
     other = world.bodies[row.pair + 1]
@@ -395,7 +398,7 @@ def _apply(world: World, tangents: Tangents, row: ImpactRow, number: int, column
 
 @kernel
 def _unite_groups(world: World, tangents: Tangents) -> None:
-    """Project tangent vectors onto the common motion of groups, which keeps the law's momentum."""
+    """Project the tangent vectors onto the common motion of groups, at the law's momentum."""
     first = 0
     while first < len(world.bodies):
         count = group_size(world, first)

@@ -1,4 +1,4 @@
-"""What the event loop of the springs works on: one tuple of records, rows of series, and logs."""
+"""The world of the springs: the structs, rows of series and logs that its event loop works on."""
 
 from __future__ import annotations
 
@@ -9,33 +9,33 @@ from vibro_cli.compile.kernel import struct
 from vibro_cli.kernels.numerics.tridiagonal import ChainRow
 from vibro_cli.kernels.world import BodyData, Instant
 
-ORDER = 24  # of the Taylor series of a body's place
+ORDER = 24  # of the Taylor series of a body's position
 ROW = ORDER + 1
-# Rows of a body: its place, the spring's length, place over length, free acceleration.
+# Rows of a body: its position, the spring's length, position over length, free acceleration.
 PLACE, LENGTH, RATIO, FORCE = 0, ROW, 2 * ROW, 3 * ROW
 BODY_ROWS = 4 * ROW
 
-# How much of the gap of a pair is known to be zero at the start of a step: nothing, the gap, its
-# rate too, its second derivative too; greater numbers for more derivatives.
+# What is known to be zero at the start of a step: nothing, the gap of a pair, also its rate, also
+# its second derivative; greater numbers mean further derivatives.
 FREE = 0
 PARTING = 1
 RESTING = 2
 RELEASED = 3
 
-# What is still to be done at the present instant for bodies in contact.
+# The next task at the present instant for bodies in contact.
 SETTLED = 0
-IMPACTS = 1  # those that approach collide
-DECISION = 2  # which of the others stay in contact
-CHANGES = 3  # to carry out what is decided, one pair after another
+IMPACTS = 1  # collide the bodies that approach
+DECISION = 2  # decide which of the others stay in contact
+CHANGES = 3  # close and open contacts as decided, one pair after another
 
-# ``stays`` of a pair that rolls on in contact, and of one that does if it is pressed together.
+# ``stays`` of a pair that stays in contact, and of one that does so if it is pressed together.
 STAYS = 1
 MAY = 2
 
-# Not a cause of the end: there was an impact.
+# Result of a round of impacts; not a cause of the end.
 COLLIDED = -1
 
-# What a state in the log begins with.
+# Cause of a state in the log.
 START = 0
 COLLISION = 1
 CONTACT_CLOSED = 2
@@ -53,20 +53,20 @@ class SpringBody:
     x: float  # from the foot's place, m
     v: float  # m/s
     energy: float  # of its group over the group's rolling mass, m^2/s^2
-    fastest: float  # of its speeds at this instant, and of what each impulse gave it, m/s
+    fastest: float  # greatest of its speeds and of the changes by impulses at this instant, m/s
 
 
 @struct
 class SpringPair(ChainRow):
-    """A body and its right neighbour, with its row in the system of a chain of contacts."""
+    """A body and its right neighbour, with their row in the system of a chain of contacts."""
 
-    touch: float  # distance along the line of touching centres, m
+    touch: float  # distance along the line between the centres at contact, m
     restitution: float
     held: int  # 1: in lasting contact
     known: int  # FREE, PARTING, RESTING, RELEASED or more
-    closing: int  # 1: its impact of the present round is to come
+    closing: int  # 1: its impact in the present round is pending
     stays: int  # scratch of an instant: STAYS, MAY or 0
-    needed: float  # and the acceleration (m/s^2) that has to press it together for that
+    needed: float  # relative acceleration (m/s^2) that must press it together to stay
 
 
 @struct
@@ -79,25 +79,25 @@ class Clock(Instant):
     state_rows: int
     begun: int
     steps: int  # since the last event
-    work: int  # steps since the loop came back
+    work: int  # steps since the loop last returned
     at_once: int  # impacts at the present instant
-    rounds: int  # and rounds of them
-    unsettled: int  # what to do for contacts at it: IMPACTS, DECISION or CHANGES, else 0
-    hurried: int  # 1: a stop had contacts decided while bodies still approached
+    rounds: int  # rounds of impacts at the present instant
+    unsettled: int  # next task for contacts: IMPACTS, DECISION, CHANGES or SETTLED
+    hurried: int  # 1: the stop forced a decision on contacts while bodies still approached
     energy_correction: float
-    lost: float  # by impacts, J
+    lost: float  # energy lost by impacts, J
 
 
 @struct
 class Settings:
-    """What does not change."""
+    """Constants of the run."""
 
     law: int
     substitute: int
     stop_time: float
     stop_collisions: int
     capacity: int
-    finishing: int  # 1: only go on from the last step to the stop
+    finishing: int  # 1: only move on from the last step to the stop
 
 
 @struct
@@ -111,7 +111,7 @@ class ImpactRow(Instant):
     v_b_pre: float
     v_a_post: float
     v_b_post: float
-    restitution: float  # k of its impulse
+    restitution: float  # k of the impulse
     loss: float
     gap: float
     law: int
@@ -128,13 +128,13 @@ class StateRow(Instant):
 
     event: int  # number of the event
     cause: int
-    pair: int  # that it happened to
+    pair: int  # pair of the event
     body: int
     x: float
     v: float
     energy: float
-    held: int  # with its right neighbour
-    value: float  # contact_closed: how long the bounces before it would last, s
+    held: int  # 1: in lasting contact with its right neighbour
+    value: float  # contact_closed: time (s) that the replaced bounces would last
 
 
 class World(NamedTuple):
@@ -146,6 +146,6 @@ class World(NamedTuple):
     springs: Sequence[SpringBody]
     pairs: Sequence[SpringPair]
     series: list[float]  # BODY_ROWS of each body
-    gaps: list[float]  # a row of each pair: its gap, or what presses it together (m/s^2)
+    gaps: list[float]  # a row of each pair: its gap, or the acceleration pressing it together
     impacts: Sequence[ImpactRow]
     states: Sequence[StateRow]
