@@ -1,1 +1,1 @@
-"""The tangent map of a motion: how small changes of its start grow, from the logs of flights."""
+"""The tangent map of a motion: the growth of small changes of its start, from the flight logs."""

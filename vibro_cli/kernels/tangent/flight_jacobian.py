@@ -1,8 +1,8 @@
-"""The derivative of a flight with respect to the state that it starts from, in closed form.
+"""The derivative of a flight with respect to its initial state, in closed form.
 
 With ``u = w t`` the half-angle variables of a flight are rational in those of its start and in
-``s, c, d = sn, cn, dn(u|m)``, ``m = S0^2 + P0^2``. So is the derivative, but for one new function,
-that of s, c, d with respect to m at constant u:
+``s, c, d = sn, cn, dn(u|m)``, ``m = S0^2 + P0^2``. So is the derivative, except for the derivatives
+of s, c, d with respect to m at constant u:
 
 ``2 s_m = c Q,  2 c_m = -s Q,  2 d_m = -s R``  with
 
@@ -10,8 +10,8 @@ that of s, c, d with respect to m at constant u:
 ``Q = (d F/sqrt(m) - s/c)/m,    R = c F/sqrt(m)``         above it,
 
 where ``D(u|m)`` is the integral of ``(sn/dn)^2`` from 0 to u, and ``F = x + D(x|1/m)/m``,
-``x = sqrt(m) u``. It has no singularity at ``m = 0`` nor ``m = 1``. D follows from the logarithmic
-derivative of the theta function of dn (DLMF 22.16.20, 22.16.30 and 20.2.3):
+``x = sqrt(m) u``. They have no singularity at ``m = 0`` or ``m = 1``. D follows from the
+logarithmic derivative of the theta function of dn (DLMF 22.16.20, 22.16.30 and 20.2.3):
 
 ``m (1 - m) D = (E/K - (1 - m)) u + z' theta_3'(z)/theta_3(z),  z = z' u,  z' = pi/(2 K)``.
 """
@@ -32,7 +32,7 @@ from vibro_cli.kernels.numerics.elliptic import (
 )
 from vibro_cli.kernels.world import START, Flight, World, track_on
 
-# Below this parameter the nome is a sixteenth of it.
+# Below this parameter the nome is one sixteenth of it.
 LEAST_PARAMETER = 1.0e-200
 
 
@@ -40,16 +40,16 @@ LEAST_PARAMETER = 1.0e-200
 def flight_jacobian(
     flight: Flight, t: float, series: FloatMatrix
 ) -> tuple[float, float, float, float]:
-    """Derivative of the state a time ``t`` (s) after the start of a flight to that at the start.
+    """Return the derivative of the state of a flight at time ``t`` (s) by its initial state.
 
-    The state is way along the path of the centre and speed (m, m/s), or angle and rate: the matrix
-    is the same. A body in lasting contact on one piece has that of its group. ``series`` is scratch
-    (see ``kernels.tangent.rotating_jacobian``).
+    The state is displacement along the path of the centre and speed (m, m/s), or angle and rate:
+    the matrix is the same. For a body in lasting contact on one piece it is that of its group.
+    ``series`` is scratch (see ``kernels.tangent.rotating_jacobian``).
 
     Returns
     -------
     ``d way/d way0`` (1), ``d way/d speed0`` (s), ``d speed/d way0`` (1/s), ``d speed/d speed0``
-    (1); NaN on a motion in contact across pieces, which has no closed form.
+    (1); NaN for a motion in contact across pieces, which has no closed form.
     """
     if flight.form == LINE:
         return 1.0, t, 0.0, 1.0
@@ -66,24 +66,24 @@ def flight_jacobian(
 def pendulum_jacobian(
     theta: ThetaConstants, s0: float, c0: float, p0: float, u: float
 ) -> tuple[float, float, float, float]:
-    """Derivative of angle and rate of a pendulum to those at its start; the unit of time is 1/w."""
+    """Return the derivative of a pendulum's angle and rate by those at its start, in time 1/w."""
     s, c, d, common = theta_functions(theta, u)
     s /= common
     c /= common
     d /= common
     q, r = derivative_by_parameter(theta, u, s, c, d)
-    # Near a crest c, d, c0 and p0 are small together: scaled, their products do not underflow.
+    # Near a crest c, d, c0 and p0 are all small: scaling keeps their products from underflow.
     scale = 1.0 / (abs(c) + abs(s * c0))
     c1 = c * scale
     c01 = c0 * scale
     p01 = p0 * scale
     sc01 = s * c01
     inverse = 1.0 / (c1 * c1 + sc01 * sc01)
-    # Of the angle: directly, and by way of the parameter.
+    # The angle: direct terms, and terms through the parameter.
     a_direct = scale * c1 * inverse
     b_direct = scale * (s * d * scale) * inverse
     a_way = ((p01 * c * d - s0 * c01 * s) * q + s * s * p01 * r) * inverse
-    # Of the rate.
+    # The rate.
     p = (p01 * c1 - s0 * c01 * (s * d * scale)) * inverse
     c_direct = (2.0 * p * s * s * s0 * c01 - (c0 - s0) * (c0 + s0) * s * (d * scale)) * scale
     r_way = -p01 * s * q - s0 * c01 * (c * d * q - s * s * r)
@@ -100,7 +100,7 @@ def pendulum_jacobian(
 def derivative_by_parameter(
     theta: ThetaConstants, u: float, s: float, c: float, d: float
 ) -> tuple[float, float]:
-    """Return Q and R: twice the derivatives of s, c, d to m are ``c Q, -s Q, -s R``."""
+    """Return Q and R: twice the derivatives of s, c, d by m are ``c Q, -s Q, -s R``."""
     m = theta.parameter
     if theta.reciprocal == 0:
         way = square_integral(theta, m, abs(theta.complementary_modulus), 1.0, u)
@@ -113,10 +113,10 @@ def derivative_by_parameter(
 
 @kernel
 def square_integral(theta: ThetaConstants, m: float, root: float, rate: float, u: float) -> float:
-    """Integral ``D(x|m)`` of ``(sn/dn)^2`` from 0 to ``x = rate u``, for ``m <= 1``.
+    """Return the integral ``D(x|m)`` of ``(sn/dn)^2`` from 0 to ``x = rate u``, for ``m <= 1``.
 
-    ``theta`` has the constants of m, and ``rate`` is 1; or those of its reciprocal, and ``rate`` is
-    ``1/sqrt(m)``. ``root`` is ``sqrt(1 - m)``, u the argument of the constants' own functions.
+    Either ``theta`` has the constants of m and ``rate`` is 1, or it has those of 1/m and ``rate``
+    is ``1/sqrt(m)``. ``root`` is ``sqrt(1 - m)``; u is the argument of the functions of ``theta``.
     """
     complement = root * root
     q = 0.5 * theta.two_nome
@@ -125,7 +125,7 @@ def square_integral(theta: ThetaConstants, m: float, root: float, rate: float, u
     trigonometric = theta.form == TRIGONOMETRIC
     small = m if trigonometric else complement
     ratio = q / small if small > LEAST_PARAMETER else 0.0625
-    # The mean of sn^2, of the parameter or of its complement, and the rest of it.
+    # The mean of sn^2 over the parameter, or over its complement.
     mean = ratio * (8.0 - 32.0 * q3 + 72.0 * q8) / (1.0 - 2.0 * (q - q * q3 + q * q8))
     if trigonometric:
         scale = theta.argument_scale / rate
@@ -144,7 +144,7 @@ def square_integral(theta: ThetaConstants, m: float, root: float, rate: float, u
 
 @kernel
 def _trigonometric_slope(q: float, q3: float, q8: float, z: float) -> float:
-    """``-theta_3'(z)/(4 q theta_3(z))`` of nome q (DLMF 20.2.3)."""
+    """Return ``-theta_3'(z)/(4 q theta_3(z))`` of nome q (DLMF 20.2.3)."""
     sine, cosine = sine_cosine(z)
     s2 = 2.0 * sine * cosine
     c2 = 1.0 - 2.0 * sine * sine
@@ -157,7 +157,7 @@ def _trigonometric_slope(q: float, q3: float, q8: float, z: float) -> float:
 
 @kernel
 def _hyperbolic_slope(q: float, q3: float, r: float) -> float:
-    """The derivative of ``ln theta_3(i r)`` of nome q, over q, for ``exp(2 |r|)`` up to 1/q."""
+    """Return the derivative of ``ln theta_3(i r)`` of nome q, over q, for ``exp(2 |r|) <= 1/q``."""
     fall = math.exp(-2.0 * abs(r))
     rise = 1.0 / fall
     x1 = q * rise
@@ -172,12 +172,12 @@ def _hyperbolic_slope(q: float, q3: float, r: float) -> float:
 
 @struct
 class Arrival:
-    """The end of one flight."""
+    """The end of a flight."""
 
-    age: float  # its duration, s
+    age: float  # duration of the flight, s
     speed: float  # of the centre along its path, m/s
     acceleration: float  # along the path, m/s^2
-    way_way: float  # derivative of way and speed to those at the start (m, m/s)
+    way_way: float  # derivative of displacement and speed by their initial values (m, m/s)
     way_speed: float
     speed_way: float
     speed_speed: float
@@ -191,10 +191,10 @@ def find_arrivals(
     series: FloatMatrix,
     scratch: Sequence[Flight],
 ) -> None:
-    """Fill in how the body of each row of the log of a whole run arrived at its start.
+    """Fill in the arrival that precedes each row of the log of a whole run.
 
-    There are as many ``arrivals`` as rows; those of rows that no flight of the body ends at stay.
-    ``current`` [0, body], ``series`` and a flight of ``scratch`` are to work with.
+    There is an element of ``arrivals`` for each row, which stays unchanged if no flight of the body
+    ends there. ``current`` [0, body], ``series`` and one flight in ``scratch`` are scratch.
     """
     flight = scratch[0]
     for number in range(world.clock[0].flight_rows):

@@ -1,22 +1,24 @@
 """The tangent map of a run, from the logs of its event loop.
 
-Where a gap ``g`` closes, bodies that arrive by ``f^-`` go on by ``f^+`` from ``R(z)``:
+Where a gap ``g`` closes, the vector field is ``f^-`` before and ``f^+`` after the event, and the
+state z jumps to ``R(z)``:
 
 ``dz^+ = D R (dz^- + f^- dt) - f^+ dt,    dt = -(grad g dz^-)/(grad g f^-)``
 
 (M. di Bernardo, C. Budd, A. Champneys, P. Kowalczyk, *Piecewise-smooth Dynamical Systems*, Springer
-2008, 2.5). Ways stay what they are in an impact, so that
+2008, 2.5). Positions do not change in an impact, so that
 
 ``dq^+ = dq^- + (v^- - v^+) dt,    dv^+ = dv^- - (a^+ - a^-) dt + (change of v^+ - v^-)``.
 
-Impulses of pairs that share a body are one linear system (see ``kernels.impact``); its derivative
-is the same system with another right side, each pair at its own ``dt``. Which of them came first in
-a neighbouring motion would matter there: such a map is not differentiable, and this is one of its
-one-sided derivatives' means, good for orders of magnitude.
+Impulses of pairs that share a body solve one linear system (see ``kernels.impact``). Its derivative
+is the same system with another right-hand side, each pair at its own ``dt``. In a neighbouring
+motion one of these impacts may come first, and their order matters: such a map is not
+differentiable. The result is a kind of mean of its one-sided derivatives, good for orders of
+magnitude.
 
-Bodies are independent of one another between events: of each the tangent vectors are those at the
-start of its present flight, and are carried on when that ends. A row of the log of flights says
-when and how; impacts are in their own log. No other part of the solver knows of it.
+Bodies are independent between events: the tangent vectors of a body are kept at the start of its
+present flight, and carried on when that ends. The log of flights says when and how it ends; impacts
+have their own log. No other part of the solver depends on this module.
 """
 
 from __future__ import annotations
@@ -70,15 +72,15 @@ from vibro_cli.kernels.world import (
 _IMPULSE = 0
 _NORMAL_A, _NORMAL_B = 1, 2  # derivatives of n t of both bodies
 _DELAY = 3
-# Ratios of speeds that differ from 1 by less do so by rounding: normals are the same.
+# Ratios of speeds differ from 1 by less than this through rounding alone: normals are the same.
 SAME_NORMALS = 1.0e-12
-# Two that part at less than this share of their speeds do so by rounding.
+# Bodies that separate at less than this share of their speeds do so through rounding alone.
 LEAST_PARTING = 1.0e-11
 
 
 @kernel
 def strike(world: World, tangents: Tangents, begin: int, count: int) -> None:
-    """Carry the tangent vectors over impacts of ``count`` pairs in a row, solved jointly."""
+    """Carry the tangent vectors across impacts of ``count`` successive pairs, solved jointly."""
     pairs = world.settings[0].pairs
     first = world.impacts[begin].pair
     _solve_impulses(world, begin, count)
@@ -101,7 +103,7 @@ def strike(world: World, tangents: Tangents, begin: int, count: int) -> None:
 def _delay_groups(tangents: Tangents, row: ImpactRow, column: int, delay: float) -> None:
     """Set the derivative of the time of an impact for its bodies and those in contact with them.
 
-    Others that collide at the same instant have their own.
+    Other bodies that collide at the same instant have their own delays.
     """
     for body in range(len(tangents.delay)):
         group = tangents.current[1, body]
@@ -111,7 +113,7 @@ def _delay_groups(tangents: Tangents, row: ImpactRow, column: int, delay: float)
 
 @kernel
 def _set_matrix(world: World, begin: int, step: int, count: int) -> None:
-    """Set the matrix row of a pair: how impulses change its law's relative speed."""
+    """Set the matrix row of a pair: the changes of its relative speed by unit impulses."""
     row = world.impacts[begin + step]
     pair = world.pairs[row.pair]
     qa, ha = weight_and_response(row.law, world.bodies[row.a], row.normal_a)
@@ -145,7 +147,7 @@ def _solve_impulses(world: World, begin: int, count: int) -> None:
 
 @kernel
 def _prepare(world: World, tangents: Tangents, begin: int, step: int, column: int) -> None:
-    """Set what one tangent vector changes of a pair: the time of its impact, its normals."""
+    """Set the changes of a pair's time of impact and normals by one tangent vector."""
     row = world.impacts[begin + step]
     way_a = tangents.frame[2 * row.a, column]
     way_b = tangents.frame[2 * row.b, column]
@@ -155,7 +157,7 @@ def _prepare(world: World, tangents: Tangents, begin: int, step: int, column: in
     tangents.turning[step, _NORMAL_A] = 0.0
     tangents.turning[step, _NORMAL_B] = 0.0
     if row.law == NORMAL_IMPULSE and row.piece_a != row.piece_b:
-        # On one piece bodies in contact have the same normals everywhere.
+        # On one piece the normals of bodies in contact are constant.
         change_a, change_b = normal_changes(
             world, row, way_a + row.speed_a_pre * delay, way_b + row.speed_b_pre * delay
         )
@@ -165,7 +167,7 @@ def _prepare(world: World, tangents: Tangents, begin: int, step: int, column: in
 
 @kernel
 def normal_changes(world: World, row: ImpactRow, way_a: float, way_b: float) -> tuple[float, float]:
-    """Change of n t of both bodies of a pair in contact that move on in contact by small ways."""
+    """Return the changes of n t of both bodies in contact for small displacements in contact."""
     piece_a = world.pieces[row.piece_a]
     piece_b = world.pieces[row.piece_b]
     track_a = track_on(world, row.a, row.piece_a)
@@ -226,14 +228,14 @@ def _solve_changes(world: World, tangents: Tangents, begin: int, count: int, col
 
 @kernel
 def _apply(world: World, tangents: Tangents, row: ImpactRow, step: int, column: int) -> None:
-    """Change the ways and speeds of one tangent vector by what a pair's impulse and delay do."""
+    """Change positions and speeds of one tangent vector by a pair's impulse and delay."""
     tau = tangents.state[0].time_scale
     impulse = tangents.turning[step, _IMPULSE]
     delay = tangents.turning[step, _DELAY]
     change = world.pairs[row.pair].solution
     _, ha = weight_and_response(row.law, world.bodies[row.a], row.normal_a)
     _, hb = weight_and_response(row.law, world.bodies[row.b], row.normal_b)
-    # A response changes with the normal under one law only; its changes are zero under the others.
+    # Responses depend on the normal under one law only; under the others the changes are zero.
     turn_a = tangents.turning[step, _NORMAL_A] / world.bodies[row.a].rolling_mass
     turn_b = tangents.turning[step, _NORMAL_B] / world.bodies[row.b].rolling_mass
     tangents.frame[2 * row.a, column] += impulse * ha * delay
@@ -257,17 +259,17 @@ def follow_tangents(
     Parameters
     ----------
     world
-        With the rows of the part in its logs; its pairs are used as scratch.
+        Has the rows of the part in its logs; its pairs are used as scratch.
     known
-        0, or the number of bodies for a part that is not the first, see
+        0 for the first part, else the number of bodies, see
         ``run_statistics.update_statistics``.
     cause, end_t, end_t_low
-        ``RUNNING``, or why and when (two doubles, s) the run ended: then all bodies are carried to
-        that instant.
+        ``RUNNING``, or the cause and time (two doubles, s) of the run's end, to which all bodies
+        are then carried.
     tangents
-        Changed; its columns of impacts are filled in.
+        Modified; its columns of impacts are filled in.
     scratch
-        A flight to work with.
+        One flight, as scratch.
     """
     state = tangents.state[0]
     rows = world.clock[0].flight_rows
@@ -293,7 +295,10 @@ def follow_tangents(
 
 @kernel
 def _rows_of_event(world: World, tangents: Tangents, first: int, rows: int) -> int:
-    """Number of flights, from a row on, that begin in one event: at one instant, no body twice."""
+    """Return the number of flights from row ``first`` on that start at the same event.
+
+    They start at one instant, and no body occurs twice.
+    """
     start = world.log[first]
     count = 1
     while first + count < rows:
@@ -309,9 +314,9 @@ def _rows_of_event(world: World, tangents: Tangents, first: int, rows: int) -> i
 
 @kernel
 def _are_of_one_event(world: World, tangents: Tangents, one: FlightRow, other: FlightRow) -> bool:
-    """Tell whether two flights that begin at one instant begin in one event.
+    """Return whether two flights that start at one instant start at the same event.
 
-    Two bodies may reach two walls at one instant, or two junctions, by chance or by symmetry.
+    By chance or symmetry, two bodies may reach two walls or two junctions at one instant.
     """
     if one.body == other.body:
         return False
@@ -336,7 +341,7 @@ def _happen(
     impact: int,
     scratch: Sequence[Flight],
 ) -> int:
-    """Carry tangent vectors over one event; returns the row of the next impact."""
+    """Carry the tangent vectors across one event; return the row of the next impact."""
     ended = _arrive_all(world, tangents, first, count, scratch)
     for step in range(count):
         for column in range(len(tangents.frame)):
@@ -361,7 +366,7 @@ def _happen(
 def _arrive_all(
     world: World, tangents: Tangents, first: int, count: int, scratch: Sequence[Flight]
 ) -> int:
-    """Carry the bodies of an event to it; returns the one at an end of its piece, or -1."""
+    """Carry the bodies of an event to it; return the body at an end of its piece, or -1."""
     ended = -1
     for step in range(count):
         row = world.log[first + step]
@@ -385,9 +390,9 @@ def _arrive_all(
 def _carry(
     world: World, tangents: Tangents, ball: int, t: float, t_low: float, scratch: Sequence[Flight]
 ) -> float:
-    """Carry the tangent vectors of a body to an instant of its flight, which is recalled.
+    """Carry the tangent vectors of a body to an instant of its flight, which is replayed.
 
-    Returns how long it has flown, s.
+    Return the time (s) since the start of the flight.
     """
     number = tangents.current[0, ball]
     row = world.log[number]
@@ -402,7 +407,7 @@ def _carry(
 
 @kernel
 def _leans(world: World, row: FlightRow) -> bool:
-    """Tell whether a body rests because a wall holds it, and not in equilibrium."""
+    """Return whether a body is held at rest by a wall, or rests in a group, not in equilibrium."""
     if row.at_rest == 0 or row.grouped == 1:
         return row.at_rest == 1
     track = track_on(world, row.body, row.piece)
@@ -413,7 +418,7 @@ def _leans(world: World, row: FlightRow) -> bool:
 
 @kernel
 def _reach_end(world: World, tangents: Tangents, first: int, count: int, ball: int) -> None:
-    """Set the derivative of the time at which a body and its group come to an end of its piece."""
+    """Set the derivative of the time at which a body and its group reach an end of its piece."""
     speed = tangents.arriving[ball, 0]
     if speed == 0.0:
         tangents.state[0].rough = 1
@@ -426,7 +431,7 @@ def _reach_end(world: World, tangents: Tangents, first: int, count: int, ball: i
 
 @kernel
 def _rebound(world: World, tangents: Tangents, ball: int) -> None:
-    """Carry the tangent vectors of a body over its impact at a wall."""
+    """Carry the tangent vectors of a body across its impact on a wall."""
     settings = world.settings[0]
     tau = tangents.state[0].time_scale
     speed = tangents.arriving[ball, 0]
@@ -438,7 +443,7 @@ def _rebound(world: World, tangents: Tangents, ball: int) -> None:
         delay = tangents.delay[ball, column]
         way = tangents.frame[2 * ball, column]
         rate = tangents.frame[2 * ball + 1, column]
-        # A body without a bounce starts from the wall, whatever rounding leaves of its way.
+        # A body that does not bounce starts exactly at the wall, whatever rounding leaves.
         moved = way + (1.0 + restitution) * speed * delay
         tangents.frame[2 * ball, column] = 0.0 if restitution == 0.0 else moved
         tangents.frame[2 * ball + 1, column] = (
@@ -448,7 +453,7 @@ def _rebound(world: World, tangents: Tangents, ball: int) -> None:
 
 @kernel
 def _change_force(world: World, tangents: Tangents, number: int, flight: Flight) -> None:
-    """Let a flight that begins at a later time begin with what its force has changed by then."""
+    """Change the tangent vectors by the jump of the acceleration at the start of a flight."""
     row = world.log[number]
     track = track_on(world, row.body, row.piece)
     replay_flight(world, row, number, flight)
@@ -458,7 +463,7 @@ def _change_force(world: World, tangents: Tangents, number: int, flight: Flight)
 
 @kernel
 def _collide(world: World, tangents: Tangents, first: int, count: int, impact: int) -> int:
-    """Carry tangent vectors over the impacts of an event; returns the row of the next impact."""
+    """Carry the tangent vectors across the impacts of an event; return the row of the next one."""
     while impact < world.clock[0].impact_rows and _belongs(world, tangents, first, count, impact):
         length = 1
         while _is_simultaneous(world, impact + length - 1) and length < count - 1:
@@ -475,7 +480,7 @@ def _collide(world: World, tangents: Tangents, first: int, count: int, impact: i
 
 @kernel
 def _belongs(world: World, tangents: Tangents, first: int, count: int, impact: int) -> bool:
-    """Tell whether an impact is of an event: at its instant, of bodies as they arrive at it."""
+    """Return whether an impact belongs to an event, by its time and the bodies' arrival speeds."""
     row = world.impacts[impact]
     start = world.log[first]
     if row.t != start.t or row.t_low != start.t_low:
@@ -492,7 +497,7 @@ def _belongs(world: World, tangents: Tangents, first: int, count: int, impact: i
 
 @kernel
 def _is_simultaneous(world: World, impact: int) -> bool:
-    """Tell whether an impact and the next one were solved together, as their common body says."""
+    """Return whether an impact and the next one were solved jointly, judging by a common body."""
     if impact + 1 >= world.clock[0].impact_rows:
         return False
     row = world.impacts[impact]
@@ -504,7 +509,7 @@ def _is_simultaneous(world: World, impact: int) -> bool:
 
 @kernel
 def _constrain(world: World, tangents: Tangents, first: int, count: int) -> None:
-    """Take from tangent vectors what lasting contact takes: gaps, and how fast they change."""
+    """Project the tangent vectors onto lasting contact: gaps and their rates vanish."""
     step = 0
     while step < count:
         row = world.log[first + step]
@@ -524,7 +529,7 @@ def _constrain(world: World, tangents: Tangents, first: int, count: int) -> None
 
 @kernel
 def _unite(world: World, tangents: Tangents, row: FlightRow) -> None:
-    """Project tangent vectors onto the common motion of a group, which keeps its momentum."""
+    """Project the tangent vectors onto the common motion of a group, conserving its momentum."""
     tangents.state[0].lost = 1
     by_mass = balances_mass(world.settings[0].law) and _acts_along_centres(world, tangents, row)
     closes = by_mass and row.cause == CONTACT_CLOSED
@@ -547,7 +552,10 @@ def _unite(world: World, tangents: Tangents, row: FlightRow) -> None:
 def _momentum(
     world: World, tangents: Tangents, row: FlightRow, column: int, part: int, by_mass: bool
 ) -> tuple[float, float]:
-    """Momentum of the ways or rates of a group in a tangent vector, and what it has for one."""
+    """Return the momentum of a group's displacements or rates in a tangent vector, and its inertia.
+
+    The inertia is the momentum for a displacement or rate of 1 of the first body.
+    """
     ratio = 1.0
     momentum = 0.0
     inertia = 0.0
@@ -564,7 +572,7 @@ def _momentum(
 
 @kernel
 def _acts_along_centres(world: World, tangents: Tangents, row: FlightRow) -> bool:
-    """Tell whether the speeds along the lines of centres of a group are those of its bodies."""
+    """Return whether all bodies of a group in contact have equal speeds, up to rounding."""
     for step in range(1, row.group_count):
         ball = number_along(world, row.group_first, step)
         if abs(_ratio(world, tangents, ball) - 1.0) > SAME_NORMALS:
@@ -574,9 +582,9 @@ def _acts_along_centres(world: World, tangents: Tangents, row: FlightRow) -> boo
 
 @kernel
 def _drift(world: World, tangents: Tangents, row: FlightRow) -> float:
-    """Mean of the accelerations (m/s^2) with which bodies come into contact, less their common one.
+    """Return the mean acceleration (m/s^2) of bodies coming into contact, less their common one.
 
-    ``translational`` keeps ``sum m v`` in bounces, lasting contact ``sum kappa m v``.
+    ``translational`` conserves ``sum m v`` in bounces, lasting contact ``sum kappa m v``.
     """
     momentum = 0.0
     mass = 0.0
@@ -594,9 +602,9 @@ def _drift(world: World, tangents: Tangents, row: FlightRow) -> float:
 
 @kernel
 def _closing_pair(world: World, tangents: Tangents, row: FlightRow) -> int:
-    """Number of the left body of the pair of a group that is pressed together most, not yet held.
+    """Return the left body of the pair of a group that is pressed together most.
 
-    Bodies that were in contact before come with the same acceleration.
+    Bodies that were in contact before arrive with equal accelerations, so they are not chosen.
     """
     closing = row.group_first
     most = 0.0
@@ -613,12 +621,13 @@ def _closing_pair(world: World, tangents: Tangents, row: FlightRow) -> int:
 def _delay_of_contact(
     world: World, tangents: Tangents, row: FlightRow, a: int, column: int
 ) -> float:
-    """By how much later (s) body ``a`` is held by its right, ``2 u/(c (1 - k))`` after a bounce.
+    """Return the delay (s) of the contact of body ``a`` and its right neighbour.
 
-    The change ``r`` of the parting speed ``u``, at one time, is that at the bounce less ``c dt``
-    for its delay ``dt``, in which the gap has changed by ``-u dt``; ``c`` is the approach
-    acceleration. A plastic impact has no bounces: what is left of ``r`` then is ``-c dt`` alone.
-    The solver adds nothing to the time of bounces of bodies that are held to others.
+    The contact begins ``2 u/(c (1 - k))`` after a bounce with separation speed ``u`` and approach
+    acceleration ``c``. The change ``r`` of u at a fixed time is that at the bounce plus ``c dt``,
+    where ``dt`` is the bounce's delay, by which the gap changes by ``-u dt``. After a plastic
+    impact there are no bounces, and r is ``c dt`` alone. The solver adds no time of bounces for
+    bodies that are in contact with others.
     """
     tau = tangents.state[0].time_scale
     b = number_along(world, a, 1)
@@ -641,7 +650,7 @@ def _delay_of_contact(
 
 @kernel
 def _ratio(world: World, tangents: Tangents, b: int) -> float:
-    """Speed of a body over that of its left neighbour, with which it is in lasting contact."""
+    """Return the ratio of a body's speed to that of its left neighbour in lasting contact."""
     a = number_along(world, b, -1)
     one = world.log[tangents.current[0, a]]
     other = world.log[tangents.current[0, b]]
@@ -659,7 +668,7 @@ def _ratio(world: World, tangents: Tangents, b: int) -> float:
 
 @kernel
 def _tell(world: World, tangents: Tangents, begin: int, end: int) -> None:
-    """Fill in what the impacts of an event have made of a change of the start."""
+    """Fill in the derivatives of time, the growth and the smoothness at the impacts of an event."""
     if len(tangents.times) > begin:
         for column in range(len(tangents.frame)):
             for impact in range(begin, end):

@@ -1,8 +1,8 @@
-"""The frame of tangent vectors: what it works on, its orthogonalisation, what it has grown.
+"""The frame of tangent vectors: its arrays, orthogonalisation and growth.
 
 G. Benettin, L. Galgani, A. Giorgilli, J.-M. Strelcyn, "Lyapunov characteristic exponents for smooth
-dynamical systems and for Hamiltonian systems", *Meccanica* 15 (1980): the frame is made orthonormal
-again and again, and the logarithms of what its vectors have grown by are added up.
+dynamical systems and for Hamiltonian systems", *Meccanica* 15 (1980): the frame is repeatedly made
+orthonormal, and the logarithms of the growth of its vectors are added up.
 """
 
 from __future__ import annotations
@@ -14,81 +14,81 @@ from typing import NamedTuple
 from vibro_cli.compile.kernel import FloatMatrix, IntMatrix, kernel, struct
 from vibro_cli.kernels.world import Instant
 
-# The product of the triangular factors is kept between this and its reciprocal.
+# The product of the triangular factors is kept between the reciprocal of this and this.
 SCALE = 2.0**400
-# Rows of the series of a flight that are not of one body, and the greatest power of time in them.
+# Number of rows of the series of a flight besides one for each body, and number of their terms.
 SERIES_ROWS = 4
 TERMS = 41
-# Columns of the scratch rows of a simultaneous impact.
+# Number of columns of the scratch rows of simultaneous impacts.
 WIDTH = 4
 
 
 @struct
 class TangentState:
-    """What goes on from one part of a run to the next."""
+    """The state that passes from one part of a run to the next."""
 
-    time_scale: float  # tau, s: a speed counts as the way in this time
-    scalings: int  # so many times has SCALE been taken out of the product
+    time_scale: float  # tau, s: a speed counts as the displacement in this time
+    scalings: int  # how often SCALE has been divided out of the product
     lost: int  # 1: directions have been lost since the last orthogonalisation
     rough: int  # 1: an event since the last impact has no derivative
-    begin_t: float  # of the run, s
-    end_t: float  # of the part told of last, s
+    begin_t: float  # start of the run, s
+    end_t: float  # end of the last part, s
 
 
 class Tangents(NamedTuple):
-    """Tangent vectors of a run, in an orthonormal frame and the product that leads to it.
+    """Tangent vectors of a run: an orthonormal frame, and the product that leads to it.
 
-    The tangent map from the start is ``frame product SCALE^scalings``; of each body it has two
-    rows, way along the path of its centre (m) and tau times its speed (m), at the start of the
-    body's present flight.
+    The tangent map from the start is ``frame product SCALE^scalings``. It has two rows for each
+    body, displacement along the path of its centre (m) and tau times its speed (m), at the start of
+    the body's present flight.
     """
 
     state: Sequence[TangentState]
-    """One."""
+    """one"""
     frame: FloatMatrix
     """[2 body + 0 or 1, direction]; orthonormal after each impact, and at the end"""
     product: FloatMatrix
-    """[direction, direction], upper triangular; without rows where the growth of the frame alone is
-    wanted, and not the map from the start: then there is no amplification"""
+    """[direction, direction], upper triangular; without rows if only the growth of the frame is
+    computed, not the map from the start: then there is no amplification"""
     step: FloatMatrix
-    """scratch: the triangular factor of one impact"""
+    """scratch: the triangular factor of one orthogonalisation"""
     sums: FloatMatrix
     """[0, direction] sum of the logarithms of the growth so far"""
     current: IntMatrix
-    """[0, body] row of the log that its flight is; [1, body] scratch: the first one of the group in
-    which it has come to its last event, or itself"""
+    """[0, body] row of the log with the body's flight; [1, body] scratch: first body of the group
+    in which it arrived at its last event, or the body itself"""
     arriving: FloatMatrix
     """[body, 0 or 1] scratch: speed (m/s) and acceleration (m/s^2) before the instant"""
     delay: FloatMatrix
     """[body, direction] scratch: derivative of the time of the body's last event (s), or
-    [0, direction] of all at an instant"""
+    [0, direction] of all events at an instant"""
     turning: FloatMatrix
-    """[pair, ...] scratch: what rows of simultaneous impacts need, see kernels.tangent.follow"""
+    """[pair, ...] scratch for rows of simultaneous impacts, see kernels.tangent.follow"""
     series: FloatMatrix
-    """[SERIES_ROWS and one for each body, power] scratch where motion is followed by power series:
-    on a rotating trace, see kernels.tangent.rotating_jacobian, and in other systems"""
+    """[SERIES_ROWS and one for each body, power] scratch for motion by power series: on a rotating
+    trace, see kernels.tangent.rotating_jacobian, and in other systems"""
     amplification: FloatMatrix
-    """[0, impact] filled in: growth of one rounding of the start"""
+    """[0, impact] output: growth of a rounding error of the start"""
     smooth: IntMatrix
-    """[0, impact] filled in: 1 where the motion depends differentiably on its start"""
+    """[0, impact] output: 1 if the motion depends differentiably on its start"""
     times: FloatMatrix
-    """[impact, 2 body + 0 or 1] filled in if it has as many rows: derivative of the impact's time
-    (s) to the start, times of ways and speeds divided by tau"""
+    """[impact, 2 body + 0 or 1] output if it has as many rows: derivative of the impact's time (s)
+    by the displacement (m) and tau times the speed (m) of each body at the start"""
     growth: FloatMatrix
-    """[impact, direction] filled in: the sums of logarithms after the impact"""
+    """[impact, direction] output: the sums of logarithms after the impact"""
 
 
-# Where directions have been lost, a vector below this share of the longest one is rounding.
+# After directions have been lost, a vector below this share of the longest one is rounding.
 LOST = 1.0e-10
 
 
-# Once vectors have grown by this, fewer than ten digits are left of what is across them.
+# Once vectors have grown by this, fewer than ten digits are left of their transverse parts.
 MOST = 2.0**10
 
 
 @kernel
 def begin_frame(tangents: Tangents) -> None:
-    """Set the tangent map of the start: nothing has changed."""
+    """Set the tangent map of the start: the identity."""
     state = tangents.state[0]
     state.scalings = 0
     state.lost = 0
@@ -104,7 +104,7 @@ def begin_frame(tangents: Tangents) -> None:
 
 @kernel
 def orthogonalise(tangents: Tangents) -> None:
-    """Make the frame orthonormal (Gram and Schmidt, twice); the product takes what it had grown."""
+    """Make the frame orthonormal (Gram-Schmidt, twice); move its growth into the product."""
     size = len(tangents.frame)
     frame, step = tangents.frame, tangents.step
     state = tangents.state[0]
@@ -148,7 +148,7 @@ def _length(tangents: Tangents, column: int) -> float:
 
 @kernel
 def _multiply(tangents: Tangents) -> None:
-    """Put the triangular factor of an impact in front of the product."""
+    """Multiply the product from the left by the triangular factor, and rescale it."""
     size = len(tangents.frame)
     product, step = tangents.product, tangents.step
     greatest = 0.0
@@ -174,7 +174,7 @@ def _multiply(tangents: Tangents) -> None:
 
 @kernel
 def scaled_back(tangents: Tangents, value: float) -> float:
-    """A number that the frame and the product give, with what has been taken out of the product."""
+    """Return a value computed from the product, multiplied by ``SCALE^scalings``."""
     scalings = tangents.state[0].scalings
     factor = SCALE if scalings > 0 else 1.0 / SCALE
     for _ in range(min(abs(scalings), 6)):
@@ -184,9 +184,9 @@ def scaled_back(tangents: Tangents, value: float) -> float:
 
 @kernel
 def growth_of_pair(tangents: Tangents, a: int, b: int, numbers: int) -> float:
-    """Root mean square growth of a change of the start in the states of two bodies.
+    """Return the root mean square growth of a change of the start in the states of two bodies.
 
-    The state of each is so many numbers; ``a`` and ``b`` may be the same body.
+    The state of a body has ``numbers`` components; ``a`` and ``b`` may be the same body.
     """
     total = 0.0
     for end in range(2 * numbers):
@@ -199,9 +199,9 @@ def growth_of_pair(tangents: Tangents, a: int, b: int, numbers: int) -> float:
 
 @kernel
 def from_start(tangents: Tangents, rows: FloatMatrix, row: int, column: int) -> float:
-    """Element of the rows' product with what leads from the start to the frame.
+    """Return element (row, column) of the matrix product of ``rows`` and the product.
 
-    But for what has been taken out of that: of the frame's rows an element of the tangent map.
+    With the rows of the frame this is an element of the tangent map, without its scalings.
     """
     value = 0.0
     for other in range(column + 1):
@@ -211,7 +211,7 @@ def from_start(tangents: Tangents, rows: FloatMatrix, row: int, column: int) -> 
 
 @kernel
 def tell_event(tangents: Tangents, impact: int, count: int) -> None:
-    """Make the frame orthonormal after an event, and fill in what its impacts have grown it by."""
+    """Make the frame orthonormal after an event, and fill in the growth at its impacts."""
     orthogonalise(tangents)
     for number in range(impact, impact + count):
         _tell_sums(tangents, number)
@@ -225,21 +225,21 @@ def _tell_sums(tangents: Tangents, impact: int) -> None:
 
 @kernel
 def tell_smooth(tangents: Tangents, impact: int, count: int, fine: bool) -> None:
-    """Fill in whether the motion still has a derivative at the impacts of an event."""
+    """Fill in whether the motion is differentiable at the impacts of an event."""
     for number in range(impact, impact + count):
         tangents.smooth[0, number] = 1 if fine and tangents.state[0].rough == 0 else 0
 
 
 @kernel
 def tell_growth(tangents: Tangents, impact: int, a: int, b: int, numbers: int) -> None:
-    """Fill in the amplification of an impact of two bodies, or of one (twice the same)."""
+    """Fill in the amplification at an impact of two bodies, or of a single body (``a == b``)."""
     if len(tangents.product) > 0:
         tangents.amplification[0, impact] = growth_of_pair(tangents, a, b, numbers)
 
 
 @kernel
 def tell_nothing(tangents: Tangents, impact: int) -> None:
-    """Nothing goes on from an impact that is not carried out."""
+    """Fill in the results at an impact that was not carried out: no amplification, not smooth."""
     tangents.amplification[0, impact] = math.nan
     tangents.smooth[0, impact] = 0
     _tell_sums(tangents, impact)
@@ -247,7 +247,7 @@ def tell_nothing(tangents: Tangents, impact: int) -> None:
 
 @kernel
 def spoil(tangents: Tangents, impacts: Sequence[Instant], end: int, t: float, t_low: float) -> None:
-    """Mark the impacts of an instant before row ``end``: the order of all decides."""
+    """Mark the impacts at an instant before row ``end`` as not smooth: their order matters."""
     number = end - 1
     while number >= 0 and impacts[number].t == t and impacts[number].t_low == t_low:
         tangents.smooth[0, number] = 0
@@ -258,9 +258,9 @@ def spoil(tangents: Tangents, impacts: Sequence[Instant], end: int, t: float, t_
 def carry_vectors(
     tangents: Tangents, body: int, one: float, two: float, three: float, four: float
 ) -> None:
-    """Carry the tangent vectors of a body by the derivative ``[[one, two], [three, four]]``.
+    """Multiply the tangent vectors of a body by the derivative ``[[one, two], [three, four]]``.
 
-    That is of way and speed (m, m/s).
+    The derivative is that of displacement and speed (m, m/s).
     """
     tau = tangents.state[0].time_scale
     _multiply_body(tangents, body, one, two / tau, three * tau, four)
@@ -282,10 +282,10 @@ def _multiply_body(
 def carry_far(
     tangents: Tangents, body: int, one: float, two: float, three: float, four: float
 ) -> None:
-    """Carry as `carry_vectors`, by a derivative of determinant 1 that may be of any size.
+    """Do the same as `carry_vectors` with a derivative of determinant 1 and of any magnitude.
 
-    At a saddle vectors grow so much that they would become parallel. So ``J = U diag(g, 1/g) V^T``
-    is carried out in parts, and the frame made orthonormal after each.
+    Near a saddle the vectors grow so much that they would become parallel. So
+    ``J = U diag(g, 1/g) V^T`` is applied in parts, and the frame made orthonormal after each.
     """
     tau = tangents.state[0].time_scale
     greatest = max(max(abs(one), abs(two) / tau), max(abs(three) * tau, abs(four)))
@@ -310,9 +310,9 @@ def carry_far(
 
 @kernel
 def change_force(tangents: Tangents, body: int, jump: float, late: int) -> None:
-    """Let a body whose acceleration jumps (m/s^2) later go on with what it has changed by then.
+    """Change the tangent vectors of a body whose acceleration jumps (m/s^2) at a delayed event.
 
-    ``late`` is the row of the delays that has its own.
+    ``late`` is the row of its delays.
     """
     jump *= tangents.state[0].time_scale
     if jump != 0.0:

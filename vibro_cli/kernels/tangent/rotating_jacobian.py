@@ -1,20 +1,20 @@
-"""The derivative of a flight on a rotating trace, with respect to the state it starts from.
+"""The derivative of a flight on a rotating trace with respect to its initial state.
 
 On an arc, in units of 1/w, the angle obeys
 
 ``f'' = Q(f) = -sin f + tilt cos f + spread/2 sin 2f + twist cos 2f``
 
-(``twist`` of a group only). Seen from a place ``f0`` of the motion, ``u = tan((f - f0)/2)`` moves
-under a quartic, and a small change ``delta`` of u goes with it:
+(``twist`` for a group only). Relative to an angle ``f0`` of the motion, ``u = tan((f - f0)/2)``
+moves under a quartic, and a small change ``delta`` of u obeys the linearised equation:
 
 ``u'' = 2 a0 u^3 + 6 a1 u^2 + 6 a2 u + 2 a3,
 delta'' = (6 a0 u^2 + 12 a1 u + 6 a2) delta + (u + u^3) dE``
 
 where ``dE = f' df' - Q df`` is the change of the energy, on which the quartic depends. One solution
-is ``delta = u'``, with dE = 0; so a single other one is left to solve for. Both are power series in
-time. A flight is cut into equal parts. The series of each begin in its middle, where the closed
-form tells the state, so that they need to hold for half its length. On a line the motion is linear
-in its start: ``s'' = a + b^2 s``. The kernels stand in for those of
+is ``delta = u'``, with dE = 0; one other solution is needed. Both are power series in time. A
+flight is divided into equal parts. The series of a part start in its middle, where the closed form
+gives the state, so that they need to hold for half its length only. On a line the motion is linear
+in its start: ``s'' = a + b^2 s``. These kernels override those of
 ``kernels.tangent.flight_jacobian``.
 """
 
@@ -33,12 +33,12 @@ from vibro_cli.kernels.world import Flight
 # Rows of the series, in powers of the time from the middle over half the length of a part: u, its
 # square, the stiffness 6 a0 u^2 + 12 a1 u + 6 a2, and the change.
 _PLACE, _SQUARE, _STIFFNESS, _CHANGE = range(4)
-# The last terms of a part are at most this.
+# Bound of the last terms of a part.
 REST = 1.0e-17
-# Half the length of a part, in units of the time in which a motion so strong and so fast changes:
-# longer parts need more terms, shorter ones are more parts. Most have 25 to 30 terms.
+# Half the length of a part, in units of the time scale of the motion: longer parts would need more
+# terms, shorter ones would be more numerous. Most parts have 25 to 30 terms.
 HALF = 0.65
-# Rate of a body in equilibrium. However slow a motion is, the formulas hold; only 0/0 would not.
+# Rate of a body in equilibrium: it avoids 0/0, and the formulas hold for any motion, however slow.
 SLOWEST = 1.0e-150
 
 
@@ -46,7 +46,7 @@ SLOWEST = 1.0e-150
 def flight_jacobian(
     flight: Flight, t: float, series: FloatMatrix
 ) -> tuple[float, float, float, float]:
-    """Do what :func:`kernels.tangent.flight_jacobian.flight_jacobian` does on a rotating trace."""
+    """Override :func:`kernels.tangent.flight_jacobian.flight_jacobian` on a rotating trace."""
     if flight.form == POLYNOMIAL:
         return math.nan, math.nan, math.nan, math.nan
     if flight.form == TURNING_LINE:
@@ -82,10 +82,10 @@ def flight_jacobian(
 def _over_part(
     flight: Flight, middle: float, half: float, series: FloatMatrix
 ) -> tuple[int, float, float, float, float]:
-    """Derivative of angle and rate at the end of a part to those at its beginning.
+    """Return the derivative of angle and rate at the end of a part by those at its start.
 
-    Half its length is the unit of time. First comes the greatest power of time that it needs, or 0
-    if there is no room for that: then the part is too long.
+    The unit of time is half its length. The first item is the greatest power of time needed, or 0
+    if this exceeds the room in the series: then the part is too long.
     """
     a0, a1, a2, a3, rate = _quartic_from(flight, middle, half)
     size = abs(rate) + 2.0 * abs(a3)
@@ -102,7 +102,7 @@ def _over_part(
     pull = 2.0 * (a3 + u * (3.0 * a2 + u * (3.0 * a1 + u * a0)))
     e, g = _as_angle(u, rate, rate / size, pull / size)
     f, h = _as_angle(u, rate, even_change - odd_change, slope_change - back_change)
-    # From the changes at the beginning to those at the end; both have the determinant 1.
+    # Map the changes at the start to those at the end; both matrices have determinant 1.
     return terms, a * h - b * g, b * e - a * f, c * h - d * g, d * e - c * f
 
 
@@ -110,7 +110,7 @@ def _over_part(
 def _quartic_from(
     flight: Flight, t: float, unit: float
 ) -> tuple[float, float, float, float, float]:
-    """Return a0 to a3 as seen from the place at a time, and u' there, in a unit of time."""
+    """Return a0 to a3 relative to the angle at time ``t``, and u' there, in a unit of time."""
     s = flight.flow_s
     c = flight.flow_c
     p = 0.0
@@ -139,9 +139,9 @@ def _quartic_from(
 def _expand(
     a0: float, a1: float, a2: float, a3: float, rate: float, size: float, series: FloatMatrix
 ) -> int:
-    """Set the series of a part; returns the power of their last terms, 0 if there is no room.
+    """Set the series of a part; return the power of their last terms, 0 if there is no room.
 
-    Two terms of each at once: that of t^(k + 2) follows from those up to t^k.
+    Two terms of each are set at once: the term of t^(k + 2) follows from those up to t^k.
     """
     _begin(a1, a2, a3, rate, size, series)
     for k in range(2, TERMS - 2, 2):
@@ -167,14 +167,14 @@ def _expand(
         series[_CHANGE, k + 2] = change
         series[_CHANGE, k + 3] = change_next
         last = abs(change) + abs(change_next) + (k + 3) * (abs(u) + abs(u_next)) / size
-        if not last > REST:  # not a number, too
+        if not last > REST:  # true for nan too
             return k + 3
     return 0
 
 
 @kernel
 def _begin(a1: float, a2: float, a3: float, rate: float, size: float, series: FloatMatrix) -> None:
-    """Set the first four terms of the series; the change is at right angles to (u', u'')."""
+    """Set the first four terms of the series; the change starts orthogonal to (u', u'')."""
     along = rate / size
     pull = 2.0 * a3 / size
     scale = 1.0 / (along * along + pull * pull)
@@ -198,13 +198,12 @@ def _begin(a1: float, a2: float, a3: float, rate: float, size: float, series: Fl
 
 @kernel
 def _products(series: FloatMatrix, k: int) -> tuple[float, float, float, float, float, float]:
-    """Terms of products of series, pair by pair: six sums in one loop, none waits for another.
+    """Return terms of products of series: six independent sums in one loop.
 
     Returns
     -------
-    Those of t^k and t^(k + 1) of u u^2, of t^(k + 2) and t^(k + 3) of u u (the latter without
-    u_1 u_(k + 2), twice, which is not known yet), and those of t^k and t^(k + 1) of the stiffness
-    and the change.
+    The terms of t^k and t^(k + 1) of u u^2, of t^(k + 2) and t^(k + 3) of u u (the latter without
+    2 u_1 u_(k + 2), which is not known yet), and of t^k and t^(k + 1) of stiffness times change.
     """
     cube, cube_next = 0.0, 0.0
     square, square_next = series[_PLACE, 1] * series[_PLACE, k + 1], 0.0
@@ -226,7 +225,7 @@ def _products(series: FloatMatrix, k: int) -> tuple[float, float, float, float, 
 
 @kernel
 def _sums(series: FloatMatrix, row: int, terms: int) -> tuple[float, float, float, float]:
-    """Sums of the even and the odd terms, and of the derivatives of the odd and the even ones."""
+    """Return the sums of the even and odd terms, and of the derivatives of odd and even terms."""
     even, odd, slope, back = 0.0, 0.0, 0.0, 0.0
     for k in range(terms, 0, -2):
         high = series[row, k]
@@ -240,6 +239,6 @@ def _sums(series: FloatMatrix, row: int, terms: int) -> tuple[float, float, floa
 
 @kernel
 def _as_angle(u: float, rate: float, change: float, change_rate: float) -> tuple[float, float]:
-    """Half the changes of angle and rate, from those of u and u'."""
+    """Return half the changes of angle and rate, from those of u and u'."""
     share = 1.0 / (1.0 + u * u)
     return share * change, share * (change_rate - 2.0 * u * rate * share * change)
