@@ -1,1 +1,1 @@
-"""Bodies in lasting contact: their motion, their forces, which contacts hold."""
+"""Bodies in lasting contact: their motion, their forces, and which contacts hold."""

@@ -1,8 +1,8 @@
-"""Groups of bodies in lasting contact on one piece: their motion, and what force ends it.
+"""Groups of bodies in lasting contact on one piece: their motion, and the forces that end it.
 
-On one arc a group is one pendulum ``(sum kappa_i m_i rho_i^2) f'' = -g A sin(f + delta)``; in its
-angle the force between two neighbours is ``U sin f + V cos f`` and the normal force of each body
-has a constant beside, so that their zeros are known in closed form. On a line the acceleration and
+On one arc a group is one pendulum ``(sum kappa_i m_i rho_i^2) f'' = -g A sin(f + delta)``. In its
+angle the moment between two neighbours is ``U sin f + V cos f``, and the normal force of each body
+has an additional constant, so that their zeros have a closed form. On a line the acceleration and
 the forces are constant.
 """
 
@@ -44,13 +44,13 @@ from vibro_cli.kernels.world import (
     track_of,
 )
 
-# A normal force above -this share of its terms is zero up to rounding.
+# A negative normal force below this share of its terms is zero up to rounding.
 FORCE_ROUNDING = 1.0e-14
 
 
 @kernel
 def half_of(cosine: float, sine: float) -> tuple[float, float]:
-    """Sine and cosine of half an angle in (-pi, pi)."""
+    """Return the sine and cosine of half an angle in (-pi, pi)."""
     if cosine >= 0.0:
         c = math.sqrt(0.5 * (1.0 + cosine))
         return 0.5 * sine / c, c
@@ -62,9 +62,9 @@ def half_of(cosine: float, sine: float) -> tuple[float, float]:
 
 @kernel
 def moments_of_body(world: World, ball: int) -> tuple[float, float, float, float]:
-    """``kappa m rho^2`` (kg m^2) of a body, that times its rate, and ``m g rho (cos, sin)``.
+    """Return ``kappa m rho^2`` (kg m^2) of a body, that times its rate, ``m g rho (cos, sin)``.
 
-    The angle is that by which the body leads its group (``shift_s, shift_c`` is half of it).
+    The angle is that by which the body leads its group; ``shift_s, shift_c`` are of half of it.
     """
     flight = world.flights[ball]
     track = track_of(world, ball)
@@ -80,10 +80,10 @@ def moments_of_body(world: World, ball: int) -> tuple[float, float, float, float
 def force_coefficients(
     world: World, first: int, count: int, bodies_left: int
 ) -> tuple[float, float]:
-    """``(U, V)`` of the moment ``U sin f + V cos f`` between a group's first bodies and the rest.
+    """Return ``(U, V)`` of the moment ``U sin f + V cos f`` between the first bodies and the rest.
 
-    Half from the balance of the first ``bodies_left`` bodies, half from that of the others; f is
-    the angle of the group's pendulum.
+    This is the mean from the balance of the first ``bodies_left`` bodies of a group and from that
+    of the others; f is the angle of the group's pendulum.
     """
     left_u, left_v = _balance(world, first, 0, bodies_left)
     right_u, right_v = _balance(world, first, bodies_left, count)
@@ -92,7 +92,7 @@ def force_coefficients(
 
 @kernel
 def _balance(world: World, first: int, start: int, end: int) -> tuple[float, float]:
-    """``(U, V)`` of the moment that some bodies of a group need beside their weight.
+    """Return ``(U, V)`` of the moment that some bodies of a group need besides their weight.
 
     The sum runs from the end of the group inwards.
     """
@@ -109,7 +109,7 @@ def _balance(world: World, first: int, start: int, end: int) -> tuple[float, flo
 
 @kernel
 def set_release(world: World, first: int, count: int, bodies_left: int) -> None:
-    """Find when the force between a group's first bodies and the rest turns negative."""
+    """Set the time when the force between a group's first bodies and the rest turns negative."""
     flight = world.flights[first]
     pair = pair_along(world, first, bodies_left - 1)
     u, v = force_coefficients(world, first, count, bodies_left)
@@ -134,9 +134,9 @@ def set_release(world: World, first: int, count: int, bodies_left: int) -> None:
 
 @kernel
 def _release_at(flight: Flight, s: float, c: float, slope: float) -> float:
-    """Time (s) to the passage of a zero of the force in the direction in which it falls.
+    """Return the time (s) until a group passes a zero of the force while it falls, or NEVER.
 
-    ``slope`` is the derivative of the force's moment with the angle at that place.
+    ``slope`` is the derivative of the force's moment by the angle at the zero ``(s, c)``.
     """
     if flight.complementary_modulus >= 0.0 and flight.flow_c * c < 0.0:
         return NEVER
@@ -166,7 +166,7 @@ def limit_by_lift_off(world: World, first: int, count: int) -> None:
 
 @kernel
 def _normal_force(world: World, first: int, count: int, step: int) -> tuple[float, float, float]:
-    """``(A, B, C)`` of the normal force ``A + B cos f + C sin f`` (N) of a member of a group."""
+    """Return ``(A, B, C)`` of the normal force ``A + B cos f + C sin f`` (N) of a member."""
     ball = number_along(world, first, step)
     flight = world.flights[ball]
     sign = world.pieces[flight.piece].sign
@@ -192,7 +192,7 @@ def _normal_force(world: World, first: int, count: int, step: int) -> tuple[floa
 
 @kernel
 def limit_on_line(world: World, first: int, count: int) -> None:
-    """End the flights of a group on a line at once if a one-sided trace would have to pull."""
+    """End a member's flight on a line at once if a one-sided trace would have to pull it."""
     set_speeds_and_normals(world, first, count - 1)
     contact_forces(world, first, count - 1)
     for step in range(count):
@@ -205,7 +205,7 @@ def limit_on_line(world: World, first: int, count: int) -> None:
 
 @kernel
 def lever_of(world: World, j: int, ball: int) -> float:
-    """Part of a contact's force across the path of a body, for one newton metre between a pair."""
+    """Return the force (N) of a contact normal to a body's path, per newton metre of the moment."""
     pair = world.pairs[j]
     rho = track_of(world, ball).path_radius
     dx, dy = line_of_centres(world, j)
@@ -216,7 +216,7 @@ def lever_of(world: World, j: int, ball: int) -> float:
 
 @kernel
 def _first_negative(flight: Flight, a: float, b: float, c: float) -> float:
-    """Time (s) from which ``a + b cos f + c sin f`` is negative on a group's flight, or NEVER."""
+    """Return the time (s) when ``a + b cos f + c sin f`` turns negative on a flight, or NEVER."""
     size = math.sqrt(b * b + c * c)
     s = flight.flow_s
     k = flight.flow_c
@@ -225,7 +225,7 @@ def _first_negative(flight: Flight, a: float, b: float, c: float) -> float:
         return 0.0
     if size <= abs(a) or flight.at_rest == 1:
         return NEVER
-    # Positive around the angle of (b, c), up to the angle of this cosine to both sides.
+    # Positive around the angle of (b, c), up to the angle with this cosine on both sides.
     cosine = -a / size
     sine = math.sqrt((1.0 - cosine) * (1.0 + cosine))
     after = NEVER
@@ -241,7 +241,7 @@ def _first_negative(flight: Flight, a: float, b: float, c: float) -> float:
 
 @kernel
 def launch_group(world: World, first: int, count: int) -> None:
-    """Launch ``count`` bodies in contact on one piece, from ``first`` to the right."""
+    """Launch ``count`` bodies in contact on one piece, to the right from ``first`` on."""
     piece = world.flights[first].piece
     if world.pieces[piece].sign == 0.0:
         launch_group_on_line(world, first, count)
@@ -253,14 +253,14 @@ def launch_group(world: World, first: int, count: int) -> None:
 
 @kernel
 def begin_member(flight: Flight, track: TrackData) -> None:
-    """Forget what a flight had of its motion before it became one of a group."""
+    """Clear a flight of its earlier motion, before the body joined a group."""
     clear(flight, track, 1)
     flight.separatrix_piece = -1
 
 
 @kernel
 def begin_on_line(flight: Flight, track: TrackData, speed: float) -> None:
-    """Let a flight of a group on a line start at its common speed (m/s)."""
+    """Begin a flight of a group on a line at the common speed (m/s)."""
     begin_member(flight, track)
     flight.p = speed
     start_from_state(flight)
@@ -268,7 +268,7 @@ def begin_on_line(flight: Flight, track: TrackData, speed: float) -> None:
 
 @kernel
 def launch_group_on_line(world: World, first: int, count: int) -> None:
-    """Common parabola: ``v' = -g sin(alpha) sum m/sum kappa m``."""
+    """Launch a group on a line: ``v' = -g sin(alpha) sum m/sum kappa m``."""
     settings = world.settings[0]
     weight = 0.0
     inertia = 0.0
@@ -325,8 +325,8 @@ def _launch_on_arc(world: World, first: int, count: int) -> None:
 def _set_offsets(world: World, first: int, count: int) -> tuple[float, float]:
     """Set ``shift_s, shift_c`` of each body to half its angle from the middle of the group.
 
-    The middle is that of the middle body or, of an even number, that between the two middle ones,
-    so that mirror images are treated alike. Returns ``(S, C)`` of it.
+    The middle is the middle body or, for an even number, between the two middle bodies, so that
+    mirror images are treated alike. Return its ``(S, C)``.
     """
     left = (count - 1) // 2
     right = count // 2
@@ -367,9 +367,9 @@ def _set_shift(world: World, ball: int, s: float, c: float) -> None:
 
 @kernel
 def _moments(world: World, first: int, count: int) -> tuple[float, float, float, float]:
-    """``sum kappa m rho^2`` (kg m^2), that times the common rate, and ``sum m g rho (cos, sin)``.
+    """Return ``sum kappa m rho^2`` (kg m^2), that times the rate, ``sum m g rho (cos, sin)``.
 
-    The angles are those from the middle of the group; bodies are taken two by two from its ends.
+    The angles are those from the middle of the group; bodies are summed in pairs from its ends.
     """
     inertia = 0.0
     momentum = 0.0
@@ -390,7 +390,7 @@ def _moments(world: World, first: int, count: int) -> tuple[float, float, float,
 
 @kernel
 def set_group_flow(world: World, first: int, count: int, ball: int) -> None:
-    """Constants, exit and bounds of a member of a group on an arc."""
+    """Set the constants, exit and bounds of a member of a group on an arc."""
     flight = world.flights[ball]
     track = track_of(world, ball)
     member_s, member_c, member_p = body_of_group(

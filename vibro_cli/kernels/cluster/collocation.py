@@ -1,10 +1,9 @@
 """A group in lasting contact across several pieces: one degree of freedom, by collocation.
 
-On different pieces the contact's geometry changes as the group moves, and no closed form is known.
-The equations of the chain (contact forces from the second derivative of each distance, so that the
-change of the normals is in them) are solved on short segments by collocation at Gauss nodes, to
-rounding; accelerations and forces are then polynomials in time, whose first roots are found with a
-certificate.
+Across pieces the geometry of a contact changes as the group moves, and no closed form is known. The
+equations of the chain are solved on short segments by collocation at Gauss nodes, to rounding. They
+take the contact forces from the second derivative of each distance, and so include the change of
+the normals. Accelerations and forces are then polynomials in time, whose first roots are certified.
 """
 
 from __future__ import annotations
@@ -33,9 +32,9 @@ from vibro_cli.kernels.world import (
 Row = tuple[float, ...]
 
 
-# A force above -this share of the weights presses or is zero up to rounding.
+# A negative force below this share of the weights is zero up to rounding.
 FORCE_ROUNDING = 1.0e-12
-# Gauss nodes on [0, 1]: the zeros of the Legendre polynomial of degree 8, moved there.
+# Gauss nodes: the zeros of the Legendre polynomial of degree 8, mapped to [0, 1].
 NODES = (
     0.01985507175123188, 0.10166676129318664, 0.23723379504183550, 0.40828267875217510,
     0.59171732124782490, 0.76276620495816450, 0.89833323870681336, 0.98014492824876812,
@@ -44,7 +43,7 @@ NODES = (
 
 def _to_powers() -> tuple[Row, ...]:
     """Return the matrix from values at the nodes to coefficients in powers of t, rounded once."""
-    unit = 2**60  # of which the nodes are whole multiples
+    unit = 2**60  # the nodes are integer multiples of its reciprocal
     nodes = [int(node * unit) for node in NODES]
     columns = []
     for node in nodes:
@@ -60,10 +59,10 @@ def _to_powers() -> tuple[Row, ...]:
 
 TO_POWERS = _to_powers()
 
-SEGMENT_END = 2  # a flight's exit kind, beside BOUNDARY and LIFT_OFF
-# Longest segment in units of the fastest time scale.
+SEGMENT_END = 2  # an exit kind of flights, besides BOUNDARY and LIFT_OFF
+# Longest segment in units of the shortest time scale.
 LONGEST = 0.1
-# Share of the accelerations that an iteration may still change.
+# Relative change of the accelerations below which the iteration has converged.
 CONVERGED = 2.0e-15
 ITERATIONS = 30
 
@@ -89,7 +88,7 @@ def launch_across(world: World, first: int, count: int) -> None:
 
 @kernel
 def _first_length(world: World, first: int, count: int) -> float:
-    """A segment short against the time scales of gravity and of the motion (s)."""
+    """Return the length (s) of a segment, short against the time scales of gravity and motion."""
     fastest = 0.0
     for step in range(count):
         ball = number_along(world, first, step)
@@ -126,7 +125,7 @@ def _start_member(world: World, ball: int, h: float) -> None:
 
 @kernel
 def _integrate(world: World, first: int, count: int, h: float) -> bool:
-    """Collocation on a segment of length ``h`` (s); False if it does not converge to rounding."""
+    """Solve a segment of length ``h`` (s) by collocation; return whether it converges."""
     for step in range(count):
         _start_member(world, number_along(world, first, step), h)
     change = NEVER
@@ -152,7 +151,7 @@ def _restore_members(world: World, first: int, count: int) -> None:
 
 @kernel
 def _set_normal_forces(world: World, first: int, count: int, h: float) -> None:
-    """Polynomials of the normal forces (N) of all members over a segment that is solved."""
+    """Set the polynomials of the normal forces (N) of all members on a solved segment."""
     for step in range(count):
         for i in range(SERIES_LENGTH):
             flight_along(world, first, step).normal[i] = 0.0
@@ -166,7 +165,7 @@ def _set_normal_forces(world: World, first: int, count: int, h: float) -> None:
 
 @kernel
 def _limit_by_lift_off(flight: Flight, h: float) -> None:
-    """End a segment where a one-sided trace would have to pull."""
+    """End a segment where a one-sided trace would have to pull the body."""
     after = 0.0 if flight.normal[0] < 0.0 else first_root_of_series(flight.normal, h, 0.0)
     if after < min(h, flight.exit_after):
         flight.exit_kind = LIFT_OFF
@@ -177,7 +176,7 @@ def _limit_by_lift_off(flight: Flight, h: float) -> None:
 
 @kernel
 def _force_members(world: World, first: int, count: int, t: float) -> None:
-    """Put the members into their states at a time of the segment; find their contact forces."""
+    """Set the members' states and contact forces at a time of the segment."""
     for step in range(count):
         flight = flight_along(world, first, step)
         flight.s, flight.c, flight.p = polynomial_flow(flight, t)
@@ -189,7 +188,7 @@ def _force_members(world: World, first: int, count: int, t: float) -> None:
 
 @kernel
 def _iterate(world: World, first: int, count: int, h: float) -> float:
-    """One sweep over the nodes; returns the largest relative change of an acceleration."""
+    """Make one sweep over the nodes; return the largest relative change, as a displacement."""
     size = _acceleration_size(world, first, count)
     for k in range(SERIES_LENGTH):
         _force_members(world, first, count, NODES[k] * h)
@@ -211,7 +210,7 @@ def _iterate(world: World, first: int, count: int, h: float) -> float:
                 for k in range(SERIES_LENGTH):
                     force += TO_POWERS[i][k] * world.pairs[ball].nodal[k]
                 world.pairs[ball].series[i] = force
-            # What counts is the place: a coefficient enters it divided by (i + 1)(i + 2).
+            # The position matters: a coefficient enters it divided by (i + 1)(i + 2).
             moved = abs(value - flight.series[i]) * (h * h / ((i + 1.0) * (i + 2.0)))
             change = max(change, moved / (size * h * h + abs(flight.flow_p) * h))
             flight.series[i] = value
@@ -220,7 +219,7 @@ def _iterate(world: World, first: int, count: int, h: float) -> float:
 
 @kernel
 def _acceleration(world: World, first: int, count: int, step: int) -> float:
-    """Acceleration (m/s^2) of a member along its path under gravity and its contact forces."""
+    """Return the acceleration (m/s^2) of a member along its path by gravity and contact forces."""
     ball = number_along(world, first, step)
     force = 0.0
     if step > 0:
@@ -234,9 +233,9 @@ def _acceleration(world: World, first: int, count: int, step: int) -> float:
 
 @kernel
 def _acceleration_size(world: World, first: int, count: int) -> float:
-    """Size (m/s^2) of the members' accelerations: those of one are given to the others.
+    """Return the magnitude (m/s^2) of the members' accelerations, the largest for all.
 
-    On a rotating trace, a level line next to the axis has hardly any of its own.
+    A member alone may have hardly any, as on a level line near the axis of a rotating trace.
     """
     size = 0.0
     for step in range(count):
@@ -246,11 +245,11 @@ def _acceleration_size(world: World, first: int, count: int) -> float:
 
 @kernel
 def _resolved(world: World, first: int, count: int) -> bool:
-    """Tell whether the last coefficients no longer matter for the places."""
+    """Return whether the last coefficients no longer matter for the positions."""
     size = _acceleration_size(world, first, count)
     for step in range(count):
         flight = flight_along(world, first, step)
-        # The last powers, as they enter the place at the end of the segment.
+        # The coefficients are those of powers of t/h: terms at the end of the segment.
         last = abs(flight.series[SERIES_LENGTH - 1]) + abs(flight.series[SERIES_LENGTH - 2])
         if last > 1.0e-5 * size:
             return False
@@ -259,7 +258,7 @@ def _resolved(world: World, first: int, count: int) -> bool:
 
 @kernel
 def _set_end(world: World, ball: int, h: float) -> None:
-    """Find where on the segment a member leaves its piece; else the segment's end is its exit."""
+    """Set the exit of a member: where it leaves its piece, else the end of the segment."""
     flight = world.flights[ball]
     track = track_of(world, ball)
     to_left, to_right = _ways(flight, track)
@@ -279,7 +278,7 @@ def _set_end(world: World, ball: int, h: float) -> None:
 
 @kernel
 def _ways(flight: Flight, track: TrackData) -> tuple[float, float]:
-    """Length of the centre's path (m) to the left and to the right end of the piece."""
+    """Return the lengths (m) of the centre's path to the left and right end of the piece."""
     if track.path_radius == 0.0:
         return flight.s - track.left_s, track.right_s - flight.s
     left_s, left_c = angle_difference(flight.s, flight.c, track.left_s, track.left_c)
@@ -290,9 +289,9 @@ def _ways(flight: Flight, track: TrackData) -> tuple[float, float]:
 
 @kernel
 def _bound_member(flight: Flight, track: TrackData) -> float:
-    """Set bounds on speed and accelerations over the segment, from the coefficients.
+    """Set the bounds of a flight over the segment, from the coefficients.
 
-    Returns the bound (m/s^3) on the rate of the acceleration along the path.
+    Return the bound (m/s^3) of the rate of the acceleration along the path.
     """
     acceleration = 0.0
     jerk = 0.0
@@ -319,11 +318,14 @@ def _bound_member(flight: Flight, track: TrackData) -> float:
 
 @kernel
 def _time_to_end(flight: Flight, way: float, side: float, h: float, jerk: float) -> float:
-    """First time (s) on the segment at which a member has gone ``way`` to one side, or ``h``."""
+    """Return the first time (s) on the segment at which a member has moved by ``way``, or ``h``.
+
+    ``way`` (m) is the distance to the end of the piece on a side (+1 right, -1 left).
+    """
     bound = flight.acceleration_bound
     t = 0.0
     if way <= AT_END * flight.size:
-        # At this end already: it leaves only if it moves, or is driven, outwards.
+        # The member is at this end: it leaves only if it moves, or is accelerated, outwards.
         outwards = side * flight.flow_p
         if outwards > 0.0 or (outwards == 0.0 and side * flight.series[0] > 0.0):
             return 0.0
@@ -336,17 +338,17 @@ def _time_to_end(flight: Flight, way: float, side: float, h: float, jerk: float)
             return t
         following = t + safe_step_second_order(left, -side * speed, bound)
         if following == t:
-            return t  # what is left is below the resolution of time
+            return t  # the rest is below the resolution of time
         t = following
     return h
 
 
 @kernel
 def _time_inside(flight: Flight, side: float, h: float, jerk: float) -> float:
-    """Time (s) for which a member that stands at an end, not driven outwards, is certainly inside.
+    """Return a time (s) for which a member at an end, not driven outwards, is certainly inside.
 
-    With the speed u and the acceleration a inwards it has gone at least ``u t - A t^2/2``, and if
-    a > 0 at least ``a t^2/2 - J t^3/6``: it need not move to leave the end, to be driven is enough.
+    With speed u and acceleration a inwards, it has moved by at least ``u t - A t^2/2``, and if
+    a > 0 by at least ``a t^2/2 - J t^3/6``, even from rest.
     """
     bound = flight.acceleration_bound
     if bound == 0.0:
@@ -355,15 +357,15 @@ def _time_inside(flight: Flight, side: float, h: float, jerk: float) -> float:
     inwards = -side * flight.series[0]
     if inwards <= 0.0:
         return by_speed
-    # Half of 3 a/J: there the place is not zero by rounding either.
+    # Half of the bound 3 a/J, so that the displacement is not zero by rounding either.
     return max(by_speed, 1.5 * inwards / jerk if jerk > 0.0 else h)
 
 
 @kernel
 def first_root_of_series(series: Series, h: float, least: float) -> float:
-    """First time (s) at which a force, positive at first, falls through zero; ``h`` if not before.
+    """Return the first time (s) at which an initially positive force falls through zero, or ``h``.
 
-    One of at most ``least`` (N) all along is zero up to rounding. Its second derivative on the
+    A force of at most ``least`` (N) throughout is zero up to rounding. The second derivative on the
     segment is bounded by ``sum k (k-1) |c_k|/h^2``.
     """
     bound = 0.0

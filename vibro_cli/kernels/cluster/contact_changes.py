@@ -1,11 +1,12 @@
-"""When lasting contact begins, goes on and ends: which contacts of a chain and of its walls last.
+"""The begin, continuation and end of lasting contacts of a chain, and of its ends with walls.
 
-Those that have no speed, or one whose bounces are lost in rounding, may; those of them that the
-contact forces press do. A wall is a body of infinite mass: what it presses rests.
+A contact may last if its relative speed is zero, or so small that its bounces are lost in rounding.
+It does last if the contact force presses. A wall is a body of infinite mass: a body pressed to it
+rests.
 
-Contact is kept where the contact force presses. A pair held before keeps its contact through a
-change of piece if the force still presses there; a pair that bounces with k < 1 closes when the
-sum of its remaining bounces can be taken in closed form to rounding (accumulation, Zeno).
+A held pair keeps its contact through a change of piece if the force still presses there. A pair
+that bounces with k < 1 closes once the sum of its remaining bounces has a closed form to rounding
+(accumulation, Zeno).
 """
 
 from __future__ import annotations
@@ -66,24 +67,24 @@ from vibro_cli.kernels.world import (
     track_of,
 )
 
-# Bodies in contact have equal normal speeds up to the rounding of a whole flight.
+# Bodies in contact have equal normal speeds up to the rounding of a whole flight, this share.
 HELD_ROUNDING = 1.0e-9
-# Impacts slower than this share of the greatest speeds of an instant are rounding, which grows if
-# a law gives more speed than it takes.
+# Impacts slower than this share of the greatest speeds at an instant are rounding, which grows if
+# a law increases speeds.
 SLOWEST = 1.0e-11
-# Below this share of the weights a pulling force is one that has just become zero.
+# A pulling force below this share of the weights has only just become zero.
 JUST_ZERO = 1.0e-6
 
 
 @kernel
 def settle_contacts(world: World, first: int, count: int) -> None:
-    """Decide for a chain of ``count`` touching pairs which of them stay in contact.
+    """Decide which of the ``count`` touching pairs of a chain stay in contact.
 
-    States, speeds and normals of the bodies must be set. ``held`` then says which pairs roll on in
-    contact, ``wall_side`` which bodies rest at a wall, ``closing`` keeps how the other pairs part
-    (the ``touching`` to be set after the launch), and ``closing_loss`` the energy (J) that
-    equalising the speeds of held bodies has taken. Pairs and walls whose ``pressing`` is
-    ``FORCED`` are held whatever the rounding of their forces says.
+    States, speeds and normals of the bodies must be set. This sets ``held`` of the pairs that stay
+    in contact, ``wall_side`` of the bodies that rest at a wall, ``closing`` to how the other pairs
+    separate (their ``touching`` after the launch), and ``closing_loss`` to the energy (J) lost by
+    equalising the speeds of held bodies. Pairs and walls whose ``pressing`` is ``FORCED`` are held
+    regardless of the rounding of their forces.
     """
     fastest = share_fastest(world, first, count)
     for step in range(count + 1):
@@ -102,9 +103,9 @@ def settle_contacts(world: World, first: int, count: int) -> None:
 
 @kernel
 def _propose(world: World, j: int, fastest: float) -> None:
-    """Propose a pair to be held if it has no speed, or one whose bounces may be lost in rounding.
+    """Propose to hold a pair at rest, or with a speed whose bounces may be lost in rounding.
 
-    ``closing`` says which speed it has if it is not zero.
+    ``closing`` becomes the direction of its relative speed if that is not zero.
     """
     pair = world.pairs[j]
     pair.closing = 0
@@ -125,33 +126,33 @@ def _propose(world: World, j: int, fastest: float) -> None:
     if parting < -SLOWEST * fastest and _keeps_small_impacts(world, world.flights[pair.a]):
         pair.pressing = FREE
         return
-    # Pressed by all bodies together it would bounce lowest.
+    # Its bounces would be lowest if the weight of all bodies pressed it.
     pull = world.settings[0].gravity * world.settings[0].bodies
     if _bounce_force(world, j, parting) > pull:
         pair.pressing = FREE
     again = world.flights[pair.a].impacts > 0 and world.flights[pair.b].impacts > 0
     if again and parting > 0.0 and pair.struck > 0.0:
-        pair.pressing = FREE  # its bounces have a sum, once the others are launched
+        pair.pressing = FREE  # its bounces are summed once the others are launched
 
 
 @kernel
 def _keeps_small_impacts(world: World, flight: Flight) -> bool:
-    """Tell whether slow impacts of a body that has just had others are carried out as well.
+    """Return whether to carry out slow impacts too, of a body that has just had other impacts.
 
-    What ``translational`` balances is not what making normal speeds equal does.
+    ``translational`` does not conserve the same momentum as equalising the normal speeds.
     """
     return balances_mass(world.settings[0].law) and flight.impacts > 1
 
 
 @kernel
 def held_rounding(world: World, j: int) -> float:
-    """Speed (m/s) between a pair that its flight in contact leaves by rounding.
+    """Return a bound (m/s) of the relative speed that rounding leaves after a flight in contact.
 
-    That of its own speed, and of what forces give it on a segment, though they cancel.
+    It has the rounding of the speed itself, and that of cancelling forces on a segment.
     """
     flight = world.flights[world.pairs[j].a]
     if _keeps_small_impacts(world, flight):
-        return SLOWEST * flight.fastest  # it has not flown since their speeds were made equal
+        return SLOWEST * flight.fastest  # no flight yet since the speeds were equalised
     given = 0.0
     if flight.form == POLYNOMIAL:
         given = SPEED_ROUNDING * world.settings[0].gravity * flight.segment
@@ -160,7 +161,7 @@ def held_rounding(world: World, j: int) -> float:
 
 @kernel
 def _is_released(world: World, pair: PairData) -> bool:
-    """Tell whether a contact has opened at this instant; ``touching`` is 0 after an impact."""
+    """Return whether a contact has opened at this instant; ``touching`` is 0 after an impact."""
     clock = world.clock[0]
     now = pair.begin_t == clock.t and pair.begin_t_low == clock.t_low
     return now and pair.held == 0 and pair.touching == RELEASED
@@ -168,7 +169,7 @@ def _is_released(world: World, pair: PairData) -> bool:
 
 @kernel
 def _propose_wall(world: World, ball: int, fastest: float) -> None:
-    """Propose that an end of a chain rests at the wall it touches, if it may; see ``_propose``."""
+    """Propose that an end of a chain rests at the wall it touches, as ``_propose`` does."""
     flight = world.flights[ball]
     side = touched_wall(world, ball)
     if side == 0:
@@ -187,14 +188,14 @@ def _propose_wall(world: World, ball: int, fastest: float) -> None:
 
 @kernel
 def _bounce_force(world: World, j: int, parting: float) -> float:
-    """Acceleration (m/s^2) under which a bounce is lost in the rounding of the places."""
+    """Return the acceleration (m/s^2) above which a bounce is lost in rounding of the positions."""
     _, size = present_gap(world, j)
     return parting * parting / (2.0 * LOST_BOUNCE * EPSILON * size)
 
 
 @kernel
 def _ease(world: World, j: int) -> float:
-    """Acceleration along the line of centres that one newton between a pair gives (m/s^2)."""
+    """Return the relative acceleration (m/s^2) of a pair along the line of centres, per newton."""
     pair = world.pairs[j]
     ease_a = pair.normal_a * pair.normal_a * mobility(world, pair.a)
     return ease_a + pair.normal_b * pair.normal_b * mobility(world, pair.b)
@@ -202,12 +203,12 @@ def _ease(world: World, j: int) -> float:
 
 @kernel
 def _press(world: World, first: int, count: int) -> bool:
-    """Add to the pressing contacts of a chain those that their forces press too; False if none.
+    """Add the contacts that the forces of the pressing ones press too; return whether any.
 
-    A force between two bodies presses each of them more against its other neighbour, or its wall:
-    what presses once does so in the end, and no contact has to be taken away again (a linear
-    complementarity problem whose matrix has no positive element beside its diagonal,
-    Chandrasekaran 1970).
+    A force between two bodies presses each of them more strongly against its other neighbour, or
+    its wall. So a contact that presses once does so in the end, and none has to be removed again (a
+    linear complementarity problem whose matrix has no positive off-diagonal element, Chandrasekaran
+    1970).
     """
     start = 0
     while start < count:
@@ -226,7 +227,7 @@ def _press(world: World, first: int, count: int) -> bool:
 
 @kernel
 def _press_walls(world: World, first: int, count: int) -> bool:
-    """Let the ends of a chain lean on their walls if they are pressed to them; False if none."""
+    """Let the ends of a chain lean on walls that they are pressed to; return whether any do."""
     found = False
     for end in range(2):
         ball = first if end == 0 else number_along(world, first, count)
@@ -248,7 +249,7 @@ def _press_walls(world: World, first: int, count: int) -> bool:
 
 @kernel
 def _push(world: World, j: int, ball: int) -> float:
-    """Acceleration (m/s^2) that the force of a pair (``solution``) gives to one of its bodies."""
+    """Return the acceleration (m/s^2) of a body by the force of its pair (``solution``)."""
     pair = world.pairs[j]
     normal = pair.normal_a if pair.a == ball else pair.normal_b
     return normal * pair.solution * mobility(world, ball)
@@ -256,9 +257,9 @@ def _push(world: World, j: int, ball: int) -> float:
 
 @kernel
 def _surplus(world: World, first: int, count: int, step: int) -> float:
-    """What presses a free pair of a chain beyond what it needs to stay, as a share of the weights.
+    """Return the force on a free pair beyond what it needs to stay, as a share of the weights.
 
-    The forces between its neighbours and theirs are their ``solution``.
+    The forces of the neighbouring pairs are their ``solution``.
     """
     j = number_along(world, first, step)
     pair = world.pairs[j]
@@ -282,7 +283,7 @@ def _surplus(world: World, first: int, count: int, step: int) -> float:
 
 @kernel
 def _decide(world: World, first: int, count: int, step: int) -> None:
-    """Hold a pair of a chain if it presses; else ``closing`` says how it parts."""
+    """Hold a pair of a chain if it presses; otherwise set ``closing`` to how it separates."""
     j = number_along(world, first, step)
     pair = world.pairs[j]
     held = 1 if pair.pressing == PRESSING else 0
@@ -297,7 +298,7 @@ def _decide(world: World, first: int, count: int, step: int) -> None:
 
 @kernel
 def launch_chain(world: World, first: int, count: int, cause: int) -> None:
-    """Launch the ``count + 1`` bodies of a chain, each run of held pairs as one group."""
+    """Launch the ``count + 1`` bodies of a chain, with each run of held pairs as one group."""
     step = 0
     while step <= count:
         ball = number_along(world, first, step)
@@ -307,7 +308,7 @@ def launch_chain(world: World, first: int, count: int, cause: int) -> None:
             number = number_along(world, ball, member)
             flight = world.flights[number]
             flight.p = flight.speed / track_of(world, number).speed_factor
-            if side != 0:  # now, as the launch sets the forces of a motion
+            if side != 0:  # before the launch, which sets other forces
                 world.forces[member].normal = normal_force_now(world, ball, length + 1, member)
         if length == 0:
             begin_flight(world, ball, cause, 1)
@@ -331,7 +332,7 @@ def _launch_together(world: World, first: int, count: int, cause: int) -> None:
     for step in range(count - 1):
         pair = pair_along(world, first, step)
         a, b = flights_of(world, pair)
-        # On one circle they are side by side, or on both sides of its seam.
+        # On a single circle they must be side by side, or on both sides of its seam.
         one_piece = (
             one_piece
             and a.piece == b.piece
@@ -350,7 +351,7 @@ def _launch_together(world: World, first: int, count: int, cause: int) -> None:
 
 @kernel
 def relaunch_run(world: World, first: int, count: int, cause: int) -> None:
-    """Launch a run of held pairs anew after a change, as far as their forces still press."""
+    """Launch a run of held pairs again after a change; pairs no longer pressed open."""
     set_speeds_and_normals(world, first, count)
     settle_contacts(world, first, count)
     count_corrections(world, first, count)
@@ -359,9 +360,9 @@ def relaunch_run(world: World, first: int, count: int, cause: int) -> None:
 
 @kernel
 def _launch_unhit(world: World, first: int, count: int, cause: int) -> None:
-    """Launch a chain whose speeds go on.
+    """Launch a chain whose speeds do not change.
 
-    Pairs beside it that part from this very instant on still do so.
+    Adjacent pairs that separate from the present instant on keep that mark.
     """
     left = _mark_beside(world, first - 1)
     right = _mark_beside(world, first + count)
@@ -372,7 +373,7 @@ def _launch_unhit(world: World, first: int, count: int, cause: int) -> None:
 
 @kernel
 def _mark_beside(world: World, number: int) -> int:
-    """How a pair beside a chain, if there is one, parts since the present instant (or 0)."""
+    """Return how a pair beside a chain separates since the present instant, or 0 if it does not."""
     settings = world.settings[0]
     clock = world.clock[0]
     if settings.closed == 0 and not 0 <= number < settings.pairs:
@@ -392,7 +393,7 @@ def _set_mark_beside(world: World, number: int, mark: int) -> None:
 
 @kernel
 def count_corrections(world: World, first: int, count: int) -> None:
-    """Count what equalising the speeds of bodies in contact has changed as corrections."""
+    """Add the energy changed by equalising the speeds of bodies in contact to the corrections."""
     for step in range(count):
         pair = pair_along(world, first, step)
         world.clock[0].energy_correction += abs(pair.closing_loss)
@@ -400,14 +401,14 @@ def count_corrections(world: World, first: int, count: int) -> None:
 
 @kernel
 def open_contacts(world: World, j: int, first: int, count: int) -> None:
-    """Free pair ``j`` of a run whose states are set: its contact force has become zero.
+    """Open pair ``j`` of a run whose states are set: its contact force has become zero.
 
-    Others whose forces vanish at the same instant open with it.
+    Other pairs whose forces vanish at the same instant open too.
     """
     t = world.pairs[j].release_t
     t_low = world.pairs[j].release_t_low
     set_speeds_and_normals(world, first, count)
-    # What the flight has left of speed between them by rounding would be an impact once it is free.
+    # Relative speed left by rounding of the flight would cause an impact once the pair is free.
     equalise(world, first, count)
     count_corrections(world, first, count)
     for step in range(count):
@@ -430,14 +431,14 @@ def open_contacts(world: World, j: int, first: int, count: int) -> None:
 
 @kernel
 def close_accumulated(world: World, first: int, count: int) -> bool:
-    """Close the contacts of a launched chain whose remaining bounces can be summed up.
+    """Close the contacts of a launched chain whose remaining bounces can be summed.
 
-    Bodies that touch no others: the sum is that of one pair (see ``chattering.time_to_rest``).
-    Returns whether any contact has closed; ``closing_loss`` is then set.
+    The sum is that of a single pair of bodies (see ``chattering.time_to_rest``). Return whether any
+    contact has closed; ``closing_loss`` is then set.
     """
     closed = False
     if count > 1:
-        # A launch across pieces has left the normals of its last node.
+        # A launch across pieces leaves the normals at its last node.
         for step in range(count):
             set_normals(world, number_along(world, first, step))
     for step in range(count):

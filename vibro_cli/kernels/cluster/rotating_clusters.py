@@ -1,13 +1,13 @@
-"""Groups in lasting contact on one piece of a rotating trace in closed form, and what it bears.
+"""Groups in lasting contact on one piece of a rotating trace, in closed form, and their forces.
 
-On an arc the bodies' common angle obeys ``f'' = w^2 (-sin f + tilt cos f + spread sin f cos f +
-twist cos 2f)``: ``w`` and the origin of f as on a trace at rest, the tilt that of every body alone,
-``(spread, 2 twist) = sum m (Omega rho)^2 (cos 2 delta, sin 2 delta)/torque`` with the angles delta
-by which the bodies lead. So the motion is again one under a quartic; forces between neighbours and
-of the trace are trigonometric polynomials of degree 2. On a line the motion is a sum of cosh and
-sinh, and the forces are linear in the place. Forces are told in the angle, or the way, from the
-start of the motion. The kernels stand in for those of ``kernels.cluster.clusters`` and
-``kernels.cluster.trace_forces``.
+On an arc the common angle of the bodies obeys ``f'' = w^2 (-sin f + tilt cos f + spread sin f cos f
++ twist cos 2f)``. ``w`` and the origin of f are those of a trace at rest, the tilt that of each
+body alone, and ``(spread, 2 twist) = sum m (Omega rho)^2 (cos 2 delta, sin 2 delta)/torque`` with
+the angles delta by which the bodies lead. So this is again a motion under a quartic, and forces
+between neighbours and of the trace are trigonometric polynomials of degree 2. On a line the motion
+is a sum of cosh and sinh, and the forces are linear in the position. Forces are functions of the
+angle, or the distance, from the start of the motion. These kernels override those of
+``kernels.cluster.clusters`` and ``kernels.cluster.trace_forces``.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ from vibro_cli.kernels.world import (
 
 @kernel
 def set_group_flow(world: World, first: int, count: int, ball: int) -> None:
-    """Constants, exit and bounds of a member of a group on an arc (as ``clusters`` has it)."""
+    """Set the constants, exit and bounds of a member of a group on an arc, as in ``clusters``."""
     settings = world.settings[0]
     flight = world.flights[ball]
     track = track_of(world, ball)
@@ -110,7 +110,7 @@ def set_group_flow(world: World, first: int, count: int, ball: int) -> None:
     if flight.flow_p == 0.0 and flight.quartic_3 == 0.0:
         flight.at_rest = 1
     _set_bounds(flight, track)
-    # What a member's row has of it.
+    # Constants of the motion that are logged in the member's row.
     flight.segment = NEVER
     flight.series[0] = flight.spread
     flight.series[1] = flight.twist
@@ -120,7 +120,7 @@ def set_group_flow(world: World, first: int, count: int, ball: int) -> None:
 
 @kernel
 def set_group_motion(flight: Flight) -> None:
-    """Set the constants of a group's motion on an arc from its start."""
+    """Set the constants of a group's motion on an arc from its initial state."""
     square = square_harmonics(flight, torque_harmonics(flight))
     moves = flight.flow_p != 0.0
     flight.turns_over = 1 if moves and least_value(square, 2.0 * math.pi) > 0.0 else 0
@@ -146,7 +146,7 @@ def _set_bounds(flight: Flight, track: TrackData) -> None:
 
 @kernel
 def _choose_exit(flight: Flight, track: TrackData) -> None:
-    """Find at which end of its piece a member leaves it, and when."""
+    """Set the end at which a member leaves its piece, and the time."""
     forward = flight.flow_p if flight.flow_p != 0.0 else flight.quartic_3
     for turn in range(2):
         right = (forward > 0.0) == (turn == 0)
@@ -163,7 +163,7 @@ def _choose_exit(flight: Flight, track: TrackData) -> None:
             _leave(flight, side, flight.flow_p, 0.0)
             return
         squared = squared_rate(flight, sine, cosine)
-        # The quartic knows a slow rate to all its digits, and so where the group turns back.
+        # The quartic gives a slow rate to all digits, and so decides where the group turns back.
         if squared > 0.0 and (flight.turns_over == 1 or half_way(flight, side) >= half):
             p = side * math.sqrt(squared)
             s, c = place_from_start(flight, sine, cosine)
@@ -182,7 +182,7 @@ def _leave(flight: Flight, side: float, p: float, after: float) -> None:
 
 @kernel
 def _ways(flight: Flight, track: TrackData) -> tuple[float, float]:
-    """Angles (rad) that the motion of a group takes in, to the left and to the right."""
+    """Return the angles (rad) to the left and right that the motion of a member covers."""
     left = 2.0 * half_way(flight, -1.0)
     right = 2.0 * half_way(flight, 1.0)
     if flight.exit_side != 0:
@@ -199,7 +199,7 @@ def _ways(flight: Flight, track: TrackData) -> tuple[float, float]:
 
 @kernel
 def _drive(world: World, first: int, start: int, end: int) -> Harmonics:
-    """Moment (N m) that drives some bodies of a group on beyond what their motion takes."""
+    """Return the moment (N m) on some bodies of a group, less that needed for their motion."""
     flight = world.flights[first]
     w2 = flight.frequency * flight.frequency
     group = 0.0, flight.tilt, -1.0, flight.twist, 0.5 * flight.spread
@@ -218,7 +218,7 @@ def _drive(world: World, first: int, start: int, end: int) -> Harmonics:
 
 @kernel
 def moment_between(world: World, first: int, count: int, bodies_left: int) -> Harmonics:
-    """Moment (N m) with which a group's first bodies press on the rest, in the group's angle."""
+    """Return the moment (N m) of a group's first bodies on the rest, in the group's angle."""
     left = _drive(world, first, 0, bodies_left)
     right = _drive(world, first, bodies_left, count)
     return combined(scaled(0.5, left), -0.5, right)
@@ -226,7 +226,7 @@ def moment_between(world: World, first: int, count: int, bodies_left: int) -> Ha
 
 @kernel
 def set_release(world: World, first: int, count: int, bodies_left: int) -> None:
-    """Find when the force between a group's first bodies and the rest falls through zero."""
+    """Set the time at which the force between a group's first bodies and the rest falls to zero."""
     flight = world.flights[first]
     pair = pair_along(world, first, bodies_left - 1)
     if flight.at_rest == 1:
@@ -239,7 +239,7 @@ def set_release(world: World, first: int, count: int, bodies_left: int) -> None:
 
 @kernel
 def _group_ways(world: World, first: int, count: int) -> tuple[float, float]:
-    """Angles (rad) that a group can go to both sides before one of its bodies leaves its piece."""
+    """Return the angles (rad) that a group can move to both sides until a body leaves its piece."""
     flight = world.flights[first]
     left, right = _ways(flight, track_of(world, first))
     for step in range(1, count):
@@ -270,14 +270,14 @@ def limit_by_lift_off(world: World, first: int, count: int) -> None:
 
 @kernel
 def normal_harmonics(world: World, first: int, count: int, step: int) -> Harmonics:
-    """Normal force (N) of a member of a group in the group's angle."""
+    """Return the normal force (N) of a member as a function of the group's angle."""
     ball = number_along(world, first, step)
     flight = world.flights[ball]
     track = track_of(world, ball)
     body = world.bodies[ball]
     sine, cosine = twice_angle(flight.shift_s, flight.shift_c)
     own = turned((0.5 * track.spread, 1.0, track.tilt, -0.5 * track.spread, 0.0), sine, cosine)
-    # P^2 in the group's angle: that from the start, turned back.
+    # P^2 as a function of the group's angle, from that of the angle from the start.
     sine, cosine = twice_angle(flight.flow_s, flight.flow_c)
     square = turned(square_harmonics(flight, torque_harmonics(flight)), -sine, cosine)
     central = 4.0 * body.mass * track.path_radius * flight.frequency * flight.frequency
@@ -293,7 +293,7 @@ def normal_harmonics(world: World, first: int, count: int, step: int) -> Harmoni
 
 @kernel
 def launch_group_on_line(world: World, first: int, count: int) -> None:
-    """Launch a group on a line: ``v' = a + b^2 way`` with means over ``kappa m`` of the bodies."""
+    """Launch a group on a line: ``v' = a + b^2 x``, means of the bodies weighted by ``kappa m``."""
     settings = world.settings[0]
     inertia = 0.0
     force = 0.0
@@ -332,7 +332,7 @@ def launch_group_on_line(world: World, first: int, count: int) -> None:
 
 @kernel
 def _alone_on_line(world: World, ball: int) -> tuple[float, float]:
-    """Acceleration (m/s^2) of a body alone on a line, and how it grows with the way (1/s^2)."""
+    """Return the acceleration (m/s^2) of a body alone on a line, and its gradient (1/s^2)."""
     flight = world.flights[ball]
     track = track_of(world, ball)
     square = track.line_growth * track.line_growth
@@ -341,7 +341,7 @@ def _alone_on_line(world: World, ball: int) -> tuple[float, float]:
 
 @kernel
 def _push_on_line(world: World, first: int, step: int) -> tuple[float, float]:
-    """Force (N) along a line of a group's first bodies on the rest, and how it grows (N/m)."""
+    """Return the force (N) along a line of the first bodies on the rest, and its gradient (N/m)."""
     flight = world.flights[first]
     force = 0.0
     growth = 0.0
@@ -381,7 +381,7 @@ def _limit_on_line(world: World, first: int, count: int, step: int) -> None:
 
 @kernel
 def lever_on_line(world: World, j: int) -> float:
-    """Part of a contact's force across a line, for one newton along it."""
+    """Return the force (N) of a contact normal to a line, per newton along it."""
     pair = world.pairs[j]
     dx, dy = line_of_centres(world, j)
     tx, ty = tangent(world, pair.a)
@@ -407,7 +407,7 @@ FIRST = 3
 
 @kernel
 def pendulum_at(flight: Flight, sine: float, cosine: float) -> tuple[float, float, float, float]:
-    """``(S, C)``, ``f''`` and ``f'^2`` of a group half an angle from its start."""
+    """Return ``(S, C)``, ``f''`` and ``f'^2`` of a group, at half an angle from its start."""
     s, c = place_from_start(flight, sine, cosine)
     w2 = flight.frequency * flight.frequency
     square = 4.0 * w2 * squared_rate(flight, sine, cosine)
@@ -416,7 +416,7 @@ def pendulum_at(flight: Flight, sine: float, cosine: float) -> tuple[float, floa
 
 @kernel
 def fit_forces(world: World, number: int, scratch: Flight) -> None:
-    """Set the forces of every body of a motion as functions of its angle, or its way on a line."""
+    """Set the forces on every body of a motion as functions of its angle, or distance on a line."""
     row = world.log[number]
     replay_flight(world, row, number, scratch)
     if scratch.at_rest == 1 or scratch.form == POLYNOMIAL:
@@ -437,19 +437,19 @@ def fit_forces(world: World, number: int, scratch: Flight) -> None:
 
 @kernel
 def put(series: Series, h: Harmonics) -> None:
-    """Keep the coefficients of a function."""
+    """Store the coefficients of a function in a series."""
     series[0], series[1], series[2], series[3], series[4] = h
 
 
 @kernel
 def kept(series: Series) -> Harmonics:
-    """Return them."""
+    """Return the coefficients of a function from a series."""
     return series[0], series[1], series[2], series[3], series[4]
 
 
 @kernel
 def _fit_group(world: World, number: int, scratch: Flight) -> None:
-    """From the forces at five angles."""
+    """Fit the forces on a group from those at five angles."""
     row = world.log[number]
     first, count, base = bodies_of(world, row)
     for place in range(count):
@@ -474,7 +474,7 @@ def _fit_group(world: World, number: int, scratch: Flight) -> None:
 
 @kernel
 def _add_angle(one: BodyForces, sine: float, cosine: float) -> None:
-    """Count in the normal force at one of the fitted angles."""
+    """Add the normal force at one of the fitted angles to the fit."""
     normal = one.normal
     one.normal_terms[0] += 0.2 * normal
     one.normal_terms[1] += 0.4 * normal * cosine
@@ -485,7 +485,7 @@ def _add_angle(one: BodyForces, sine: float, cosine: float) -> None:
 
 @kernel
 def _fit_on_line(world: World, number: int, scratch: Flight) -> None:
-    """From the forces at the start and as far on as the trace is long: linear in the way."""
+    """Fit forces linear in the distance, from those at the start and a trace's length further."""
     row = world.log[number]
     first, count, base = bodies_of(world, row)
     way = world.flights[0].size

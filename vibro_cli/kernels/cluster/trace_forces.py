@@ -1,11 +1,11 @@
-"""What the trace bears: normal force and friction of bodies on one motion, alone or in contact.
+"""Forces of the trace: normal force and friction of bodies on one motion, alone or in contact.
 
-The contact forces of a group follow from its motion, body by body from the left (from the right
-if it leans on a wall there, at rest): ``f_i c_a = f_{i-1} c_b - m g sin(alpha) - M v'``; the trace
-then carries ``m g cos(alpha) +- m v^2/rho`` less the contact forces along its normal, and friction
-is ``(kappa - 1) m |v'|``. On one arc the normal force is ``a + b cos f + c sin f`` in the angle of
-the group's pendulum, and is known from three angles; on a line it is constant. A body alone is a
-group of one.
+The contact forces of a group follow from its motion, body by body from the left (from the right if
+the group rests against a wall on the left): ``f_i c_a = f_{i-1} c_b - m g sin(alpha) - M v'``. The
+normal force is ``m g cos(alpha) +- m v^2/rho`` less the contact forces along the normal, and
+friction is ``(kappa - 1) m |v'|``. On one arc the normal force is ``a + b cos f + c sin f`` in the
+angle of the group's pendulum, and is fitted from three angles; on a line it is constant. A body
+alone is a group of one.
 """
 
 from __future__ import annotations
@@ -37,23 +37,24 @@ from vibro_cli.kernels.world import (
     track_on,
 )
 
-# Angles of a motion at which forces are fitted, halved: the thirds of a turn, and after them the
-# fifths, for a rotating trace.
+# Half the angles of a motion at which forces are fitted: thirds of a turn, then fifths, for a
+# rotating trace.
 _HALVES = [math.pi * k / n for n in (3, 5) for k in range(n)]
 HALF_SINES = tuple(math.sin(half) for half in _HALVES)
 HALF_COSINES = tuple(math.cos(half) for half in _HALVES)
 COSINES = (1.0, -0.5, -0.5)
 SINES = (0.0, 0.5 * math.sqrt(3.0), -0.5 * math.sqrt(3.0))
-# In place of the number of such an angle: forces after a time, or at a way along a line.
+# Used in place of the number of such an angle: forces after a time, or at a distance along a line.
 AT_TIME = -1
 AT_WAY = -2
 
 
 @kernel
 def row_of(world: World, number: int, ball: int) -> int:
-    """The row of the flight that a body began together with that of row ``number``.
+    """Return the row of the flight of ``ball`` that began together with that of row ``number``.
 
-    A group is logged body by body; flights under way stand in front of a log in order of bodies.
+    A group is logged body by body; flights in progress are at the front of a log, in order of
+    bodies.
     """
     row = world.log[number]
     bodies = world.settings[0].bodies
@@ -68,7 +69,7 @@ def row_of(world: World, number: int, ball: int) -> int:
 
 @kernel
 def bodies_of(world: World, row: FlightRow) -> tuple[int, int, int]:
-    """The first body of a motion, their number, and where their forces are in ``world.forces``."""
+    """Return the first body of a motion, the number of bodies, and the index of their forces."""
     if row.grouped == 1:
         return row.group_first, row.group_count, 0
     return row.body, 1, world.settings[0].bodies
@@ -76,17 +77,17 @@ def bodies_of(world: World, row: FlightRow) -> tuple[int, int, int]:
 
 @kernel
 def is_pendulum(flight: Flight) -> bool:
-    """Tell whether a motion is one on an arc, its forces harmonic in its angle."""
+    """Return whether a motion is on an arc, with forces harmonic in its angle."""
     return flight.form != POLYNOMIAL and flight.frequency != 0.0 and flight.at_rest == 0
 
 
 @kernel
 def set_forces(world: World, number: int, angle: int, t: float, scratch: Flight) -> None:
-    """Set normal force and friction (N) of every body of a motion, in ``world.forces``.
+    """Set the normal force and friction (N) of every body of a motion, in ``world.forces``.
 
-    ``number`` is the row of the flight of one of its bodies, ``angle`` one of the fitted angles, or
-    ``AT_TIME`` for a time ``t`` (s) after its start, ``AT_WAY`` for a way ``t`` (m) along a line.
-    Of a body alone ``scratch`` is the flight of its row.
+    ``number`` is the row of the flight of one of the bodies. ``angle`` is the index of a fitted
+    angle, ``AT_TIME`` for a time ``t`` (s) after the start, or ``AT_WAY`` for a distance ``t`` (m)
+    along a line. For a body alone ``scratch`` must be the flight of its row.
     """
     row = world.log[number]
     first, count, base = bodies_of(world, row)
@@ -100,7 +101,7 @@ def set_forces(world: World, number: int, angle: int, t: float, scratch: Flight)
     place = 0
     step = 1
     if row.at_rest == 1:
-        # At rest on a wall to the left, whose force is not known: from the free end on.
+        # At rest against a wall on the left, whose force is unknown: start from the free end.
         one = world.forces[base]
         back, _ = parts_of_weight(world, one.x, one.sine, one.cosine)
         if back > 0.0:
@@ -130,7 +131,7 @@ def set_forces(world: World, number: int, angle: int, t: float, scratch: Flight)
 
 @kernel
 def _direction(a: BodyForces, b: BodyForces) -> tuple[float, float]:
-    """Unit vector from one centre to the other."""
+    """Return the unit vector from one centre to the other."""
     dx = b.x - a.x
     dy = b.y - a.y
     distance = math.sqrt(dx * dx + dy * dy)
@@ -141,7 +142,7 @@ def _direction(a: BodyForces, b: BodyForces) -> tuple[float, float]:
 def _set_motion(
     world: World, index: int, one: BodyForces, angle: int, t: float, scratch: Flight
 ) -> None:
-    """Set centre, slope, ``v^2/rho`` and ``v'`` of a body, see :func:`set_forces`."""
+    """Set the centre, slope, ``v^2/rho`` and ``v'`` of a body, see :func:`set_forces`."""
     row = world.log[index]
     piece = world.pieces[row.piece]
     track = track_on(world, row.body, row.piece)
@@ -168,7 +169,7 @@ def _set_motion(
 
 @kernel
 def pendulum_at(flight: Flight, sine: float, cosine: float) -> tuple[float, float, float, float]:
-    """``(S, C)``, ``f''`` and ``f'^2`` of a group's pendulum at one of the fitted angles."""
+    """Return ``(S, C)``, ``f''`` and ``f'^2`` of a group's pendulum at a fitted angle."""
     w2 = flight.frequency * flight.frequency
     square = 4.0 * w2 * (flight.parameter - sine * sine)
     return sine, cosine, -w2 * (2.0 * sine * cosine), square
@@ -176,7 +177,7 @@ def pendulum_at(flight: Flight, sine: float, cosine: float) -> tuple[float, floa
 
 @kernel
 def set_ends(world: World, number: int, duration: float, scratch: Flight) -> None:
-    """Set the forces of every body of a motion at its start, and after its duration (s)."""
+    """Set the forces on every body of a motion at its start, and after its duration (s)."""
     _, count, base = bodies_of(world, world.log[number])
     set_forces(world, number, AT_TIME, duration, scratch)
     note_forces(world, number, 2)
@@ -194,10 +195,10 @@ def set_ends(world: World, number: int, duration: float, scratch: Flight) -> Non
 
 @kernel
 def fit_forces(world: World, number: int, scratch: Flight) -> None:
-    """Set the forces of every body of a motion as functions of its angle, where it has one.
+    """Set the forces on every body of a motion as functions of its angle, if it has one.
 
-    ``normal_terms`` are of ``a + b cos f + c sin f``, ``friction_terms`` of ``q sin f``, with the
-    angle of the pendulum.
+    ``normal_terms`` has the coefficients of ``a + b cos f + c sin f``, ``friction_terms`` those of
+    ``q sin f``, where f is the angle of the pendulum.
     """
     row = world.log[number]
     first, count, base = bodies_of(world, row)
@@ -226,7 +227,7 @@ def fit_forces(world: World, number: int, scratch: Flight) -> None:
 
 @kernel
 def note_forces(world: World, number: int, part: int) -> None:
-    """Note the forces now set as those at the start (0), middle (1) or end (2) of a segment."""
+    """Store the present forces as those at the start (0), middle (1) or end (2) of a segment."""
     _, count, base = bodies_of(world, world.log[number])
     for place in range(count):
         one = world.forces[base + place]
@@ -236,9 +237,9 @@ def note_forces(world: World, number: int, part: int) -> None:
 
 @kernel
 def extreme_on_segment(one: BodyForces, side: float, weight: float) -> tuple[float, float]:
-    """Share of a segment at which ``side F - weight N`` is extreme, or 0; and its value there.
+    """Return the share of a segment at which ``side F - weight N`` is extreme, or 0, and its value.
 
-    As of the parabola through the forces that are noted.
+    This is the vertex of the parabola through the three stored values.
     """
     start = side * one.friction_terms[0] - weight * one.normal_terms[0]
     middle = side * one.friction_terms[1] - weight * one.normal_terms[1]
@@ -252,7 +253,10 @@ def extreme_on_segment(one: BodyForces, side: float, weight: float) -> tuple[flo
 
 @kernel
 def normal_force_now(world: World, first: int, count: int, step: int) -> float:
-    """Normal force (N) of a member whose state, speed and contact forces (``solution``) are set."""
+    """Return the normal force (N) of a member, from its state, speed and contact forces.
+
+    The contact forces are the ``solution`` of the pairs.
+    """
     ball = number_along(world, first, step)
     flight = world.flights[ball]
     piece = world.pieces[flight.piece]
@@ -273,7 +277,7 @@ def normal_force_now(world: World, first: int, count: int, step: int) -> float:
 
 @kernel
 def _pushed_across(world: World, j: int, ball: int) -> float:
-    """Part of the force of a contact (N) along the normal of a body's path."""
+    """Return the component (N) of a contact's force along the normal of a body's path."""
     pair = world.pairs[j]
     dx, dy = line_of_centres(world, j)
     tx, ty = tangent(world, ball)
