@@ -1,1 +1,1 @@
-"""Running extremes and totals of a run, and the columns of its impacts."""
+"""Running extremes and totals of a run, and the columns of its table of impacts."""

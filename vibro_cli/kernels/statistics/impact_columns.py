@@ -1,10 +1,10 @@
 """The columns of the table of impacts, from their log row by row; regimes and figure eights.
 
-Single runs and grids share them, so that their rows are the same to the bit. Without impacts a body
-oscillates where hills on both sides are higher than its energy; else it would come to an end of the
-trace, or roll round a closed one: it progresses. Ends are those of the trace, whether or not a wall
-stands there, as in portraits. A saddle with a hill as high on either side has a figure eight for
-its separatrix; below the saddle's energy a body is within one loop of it.
+Single runs and grids share these kernels, so that their rows have the same bits. A body whose
+energy is below that of hills on both sides oscillates; otherwise it progresses: without impacts it
+would reach an end of the trace, or go round a closed one. Ends are those of the trace, with or
+without a wall, as in portraits. A saddle with hills as high as itself on both sides has a figure
+eight as its separatrix; below the saddle's energy a body is within one of its loops.
 """
 
 from __future__ import annotations
@@ -26,20 +26,20 @@ from vibro_cli.kernels.world import ImpactRow, PieceData, TrackData, World, trac
 REGIMES = ("oscillating", "progressive")
 EIGHTS = ("none", "left loop", "right loop", "on it", "outside")
 
-# What is known of the hills of a body, and of its figure eights, a row each: hills from left to
-# right with their places (arc length, m), heights (energy over weight, m), the greatest heights up
-# to them and from them on, and whether a level line leads to them from the left; figure eights with
-# their saddle, the hills that turn the separatrix, and its height.
+# Rows of a body's hills and figure eights. Hills are in order from left to right, with their
+# positions (arc length, m), heights (energy over weight, m), the greatest heights up to them and
+# from them on, and their kinds. Figure eights have a saddle, the hills at which the separatrix
+# turns back, and its height.
 _PLACE, _HEIGHT, _LEFT, _RIGHT, _KIND = 0, 1, 2, 3, 4
 _FROM, _SADDLE, _TO, _HEIGHT_OF_EIGHT, _COUNTS = 5, 6, 7, 8, 9
 _END, _SLOPE, _AFTER_LEVEL, _CREST = 0.0, 1.0, 2.0, 3.0
 """Kinds of hills: an end of the trace, a junction on a slope, the right end of a level line, and a
-crest: within a piece, at a junction or at an end."""
+crest within a piece, at a junction or at an end."""
 ROWS = 10
-"""Rows of the table of hills for each body; its columns are three for each piece, and two."""
+"""Number of rows of the table of hills for each body; it has 3 columns for each piece, and 2."""
 
-_EQUAL = 1.0e-12  # heights closer than this fraction are those of one separatrix
-_NEAR = 1.0e-12  # places closer than this fraction of the trace's length are one
+_EQUAL = 1.0e-12  # heights closer than this fraction count as equal
+_NEAR = 1.0e-12  # positions closer than this fraction of the trace's length count as equal
 _PI, _TAU = math.pi, math.tau
 
 
@@ -54,7 +54,7 @@ def survey(world: World, hills: FloatMatrix) -> None:
 
 @kernel
 def _find_hills(world: World, body: int, hills: FloatMatrix) -> int:
-    """Note where the potential may be greatest: ends of pieces, and crests within; their number."""
+    """Store the hills of a body: ends of pieces, and crests inside; return their number."""
     settings = world.settings[0]
     kappa = world.bodies[body].kappa
     top = body * ROWS
@@ -94,9 +94,9 @@ def _find_hills(world: World, body: int, hills: FloatMatrix) -> int:
 
 @kernel
 def _kind_of_end(world: World, body: int, number: int) -> float:
-    """Kind of the right end of a piece; of number -1 the left end of the trace.
+    """Return the kind of the right end of a piece; number -1 is the left end of the trace.
 
-    A crest where nothing pulls and the potential falls to both sides.
+    It is a crest if the force is zero and the potential falls to both sides.
     """
     settings = world.settings[0]
     left, right = _sides(world, number)
@@ -116,7 +116,7 @@ def _kind_of_end(world: World, body: int, number: int) -> float:
 
 @kernel
 def _sides(world: World, number: int) -> tuple[int, int]:
-    """The pieces to the left and right of the right end of a piece, -1 where there is none."""
+    """Return the pieces to the left and right of the right end of a piece, -1 if there is none."""
     last = len(world.pieces) - 1
     joined = world.settings[0].closed == 1
     left = number if number >= 0 or not joined else last
@@ -126,7 +126,7 @@ def _sides(world: World, number: int) -> tuple[int, int]:
 
 @kernel
 def _falls_from(world: World, body: int, number: int, place: float) -> bool:
-    """Whether nothing pulls at a place on a piece, and the potential falls beside it."""
+    """Return whether the force at a position on a piece is zero, and the potential falls there."""
     force, growth = _pull(world, body, number, place)
     falls: bool = growth > 0.0 and force <= _NEAR * _length(world) * growth
     return falls
@@ -134,7 +134,7 @@ def _falls_from(world: World, body: int, number: int, place: float) -> bool:
 
 @kernel
 def _balances(world: World, body: int, number: int) -> bool:
-    """Whether nothing pulls at the right end of a piece of a rotating trace, on either side."""
+    """Return whether the force is zero at the right end of a piece of a rotating trace."""
     near = _NEAR * _length(world)
     left, right = _sides(world, number)
     balances = world.settings[0].turning_square > 0.0
@@ -149,7 +149,7 @@ def _balances(world: World, body: int, number: int) -> bool:
 
 @kernel
 def _pull(world: World, body: int, number: int, place: float) -> tuple[float, float]:
-    """The size of the pull at a place on a piece, and its growth over the arc length (1/m)."""
+    """Return the magnitude of the force on a piece, and its gradient; their ratio is in m."""
     piece = world.pieces[number]
     track = track_on(world, body, number)
     if piece.sign == 0.0:
@@ -162,14 +162,14 @@ def _pull(world: World, body: int, number: int, place: float) -> tuple[float, fl
 
 @kernel
 def _length(world: World) -> float:
-    """Length of the trace (m)."""
+    """Return the length of the trace (m)."""
     piece = world.pieces[len(world.pieces) - 1]
     return _along(piece, piece.angle_end)
 
 
 @kernel
 def _is_of_end(world: World, body: int, number: int, place: float) -> bool:
-    """Whether a crest of a piece is at one of its ends, but for rounding, which is what it is."""
+    """Return whether a crest of a piece coincides up to rounding with a singular end of it."""
     piece = world.pieces[number]
     near = _NEAR * _length(world)
     s = _along(piece, place)
@@ -181,7 +181,7 @@ def _is_of_end(world: World, body: int, number: int, place: float) -> bool:
 
 @kernel
 def _is_singular(world: World, body: int, number: int) -> bool:
-    """Whether the right end of a piece is a saddle, or degenerate on a rotating trace."""
+    """Return whether the right end of a piece is a saddle, or degenerate on a rotating trace."""
     return _kind_of_end(world, body, number) == _CREST or _balances(world, body, number)
 
 
@@ -197,7 +197,7 @@ def _note(
 
 @kernel
 def _along(piece: PieceData, place: float) -> float:
-    """Arc length (m) of an angle on an arc, or of a distance on a line."""
+    """Return the arc length (m) at an angle on an arc, or at a distance on a line."""
     if piece.sign == 0.0:
         return piece.start_s + place
     return piece.start_s + piece.radius * (place - piece.angle_start)
@@ -205,7 +205,7 @@ def _along(piece: PieceData, place: float) -> float:
 
 @kernel
 def _half_angle(piece: PieceData, place: float) -> tuple[float, float]:
-    """``(S, C)`` of an angle phi or psi; on a line the distance."""
+    """Return ``(S, C)`` of an angle phi or psi; on a line the distance and 0."""
     if piece.sign == 0.0:
         return place, 0.0
     half = 0.5 * place + (0.5 * _PI if piece.sign < 0.0 else 0.0)
@@ -214,7 +214,7 @@ def _half_angle(piece: PieceData, place: float) -> tuple[float, float]:
 
 @kernel
 def _crests(world: World, piece: PieceData, track: TrackData) -> tuple[int, float, float]:
-    """Crests strictly within a piece: their number, and the places of the first and the last."""
+    """Return the number of crests within a piece, and the positions of the first and the last."""
     if piece.sign == 0.0:
         square = track.line_growth * track.line_growth
         if square == 0.0:
@@ -222,7 +222,7 @@ def _crests(world: World, piece: PieceData, track: TrackData) -> tuple[int, floa
         place = -track.line_acceleration / square
         return (1 if place > 0.0 and place < piece.length else 0), place, place
     if world.settings[0].turning_square == 0.0:
-        # The top of a loop, or of a hump.
+        # The top of a hump, or of a looping valley.
         top = _whole_angle(piece, 1.0, 0.0)
         near = 4.0 * EPSILON * max(1.0, abs(top))
         within = top > piece.angle_start + near and top < piece.angle_end - near
@@ -236,14 +236,14 @@ def _crests(world: World, piece: PieceData, track: TrackData) -> tuple[int, floa
 
 @kernel
 def _whole_angle(piece: PieceData, s: float, c: float) -> float:
-    """Angle phi or psi (rad) on the piece of a half angle's sine and cosine."""
+    """Return the angle phi or psi (rad), from a piece's start on, for a half angle's (sin, cos)."""
     angle = 2.0 * (math.atan2(-c, s) if piece.sign < 0.0 else math.atan2(s, c))
     return angle + _TAU * math.ceil((piece.angle_start - angle) / _TAU)
 
 
 @kernel
 def _find_eights(world: World, body: int, count: int, hills: FloatMatrix) -> int:
-    """Note the figure eights of a body, from left to right; their number."""
+    """Store the figure eights of a body, from left to right; return their number."""
     closed = world.settings[0].closed == 1
     top = body * ROWS
     found = 0
@@ -252,7 +252,7 @@ def _find_eights(world: World, body: int, count: int, hills: FloatMatrix) -> int
     for hill in range(number):
         inner = closed or (hill != 0 and hill != number - 1)
         if not inner or hills[top + _KIND, hill] != _CREST:
-            continue  # no saddle between two slopes
+            continue  # only a crest inside the trace is a saddle with two sides
         left = _barrier(world, hills, top, number, hill, -1)
         right = _barrier(world, hills, top, number, hill, 1)
         if left < 0 or right < 0:
@@ -269,10 +269,10 @@ def _find_eights(world: World, body: int, count: int, hills: FloatMatrix) -> int
 
 @kernel
 def _barrier(world: World, hills: FloatMatrix, top: int, number: int, hill: int, step: int) -> int:
-    """The next hill at least as high as a saddle, to the left or right, where the separatrix turns.
+    """Return the next hill to one side at which a saddle's separatrix turns back, or -1.
 
-    -1 where it does not turn, where it runs to another saddle of just that height, and where a
-    level line takes the place of the centre.
+    The hill is at least as high as the saddle. -1 if the separatrix does not turn back, if it runs
+    to another saddle of equal height, and if a level line takes the place of the centre.
     """
     closed = world.settings[0].closed == 1
     height = hills[top + _HEIGHT, hill]
@@ -299,7 +299,7 @@ def _barrier(world: World, hills: FloatMatrix, top: int, number: int, hill: int,
 
 @kernel
 def _is_level_end(world: World, hill: int, number: int) -> bool:
-    """Whether a hill is an end of an open trace at rest with a level line: singular too."""
+    """Return whether a hill is an end of an open trace at rest, on a level line: also singular."""
     settings = world.settings[0]
     if settings.closed == 1 or settings.turning_square > 0.0:
         return False
@@ -311,7 +311,7 @@ def _is_level_end(world: World, hill: int, number: int) -> bool:
 
 @kernel
 def regime_of(world: World, hills: FloatMatrix, body: int, s: float, specific_energy: float) -> int:
-    """Number in ``REGIMES`` of a body at an arc length (m) with an energy over weight (m)."""
+    """Return the index in ``REGIMES`` of a body at an arc length (m), by energy over weight (m)."""
     top = body * ROWS
     count = int(hills[top + _COUNTS, 0])
     if world.settings[0].closed == 1:
@@ -330,7 +330,7 @@ def regime_of(world: World, hills: FloatMatrix, body: int, s: float, specific_en
 def side_of_eight(
     world: World, hills: FloatMatrix, body: int, s: float, specific_energy: float
 ) -> int:
-    """Number in ``EIGHTS``: of the first figure eight from the left that the body is within."""
+    """Return the index in ``EIGHTS``, for the first figure eight from the left around the body."""
     top = body * ROWS
     count = int(hills[top + _COUNTS, 1])
     around = 0.0
@@ -352,7 +352,7 @@ def side_of_eight(
     return 4 if count > 0 else 0
 
 
-# Units in the last place of the positions below which an overlap is rounding.
+# An overlap of fewer units in the last place of the positions is rounding.
 _GRAZING_UNITS = 16.0
 
 ENDS = ("a", "b")
@@ -374,17 +374,17 @@ NUMBERS = (
     *(f"kinetic_energy_{end}_{when}" for when, end in product(("pre", "post"), ENDS)),
     "impulse",
 )
-"""Columns of floats, in the order in which the kernel knows them."""
+"""Columns of floats, in the order of the kernel's indices."""
 INTEGERS = (
     *("scenario", "n", "ball_a", "ball_b", "arc_a", "arc_b", "side", "law"),
     *(f"{name}_{end}_{when}" for name, when, end in product(PHASES, ("pre", "post"), ENDS)),
 )
-"""Columns of whole numbers, some of which stand for words."""
+"""Columns of integers, some of which are indices of words."""
 FLAGS = ("admissible", "substituted", "simultaneous", "grazing", "contact")
 
-# Where the columns of both bodies begin; that of body b follows that of body a.
+# Indices of the columns of body a; that of body b follows.
 _ANGLE, _S, _X, _Y = (NUMBERS.index(f"{name}_a") for name in PLACES)
-# And those of both bodies before the impact; those after it are two further on.
+# The same for columns before the impact; those after it are two further on.
 _RATE, _OMEGA, _SPEED, _ENERGY = (NUMBERS.index(f"{name}_a_pre") for name in MOTIONS)
 _KINETIC = NUMBERS.index("kinetic_energy_a_pre")
 _AFTER = 2
@@ -393,7 +393,7 @@ _REGIME, _EIGHT = (INTEGERS.index(f"{name}_a_pre") for name in PHASES)
 
 
 class Columns(NamedTuple):
-    """Room for columns; those that are not wanted share one."""
+    """Arrays for the columns; columns that are not requested share one."""
 
     numbers: FloatMatrix
     """[column, row], float64"""
@@ -402,24 +402,24 @@ class Columns(NamedTuple):
     flags: BoolMatrix
     """[column, row], bool"""
     numbers_at: Sequence[int]
-    """Which of ``numbers`` each of :data:`NUMBERS` goes to; likewise the other two."""
+    """Index in ``numbers`` of each of :data:`NUMBERS`; likewise the other two."""
     integers_at: Sequence[int]
     flags_at: Sequence[int]
 
 
 class Runs(NamedTuple):
-    """The runs that a log is of, in its order."""
+    """The runs of a log, in its order."""
 
     numbers: Sequence[int]
-    """The number of each, for the column ``scenario``."""
+    """Number of each run, for the column ``scenario``."""
     counts: Sequence[int]
-    """How many impacts it has."""
+    """Number of impacts of each run."""
     firsts: Sequence[int]
-    """Row of the columns for its first impact."""
+    """Row of the columns for the first impact of each run."""
     masses: FloatMatrix
     """[run, body], kg"""
     hills: FloatMatrix
-    """Scratch: what the trace is to each body, see ``kernels.statistics.impact_columns``."""
+    """Scratch: the hills and figure eights of each body, see :func:`survey`."""
 
 
 @kernel
@@ -429,7 +429,7 @@ def fill_columns(
     """Fill the columns of some runs of one system, which may differ in their masses.
 
     The log has the impacts run by run. ``around`` is the length (m) of a closed trace with two
-    bodies, which may meet on two sides; else 0. Returns the number of rows.
+    bodies, which may meet on two sides, otherwise 0. Return the number of rows.
     """
     row = 0
     for run in range(len(runs.counts)):
@@ -447,7 +447,7 @@ def fill_run(
     columns: Columns,
     around: float,
 ) -> int:
-    """Fill the columns of one run, whose log begins with a row; returns the row after its last."""
+    """Fill the columns of one run, from ``row`` of the log on; return the row after its last."""
     first = runs.firsts[run]
     if runs.counts[run] > 0:
         survey(world, runs.hills)
@@ -491,9 +491,9 @@ def _fill_row(
     at: int,
     around: float,
 ) -> None:
-    """Fill what an impact's own row tells: first what belongs to the pair, then both bodies."""
+    """Fill the columns of a single row of the log: those of the pair, then of both bodies."""
     approach = _fill_pair(world, row, columns, at)
-    # Two bodies on a closed trace are 1 and 2, whichever pair found the contact.
+    # On a closed trace with two bodies, a is always body 1, whichever pair found the contact.
     end_a = 1 if around > 0.0 and row.a == 1 else 0
     end_b = 1 - end_a
     s_a, size_a, pull_a = _fill_body(
@@ -513,7 +513,7 @@ def _fill_row(
     side = 0
     if around > 0.0:
         ahead = (s_b - s_a if end_a == 0 else s_a - s_b) % around
-        # +1 where body 2 is met ahead of body 1, -1 where from behind.
+        # +1 if body 1 meets body 2 ahead of it, -1 if behind it.
         met_ahead = row.a == 0 if row.piece_a == row.piece_b else ahead <= 0.5 * around
         side = 1 if met_ahead else -1
     _integer(columns, 6, at, side)
@@ -521,7 +521,7 @@ def _fill_row(
 
 @kernel
 def _fill_pair(world: World, row: ImpactRow, columns: Columns, at: int) -> float:
-    """Fill what belongs to the pair; returns the speed (m/s) of its approach."""
+    """Fill the columns of the pair; return its approach speed (m/s)."""
     approach = row.normal_a * row.speed_a_pre - row.normal_b * row.speed_b_pre
     _number(columns, 0, at, row.t)
     _number(columns, 1, at, row.t_low)
@@ -549,11 +549,11 @@ def _fill_body(
     place: tuple[int, int, float, float],
     motion: tuple[float, float, float, float],
 ) -> tuple[float, float, float]:
-    """Fill the columns of one body at its place, before and after the impact.
+    """Fill the columns of one body: its position, and its motion before and after the impact.
 
-    ``place`` is the body, its piece and ``(S, C)``; ``motion`` its speed (m/s) before and after,
-    and its energy over weight (m). Returns the arc length (m) of its contact point, the size of its
-    centre's coordinates (m), and a bound on its acceleration (m/s^2).
+    ``place`` is the body, its piece and ``(S, C)``; ``motion`` its speeds (m/s) before and after,
+    and its energies over weight (m). Return the arc length (m) of its contact point, the size of
+    its centre's coordinates (m), and a bound of its acceleration (m/s^2).
     """
     number, piece, _, _ = place
     body = world.bodies[number]
@@ -587,7 +587,7 @@ def _fill_body(
 def _fill_place(
     world: World, columns: Columns, at: int, end: int, place: tuple[int, int, float, float]
 ) -> tuple[float, float]:
-    """Fill the columns of a body's place; returns its arc length (m) and its centre's size (m)."""
+    """Fill the columns of a body's position; return its arc length and coordinates' size (m)."""
     body, number, s, c = place
     piece = world.pieces[number]
     along = place_on(piece, s, c)
@@ -604,12 +604,12 @@ def _fill_place(
 
 @kernel
 def place_on(piece: PieceData, s: float, c: float) -> float:
-    """Angle phi or psi (rad) on an arc, distance from the left end (m) on a line."""
+    """Return the angle phi or psi (rad) on an arc, or the distance (m) from a line's left end."""
     if piece.sign == 0.0:
         return s
     half = math.atan2(-c, s) if piece.sign < 0.0 else math.atan2(s, c)
     angle = 2.0 * half + piece.turn
-    # Half an angle is known but for whole turns: at the ends of a circle a rounding decides.
+    # The half angle is known up to whole turns: at the ends of a circle rounding may add one.
     beyond = angle - 0.5 * (piece.angle_start + piece.angle_end)
     if abs(beyond) > 2.0 * math.pi:
         angle -= math.copysign(4.0 * math.pi, beyond)

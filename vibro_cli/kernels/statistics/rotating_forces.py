@@ -1,10 +1,10 @@
-"""Forces of a rotating trace along the flights of a log: where they pass limits, and extremes.
+"""Forces of a rotating trace along the flights of a log: extremes, and passages of limits.
 
-On an arc a force passes its limit where a trigonometric polynomial of degree 2 in the angle from
-the start has a zero, on a line where a linear function of the way has one; each such place is
-passed once in a period with the rate that takes a body beyond. Friction is that along the trace:
-what holds a body in the trace's plane against the Coriolis force ``2 m Omega v cos(alpha)`` is
-taken to be smooth. The kernels stand in for those of ``kernels.events.liftoff_slip`` and
+On an arc a force passes its limit at a zero of a trigonometric polynomial of degree 2 in the angle
+from the start, on a line at a zero of a linear function of the distance. Each zero is passed once
+in a period in the direction beyond the limit. Friction acts along the trace; the constraint that
+holds a body in the trace's plane against the Coriolis force ``2 m Omega v cos(alpha)`` is taken to
+be smooth. These kernels override those of ``kernels.events.liftoff_slip`` and
 ``kernels.statistics.run_statistics``.
 """
 
@@ -70,27 +70,27 @@ from vibro_cli.kernels.world import (
     track_on,
 )
 
-# Places are looked for this far (rad) beyond where a flight has come: times decide.
+# Zeros are searched this far (rad) beyond the range of a flight; their times decide.
 MARGIN = 1.0e-9
-# A polynomial of degree 2 has no more zeros in a turn.
+# A trigonometric polynomial of degree 2 has at most this many zeros in a turn.
 MOST_ZEROS = 4
 
 
 @kernel
 def rotates(flight: Flight) -> bool:
-    """Tell whether the full orbit of a flight on an arc takes it all the way round."""
+    """Return whether the full orbit of a flight on an arc goes all the way round."""
     return flight.turns_over == 1
 
 
 @kernel
 def orbit_period(flight: Flight) -> float:
-    """Period (s) of the full orbit of a flight on an arc that turns back."""
+    """Return the period (s) of the full orbit of a flight on an arc that turns back."""
     return period_of(flight) / flight.frequency
 
 
 @kernel
 def _state_after(flight: Flight, duration: float) -> tuple[float, float, float]:
-    """``(S, C, P)`` of the motion on an arc a time (s) after its start."""
+    """Return ``(S, C, P)`` of the motion on an arc a time (s) after its start."""
     s, c, p = flow(flight, duration)
     if flight.grouped == 0:
         return s, c, p
@@ -100,7 +100,7 @@ def _state_after(flight: Flight, duration: float) -> tuple[float, float, float]:
 
 @kernel
 def turning_courses(flight: Flight, duration: float, courses: Sequence[Course]) -> int:
-    """Set the courses of the turning points that a flight has come to; return their number."""
+    """Set the courses of the turning points that a flight reaches; return their number."""
     if flight.form == TURNING_LINE:
         way = turn_on_line(flight)
         courses[0].after = time_on_line(flight, way, 0.0) if way * flight.flow_p > 0.0 else NEVER
@@ -122,9 +122,10 @@ def turning_courses(flight: Flight, duration: float, courses: Sequence[Course]) 
 
 @kernel
 def _bounds_on_arc(world: World, row: FlightRow) -> tuple[float, float, float]:
-    """Bounds all over an arc of a flight of a body alone, as shares of its weight.
+    """Return bounds on a whole arc for a flight of a body alone, as shares of its weight.
 
-    Of its normal force from below, of its friction from above, and what is rounding of the former.
+    A lower bound of the normal force, an upper bound of the friction, and the rounding of the
+    former.
     """
     sign = world.pieces[row.piece].sign
     track = track_on(world, row.body, row.piece)
@@ -139,7 +140,7 @@ def _bounds_on_arc(world: World, row: FlightRow) -> tuple[float, float, float]:
 
 @kernel
 def look_at_one(world: World, span: Span, friction: float, flight: Flight) -> tuple[bool, bool]:
-    """Set the forces on a body alone, if it may pass a limit; which ones it may."""
+    """Set the forces on a body alone if it may lift off or slip; return whether it may, each."""
     row = world.log[span.row]
     lifts = True
     slips = friction >= 0.0
@@ -158,7 +159,7 @@ def look_at_one(world: World, span: Span, friction: float, flight: Flight) -> tu
 
 @kernel
 def normal_of_one(world: World, number: int, found: Passage, flight: Flight) -> float:
-    """Normal force (N) of a body alone where it is in a passage."""
+    """Return the normal force (N) of a body alone at a passage."""
     set_forces(world, number, AT_TIME, found.after, flight)
     return world.forces[world.settings[0].bodies].normal
 
@@ -167,7 +168,10 @@ def normal_of_one(world: World, number: int, found: Passage, flight: Flight) -> 
 def limit_courses(
     one: BodyForces, friction: float, flight: Flight, duration: float, courses: Sequence[Course]
 ) -> int:
-    """Set the courses at whose states a limit is passed: of friction, or negative, of lift-off."""
+    """Set the courses of passages of a limit: slip, or lift-off for a negative ``friction``.
+
+    Return their number.
+    """
     normal_terms = kept(one.normal_terms)
     friction_terms = kept(one.friction_terms)
     if friction >= 0.0 and harmonic_size(friction_terms) == 0.0:
@@ -177,7 +181,7 @@ def limit_courses(
         ways = half_range(flight, _state_after(flight, duration), duration)
     count = 0
     for number in range(1 if friction < 0.0 else 2):
-        # What is left before the limit, and what must be positive there.
+        # The margin before the limit, and a function that must be positive there.
         spare = normal_terms
         beside = 1.0, 0.0, 0.0, 0.0, 0.0
         if friction >= 0.0:
@@ -193,7 +197,7 @@ def limit_courses(
 
 @kernel
 def _set_on_line(spare: Harmonics, beside: Harmonics, flight: Flight, course: Course) -> None:
-    """Set when a linear function of the way (m) falls through zero, where another is positive."""
+    """Set when a linear function of the distance (m) falls through zero, if another is positive."""
     force, growth, _, _, _ = spare
     at, slope, _, _, _ = beside
     course.period = NEVER
@@ -212,7 +216,10 @@ def _add_on_arc(
     courses: Sequence[Course],
     count: int,
 ) -> int:
-    """Set when a function of the angle falls through zero, where another one is positive."""
+    """Set when a function of the angle falls through zero, if another is positive there.
+
+    Return the new number of courses.
+    """
     left, right = ways
     slope = harmonic_slope(spare)
     angle = 2.0 * left - MARGIN
@@ -236,7 +243,7 @@ def _add_on_arc(
 
 @kernel
 def arc_share(track: TrackData, kappa: float, s: float, c: float, squared: float) -> float:
-    """``N/(m g)``, up to the sign of the arc, of a body at ``(S, C)`` with ``P^2 = squared``."""
+    """Return ``N/(m g)``, up to the sign of the arc, at ``(S, C)`` with ``P^2 = squared``."""
     sine, cosine = twice_angle(s, c)
     return cosine + sine * (track.tilt + track.spread * sine) + 4.0 / kappa * squared
 
@@ -250,7 +257,7 @@ def update_statistics_alone(
     outcome: Outcome,
     scratch: Flight,
 ) -> None:
-    """Count in the normal forces and the demand of friction of a flight of a body by itself."""
+    """Tally the normal forces and the friction demand of a flight of a body alone."""
     row = world.log[number]
     body = world.bodies[row.body]
     track = track_on(world, row.body, row.piece)
@@ -266,13 +273,13 @@ def update_statistics_alone(
     bound -= caution
     known = outcome.most_demand == math.inf or outcome.most_demand * bound >= most
     if body.weight * bound >= outcome.least_force and (most == 0.0 or known):
-        return  # it has surely neither less force nor more demand than known
+        return  # certainly neither less force nor more demand than known
     replay_flight(world, row, number, scratch)
     low, high = half_range(scratch, end, duration)
     least = _least_on_arc(world, row, scratch, low, high)
     outcome.least_force = min(outcome.least_force, body.weight * least)
     if most == 0.0 or outcome.most_demand * least >= most:
-        # What is known is more than all that this flight can need.
+        # The known demand exceeds all that this flight can need.
         return
     if least <= 0.0:
         outcome.most_demand = math.inf
@@ -285,7 +292,7 @@ def update_statistics_alone(
 
 @kernel
 def _least_on_arc(world: World, row: FlightRow, flight: Flight, low: float, high: float) -> float:
-    """Least normal force, as a share of the weight, between two half angles from the start."""
+    """Return the least normal force over the weight, between two half angles from the start."""
     track = track_on(world, row.body, row.piece)
     sign = world.pieces[row.piece].sign
     kappa = world.bodies[row.body].kappa
@@ -293,7 +300,7 @@ def _least_on_arc(world: World, row: FlightRow, flight: Flight, low: float, high
     for place in range(track.extreme_count + 2):
         half = low if place == 0 else high
         if place > 1:
-            # Where it is extreme whatever the energy.
+            # A stationary point, which does not depend on the energy.
             s = track.extremes[2 * place - 4]
             c = track.extremes[2 * place - 3]
             sine, cosine = angle_difference(s, c, row.s, row.c)
@@ -308,7 +315,7 @@ def _least_on_arc(world: World, row: FlightRow, flight: Flight, low: float, high
 
 @kernel
 def _greatest(top: Harmonics, below: Harmonics, low: float, high: float, known: float) -> float:
-    """The greatest ``|top|/below`` between two angles (rad), or ``known`` if that is greater."""
+    """Return the greatest ``|top|/below`` between two angles (rad), or ``known`` if greater."""
     sine, cosine = sine_cosine(low)
     return greatest_quotient(
         turned(top, sine, cosine), turned(below, sine, cosine), high - low, known
@@ -319,7 +326,7 @@ def _greatest(top: Harmonics, below: Harmonics, low: float, high: float, known: 
 def _update_statistics_on_line(
     body: BodyData, track: TrackData, s: float, outcome: Outcome
 ) -> None:
-    """Count in the forces at a place (m) of a line: both are linear between its ends."""
+    """Tally the forces at a position (m) on a line, along which both are linear."""
     normal = body.weight * (track.line_normal + track.line_normal_growth * s)
     pull = track.line_acceleration + track.line_growth * track.line_growth * s
     outcome.least_force = min(outcome.least_force, normal)
@@ -332,7 +339,7 @@ def _update_statistics_on_line(
 def pendulum_range(
     world: World, number: int, duration: float, end: tuple[float, float, float], flight: Flight
 ) -> tuple[float, float]:
-    """Least and greatest angle (rad) from its start that a group takes in."""
+    """Return the least and greatest angle (rad) from the start of a group's motion."""
     end_s, end_c, end_p = end
     s, c = group_of_body(flight, end_s, end_c)
     low, high = half_range(flight, (s, c, end_p / flight.rate_ratio), duration)
@@ -341,7 +348,7 @@ def pendulum_range(
 
 @kernel
 def extremes_on_arc(one: BodyForces, low: float, high: float) -> tuple[float, float]:
-    """Extremes of the normal force (N) and the demand of friction between two angles (rad)."""
+    """Return the least normal force (N) and greatest friction demand between two angles (rad)."""
     normal_terms = kept(one.normal_terms)
     friction_terms = kept(one.friction_terms)
     sine, cosine = sine_cosine(low)

@@ -1,14 +1,14 @@
-"""What a summary says of a run, gathered from its logs by kernels: single runs and grids share it.
+"""The numbers of a run's summary, gathered from its logs for single runs and grids alike.
 
 On an arc ``N/(m g) = sign(cos f + (4/kappa) P^2)`` is linear in ``S^2`` (f = phi in a valley, psi
-+ pi on a hump, whose sign is -1), so its extremes over a flight lie at the extremes of ``S^2``;
-the friction that rolling needs, ``|F|/N`` with ``F = m g sin(alpha)(1 - 1/kappa)``, is stationary
-also where ``cos f = -B/A``, ``N/m = A + B cos f``. What slides (kappa = 1) needs none, whatever its
-normal force.
++ pi on a hump, whose sign is -1), so its extremes over a flight lie at the extremes of ``S^2``. The
+friction demand of rolling, ``|F|/N`` with ``F = m g sin(alpha)(1 - 1/kappa)``, is stationary also
+where ``cos f = -B/A``, ``N/m = A + B cos f``. A sliding body (kappa = 1) needs no friction,
+whatever its normal force.
 
-On one arc the normal force is ``a + b cos f + c sin f`` in the angle of the group's pendulum
-(``kernels.cluster.trace_forces``), so its extremes are exact; on a short segment across pieces they
-are where a parabola has its vertex, on a line it is constant.
+For a group on one arc the normal force is ``a + b cos f + c sin f`` in the angle of its pendulum
+(``kernels.cluster.trace_forces``), so its extremes are exact. On a line it is constant; on a short
+segment across pieces its extremes are those of a parabola.
 """
 
 from __future__ import annotations
@@ -60,13 +60,13 @@ from vibro_cli.kernels.world import (
     track_on,
 )
 
-# A square below another one by this factor is so whatever the rounding of both.
+# A square smaller than another one by this factor is so regardless of rounding.
 BELOW = 1.0 - 1.0e-12
 
 
 @struct
 class Outcome:
-    """What a summary says of a whole run."""
+    """The numbers of a run's summary."""
 
     end_cause: int
     end_t: float  # s
@@ -75,20 +75,20 @@ class Outcome:
     collisions: int
     crossings: int
     contacts: int
-    impacts: int  # that took effect: without those at which the run ended instead
+    impacts: int  # carried out, so without inadmissible ones at which the run ended
     walls: int
     first_t: float  # of all impacts, s
     last_t: float
     correction: float  # J
     max_gap: float  # at all impacts, m
     least_force: float  # N
-    most_demand: float  # of friction
-    kept: int  # rows of impacts that were kept
+    most_demand: float  # greatest friction demand
+    kept: int  # number of rows of impacts that were kept
 
 
 @struct
 class FinalState:
-    """A body at the end of a run, and its energies."""
+    """State of a body at the end of a run, and its energies at the start and the end."""
 
     start_energy: float  # J
     end_energy: float
@@ -100,7 +100,7 @@ class FinalState:
 
 
 class Results(NamedTuple):
-    """What runs gave."""
+    """Results of runs."""
 
     outcomes: Sequence[Outcome]  # one for each run
     finals: Sequence[FinalState]  # one for each body, run by run
@@ -120,10 +120,10 @@ def update_statistics(
 ) -> None:
     """Fill in the outcome of a run, and the final state of every body.
 
-    The logs hold all rows of the run. If ``known`` is not 0 but the number of bodies, it is a part
-    of a run that is not the first: the log then begins with the present flight of every body, and
-    the outcome tells of the parts before. The run has ended at ``end_t`` (two doubles, s) because
-    of ``cause``, or has not and that is ``RUNNING``. Its results are those of ``number``.
+    The logs hold all rows of the run, or of one part of it. For the first part ``known`` is 0. For
+    later parts it is the number of bodies: the log then begins with the present flight of every
+    body, and the outcome includes the parts before. ``cause`` is ``RUNNING``, or why the run ended,
+    at ``end_t`` (two doubles, s). ``number`` is the index of the run in ``results``.
     """
     clock = world.clock[0]
     bodies = world.settings[0].bodies
@@ -179,7 +179,7 @@ def _update_impact_statistics(world: World, outcome: Outcome) -> None:
 
 @kernel
 def residual_gap(world: World, row: ImpactRow) -> float:
-    """Distance of the surfaces (m) left in the states of an impact, without cancellation."""
+    """Return the gap (m) left in the states of an impact, computed without cancellation."""
     track_a = track_on(world, row.a, row.piece_a)
     track_b = track_on(world, row.b, row.piece_b)
     radius_a = world.bodies[row.a].radius
@@ -209,7 +209,7 @@ def gap_on_arc(
     b_s: float,
     b_c: float,
 ) -> float:
-    """Gap (m) of two bodies on one arc, of ``rho_a rho_b`` and the radii.
+    """Return the gap (m) of two bodies on one arc, where ``product`` is ``rho_a rho_b``.
 
     ``d^2 - (r_a + r_b)^2 = 4 rho_a rho_b sin((delta - beta)/2) sin((delta + beta)/2)``.
     """
@@ -232,7 +232,7 @@ def _update_flight_statistics(
     first_final: int,
     scratch: Flight,
 ) -> None:
-    """Forces of every flight that another one of its body followed; energies at the start."""
+    """Tally the forces of every flight that has ended, and set the energies at the start."""
     for number in range(known, world.clock[0].flight_rows):
         row = world.log[number]
         final = finals[first_final + row.body]
@@ -244,7 +244,7 @@ def _update_flight_statistics(
             before = world.log[final.latest]
             duration = (row.t - before.t) + (row.t_low - before.t_low)
             end = (row.before_s, row.before_c, row.before_p)
-            # Of several launches at one instant only the last one lasts.
+            # Of several launches at one instant, only the last one has a duration.
             if duration > 0.0:
                 _update_force_statistics(world, final.latest, duration, end, outcome, scratch)
         final.latest = number
@@ -252,7 +252,7 @@ def _update_flight_statistics(
 
 @kernel
 def _finish(world: World, outcome: Outcome, final: FinalState, scratch: Flight) -> None:
-    """Forces of the last flight of a body; its state and energy at the end."""
+    """Tally the forces of a body's last flight, and set its state and energy at the end."""
     row = world.log[final.latest]
     duration = (outcome.end_t - row.t) + (outcome.end_t_low - row.t_low)
     replay_flight(world, row, final.latest, scratch)
@@ -274,9 +274,9 @@ def _update_force_statistics(
     outcome: Outcome,
     scratch: Flight,
 ) -> None:
-    """Count in the normal forces and the demand of friction of one flight.
+    """Tally the normal forces and the friction demand of one flight.
 
-    A group in lasting contact is counted with the flight of its first body.
+    A group in lasting contact is tallied with the flight of its first body.
     """
     row = world.log[number]
     if row.grouped == 1 or row.at_rest == 1:
@@ -299,7 +299,7 @@ def update_statistics_alone(
     outcome: Outcome,
     scratch: Flight,
 ) -> None:
-    """Count in the normal forces and the demand of friction of a flight of a body by itself."""
+    """Tally the normal forces and the friction demand of a flight of a body alone."""
     row = world.log[number]
     body = world.bodies[row.body]
     piece = world.pieces[row.piece]
@@ -323,9 +323,10 @@ def update_statistics_alone(
 def arc_extremes(
     body: BodyData, piece: PieceData, m: float, low: float, high: float, least: float, most: float
 ) -> tuple[float, float]:
-    """Least normal force (N) and greatest demand of friction: known, and of a flight on an arc.
+    """Return the least normal force (N) and greatest demand, updated by a flight on an arc.
 
-    The flight has the parameter ``m``, and ``S^2`` from ``low`` to ``high``; or flights in lanes.
+    ``least`` and ``most`` are the former values. The flight has the parameter ``m``, and ``S^2``
+    from ``low`` to ``high``; all may be lanes.
     """
     least = min(least, min(arc_force(body, piece, m, low), arc_force(body, piece, m, high)))
     most = max(most, _arc_demand(body, piece, m, low, most))
@@ -345,7 +346,7 @@ def arc_extremes(
 def _range(
     row: FlightRow, frequency: float, duration: float, final: tuple[float, float, float]
 ) -> tuple[float, float]:
-    """Extremes of ``S^2`` over a flight on an arc."""
+    """Return the extremes of ``S^2`` over a flight on an arc."""
     end_s, end_c, end_p = final
     start = row.s * row.s
     end = end_s * end_s
@@ -371,15 +372,15 @@ def _range(
 
 @kernel
 def arc_force(body: BodyData, piece: PieceData, m: float, s2: float) -> float:
-    """Normal force (N) of a free flight of parameter ``m`` where it passes ``S^2`` on an arc."""
+    """Return the normal force (N) of a free flight of parameter ``m`` at ``S^2`` on an arc."""
     return body.weight * piece.sign * ((1.0 + 4.0 * m / body.kappa) - (2.0 + 4.0 / body.kappa) * s2)
 
 
 @kernel
 def _arc_demand(body: BodyData, piece: PieceData, m: float, s2: float, most: float) -> float:
-    """Demand of friction of a free flight where it passes ``S^2``, or 0 if that is below ``most``.
+    """Return the friction demand of a free flight at ``S^2``, or 0 if it is below ``most``.
 
-    Squares tell that without a root and a quotient.
+    Squares are compared first, which saves a root and a quotient.
     """
     normal = arc_force(body, piece, m, s2)
     square = max(s2 * (1.0 - s2), 0.0)
@@ -402,7 +403,7 @@ TURN = 2.0 * math.pi
 
 @kernel
 def friction_demand(force: float, normal: float) -> float:
-    """Coefficient of friction that a friction force needs; infinite for N <= 0."""
+    """Return the coefficient of friction that a friction force needs; infinite for N <= 0."""
     if force == 0.0:
         return 0.0 if normal >= 0.0 else math.inf
     return force / normal if normal > 0.0 else math.inf
@@ -417,10 +418,10 @@ def group_extremes(
     known: tuple[float, float],
     scratch: Flight,
 ) -> tuple[float, float]:
-    """Least normal force (N) and greatest demand of friction: known, of a group or a body at rest.
+    """Return the least normal force (N) and greatest demand, updated by a group's motion.
 
-    ``number`` is the row of the flight of its first body, whose state after the duration (s) is
-    ``end``.
+    ``known`` has the former values. ``number`` is the row of the flight of the first body, whose
+    state after the duration (s) is ``end``; a body at rest is a group of one.
     """
     row = world.log[number]
     replay_flight(world, row, number, scratch)
@@ -450,14 +451,14 @@ def group_extremes(
 def _within_segment(
     world: World, number: int, duration: float, known: tuple[float, float], scratch: Flight
 ) -> tuple[float, float]:
-    """Count in the forces on a segment where they go, between its ends, beyond what is known."""
+    """Tally the forces inside a segment where they may exceed the known extremes."""
     row = world.log[number]
     least, demand = known
     for place in range(row.group_count):
         for side in range(-1, 2):
             weight = 1.0 if side == 0 else demand
             if weight == math.inf:
-                continue  # no demand goes beyond
+                continue  # no demand is greater
             share, value = extreme_on_segment(world.forces[place], float(side), weight)
             if share > 0.0 and value > (-least if side == 0 else 0.0):
                 set_forces(world, number, AT_TIME, share * duration, scratch)
@@ -467,7 +468,7 @@ def _within_segment(
 
 @kernel
 def _counted_in(world: World, row: FlightRow, least: float, demand: float) -> tuple[float, float]:
-    """Count in the forces on the bodies of a motion at one instant."""
+    """Tally the forces on the bodies of a motion at one instant."""
     first, count, base = bodies_of(world, row)
     for place in range(count):
         one = world.forces[base + place]
@@ -479,9 +480,9 @@ def _counted_in(world: World, row: FlightRow, least: float, demand: float) -> tu
 
 @kernel
 def _turning_time(flight: Flight, duration: float) -> float:
-    """Time (s) within a motion at which a group on a line of a rotating trace rotates back, or 0.
+    """Return the time (s) at which a group on a line of a rotating trace turns back, or 0.
 
-    There its forces are extreme between its ends; at rest they are constant on a line.
+    Its forces are extreme there and at both ends; on a trace at rest they are constant on a line.
     """
     if flight.form != TURNING_LINE or flight.at_rest == 1 or flight.flow_p == 0.0:
         return 0.0
@@ -494,7 +495,7 @@ def _turning_time(flight: Flight, duration: float) -> float:
 
 @kernel
 def extremes_on_arc(one: BodyForces, low: float, high: float) -> tuple[float, float]:
-    """Extremes of the normal force (N) and the demand of friction between two angles (rad)."""
+    """Return the least normal force (N) and greatest friction demand between two angles (rad)."""
     a = one.normal_terms[0]
     b = one.normal_terms[1]
     c = one.normal_terms[2]
@@ -517,7 +518,7 @@ def extremes_on_arc(one: BodyForces, low: float, high: float) -> tuple[float, fl
 def _at_angle(
     a: float, b: float, c: float, q: float, f: float, least: float, demand: float
 ) -> tuple[float, float]:
-    """Count in the forces at one angle of the pendulum."""
+    """Tally the forces at one angle of the pendulum."""
     normal = a + b * math.cos(f) + c * math.sin(f)
     needed = friction_demand(abs(q * math.sin(f)), normal) if q != 0.0 else 0.0
     return min(least, normal), max(demand, needed)
@@ -525,7 +526,7 @@ def _at_angle(
 
 @kernel
 def _turned(angle: float, low: float) -> float:
-    """The first angle from ``low`` on that is equal up to whole turns."""
+    """Return the first angle from ``low`` on that equals ``angle`` up to whole turns."""
     return angle + TURN * math.ceil((low - angle) / TURN)
 
 
@@ -533,7 +534,7 @@ def _turned(angle: float, low: float) -> float:
 def pendulum_range(
     world: World, number: int, duration: float, end: tuple[float, float, float], flight: Flight
 ) -> tuple[float, float]:
-    """Least and greatest angle (rad) of a group's pendulum on a motion."""
+    """Return the least and greatest angle (rad) of a group's pendulum during a motion."""
     end_s, end_c, end_p = end
     s = flight.flow_s
     c = flight.flow_c
@@ -542,9 +543,9 @@ def pendulum_range(
     stop_s, stop_c = group_of_body(flight, end_s, end_c)
     stop = 2.0 * math.atan2(stop_s, stop_c)
     if p == 0.0:
-        # From rest it moves downwards.
+        # From rest the pendulum moves downwards.
         p = -s * c
-    # The half angles of both are within a turn: on from the start, not round by the other way.
+    # Both angles are known up to two turns: take the end on the side to which the pendulum moves.
     if flight.complementary_modulus < 0.0:
         if (stop - start) * p < 0.0:
             stop += math.copysign(2.0 * TURN, p)
