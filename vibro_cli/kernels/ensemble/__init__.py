@@ -1,1 +1,1 @@
-"""Many runs of one system, one after another or in the lanes of registers."""
+"""Many runs in a batch, one after another or in the lanes of registers."""

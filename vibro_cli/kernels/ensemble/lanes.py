@@ -1,11 +1,11 @@
 """Runs of several scenarios in the lanes of registers: from impact to impact, with their summaries.
 
-In lanes are the runs whose bodies both swing on one arc, from one impact to the next: the
-operations of ``kernels.events.event_loop`` and ``kernels.flow.flight`` for an impact between
-librations that are not near a crest or an end of the arc, and whose bounces are not small, and the
-sums of ``kernels.statistics.run_statistics``, without jumps. All else, and each event whose lane
-fails because bounds do not decide there, is done by the kernels of single runs, after which the
-run goes back into its lane. The bits are those of single runs.
+Lanes hold the runs in which both bodies librate on one arc, from one impact to the next. For an
+impact between librations that are not near a crest or an end of the arc, and whose bounces are not
+small, lanes perform without branches the operations of ``kernels.events.event_loop`` and
+``kernels.flow.flight``, and the sums of ``kernels.statistics.run_statistics``. All other events,
+and those whose lane fails because bounds do not decide there, are left to the kernels of single
+runs, after which the run returns to its lane. The bits are those of single runs.
 """
 
 from __future__ import annotations
@@ -67,10 +67,10 @@ from vibro_cli.kernels.world import (
 def range_in_lanes(
     libration: LibrationLanes, duration: Lanes, s: Lanes, p: Lanes
 ) -> tuple[Lanes, Lanes, bool]:
-    """Extremes of ``S^2`` over a flight that ends in a state; in which lanes they are not sure.
+    """Return the extremes of ``S^2`` over a flight that ends in a state, and where they are unsure.
 
-    How often a half period and its half fit into the flight is decided by bounds of the quarter
-    period K: it is ``pi/2`` over a mean of 1 and k' (see ``kernels.flow.flow.half_period``).
+    Bounds of the quarter period K decide whether a half period, and half of it, fit into the
+    flight: K is ``pi/2`` over a mean of 1 and k' (see ``kernels.flow.flow.half_period``).
     """
     start = libration.flow_s * libration.flow_s
     end = s * s
@@ -94,10 +94,10 @@ def range_in_lanes(
 
 @struct
 class RunLanes:
-    """The run in every lane, fields as of ``Clock``, ``Settings`` and ``Outcome``."""
+    """The run in every lane, with fields as in ``Clock``, ``Settings`` and ``Outcome``."""
 
     piece: int  # the arc
-    t: Lanes  # of the last impact, when both flights began
+    t: Lanes  # time of the last impact, at which both flights began
     t_low: Lanes
     restitution: Lanes
     stop_t: Lanes
@@ -108,20 +108,20 @@ class RunLanes:
     max_gap: Lanes
     least_force: Lanes
     most_demand: Lanes
-    failed: Lanes  # 1: the next impact is not one for lanes
+    failed: Lanes  # 1: lanes cannot carry out the next impact
 
 
 @struct
 class LaneSlot:
-    """The run that a lane works on."""
+    """The run in a lane."""
 
     point: int  # -1: none
-    crossings: int  # so far, and lasting contacts
-    contacts: int
+    crossings: int  # so far
+    contacts: int  # so far
 
 
 class LaneGroup(NamedTuple):
-    """What a group of lanes works on."""
+    """The structs of a group of lanes."""
 
     runs: Sequence[RunLanes]  # one
     bodies: Sequence[BodyLanes]  # two
@@ -131,9 +131,9 @@ class LaneGroup(NamedTuple):
 
 @kernel
 def next_impact(world: World, group: LaneGroup) -> bool:
-    """Go on to the next impact in every lane; one that fails stays where it is.
+    """Move on to the next impact in every lane; a lane that fails keeps its state.
 
-    Returns which lanes have failed or are at their last impact.
+    Return which lanes have failed or are at their last impact.
     """
     run = group.runs[0]
     a = group.librations[0]
@@ -169,10 +169,9 @@ def next_impact(world: World, group: LaneGroup) -> bool:
 
 @kernel
 def _collide(world: World, group: LaneGroup) -> tuple[Lanes, bool]:
-    """Carry out the impact: states, energies and parameters after it.
+    """Carry out the impact: set the states, energies and parameters after it.
 
-    Returns what the energy lacked before it was shared (J), and in which lanes the impact is of
-    another kind.
+    Return the energy correction (J), and the lanes that cannot carry out the impact.
     """
     run = group.runs[0]
     a = group.librations[0]
@@ -194,7 +193,7 @@ def _collide(world: World, group: LaneGroup) -> tuple[Lanes, bool]:
     energy_a = body_a.weight * specific_energy_a
     energy_b = body_b.weight * specific_energy_b
     less = energy_a < energy_b
-    # The body with less energy takes it from its state, the other one the rest.
+    # The body with less energy gets that of its state, the other one the rest of the total.
     spare = (total - select(less, energy_a, energy_b)) / select(less, body_b.weight, body_a.weight)
     a.next_specific_energy = select(less, specific_energy_a, spare)
     b.next_specific_energy = select(less, spare, specific_energy_b)
@@ -210,7 +209,7 @@ def _collide(world: World, group: LaneGroup) -> tuple[Lanes, bool]:
 
 @kernel
 def _energy_of_state(a: LibrationLanes, b: LibrationLanes, of_a: bool) -> tuple[Lanes, Lanes]:
-    """Parameter, and root of its complement, of one body in its state after the impact."""
+    """Return the parameter of one body's state after the impact, and its complementary modulus."""
     s = select(of_a, a.contact_s, b.contact_s)
     c = select(of_a, a.contact_c, b.contact_c)
     p = select(of_a, a.next_p, b.next_p)
@@ -222,7 +221,7 @@ def _energy_of_state(a: LibrationLanes, b: LibrationLanes, of_a: bool) -> tuple[
 def _parameter_of_specific_energy(
     track_a: TrackData, track_b: TrackData, of_b: bool, specific_energy: Lanes
 ) -> tuple[Lanes, Lanes]:
-    """Parameter, and root of its complement, of one body with an energy."""
+    """Return the parameter of one body with a specific energy, and its complementary modulus."""
     twice = select(of_b, track_b.twice_radius, track_a.twice_radius)
     complement = (select(of_b, track_b.top, track_a.top) - specific_energy) / twice
     m = max((specific_energy - select(of_b, track_b.bottom, track_a.bottom)) / twice, 0.0)
@@ -232,7 +231,7 @@ def _parameter_of_specific_energy(
 
 @kernel
 def _is_other(libration: LibrationLanes, track: TrackData) -> bool:
-    """Tell where the next flight is no libration far from a crest and the ends of the arc."""
+    """Return where the next flight is not a libration far from a crest and the arc's ends."""
     crest = (
         libration.contact_c * libration.contact_c + libration.next_p * libration.next_p
         < CREST_NEIGHBOURHOOD
@@ -246,7 +245,7 @@ def _is_other(libration: LibrationLanes, track: TrackData) -> bool:
 
 @kernel
 def _count(world: World, group: LaneGroup, duration: Lanes, failed: bool) -> bool:
-    """Count in the flights that end, and the gap of the impact; where that is not sure."""
+    """Tally the flights that end and the gap of the impact; return where that fails."""
     run = group.runs[0]
     a = group.librations[0]
     b = group.librations[1]
@@ -273,7 +272,7 @@ def _count(world: World, group: LaneGroup, duration: Lanes, failed: bool) -> boo
 
 @kernel
 def _take(libration: LibrationLanes, failed: bool) -> None:
-    """Begin the next flight, but for the lanes that have failed."""
+    """Begin the next flight in all lanes that have not failed."""
     libration.flow_s = select(failed, libration.flow_s, libration.contact_s)
     libration.flow_c = select(failed, libration.flow_c, libration.contact_c)
     libration.flow_p = select(failed, libration.flow_p, libration.next_p)
@@ -296,9 +295,10 @@ def run_points_in_lanes(
     last: int,
     group: LaneGroup,
 ) -> int:
-    """Run some of the points, as ``kernels.ensemble.points.run_points``; no impacts are kept.
+    """Run the points from ``first`` to before ``last``, as ``kernels.ensemble.points.run_points``.
 
-    The arc is the one that ``group`` is set up for. Returns the number of impacts made in lanes.
+    No impacts are kept. ``group`` must be set up for the arc. Return the number of impacts carried
+    out in lanes.
     """
     upcoming = first
     made = 0
@@ -340,7 +340,7 @@ def _fill(
     upcoming: int,
     last: int,
 ) -> int:
-    """Take the next run that comes to a state for lanes into a lane; return the one after it."""
+    """Put the next run that reaches a state for lanes into a lane; return the run after it."""
     while upcoming < last:
         group.slots[lane].point = upcoming
         prepare_point(world, fresh, points, upcoming)
@@ -361,9 +361,9 @@ def _alone(
     lane: int,
     known: int,
 ) -> bool:
-    """Run on by the kernels of single runs; tell whether that came to a state for lanes.
+    """Run on with the kernels of single runs; return whether that reached a state for lanes.
 
-    The logs of ``world`` begin with ``known`` flights that were told of before.
+    The logs of ``world`` begin with ``known`` flights that have been tallied before.
     """
     point = group.slots[lane].point
     clock = world.clock[0]
@@ -388,7 +388,7 @@ def _alone(
 
 @kernel
 def _put_in(world: World, points: Points, group: LaneGroup, lane: int) -> None:
-    """Put a run that fits into a lane."""
+    """Put a run into a lane."""
     clock = world.clock[0]
     run = group.runs[0]
     slot = group.slots[lane]
@@ -428,7 +428,7 @@ def _put_in(world: World, points: Points, group: LaneGroup, lane: int) -> None:
 def _take_out(
     world: World, fresh: World, points: Points, results: Results, group: LaneGroup, lane: int
 ) -> None:
-    """Take a run out of its lane: the records are as after its last impact there."""
+    """Take a run out of its lane: set the world to its state after the last impact there."""
     run = group.runs[0]
     slot = group.slots[lane]
     prepare_point(world, fresh, points, slot.point)

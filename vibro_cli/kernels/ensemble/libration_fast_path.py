@@ -1,8 +1,8 @@
-"""A shorter way from impact to impact for two bodies that swing on one arc, to the same bits.
+"""A faster path from impact to impact for two bodies that librate on one arc, with the same bits.
 
-Nothing is looked up, searched for or bounded that such a flight does not need; both bodies go
-through the same operations at once, in the two lanes of a register. Each event of another kind is
-left to the event loop (``kernels.events.event_loop``), after which the run comes back here.
+It leaves out all lookups, searches and bounds that such a flight does not need, and treats both
+bodies at once, in the two lanes of a register. Other events are left to the event loop
+(``kernels.events.event_loop``), after which the run returns to this path.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ from vibro_cli.kernels.world import (
 
 @kernel
 def proceed_in_libration(world: World, bodies: TwoBodies) -> int:
-    """Go on as ``kernels.events.event_loop.proceed`` does, for two bodies on an open trace."""
+    """Do the same as ``kernels.events.event_loop.proceed``, for two bodies on an open trace."""
     settings = world.settings[0]
     clock = world.clock[0]
     most = settings.stop_collisions
@@ -73,7 +73,7 @@ def proceed_in_libration(world: World, bodies: TwoBodies) -> int:
 
 @kernel
 def _librate(world: World, bodies: TwoBodies) -> int:
-    """Go on from impact to impact; return the cause of an end, or ``RUNNING`` before others."""
+    """Go from impact to impact; return why the run stopped, or ``RUNNING`` before another event."""
     settings = world.settings[0]
     clock = world.clock[0]
     a = world.flights[0]
@@ -91,7 +91,7 @@ def _librate(world: World, bodies: TwoBodies) -> int:
         if a.frequency != b.frequency:
             a.angular_bound = angular_bound_of_libration(a.frequency, a.parameter)
             b.angular_bound = angular_bound_of_libration(b.frequency, b.parameter)
-        # Counted as by the event loop, whose first evaluation is of the states at the start.
+        # Count as the event loop does, whose first evaluation is that of the initial states.
         evaluations = clock.evaluations
         clock.searches += 1
         clock.evaluations += 1
@@ -131,7 +131,7 @@ def _gather(world: World, two: TwoLibrations, tracks: TwoTracks) -> None:
 
 @kernel
 def _launch(world: World) -> None:
-    """Set both flights up as the event loop has them."""
+    """Set up both flights for the event loop."""
     for ball in range(2):
         flight = world.flights[ball]
         set_theta_constants(flight, flight.parameter, flight.complementary_modulus)
@@ -141,7 +141,7 @@ def _launch(world: World) -> None:
 
 @kernel
 def _next_impact(world: World, two: TwoLibrations, tracks: TwoTracks) -> bool:
-    """Go on to the next impact; tell whether there is one of this kind."""
+    """Carry out the next impact; return False if it is not one for this path."""
     settings = world.settings[0]
     clock = world.clock[0]
     a = world.flights[0]
@@ -180,7 +180,7 @@ def _next_impact(world: World, two: TwoLibrations, tracks: TwoTracks) -> bool:
 
 @kernel
 def _arrive(world: World, two: TwoLibrations, speed: Two) -> None:
-    """Put both bodies where they meet, with their speeds (m/s) before the impact."""
+    """Move both bodies to their contact, with their speeds (m/s) before the impact."""
     clock = world.clock[0]
     pair = world.pairs[0]
     contact = world.contacts[world.flights[0].piece]
@@ -198,7 +198,10 @@ def _arrive(world: World, two: TwoLibrations, speed: Two) -> None:
 def _depart(
     world: World, two: TwoLibrations, p: Two, speed_a: float, speed_b: float, more: int
 ) -> None:
-    """Begin and log the flights after an impact, by P and speeds (m/s), less energy first."""
+    """Begin and log the flights after an impact, with P and speeds (m/s).
+
+    The body with less energy is logged first.
+    """
     a = world.flights[0]
     b = world.flights[1]
     two.flow_s = two.contact_s
@@ -215,10 +218,10 @@ def _depart(
 
 @kernel
 def _share_energy(world: World, two: TwoLibrations, tracks: TwoTracks, p: Two, loss: float) -> int:
-    """Give both bodies their energies and parameters after an impact (see ``event_loop``).
+    """Set the energies and parameters of both bodies after an impact (see ``event_loop``).
 
-    Returns the body with more energy; -1 if the flights after it are not librations far from a
-    crest and the ends of the arc, or neither has more.
+    Return the body with more energy, or -1 if the energies are equal or the next flights are not
+    librations far from a crest and the ends of the arc.
     """
     a, b = world.flights[0], world.flights[1]
     s, c = two.contact_s, two.contact_c

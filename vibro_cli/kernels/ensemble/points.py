@@ -1,12 +1,12 @@
-"""Many runs one after another: their summaries, their impacts as columns, their tangent maps.
+"""Many runs one after another: their summaries, their impacts, their tangent maps.
 
-The runs differ in where the bodies start, in their masses, in the coefficients of restitution and
-in the stop. Each is the run that ``systems.trace.event_loop`` would make, to the bit: the same
-kernels work on the same records.
+The runs differ in the initial states and masses of the bodies, in the coefficients of restitution
+and in the stop. Each has the same bits as a run of ``systems.trace.event_loop``, since the same
+kernels work on the same structs.
 
-The numbers of a system may be arrays (see ``numerics.elementwise``); so are those of its records,
-which are made by the same functions as those of a single one. Here they become rows of records,
-from which a batch takes what the system of its next run needs.
+If the systems differ too, their numbers are arrays (see ``numerics.elementwise``). The functions
+that make the structs of a single system then make rows of structs, from which each run takes those
+of its system.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from vibro_cli.kernels.tangent.follow import follow_tangents
 from vibro_cli.kernels.tangent.frame import Tangents
 from vibro_cli.kernels.world import LOG_FULL, RUNNING, World
 
-# So many full logs of a run are followed; a longer run is for the driver, which signals can end.
+# Greatest number of full logs of a run; a longer run is left to the driver, which signals can stop.
 MOST_LOGS = 1000
 
 
@@ -44,10 +44,10 @@ def run_points(
 ) -> tuple[int, int]:
     """Run the points of a batch from ``first`` to before ``last``.
 
-    ``stack`` has the systems of the points; of one alone, no number of a system. ``fresh`` has the
-    records of ``world`` as they are before every run; ``filled`` rows of impacts are used. Without
-    any room for impacts, they are not kept. Returns the first point that was not run (there was no
-    room left for its impacts), and the rows that are used.
+    ``stack`` has the systems of the points; it is empty if all share one system. ``fresh`` has the
+    structs of ``world`` before a run; ``filled`` rows of impacts are already used. If ``results``
+    has no room for any impacts, they are not kept. Return the first point that was not run, because
+    its impacts had no room, and the number of rows used.
     """
     keep = len(results.impacts) > 0
     installed = -1
@@ -84,10 +84,9 @@ def follow_points(
 ) -> None:
     """Run all points of a batch, with their tangent maps; impacts are not kept.
 
-    ``stack`` is as of :func:`run_points`. ``tangents`` has room for as many impacts as the log of
-    the world; its ``state`` has a row for each point, with its scale of time, of which the first
-    is worked on. ``sums`` [point, direction] is filled in: logarithms of the growth of the frame's
-    vectors.
+    ``stack`` is as in :func:`run_points`. ``tangents`` has room for as many impacts as the log of
+    the world. Its ``state`` has a first row to work on, then a row for each point with its time
+    scale. ``sums`` [point, direction] receives the logarithms of the growth of the frame's vectors.
     """
     installed = -1
     for point in range(len(points.own)):
@@ -103,7 +102,7 @@ def follow_points(
             cause = proceed(world, False)
             clock = world.clock[0]
             if cause == LOG_FULL and (clock.segment_rows > 0 or clock.flight_rows <= known):
-                break  # a run for the driver: its motion in segments, or a search without end
+                break  # left to the driver: motion in segments, or a search that does not end
             now = RUNNING if cause == LOG_FULL else cause
             update_point_statistics(world, known, now, points, results, point)
             end_t, end_low = end_of_point(world, now, points, point)
@@ -116,9 +115,9 @@ def follow_points(
 
 @kernel
 def _keep_under_way(world: World) -> int:
-    """Empty the logs but for the flights that bodies are in; returns how many they are.
+    """Clear the logs except for the present flights of the bodies; return their number.
 
-    A flight that is one of the first rows already is its body's own.
+    A present flight that is already among the first rows is in the row of its body.
     """
     clock = world.clock[0]
     bodies = world.settings[0].bodies

@@ -1,4 +1,4 @@
-"""Records of many runs: how each starts, what comes of it, and the numbers of several systems."""
+"""Structs of many runs: their initial states and stops, and the numbers of several systems."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from vibro_cli.kernels.world import (
 
 @struct
 class PointData:
-    """What is a run's own, besides its bodies and pairs."""
+    """The stop of a run."""
 
     stop_t: float  # s
     stop_collisions: int
@@ -31,7 +31,7 @@ class PointData:
 
 @struct
 class StartData:
-    """One body at the start of one run."""
+    """Initial state of a body in a run."""
 
     piece: int
     s: float  # (S, C, P) as in kernels.world
@@ -41,16 +41,16 @@ class StartData:
 
 
 class Points(NamedTuple):
-    """The runs of a batch: a row for each, one for each of its bodies, k for each of its pairs."""
+    """The runs of a batch."""
 
-    own: Sequence[PointData]
-    starts: Sequence[StartData]  # run by run
-    restitutions: Sequence[float]  # run by run
+    own: Sequence[PointData]  # one for each run
+    starts: Sequence[StartData]  # one for each body, run by run
+    restitutions: Sequence[float]  # k of each pair, run by run
 
 
 @kernel
 def end_of_point(world: World, cause: int, points: Points, point: int) -> tuple[float, float]:
-    """When a run, or a part of one, has ended (two doubles, s)."""
+    """Return the end time of a run, or of a part of one (two doubles, s)."""
     if cause == END_TIME and points.own[point].stop_t < NEVER:
         return points.own[point].stop_t, 0.0
     return world.clock[0].t, world.clock[0].t_low
@@ -67,13 +67,13 @@ def update_point_statistics(
 
 @kernel
 def prepare_point(world: World, fresh: World, points: Points, point: int) -> None:
-    """Put the records into the state before the start of a run."""
+    """Set the structs of the world to the start of a run."""
     settings = world.settings[0]
     world.clock[0] = fresh.clock[0]  # type: ignore[index]
     settings.stop_t = points.own[point].stop_t
     settings.stop_collisions = points.own[point].stop_collisions
     for j in range(settings.pairs):
-        distance = world.pairs[j].distance  # of the system that is in place
+        distance = world.pairs[j].distance  # of the installed system
         world.pairs[j] = fresh.pairs[j]  # type: ignore[index]
         world.pairs[j].distance = distance
         world.pairs[j].restitution = points.restitutions[point * settings.pairs + j]
@@ -84,7 +84,7 @@ def prepare_point(world: World, fresh: World, points: Points, point: int) -> Non
         body.rolling_mass = body.kappa * given.mass
         body.weight = given.mass * settings.gravity
         flight = world.flights[ball]
-        brief, size = flight.brief, flight.size  # of that system too
+        brief, size = flight.brief, flight.size  # of the installed system too
         world.flights[ball] = fresh.flights[ball]  # type: ignore[index]
         flight.brief = brief
         flight.size = size
@@ -97,7 +97,7 @@ def prepare_point(world: World, fresh: World, points: Points, point: int) -> Non
 
 @struct
 class SettingNumbers:
-    """What of the settings of a run differs from system to system."""
+    """Settings that differ between systems."""
 
     gravity: float
     closing_error: float
@@ -107,21 +107,21 @@ class SettingNumbers:
 
 @struct
 class PairNumbers:
-    """And of two neighbours."""
+    """Numbers of a pair that differ between systems."""
 
     distance: float  # r_a + r_b, m
 
 
 @struct
 class FlightNumbers:
-    """And of the flights of a body."""
+    """Numbers of a body's flights that differ between systems."""
 
-    brief: float  # what they last at least to be no part of an instant, s
+    brief: float  # a shorter flight counts as part of an instant, s
     size: float  # of the trace, m
 
 
 class Stack(NamedTuple):
-    """The records of the systems, system by system, and which system each run is of, from 0."""
+    """The structs of several systems, system by system; ``of_runs`` has the system of each run."""
 
     settings: Sequence[SettingNumbers]
     bodies: Sequence[BodyData]
@@ -135,9 +135,10 @@ class Stack(NamedTuple):
 
 @kernel
 def install(world: World, stack: Stack, run: int, installed: int) -> int:
-    """Put the records of a run's system in place, if they are not; returns the number of that.
+    """Install the structs of a run's system in the world if needed; return the system's number.
 
-    ``installed`` is the one in place, at first -1. A stack of no systems leaves the world's own.
+    ``installed`` is the number of the present system, at first -1. An empty stack leaves the world
+    unchanged.
     """
     if len(stack.of_runs) == 0 or stack.of_runs[run] == installed:
         return installed
@@ -173,7 +174,7 @@ def fill_stacked(
     around: float,
     stack: Stack,
 ) -> int:
-    """Fill the columns of runs, each of its own system; see ``impact_columns.fill_columns``."""
+    """Fill the columns of runs of several systems; see ``impact_columns.fill_columns``."""
     row = 0
     installed = -1
     for run in range(len(runs.counts)):
