@@ -64,7 +64,7 @@ def half_of(cosine: float, sine: float) -> tuple[float, float]:
 def moments_of_body(world: World, ball: int) -> tuple[float, float, float, float]:
     """Return ``kappa m rho^2`` (kg m^2) of a body, that times its rate, ``m g rho (cos, sin)``.
 
-    The angle is that by which the body leads its group; ``shift_s, shift_c`` are of half of it.
+    The angle is that by which the body leads its group; ``shift_s, shift_c`` are for half of it.
     """
     flight = world.flights[ball]
     track = track_of(world, ball)
@@ -136,7 +136,7 @@ def set_release(world: World, first: int, count: int, bodies_left: int) -> None:
 def _release_at(flight: Flight, s: float, c: float, slope: float) -> float:
     """Return the time (s) until a group passes a zero of the force while it falls, or NEVER.
 
-    ``slope`` is the derivative of the force's moment by the angle at the zero ``(s, c)``.
+    ``slope`` is the derivative of the moment with respect to the angle at the zero ``(s, c)``.
     """
     if flight.complementary_modulus >= 0.0 and flight.flow_c * c < 0.0:
         return NEVER

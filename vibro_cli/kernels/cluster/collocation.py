@@ -219,7 +219,7 @@ def _iterate(world: World, first: int, count: int, h: float) -> float:
 
 @kernel
 def _acceleration(world: World, first: int, count: int, step: int) -> float:
-    """Return the acceleration (m/s^2) of a member along its path by gravity and contact forces."""
+    """Return a member's acceleration (m/s^2) along its path, by gravity and contact forces."""
     ball = number_along(world, first, step)
     force = 0.0
     if step > 0:

@@ -1,4 +1,4 @@
-"""The begin, continuation and end of lasting contacts of a chain, and of its ends with walls.
+"""The beginning, continuation and end of lasting contacts, in a chain and at walls.
 
 A contact may last if its relative speed is zero, or so small that its bounces are lost in rounding.
 It does last if the contact force presses. A wall is a body of infinite mass: a body pressed to it
@@ -67,7 +67,7 @@ from vibro_cli.kernels.world import (
     track_of,
 )
 
-# Bodies in contact have equal normal speeds up to the rounding of a whole flight, this share.
+# Relative rounding of the normal speeds of bodies in contact over a whole flight.
 HELD_ROUNDING = 1.0e-9
 # Impacts slower than this share of the greatest speeds at an instant are rounding, which grows if
 # a law increases speeds.
@@ -249,7 +249,7 @@ def _press_walls(world: World, first: int, count: int) -> bool:
 
 @kernel
 def _push(world: World, j: int, ball: int) -> float:
-    """Return the acceleration (m/s^2) of a body by the force of its pair (``solution``)."""
+    """Return the acceleration (m/s^2) of a body due to the force of its pair (``solution``)."""
     pair = world.pairs[j]
     normal = pair.normal_a if pair.a == ball else pair.normal_b
     return normal * pair.solution * mobility(world, ball)

@@ -323,7 +323,7 @@ def approach_by_law(world: World, pair: int, law: int, v_a: float, v_b: float) -
 
 @kernel
 def set_chain_row(world: World, pair: int, law: int, first: int, count: int) -> None:
-    """Set the matrix row of a pair: the changes of its relative speed by unit impulses."""
+    """Set the matrix row of a pair: the changes of its relative speed per unit impulse."""
     row = world.pairs[pair]
     one = world.bodies[pair]
     other = world.bodies[pair + 1]
@@ -394,7 +394,7 @@ def _new_row(world: World, pair: int) -> ImpactRow:
 
 @kernel
 def _parts(world: World, row: ImpactRow) -> bool:
-    """Return whether the bodies separate after the law, up to the rounding of all speeds."""
+    """Return whether the bodies separate after the impact, up to the rounding of all speeds."""
     separating = row.v_b_post - row.v_a_post
     speeds = abs(row.v_a_post) + abs(row.v_b_post)
     speeds += world.springs[row.pair].fastest + world.springs[row.pair + 1].fastest

@@ -93,7 +93,7 @@ def _meeting(world: World, pair: int, end: float) -> float:
     elif known == PARTING:
         rows[base + 1] = max(rows[base + 1], 0.0)
     elif rows[base + known] <= 0.0:
-        # The pair was let go, so this term is zero up to rounding; the next step will tell.
+        # Contact was not kept, so this term is zero up to rounding; the next step decides.
         return NO_ROOT
     return first_zero_crossing(rows, base + known, base + ORDER, end)
 

@@ -5,8 +5,8 @@ follow from those of x^2, and those of y = x/s from x = s y. Bodies in lasting c
 each adds its share ``M_i/M`` of the acceleration.
 
 The step: for complex positions within R of the present one, R < s, the length stays above s - R.
-The acceleration stays below ``w^2 (|x| + R)(1 + l/(s - R))``, and its derivative by the position
-(see `tangent`) below ``w^2 (1 + l b^2/(s - R)^3)``, so that the acceleration also stays below its
+The acceleration stays below ``w^2 (|x| + R)(1 + l/(s - R))``, and its derivative dx''/dx (see
+`tangent`) below ``w^2 (1 + l b^2/(s - R)^3)``, so that the acceleration also stays below its
 present value plus R times this. Let A be the lower of the two bounds. For complex times up to T,
 ``|v| T + A T^2/2 = R``, the position stays within R, and by Cauchy's estimate the coefficients of
 its series are at most ``R/T^k``: the remainder of a step ``h = q T`` is below

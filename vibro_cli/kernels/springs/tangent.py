@@ -147,7 +147,7 @@ def _next_slope(world: World, series: FloatMatrix, body: int, k: int) -> float:
 
 @kernel
 def _next_changes(series: FloatMatrix, k: int, unit: float) -> tuple[float, float]:
-    """Set and return coefficient k + 2 of the changes by an initial displacement and speed."""
+    """Set and return coefficient k + 2 of the changes for an initial displacement and speed."""
     way = 0.0
     speed = 0.0
     for i in range(k + 1):
@@ -348,7 +348,7 @@ def _strike(world: World, tangents: Tangents, begin: int, count: int) -> None:
 
 @kernel
 def _delay(tangents: Tangents, row: ImpactRow, column: int) -> float:
-    """Return the delay (s) of an impact by one tangent vector.
+    """Return the delay (s) of an impact for one tangent vector.
 
     A pair that collides because one of its bodies was struck at this instant has the delay of that
     impact, since its own speed of approach may be only rounding.
@@ -365,7 +365,7 @@ def _delay(tangents: Tangents, row: ImpactRow, column: int) -> float:
 def _approach_change(
     world: World, tangents: Tangents, row: ImpactRow, column: int, delay: float
 ) -> float:
-    """Return the change of the law's relative speed before an impact by one tangent vector."""
+    """Return the change of the law's relative speed before an impact for one tangent vector."""
     tau = tangents.state[0].time_scale
     a = row.pair
     b = a + 1
@@ -380,7 +380,7 @@ def _approach_change(
 
 @kernel
 def _apply(world: World, tangents: Tangents, row: ImpactRow, number: int, column: int) -> None:
-    """Change positions and speeds of one tangent vector by a pair's impulse and delay."""
+    """Apply a pair's impulse and delay to the positions and speeds of one tangent vector."""
     tau = tangents.state[0].time_scale
     one = world.bodies[row.pair]
     other = world.bodies[row.pair + 1]

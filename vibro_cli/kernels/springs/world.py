@@ -53,7 +53,7 @@ class SpringBody:
     x: float  # from the foot's place, m
     v: float  # m/s
     energy: float  # of its group over the group's rolling mass, m^2/s^2
-    fastest: float  # greatest of its speeds and of the changes by impulses at this instant, m/s
+    fastest: float  # greatest of its speeds and speed changes at this instant, m/s
 
 
 @struct

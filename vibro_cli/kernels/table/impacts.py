@@ -10,7 +10,7 @@ speed ``u_p`` into ``-k u_p``:
 
     sum_q A_pq I_q = (1 + k) u_p,
 
-where A_pq is the change of relative speed p by a unit impulse q. A is symmetric, and singular if
+where A_pq is the change of relative speed p per unit impulse q. A is symmetric, and singular if
 more pairs touch than there are motions to stop, though the velocities are unique. The system is
 solved by conjugate gradients on residuals of 31 digits, so that the resulting doubles do not depend
 on the order of the pairs, and symmetric motions stay symmetric. All pairs of a group that approach
@@ -322,7 +322,7 @@ BALANCED = 1.0e-12
 
 @kernel
 def solve_impulses(world: World, closing: int, law: int, restitution: float) -> None:
-    """Set the impulses of the closing pairs, and the velocity changes by them in the shares."""
+    """Set the impulses of the closing pairs, and the resulting velocity changes in the shares."""
     _set_up(world, closing, law, restitution)
     _descend(world, closing)
     for number in range(closing):
@@ -422,7 +422,7 @@ def _set_up(world: World, closing: int, law: int, restitution: float) -> None:
 
 @kernel
 def _apply(world: World, closing: int) -> float:
-    """Set the changes of velocities and relative speeds by the impulses ``direction``.
+    """Set the changes of velocities and relative speeds due to the impulses ``direction``.
 
     Return the product of the impulses with the changes of the relative speeds.
     """

@@ -8,8 +8,8 @@ impacts give one linear system for the changes dI of all impulses:
 
     M(sum R n dI) = -(1 + k) M(dv) - k dM(v^-) - dM(v^+) - M(sum R dn I),
 
-where M are the law's relative speeds (positive if pairs separate), dM their change by dn, and R the
-responses (see `impacts`).
+where M are the law's relative speeds (positive if pairs separate), dM their change due to dn, and R
+the responses (see `impacts`).
 """
 
 from __future__ import annotations
@@ -245,7 +245,7 @@ def _join(world: World, ball: int) -> None:
 
 @kernel
 def _turn(world: World, tangents: Tangents, first: int, number: int, column: int) -> None:
-    """Set the changes of a pair's time of impact and normal by one tangent vector."""
+    """Set the changes of a pair's time of impact and normal for one tangent vector."""
     row = world.pair_log[first + number]
     frame = tangents.frame
     a = NUMBERS * row.a
@@ -271,7 +271,7 @@ def _asked(
     column: int,
     restitution: float,
 ) -> float:
-    """Return the right-hand side of a pair for the change of its impulse by one tangent vector."""
+    """Return the right-hand side of a pair for the change of its impulse, for a tangent vector."""
     row = world.pair_log[first + number]
     touch = world.touches[number]
     turn_x = tangents.turning[number, _TURN_X]
@@ -296,7 +296,7 @@ def _asked(
 
 @kernel
 def _along(tangents: Tangents, ball: int, nx: float, ny: float, column: int) -> float:
-    """Return the component of a ball's velocity change along a unit vector."""
+    """Return the component along a unit vector of a ball's velocity in one tangent vector."""
     row = NUMBERS * ball + 2
     along: float = nx * tangents.frame[row, column] + ny * tangents.frame[row + 1, column]
     return along
@@ -326,7 +326,7 @@ def _shared(
 
 @kernel
 def _apply(world: World, tangents: Tangents, number: int, column: int) -> None:
-    """Change positions and velocities of one tangent vector by a pair's impulse and delay."""
+    """Apply a pair's impulse and delay to the positions and velocities of one tangent vector."""
     touch = world.touches[number]
     frame = tangents.frame
     impulse = tangents.turning[number, _IMPULSE]

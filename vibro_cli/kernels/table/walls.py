@@ -156,8 +156,8 @@ def touch_curve(
 ) -> tuple[float, float, float, float, float]:
     """Return the centre of a touching ball, the normal, and how fast the centre leaves the line.
 
-    This is the derivative, by the angle of the normal, of the distance from a line along f. At
-    t = 0, where f is the normal, it is the radius of curvature of the offset curve.
+    This is the derivative of the distance from a line along f with respect to the angle of the
+    normal. At t = 0, where f is the normal, it is the offset curve's radius of curvature.
     """
     cosine = (1.0 - t * t) / (1.0 + t * t)
     sine = 2.0 * t / (1.0 + t * t)

@@ -99,7 +99,7 @@ class Touch:
 
 @struct
 class Share:
-    """Change of a ball's velocity by all impulses at the present instant."""
+    """Change of a ball's velocity due to all impulses at the present instant."""
 
     place: int  # in the group, from 1; 0: not in the group
     x: float  # m/s, in two doubles

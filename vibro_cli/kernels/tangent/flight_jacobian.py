@@ -40,7 +40,7 @@ LEAST_PARAMETER = 1.0e-200
 def flight_jacobian(
     flight: Flight, t: float, series: FloatMatrix
 ) -> tuple[float, float, float, float]:
-    """Return the derivative of the state of a flight at time ``t`` (s) by its initial state.
+    """Return the derivative of a flight's state at time ``t`` (s) with respect to its start.
 
     The state is displacement along the path of the centre and speed (m, m/s), or angle and rate:
     the matrix is the same. For a body in lasting contact on one piece it is that of its group.
@@ -66,7 +66,10 @@ def flight_jacobian(
 def pendulum_jacobian(
     theta: ThetaConstants, s0: float, c0: float, p0: float, u: float
 ) -> tuple[float, float, float, float]:
-    """Return the derivative of a pendulum's angle and rate by those at its start, in time 1/w."""
+    """Return the derivative of a pendulum's angle and rate with respect to its start.
+
+    The unit of time is 1/w.
+    """
     s, c, d, common = theta_functions(theta, u)
     s /= common
     c /= common
@@ -100,7 +103,7 @@ def pendulum_jacobian(
 def derivative_by_parameter(
     theta: ThetaConstants, u: float, s: float, c: float, d: float
 ) -> tuple[float, float]:
-    """Return Q and R: twice the derivatives of s, c, d by m are ``c Q, -s Q, -s R``."""
+    """Return Q and R: ``2 ds/dm = c Q``, ``2 dc/dm = -s Q`` and ``2 dd/dm = -s R``."""
     m = theta.parameter
     if theta.reciprocal == 0:
         way = square_integral(theta, m, abs(theta.complementary_modulus), 1.0, u)
@@ -177,7 +180,7 @@ class Arrival:
     age: float  # duration of the flight, s
     speed: float  # of the centre along its path, m/s
     acceleration: float  # along the path, m/s^2
-    way_way: float  # derivative of displacement and speed by their initial values (m, m/s)
+    way_way: float  # derivative of displacement and speed with respect to the start (m, m/s)
     way_speed: float
     speed_way: float
     speed_speed: float

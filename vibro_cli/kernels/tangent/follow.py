@@ -113,7 +113,7 @@ def _delay_groups(tangents: Tangents, row: ImpactRow, column: int, delay: float)
 
 @kernel
 def _set_matrix(world: World, begin: int, step: int, count: int) -> None:
-    """Set the matrix row of a pair: the changes of its relative speed by unit impulses."""
+    """Set the matrix row of a pair: the changes of its relative speed per unit impulse."""
     row = world.impacts[begin + step]
     pair = world.pairs[row.pair]
     qa, ha = weight_and_response(row.law, world.bodies[row.a], row.normal_a)
@@ -147,7 +147,7 @@ def _solve_impulses(world: World, begin: int, count: int) -> None:
 
 @kernel
 def _prepare(world: World, tangents: Tangents, begin: int, step: int, column: int) -> None:
-    """Set the changes of a pair's time of impact and normals by one tangent vector."""
+    """Set the changes of a pair's time of impact and normals for one tangent vector."""
     row = world.impacts[begin + step]
     way_a = tangents.frame[2 * row.a, column]
     way_b = tangents.frame[2 * row.b, column]
@@ -228,7 +228,7 @@ def _solve_changes(world: World, tangents: Tangents, begin: int, count: int, col
 
 @kernel
 def _apply(world: World, tangents: Tangents, row: ImpactRow, step: int, column: int) -> None:
-    """Change positions and speeds of one tangent vector by a pair's impulse and delay."""
+    """Apply a pair's impulse and delay to the positions and speeds of one tangent vector."""
     tau = tangents.state[0].time_scale
     impulse = tangents.turning[step, _IMPULSE]
     delay = tangents.turning[step, _DELAY]
@@ -453,7 +453,7 @@ def _rebound(world: World, tangents: Tangents, ball: int) -> None:
 
 @kernel
 def _change_force(world: World, tangents: Tangents, number: int, flight: Flight) -> None:
-    """Change the tangent vectors by the jump of the acceleration at the start of a flight."""
+    """Apply the jump of the acceleration at the start of a flight to the tangent vectors."""
     row = world.log[number]
     track = track_on(world, row.body, row.piece)
     replay_flight(world, row, number, flight)
@@ -625,7 +625,7 @@ def _delay_of_contact(
 
     The contact begins ``2 u/(c (1 - k))`` after a bounce with separation speed ``u`` and approach
     acceleration ``c``. The change ``r`` of u at a fixed time is that at the bounce plus ``c dt``,
-    where ``dt`` is the bounce's delay, by which the gap changes by ``-u dt``. After a plastic
+    where ``dt`` is the bounce's delay: the gap changes by ``-u dt``. After a plastic
     impact there are no bounces, and r is ``c dt`` alone. The solver adds no time of bounces for
     bodies that are in contact with others.
     """

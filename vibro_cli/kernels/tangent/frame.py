@@ -72,8 +72,8 @@ class Tangents(NamedTuple):
     smooth: IntMatrix
     """[0, impact] output: 1 if the motion depends differentiably on its start"""
     times: FloatMatrix
-    """[impact, 2 body + 0 or 1] output if it has as many rows: derivative of the impact's time (s)
-    by the displacement (m) and tau times the speed (m) of each body at the start"""
+    """[impact, 2 body + 0 or 1] output if it has enough rows: derivative of the impact's time (s)
+    with respect to the displacement (m) and tau times the speed (m) of each body at the start"""
     growth: FloatMatrix
     """[impact, direction] output: the sums of logarithms after the impact"""
 
@@ -258,9 +258,9 @@ def spoil(tangents: Tangents, impacts: Sequence[Instant], end: int, t: float, t_
 def carry_vectors(
     tangents: Tangents, body: int, one: float, two: float, three: float, four: float
 ) -> None:
-    """Multiply the tangent vectors of a body by the derivative ``[[one, two], [three, four]]``.
+    """Multiply a body's tangent vectors by ``[[one, two], [three, four]]``.
 
-    The derivative is that of displacement and speed (m, m/s).
+    This matrix is the derivative of displacement and speed (m, m/s).
     """
     tau = tangents.state[0].time_scale
     _multiply_body(tangents, body, one, two / tau, three * tau, four)
@@ -310,9 +310,9 @@ def carry_far(
 
 @kernel
 def change_force(tangents: Tangents, body: int, jump: float, late: int) -> None:
-    """Change the tangent vectors of a body whose acceleration jumps (m/s^2) at a delayed event.
+    """Apply the jump of a body's acceleration (m/s^2) at an event to its tangent vectors.
 
-    ``late`` is the row of its delays.
+    ``late`` is the row of the event's delays.
     """
     jump *= tangents.state[0].time_scale
     if jump != 0.0:

@@ -82,7 +82,7 @@ def flight_jacobian(
 def _over_part(
     flight: Flight, middle: float, half: float, series: FloatMatrix
 ) -> tuple[int, float, float, float, float]:
-    """Return the derivative of angle and rate at the end of a part by those at its start.
+    """Return the derivative of angle and rate at the end of a part with respect to its start.
 
     The unit of time is half its length. The first item is the greatest power of time needed, or 0
     if this exceeds the room in the series: then the part is too long.
