@@ -97,7 +97,7 @@ def build(
     levels: Sequence[str] = (NATIVE,),
     more_flags: Sequence[str] = (),
 ) -> None:
-    """Build the library in a folder, with a record of its sources; nothing changes if this fails.
+    """Build the library in a folder with a record of its sources; a failure changes nothing.
 
     The folder is created if it does not exist. ``levels`` are the processor levels, best first;
     ``more_flags`` are further options of the compiler, after all others.

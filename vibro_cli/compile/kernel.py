@@ -4,8 +4,7 @@ A kernel is a short function of numbers and structs. Decorated with :func:`kerne
 Python function; ``native.compiled`` returns its compiled form. A struct is a class of annotated
 fields: the interpreter uses an object with slots, compiled code an element of a structured array.
 Both evaluate the same floating-point operations in the same order (no contraction, no
-reassociation), so they give the same bits. This module imports nothing heavy, since the build needs
-it.
+reassociation), so they give the same bits. The build needs it, so nothing heavy is imported here.
 
 A kernel without branches may work on lanes instead of numbers. Each lane then undergoes the same
 operations in the same order as a single number, and has the same bits. Where lanes take different
@@ -154,7 +153,7 @@ class Overrides:
         return self.replaced.get(value, value) if isinstance(value, FunctionType) else value
 
     def interpreted(self, function: Function) -> Function:
-        """Return a kernel for the interpreter, with overrides of all the kernels that it calls."""
+        """Return a kernel for the interpreter, with overrides for all kernels that it calls."""
         meant = self.resolved(function)
         if meant not in self._functions:
             namespace = self._namespace(meant.__module__)

@@ -101,10 +101,10 @@ def _joined(one: Kind, other: Kind) -> Kind | None:
 @cache
 def annotated(text: str, module: str) -> Any:
     """Return the type of an annotation in a module; None if it is not in the subset."""
-    return _meant(ast.parse(text, mode="eval").body, module)
+    return _type_of(ast.parse(text, mode="eval").body, module)
 
 
-def _meant(node: ast.expr, module: str) -> Any:
+def _type_of(node: ast.expr, module: str) -> Any:
     if isinstance(node, ast.Constant):
         return NOTHING if node.value is None else None
     if isinstance(node, ast.Name):
@@ -113,7 +113,7 @@ def _meant(node: ast.expr, module: str) -> Any:
         return _of_value(getattr(sys.modules[module], node.id, None))
     if isinstance(node, ast.Subscript) and isinstance(node.value, ast.Name):
         parts = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
-        items = tuple(_meant(part, module) for part in parts)
+        items = tuple(_type_of(part, module) for part in parts)
         if None in items:
             return None
         if node.value.id == "tuple":

@@ -105,7 +105,7 @@ class CompiledKernel:
 
     def __init__(self, kernel: Kernel, overrides: Overrides | None = None) -> None:
         self._names, self._kinds, returned = signature(kernel)
-        self._function = _found(symbol_of(kernel, overrides))
+        self._function = _exported(symbol_of(kernel, overrides))
         kinds = [_SCALARS.get(kind, ctypes.c_void_p) for kind in self._kinds]
         self._function.argtypes = [*kinds, ctypes.c_void_p]
         self._function.restype = None
@@ -135,7 +135,7 @@ compiled = cache(CompiledKernel)
 """Return the compiled form of a kernel, created once."""
 
 
-def _found(symbol: str) -> Any:
+def _exported(symbol: str) -> Any:
     try:
         return library()[symbol]  # a new object each time, so that argument types are not shared
     except AttributeError:

@@ -117,7 +117,7 @@ def _cosine_of(x: Decimal) -> Decimal:
 
 # Roots this close to the unit circle count as angles; double roots are less accurate than others.
 _ON_CIRCLE = 1e-6
-# Factor above the bifurcation at which a new saddle and a new centre are told apart.
+# Factor above the bifurcation from which a new saddle and a new centre count as distinct.
 _RESOLVED = 1.0 + 1e-14
 
 
@@ -230,11 +230,11 @@ def zeros(constant: float, first: complex, second: complex) -> list[float]:
         coefficients = coefficients[1:-1]
     for z in np.roots(np.trim_zeros(coefficients, trim="f")):
         if abs(abs(z) - 1.0) < _ON_CIRCLE:
-            found.append(_polished(math.atan2(z.imag, z.real), constant, first, second))
+            found.append(_refined(math.atan2(z.imag, z.real), constant, first, second))
     return sorted(found)
 
 
-def _polished(angle: float, constant: float, first: complex, second: complex) -> float:
+def _refined(angle: float, constant: float, first: complex, second: complex) -> float:
     """Refine a root by Newton steps on the trigonometric polynomial itself."""
     for _ in range(4):
         one = complex(math.cos(angle), math.sin(angle))

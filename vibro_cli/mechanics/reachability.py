@@ -1,4 +1,4 @@
-"""Certified tests of what a body can touch: pieces other than its own, and other bodies.
+"""Certified tests of which other pieces and bodies a body can touch.
 
 The geometry rests on one comparison. Let a stretch of the trace have slopes within a range smaller
 than π and a curvature of at most K = 1/R (to the side of the bodies). Then it is a graph over some
@@ -286,7 +286,7 @@ def whole(piece: Piece) -> Window:
 
 
 # Size of the caches: the scenarios of a grid repeat the same calls again and again.
-_REMEMBERED = 4096
+_CACHE_SIZE = 4096
 
 
 def narrow_valleys(trace: Trace, radius: float) -> list[Any]:
@@ -305,7 +305,7 @@ def overlapping_pieces(trace: Trace) -> list[Any]:
     return [not p.is_line and p.angle_end - p.angle_start > limit for p in trace.pieces]
 
 
-@lru_cache(maxsize=_REMEMBERED)
+@lru_cache(maxsize=_CACHE_SIZE)
 def touched_pieces(trace: Trace, radius: float) -> tuple[tuple[int, int], ...]:
     """Return the pairs (i, j) such that a body rolling on piece i may touch another piece j.
 

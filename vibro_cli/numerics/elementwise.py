@@ -303,7 +303,7 @@ def value_of(number: Any) -> float:
 
 
 def change_of(number: Any, size: int) -> Floats:
-    """Return the derivatives of a number by ``size`` parameters, zero for a constant."""
+    """Return the derivatives with respect to ``size`` parameters, zero for a constant."""
     import numpy as np
 
     return number.change if isinstance(number, Dual) else np.zeros(size)
@@ -321,7 +321,7 @@ _STEPS: tuple[Callable[..., Any], ...] = (round, math.ceil)
 def through(function: Callable[..., Any], *arguments: Any) -> Any:
     """Return the value of a function, with derivatives if some arguments have them.
 
-    Step functions are returned without derivatives.
+    Values of piecewise constant functions have no derivatives.
 
     Raises
     ------
