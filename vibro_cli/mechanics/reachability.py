@@ -334,7 +334,7 @@ def _adjacent(trace: Trace, i: int, j: int) -> bool:
     return steps <= 1 or (trace.closed and steps == len(trace.pieces) - 1)
 
 
-@lru_cache(maxsize=_REMEMBERED)
+@lru_cache(maxsize=_CACHE_SIZE)
 def reach(trace: Trace, body_a: Body, body_b: Body) -> tuple[tuple[int, int], ...]:
     """Return the pieces (i, j) on which body a and body b may be in contact, in order.
 
