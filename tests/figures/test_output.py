@@ -6,14 +6,10 @@ import subprocess
 import sys
 from pathlib import Path
 from threading import Event, Thread
-from typing import Any
 
 import matplotlib
 import pytest
-from matplotlib import _mathtext, textpath
-from matplotlib.backends import backend_agg
 from matplotlib.figure import Figure
-from matplotlib.mathtext import MathTextParser
 
 from tests.figures.runs import on_circle, on_three_arcs
 from vibro_cli.figures.portraits.portrait import phase_portrait
@@ -59,33 +55,6 @@ def test_threads_leave_the_readers_settings_as_they_were() -> None:
     go.set()
     other.join()
     assert dict(matplotlib.rcParams) == before
-
-
-@pytest.mark.parametrize("form", ["png", "svg"])
-def test_formulas_of_one_figure_are_known_in_the_next(
-    form: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Matplotlib parses them for each file anew; the bytes are those that it writes by itself."""
-    modules: list[Any] = [textpath, backend_agg]
-    first, second = (phase_portrait(on_three_arcs(), 1) for _ in range(2))
-    parsed: list[str] = []
-    parse = _mathtext.Parser.parse
-
-    def noted(parser: Any, text: str, *given: Any) -> Any:
-        parsed.append(text)
-        return parse(parser, text, *given)
-
-    monkeypatch.setattr(_mathtext.Parser, "parse", noted)
-    remembered: Any = MathTextParser
-    remembered._parse_cached.cache_clear()
-    content = render(first, form)
-    assert len(parsed) == len(set(parsed)) >= 3
-    assert render(second, form) == content
-    assert len(parsed) == len(set(parsed))
-    assert all(module.MathTextParser is MathTextParser for module in modules)
-    monkeypatch.setattr("vibro_cli.figures.style._PARSER", MathTextParser)
-    assert render(second, form) == content
-    assert len(parsed) > len(set(parsed))
 
 
 @pytest.mark.parametrize(("width", "millimetres"), [("single", 85), ("double", 170)])

@@ -4,19 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from functools import cache
 from io import BytesIO
 from threading import RLock
 from typing import Any
 
 import matplotlib
 import numpy as np
-from matplotlib import textpath
 from matplotlib.axes import Axes
-from matplotlib.backends import backend_agg
 from matplotlib.colors import Colormap, ListedColormap
 from matplotlib.figure import Figure
-from matplotlib.mathtext import MathTextParser
 
 WIDTHS = {"single": 85.0, "double": 170.0}
 """Width of a figure (mm) for one column or two columns of a journal."""
@@ -142,31 +138,11 @@ def journal(larger: float = 1.0) -> Iterator[None]:
     `larger` magnifies all letters. Figures are made as `matplotlib.figure.Figure`, without pyplot
     and its global state. Other threads wait until the context ends.
     """
-    with _ONE_AT_A_TIME, matplotlib.rc_context(), _one_parser():
+    with _ONE_AT_A_TIME, matplotlib.rc_context():
         matplotlib.rcdefaults()
         sizes = {name: size * larger for name, size in _RC.items() if name in _SIZES}
         matplotlib.rcParams.update(_RC | sizes)
         yield
-
-
-_PARSER = cache(MathTextParser)
-
-
-@contextmanager
-def _one_parser() -> Iterator[None]:
-    """Let all figures have one parser of formulas, which remembers the last ones, of each form.
-
-    That of matplotlib is one for each file: half of the formulas of a report would be parsed six
-    times and more, which takes a seventh of its time.
-    """
-    modules: Any = backend_agg, textpath
-    for module in modules:
-        module.MathTextParser = _PARSER
-    try:
-        yield
-    finally:
-        for module in modules:
-            module.MathTextParser = MathTextParser
 
 
 def time_colours() -> Colormap:
