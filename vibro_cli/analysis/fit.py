@@ -443,14 +443,14 @@ class _Problem:
             )
 
     def _late(self, values: Floats, rows: int) -> Floats:
-        """Computed less measured instants in units of their noise."""
+        """Return computed minus measured times, divided by their noise."""
         instants = self.motion(values, rows).t[self._measured.number[:rows] - 1]
         late: Floats = (instants - self._measured.t[:rows]) / self._noise[:rows]
         return late
 
     @np.errstate(over="ignore", invalid="ignore")  # such derivatives are refused
     def _jacobian(self, values: Floats, rows: int) -> Floats:
-        """Their derivatives."""
+        """Return the derivatives of the residuals."""
         derivative = self.motion(values, rows).derivative[self._measured.number[:rows] - 1]
         jacobian: Floats = derivative / self._noise[:rows, None]
         # Their squares are summed.

@@ -99,9 +99,9 @@ def number_at(scenario: Scenario, path: KeyPath) -> float:
 
 
 def differentiated(scenario: Scenario, paths: Sequence[KeyPath], more: int = 0) -> TraceSystem:
-    """Return the system of a scenario whose numbers carry their derivatives to those at paths.
+    """Return the system of a scenario with derivatives with respect to the numbers at `paths`.
 
-    And to so many more, on which they do not depend.
+    Derivatives with respect to `more` further numbers follow; they are null at first.
     """
     unit = np.eye(len(paths), len(paths) + more)
     values = {
@@ -171,12 +171,12 @@ def _arrivals(system: TraceSystem, stretch: Any) -> Any:
 
 @dataclass(frozen=True)
 class _Happening:
-    """An event, with the rows of the log that it begins."""
+    """An event, and its rows in the log of flights."""
 
     word: str
     row: int
     other: int | None = None
-    """The row of body b of an impact, of which the first is that of body a"""
+    """For an impact, the row of body b; `row` is that of body a."""
 
 
 def _happened(log: Any, impacts: Any, arrivals: Any) -> list[_Happening]:
@@ -212,7 +212,7 @@ def _happened(log: Any, impacts: Any, arrivals: Any) -> list[_Happening]:
 
 
 def _left(number: int, row: Any, speed: float) -> _Happening:
-    """A body at a junction or a wall."""
+    """Return the event of a body at a junction or a wall."""
     body, wall = row["body"] + 1, row["cause"] == WALL
     if speed == 0.0:
         raise NoDerivative(f"body {body} stops at an end of its piece at {row['t']:.9g} s")
@@ -241,10 +241,10 @@ class _State:
 
 
 class _Walk:
-    """Through the events of a run, with numbers that carry derivatives.
+    """A pass through the events of a run with numbers that carry derivatives.
 
-    In `moving` the same numbers carry one more, in which the places of a pair at its impact have
-    their speeds: the derivative to the time.
+    The numbers of `moving` carry one derivative more, with respect to time: at an impact, that of
+    the place of a body is its speed.
     """
 
     def __init__(
@@ -258,7 +258,7 @@ class _Walk:
         self._states: list[_State] = []
 
     def derivative(self) -> Floats:
-        """Go through them; return [impact, number] of the derivatives of their instants."""
+        """Return the derivatives of the times of impacts, shape [impact, number]."""
         self._states = [
             _State(start.piece, 0.0, start.position, start.speed) for start in self._system.initial
         ]
@@ -273,7 +273,7 @@ class _Walk:
         return np.array(delays).reshape(-1, self._size)
 
     def _ends(self) -> list[float]:
-        """Where on its piece the body of each row of the log ends its flight before that."""
+        """Return where on its piece the body of each row ended its previous flight."""
         log, current = self._log, [state.piece for state in self._states]
         pieces = np.empty(len(log), dtype=np.int64)
         for n, (body, piece) in enumerate(zip(log["body"], log["piece"], strict=True)):
@@ -282,7 +282,7 @@ class _Walk:
         return ends
 
     def _carried(self, body: int, place: float, arrival: Any) -> tuple[Any, Any]:
-        """Place and speed of a body at the time of its event, which does not change yet."""
+        """Return place and speed of a body at the time of its event, which is held fixed."""
         start, size = self._states[body], self._size
         piece, old = self._system.trace.pieces[start.piece], self._system.bodies[body]
         age, pull = float(arrival["age"]), float(arrival["acceleration"])
@@ -316,7 +316,7 @@ class _Walk:
         return self._system.bodies[body].radius
 
     def _leave(self, number: int, at: float) -> None:
-        """A junction or a wall."""
+        """Advance a body past a junction or a wall."""
         row, arrival = self._log[number], self._arrivals[number]
         body, wall = int(row["body"]), row["cause"] == WALL
         piece = self._system.trace.pieces[self._states[body].piece]
@@ -347,7 +347,7 @@ class _Walk:
         self._states[body] = _State(after, instant, place, speed)
 
     def _collide(self, struck: Any, pair: tuple[int, int], at: Sequence[float]) -> Floats:
-        """An impact of one pair; return how its instant changes."""
+        """Advance past an impact of one pair; return the derivative of its time."""
         bodies = int(struck["a"]), int(struck["b"])
         arrivals = [self._arrivals[row] for row in pair]
         ends = [
@@ -372,7 +372,7 @@ class _Walk:
     def _contact(
         self, bodies: tuple[int, int], places: Sequence[Any], arrivals: Sequence[Any]
     ) -> tuple[Any, list[Any]]:
-        """Gap of two bodies (m), and n t of the paths of both, which change with the time too."""
+        """Return the gap (m) and n·t of both paths, with the derivative with respect to time."""
         centres, tangents, radii = [], [], [self._moving.bodies[body].radius for body in bodies]
         for body, place, radius, arrival in zip(bodies, places, radii, arrivals, strict=True):
             piece = self._moving.trace.pieces[self._states[body].piece]

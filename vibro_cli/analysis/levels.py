@@ -183,7 +183,7 @@ def equilibria(landscape: Landscape, piece: Piece) -> list[float]:
 
 
 def _line_terms(landscape: Landscape, piece: Piece) -> tuple[float, float, float]:
-    """How far (m) the left end of a line is from the axis, the slope's cosine, Ω²/g (1/m) by it."""
+    """Return a line's left end from the axis (m), cos(slope), and cos(slope) Ω²/g (1/m)."""
     assert landscape.turning is not None
     x = piece.body_centre(0.0, landscape.body.radius)[0] - landscape.turning.x
     cosine = math.cos(piece.start_slope)
@@ -317,7 +317,7 @@ def _turning_zeros(landscape: Landscape, piece: Piece, energy: float) -> list[fl
 
 
 def _line_zeros(landscape: Landscape, piece: Piece, above: float) -> list[float]:
-    """Positions within a line at which a body is so high (m) above its left end, by a quadratic."""
+    """Return the positions on a line where the potential height is `above` that of its left end."""
     x, cosine, strength = _line_terms(landscape, piece)
     slope, square = _sine(piece.start_slope) - strength * x, -0.5 * strength * cosine
     root = slope * slope + 4.0 * square * above

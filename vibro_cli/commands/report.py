@@ -258,7 +258,7 @@ def _page(subject: "Subject", beside: Path, maps: Sequence[str]) -> bytes:
 def _check(options: ReportCommand) -> None:
     """Raise `CommandError` before anything is drawn if some file could not take its place.
 
-    Or the `OSError` of its writing, where there is no folder to hold it.
+    Raises `OSError` if the folder of the file does not exist.
     """
     from vibro_cli.report.html import is_report
     from vibro_cli.scenario.base import checked_page

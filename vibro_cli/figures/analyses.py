@@ -142,7 +142,7 @@ def branch_figure(found: dict[str, Any], label: str, width: str) -> Figure:
             logarithmic = name == "multiplier" and is_wide(height)
             (log_axis if logarithmic else value_axis)(axes, height, symbol, unit)
             low, high = float(np.min(value)), float(np.max(value))
-            # A family that turns back is seen to.
+            # Leave room beside the values, so that a fold is visible.
             room = _BESIDE * (high - low) or 0.5 * (abs(high) or 1.0)
             span = low - room, high + room
             axes.set_xlim(span)

@@ -38,7 +38,7 @@ from vibro_cli.systems.run import Run
 if TYPE_CHECKING:
     import pyarrow
 
-# Columns of a table that are in memory at once, of a short one as many as have so many values.
+# Columns of a table in memory at once; of a short table, as many as have this many values.
 _MOST_COLUMNS = 8
 _MOST_VALUES = 1 << 20
 # Rows of all columns of a table that are kept once some of its first rows are asked for.
@@ -201,7 +201,7 @@ def open_run(folder: Path) -> StoredRun:
 class StoredColumns(Mapping[str, Column]):
     """The columns of Parquet files with a common schema, each read on demand.
 
-    The last `most` that were asked for are kept, of short files more. `check` is called after each
+    The last `most` columns read are kept, and more of short files. `check` is called after each
     reading, and raises where other files may have been read.
     """
 

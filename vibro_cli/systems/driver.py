@@ -28,8 +28,8 @@ ENGINES = ("compiled", "python")
 # Capacity of the logs in rows; interpreted rows are objects, hence fewer.
 INTERPRETED_ROWS = 256
 COMPILED_ROWS = 16384
-# Room at first, of a run that is not told to have more impacts; once it is full, there is so many
-# times as much, up to all.
+# Initial capacity of the logs of a run without a larger limit of impacts, and the factor by which
+# full logs grow, up to the full capacity.
 FIRST_ROWS = 256
 GROWTH = 4
 # Where rows are dropped, the logs stay in the processor's cache.

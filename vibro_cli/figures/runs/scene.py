@@ -450,13 +450,13 @@ def _plan_sheet(
 
 
 def _draw_discs(axes: Axes, one: Configuration, radii: Array) -> None:
-    """Draw the bodies in their order as discs of some radii (m), faint unless they collide."""
+    """Draw the bodies in order as discs with the given radii (m), faint unless they collide."""
     numbers = range(len(radii))
     colours = [body_look(number + 1)["color"] for number in numbers]
     struck = [number in one.struck or not one.struck for number in numbers]
     faces = to_rgba_array(colours, np.where(struck, 0.9, _FAINT))
     discs = [Circle(tuple(one.centres[number]), radii[number]) for number in numbers]
-    # The edge of a body lies over its face, and under the next body.
+    # The edge of a body covers its face, and the next body covers both.
     look: Look = {"facecolors": [colour for face in faces for colour in (face, "none")]}
     look |= {"edgecolors": ["none", style.BLACK], "linewidths": [0.0, 0.5], "zorder": 2.5}
     twice = [disc for disc in discs for _ in range(2)]

@@ -207,7 +207,7 @@ def pairs_of(system: TraceSystem) -> list[tuple[int, int, int]]:
 def make_world(system: TraceSystem, limits: Limits = NO_LIMITS, far_apart: bool = True) -> World:
     """Return the records of a run with its bodies in their initial states and empty logs.
 
-    Without ``far_apart`` it is not asked where bodies may meet: it is for the solver alone.
+    Without ``far_apart`` the records do not say where bodies may meet: only the solver needs it.
     The numbers of the system may be arrays, and those of the records are then
     (``numerics.elementwise``).
     """
@@ -242,10 +242,10 @@ def make_world(system: TraceSystem, limits: Limits = NO_LIMITS, far_apart: bool 
 
 
 def _meeting(trace: Trace, asked: Sequence[tuple[Body, Body]], pairs: int) -> Any:
-    """Where (1) two bodies, each on a piece, may meet: of the pairs that are asked about.
+    """Return where two bodies, each on a piece, may meet (1), for the first pairs `asked`.
 
-    An array, of which zeros take no memory: it has as many numbers as there are pairs of pieces,
-    and few ones. NumPy would ask for pages of 2 MB, of which hardly any had zeros alone.
+    The array has a number for each pair of pieces, and few ones. It is allocated in pages of 4 kB,
+    of which those with zeros alone take no memory; NumPy would request pages of 2 MB.
     """
     shape = max(pairs, 1), len(trace.pieces), len(trace.pieces)
     room = mmap(-1, np.dtype(np.int64).itemsize * math.prod(shape))
