@@ -50,10 +50,10 @@ _SOURCES = ("base", "scenario")
 
 
 class Keep(Table):
-    """What is kept of each scenario beside its summary."""
+    """What is stored for each scenario in addition to its summary."""
 
     collisions: Annotated[bool, kinds.FLAG] = False
-    """Whether every impact is kept, beside the summaries."""
+    """Whether every impact is stored, in addition to the summaries."""
     columns: Annotated[tuple[str, ...] | None, Texts("columns", 1)] = None
     """Columns of the tables of impacts; all of them if not given."""
 
@@ -73,13 +73,13 @@ class GridFile(Table):
     n: Annotated[int | None, kinds.Count(most=MOST_DRAWN)] = None
     """Number of points of a latin-hypercube or sobol design."""
     seed: Annotated[int, kinds.Count(least=0)] = 0
-    """Seed of whatever is random."""
+    """Seed of the random numbers."""
     axes: Annotated[tuple[AxisTable, ...], Listed("axes", 1)]
     """The axes, at least one."""
     keep: Keep = Field(default_factory=Keep)
-    """What is kept of each scenario beside its summary."""
+    """What is stored for each scenario in addition to its summary."""
     chunk_points: Annotated[int | None, kinds.COUNT] = None
-    """Points of a part on the disk; as many as make a good file if not given."""
+    """Points per file on disk; chosen by the program if not given."""
 
     rules: ClassVar[tuple[Rule, ...]] = (
         exactly_one(*_SOURCES),

@@ -412,7 +412,7 @@ class Trace(Table):
     start_slope: Annotated[float, kinds.SLOPE]
     """Slope of the tangent at the left end, in rad."""
     closed: Annotated[bool, kinds.FLAG] = False
-    """Whether the trace ends where and how it began."""
+    """Whether the trace is closed: its end joins its start smoothly."""
     surface: Annotated[Surface, kinds.Word(get_args(Surface))] = "two-sided"
     """two-sided: the trace also holds a body back, and lift-off is marked; one-sided: lift-off
     ends the run."""
@@ -512,7 +512,7 @@ class Output(Sampling):
 
 
 class Analysis(Table):
-    """What is computed about a motion besides the motion itself."""
+    """Quantities computed in addition to the motion."""
 
     lyapunov: Annotated[bool, kinds.FLAG] = False
     """Whether the growth of small changes of the start is followed: digits that are left of each
