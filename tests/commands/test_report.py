@@ -165,6 +165,16 @@ def test_a_file_without_a_folder_is_told_before_anything_is_drawn(
         assert outcome.err == f"vibro: {folder}/{name}: {words}\n"
 
 
+def test_a_section_without_a_folder_is_told_before_anything_is_drawn(
+    vibro: Vibro, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    vibro(*RUN)
+    monkeypatch.setattr("vibro_cli.interface.runs.open_run", None)
+    outcome = vibro("section", "outputs/one_circle", "-o", "gone/section.png")
+    assert (outcome.code, outcome.out) == (1, b"")
+    assert outcome.err == "vibro: gone/section.png: No such file or directory\n"
+
+
 @pytest.mark.parametrize("command", ["report", "section"])
 def test_what_is_no_run_is_refused(vibro: Vibro, command: str) -> None:
     Path("empty").mkdir()

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from vibro_cli.commands.shared.error_handling import DONE, CommandError, check_no_folder, leaving
+from vibro_cli.commands.shared.error_handling import DONE, CommandError, check_place, leaving
 from vibro_cli.commands.shared.options import beside, json_option, output_option, repeatable
 from vibro_cli.commands.shared.terminal import count, json_text, print_found, say
 
@@ -221,7 +221,7 @@ class SectionCommand:
         from vibro_cli.interface.runs import open_run
         from vibro_cli.storage.stored import is_grid
 
-        check_no_folder(self.target)
+        check_place(self.target)
         columns = [name for some in self.columns for name in some.split(",")]
         shown: list[str] = []
         with leaving():

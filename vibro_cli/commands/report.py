@@ -1,6 +1,5 @@
 """`vibro report`: HTML page of a run, of several runs compared, or of a grid; films of runs."""
 
-import errno
 import gc
 import math
 import os
@@ -13,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from vibro_cli.commands.shared.error_handling import DONE, CommandError, check_no_folder, leaving
+from vibro_cli.commands.shared.error_handling import DONE, CommandError, check_place, leaving
 from vibro_cli.commands.shared.options import beside, json_option, output_option, repeatable
 from vibro_cli.commands.shared.terminal import json_text, say, work_told
 
@@ -258,7 +257,7 @@ def _page(subject: "Subject", beside: Path, maps: Sequence[str]) -> bytes:
 def _check(options: ReportCommand) -> None:
     """Raise `CommandError` before anything is drawn if some file could not take its place.
 
-    Raises `OSError` if the folder of the file does not exist.
+    Raises `OSError` if the folder of a file does not exist.
     """
     from vibro_cli.report.html import is_report
     from vibro_cli.scenario.base import checked_page
@@ -271,10 +270,7 @@ def _check(options: ReportCommand) -> None:
         raise CommandError(f"vibro: {error}") from error
     for path in (options.page, pdf, options.animate):
         if path is not None:
-            check_no_folder(path)
-            if not path.parent.is_dir():
-                code = errno.ENOTDIR if path.parent.exists() else errno.ENOENT
-                raise OSError(code, os.strerror(code), str(path))
+            check_place(path)
     if options.page and target.exists() and not is_report(first_bytes(target, _HEAD)):
         raise CommandError(f"vibro: {target} exists and is no vibro report; it is left as it is")
     if pdf is not None and pdf.exists() and first_bytes(pdf, 5) != b"%PDF-":

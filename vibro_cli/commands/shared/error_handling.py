@@ -181,6 +181,17 @@ def check_no_folder(path: Path) -> None:
         raise CommandError(f"vibro: {path} is a folder; expected a file or nothing")
 
 
+def check_place(path: Path) -> None:
+    """Raise what writing an output file would raise if it is a folder or has no folder to be in.
+
+    Raises `CommandError` or `OSError`; called before long work, which would be lost.
+    """
+    check_no_folder(path)
+    if not path.parent.is_dir():
+        code = errno.ENOTDIR if path.parent.exists() else errno.ENOENT
+        raise OSError(code, os.strerror(code), str(path))
+
+
 def reason(error: OSError) -> str:
     """Return an operating-system error on one line, with the file's name if it has one."""
     text = error.strerror or str(error)
