@@ -929,42 +929,40 @@ def test_what_a_file_says_of_its_columns_is_no_markup_in_a_notebook() -> None:
     assert set(re.findall(r"<(\w+)", shown)) == {"div", "table", "caption", "tr", "th", "td"}
 
 
+@pytest.fixture
+def columns_read(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Names of the columns that have been read from parquet files, in order."""
+    names: list[str] = []
+    original = tables.read_column
+
+    def noted(parts: Any, name: str) -> Any:
+        names.append(name)
+        return original(parts, name)
+
+    monkeypatch.setattr(stored, "read_column", noted)
+    return names
+
+
 def test_a_figure_of_a_grid_reads_the_columns_that_it_shows(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, columns_read: list[str]
 ) -> None:
     scenario = example("three_arcs").replace({"stop.time": 3.0})
     axes = {"collision.k": [0.7, 0.8, 0.9], "balls[1].angle": [-1.3, -1.2, -1.1]}
     sweep(scenario, axes, tmp_path / "grid")
     grid = open_grid(tmp_path / "grid")
-    seen: list[str] = []
-    original = tables.read_column
-
-    def noted(parts: Any, name: str) -> Any:
-        seen.append(name)
-        return original(parts, name)
-
-    monkeypatch.setattr(stored, "read_column", noted)
     grid.figure("impacts")
-    assert "collisions" in seen
-    assert not {"energy_end", "max_gap", "end_time"} & set(seen)
+    assert "collisions" in columns_read
+    assert not {"energy_end", "max_gap", "end_time"} & set(columns_read)
 
 
 def test_figures_of_bodies_read_each_column_of_a_short_run_once(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, columns_read: list[str]
 ) -> None:
     """Each of the figures of a body wants a score of columns; of a long run few are kept."""
     simulate(example("five_balls").replace({"stop.collisions": 20})).save(tmp_path / "run")
-    seen: list[str] = []
-    original = tables.read_column
-
-    def noted(parts: Any, name: str) -> Any:
-        seen.append(name)
-        return original(parts, name)
-
-    monkeypatch.setattr(stored, "read_column", noted)
     figures = list(draw_all(stored.open_run(tmp_path / "run"), ["portrait", "energy_portrait"]))
     assert len(figures) == 10
-    assert len(seen) == len(set(seen)) > 15
+    assert len(columns_read) == len(set(columns_read)) > 15
     monkeypatch.setattr(stored, "_MOST_VALUES", 0)
     kept = stored.StoredColumns([tmp_path / "run" / "collisions.parquet"])
     assert len([kept[name] for name in kept]) > len(kept._columns) == 8

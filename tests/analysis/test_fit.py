@@ -18,7 +18,7 @@ import pyarrow.parquet as pq
 import pytest
 from scipy.stats import chi2, kstest
 
-from tests.systems.trace.test_scales import scaled
+from tests.scaling import scaled
 from vibro_cli import NoFit, NotMeasured, example, fit, load_scenario, simulate, verify
 from vibro_cli.analysis.fit import Fit
 from vibro_cli.analysis.impact_times import number_at

@@ -14,7 +14,7 @@ import pyarrow.parquet as pq
 import pytest
 from scipy.integrate import solve_ivp
 
-from tests.systems.trace.test_scales import scaled
+from tests.scaling import scaled
 from vibro_cli import Scenario, example, orbit, orbit_family, simulate
 from vibro_cli.analysis import orbits
 from vibro_cli.analysis.orbit_branch import Branch, Family

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.analysis.traces import BALL, DEGREE, hump, line, system, valley
-from tests.systems.trace.test_scales import scaled
+from tests.scaling import scaled
 from tests.systems.trace.turning_scenes import on_lines, on_three_arcs
 from vibro_cli.analysis.levels import Landscape, level_curves, reaches
 from vibro_cli.analysis.singular import (

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from tests.commands.conftest import Vibro
-from tests.systems.trace.test_scales import scaled
+from tests.scaling import scaled
 from vibro_cli import example
 from vibro_cli.storage.files import read_manifest
 

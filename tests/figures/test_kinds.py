@@ -9,7 +9,7 @@ from matplotlib.patches import Circle
 
 from tests.figures.layout import assert_texts_are_apart, texts
 from tests.gallery import GALLERY, run_of
-from tests.systems.trace.test_scales import scaled
+from tests.scaling import scaled
 from vibro_cli.api import simulate
 from vibro_cli.figures.chart import contact_times
 from vibro_cli.figures.kinds import PORTRAIT, draw_all

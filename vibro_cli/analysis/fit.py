@@ -527,7 +527,7 @@ class _Problem:
             nonlocal beyond
             beyond = beyond or bool(np.any(outside(some, *ends)))
             try:
-                self._jacobian(whole(some), rows)  # is asked for next
+                self._jacobian(whole(some), rows)  # raises where derivatives overflow
                 return self._late(whole(some), rows)
             except NoFit:  # the step is made shorter
                 return np.full(rows, np.nan)

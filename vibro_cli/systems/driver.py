@@ -330,8 +330,6 @@ def compiled_world(
             arrays[name] = zeros(2 * capacity, loop.records[name])
         elif cls is not None:
             arrays[name] = engine.compiled_rows(values, cls)
-        elif isinstance(values, np.ndarray):
-            arrays[name] = values
         else:  # plain numbers
             kind = np.float64 if len(values) and isinstance(values[0], float) else np.int64
             arrays[name] = np.asarray(values, dtype=kind)

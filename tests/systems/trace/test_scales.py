@@ -9,20 +9,10 @@ import numpy as np
 import pytest
 
 from tests.gallery import hard_case
+from tests.scaling import scaled
 from vibro_cli import Scenario, ScenarioError, simulate
 from vibro_cli.stress.drawing import draw
 
-# Powers of length and time in the numbers of a scenario; masses stay.
-POWERS = {
-    "gravity": (1, -2),
-    "stiffness": (0, -2),
-    "rate": (0, -1),
-    "omega": (0, -1),
-    "time": (0, 1),
-    **dict.fromkeys(("speed", "velocity_x", "velocity_y"), (1, -1)),
-    **dict.fromkeys(("length", "position", "radius", "thickness", "x", "y"), (1, 0)),
-    **dict.fromkeys(("semi_axis_x", "semi_axis_y", "height", "foot"), (1, 0)),
-}
 # On lines, at walls, in contact across pieces, one after another at one instant, in accumulations.
 SCENES = (
     "body_rolls_off_the_wall_at_the_end_of_a_row",
@@ -33,18 +23,6 @@ SCENES = (
     "row_struck_again_and_again_at_a_wall",
     "unequal_body_returns_to_a_row_at_a_wall",
 )
-
-
-def scaled(data: Any, length: int, time: int, key: str = "") -> Any:
-    """Return a scenario with lengths times 2^length and times times 2^time."""
-    if isinstance(data, dict):
-        return {name: scaled(value, length, time, name) for name, value in data.items()}
-    if isinstance(data, list):
-        return [scaled(value, length, time, key) for value in data]
-    if key not in POWERS:
-        return data
-    of_length, of_time = POWERS[key]
-    return math.ldexp(data, length * of_length + time * of_time)
 
 
 # Micrometres and thousands of kilometres, with all times as they were and with gravity.
