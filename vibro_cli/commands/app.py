@@ -98,10 +98,10 @@ def application(commands: Sequence[str] = COMMANDS) -> typer.Typer:
     app = typer.Typer(
         name="vibro",
         help="Vibro-impact dynamics of bodies rolling along curvilinear traces, solved exactly.",
-        epilog="\b\nTo begin with:\n  vibro new three_arcs\n  vibro run three_arcs.toml\n"
+        epilog="\b\nGetting started:\n  vibro new three_arcs\n  vibro run three_arcs.toml\n"
         "  vibro report outputs/three_arcs\n\n"
         "Exit codes: 0 done, 1 failed, 2 wrong usage or invalid scenario, 3 with --strict: a run "
-        "was inadmissible or invalid, 129, 130 and 143 interrupted. More: vibro help",
+        "was inadmissible or invalid, 129, 130 or 143 interrupted. More: vibro help",
         context_settings={"help_option_names": ["-h", "--help"]},
         rich_markup_mode=None,
         pretty_exceptions_enable=False,

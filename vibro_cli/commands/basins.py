@@ -27,28 +27,28 @@ _MANY = 0.05
 
 @dataclass(frozen=True, kw_only=True)
 class BasinsCommand:
-    """Map where the runs of a grid end. Basin entropy, uncertainty exponent."""
+    """Map how the runs of a grid end: its basins. Print basin entropy, uncertainty exponent."""
 
     grid: Annotated[
-        Path, typer.Argument(metavar="DIR", help="Folder of a grid over one axis or two.")
+        Path, typer.Argument(metavar="DIR", help="Folder of a grid over one or two axes.")
     ]
     outcome: Annotated[
         list[str],
         repeatable(
             metavar="COLUMN",
-            help="Column of the summary that states the outcome, in words or whole numbers; "
-            "repeatable: the outcome is their combination [default: end_cause and, on a "
-            "trace of several pieces, arc_1, arc_2, …].",
+            help="Summary column of words or whole numbers that defines the outcome; repeatable, "
+            "to combine several [default: end_cause and, on a trace of several pieces, arc_1, "
+            "arc_2, …].",
         ),
     ]
     output: Annotated[
         str | None,
-        output_option(metavar="DIR", help="Folder of results [default: DIR-basins]."),
+        output_option(metavar="DIR", help="Folder for the results [default: DIR-basins]."),
     ] = None
     figures: Annotated[
         bool, typer.Option("--figures/--no-figures", help="Draw the map and the scaling.")
     ] = True
-    as_json: Annotated[bool, json_option(help="Print what was found as JSON.")] = False
+    as_json: Annotated[bool, json_option(help="Print the results as JSON.")] = False
 
     def __call__(self) -> int:
         """Read, measure, draw, write and print."""
@@ -152,7 +152,7 @@ FORMS = (".png", ".pdf", ".svg")
 
 @dataclass(frozen=True, kw_only=True)
 class SectionCommand:
-    """Draw impacts: Poincaré section of a run, bifurcations of a grid."""
+    """Draw the Poincaré section of a run or bifurcations of a grid."""
 
     folder: Annotated[
         Path,
@@ -163,36 +163,36 @@ class SectionCommand:
         repeatable(
             "--column",
             metavar="COLUMN",
-            help="A column of the impacts; may be given twice, or as two with a comma. Of a run "
-            "the first stands along and the second up; of a grid each has a panel over the axis "
-            "with the most values [default: place and speed].",
+            help="Column of the impacts; repeat it or write A,B for two. For a run the first is "
+            "the horizontal axis, the second the vertical one; for a grid each has a panel over "
+            "the axis with the most values [default: position and speed].",
         ),
     ]
     pair: Annotated[
         str | None,
-        typer.Option(metavar="A-B", help="Impacts of these bodies only, such as 1-2."),
+        typer.Option(metavar="A-B", help="Show only impacts of these two bodies, such as 1-2."),
     ] = None
     transient: Annotated[
         int | None,
         typer.Option(
             min=0,
             metavar="N",
-            help="Impacts left out at the beginning of each run [default: a run shows every "
-            "impact, a grid the last 20 of each run that has more].",
+            help="Skip the first N impacts of each run [default: show all impacts of a run, but of "
+            "a grid only the last 20 of each run that has more].",
         ),
     ] = None
     output: Annotated[
         Path | None,
         output_option(
             metavar="FILE",
-            help="Picture: .png, .pdf or .svg [default: DIR-section.png].",
+            help="File of the figure: .png, .pdf or .svg [default: DIR-section.png].",
         ),
     ] = None
     width: Annotated[
         Literal["single", "double"],
-        typer.Option(help="One column of a journal (85 mm) or two (170 mm)."),
+        typer.Option(help="Width: one journal column (85 mm) or two (170 mm)."),
     ] = "double"
-    as_json: Annotated[bool, json_option(help="Print the file written as JSON.")] = False
+    as_json: Annotated[bool, json_option(help="Print the path of the file as JSON.")] = False
 
     def __post_init__(self) -> None:
         if self.bodies is None and self.pair is not None:

@@ -22,25 +22,29 @@ _Result = TypeVar("_Result")
 
 @dataclass(frozen=True, kw_only=True)
 class BenchCommand:
-    """Measure run time against error. Of this solver and of others that are installed."""
+    """Measure run time against error. Compare this solver with others that are installed."""
 
-    quick: Annotated[bool, typer.Option("--quick", help="One scene, few repeats: a trial.")] = False
+    quick: Annotated[bool, typer.Option("--quick", help="Quick trial: one scene, few repeats.")] = (
+        False
+    )
     full: Annotated[bool, typer.Option("--full", help="More repeats, up to 1e6 scenarios.")] = False
-    scene: Annotated[list[str], repeatable(metavar="NAME", help="Only this scene; repeatable.")]
+    scene: Annotated[
+        list[str], repeatable(metavar="NAME", help="Measure only this scene; repeatable.")
+    ]
     output: Annotated[
-        str, output_option(metavar="DIR", help="Folder of table, figures and page.")
+        str, output_option(metavar="DIR", help="Folder for the table, figures and page.")
     ] = "outputs/benchmark"
     references: Annotated[
         str | None,
         typer.Option(
             metavar="DIR",
-            help="Compute the references anew to 40 digits, write them to this folder, say what "
-            "differs from those in use, and measure nothing.",
+            help="Recompute the references to 40 digits, write them to this folder and print how "
+            "they differ from those in use; measure nothing.",
         ),
     ] = None
-    as_json: Annotated[bool, json_option(help="Print each row of the table as a JSON line.")] = (
-        False
-    )
+    as_json: Annotated[
+        bool, json_option(help="Print one JSON object per line for each row of the table.")
+    ] = False
 
     def __post_init__(self) -> None:
         if self.quick and self.full:
@@ -151,23 +155,26 @@ def _renew(target: Path, names: Sequence[str]) -> int:
 
 @dataclass(frozen=True, kw_only=True)
 class StressCommand:
-    """Try to break the solver. Every mark, what was tried, the worst found. Exit code 1: missed."""
+    """Try to break the solver. Print the worst error of each check. Exit code 1: one too large."""
 
     full: Annotated[
-        bool, typer.Option("--full", help="The long form: under half an hour, not a minute.")
+        bool,
+        typer.Option("--full", help="Run the long suite: under half an hour instead of a minute."),
     ] = False
     seed: Annotated[int, typer.Option(min=0, help="Seed of the random cases.")] = 1
-    only: Annotated[list[str], repeatable(metavar="NAME", help="Only this check; repeatable.")]
+    only: Annotated[list[str], repeatable(metavar="NAME", help="Run only this check; repeatable.")]
     cases: Annotated[
         int | None,
         typer.Option(
             metavar="N",
             min=1,
-            help="How many scenes the checks drawn, digits and tangent draw [default: as many as "
-            "each has].",
+            help="Number of random scenes in each of the checks drawn, digits and tangent "
+            "[default: depends on the check].",
         ),
     ] = None
-    as_json: Annotated[bool, json_option(help="Print it as JSON, a line for each finding.")] = False
+    as_json: Annotated[
+        bool, json_option(help="Print one JSON object per line for each finding.")
+    ] = False
     output: Annotated[
         str | None,
         output_option(

@@ -23,11 +23,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class CheckCommand:
-    """Validate scenarios or grids and show what was understood."""
+    """Validate scenarios or grids and show how they are interpreted."""
 
     scenarios: Annotated[list[str], scenario_argument()]
     overrides: Overrides
-    as_json: Annotated[bool, json_option(help="Print it as JSON, a line each.")] = False
+    as_json: Annotated[bool, json_option(help="Print one JSON object per line for each file.")] = (
+        False
+    )
     fail_fast: FailFast = False
 
     def __call__(self) -> int:
@@ -143,14 +145,14 @@ def _shown(value: Any) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class VerifyCommand:
-    """Check folders of results against their checksums. Exit code 1: missing or damaged."""
+    """Check folders of results against their checksums. Exit code 1: missing or damaged files."""
 
     folders: Annotated[
         list[Path],
         typer.Argument(metavar="DIR", help="Folders of results.", show_default=False),
     ]
     as_json: Annotated[
-        bool, json_option(help="Print what was found as JSON, a line for each folder.")
+        bool, json_option(help="Print one JSON object per line for each folder.")
     ] = False
 
     def __call__(self) -> int:

@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class GridCommand:
-    """Sweep parameters of a scenario into a dataset. Summaries, and every impact if kept."""
+    """Sweep parameters of a scenario into a dataset. Store summaries and, on request, impacts."""
 
     source: Annotated[
         str,
@@ -55,19 +55,19 @@ class GridCommand:
     ]
     output: Annotated[
         str | None,
-        output_option(metavar="DIR", help="Folder of the dataset [default: outputs/<name>]."),
+        output_option(metavar="DIR", help="Folder for the dataset [default: outputs/<name>]."),
     ] = None
     overrides: Overrides
     dry_run: Annotated[
         bool,
         typer.Option(
-            "--dry-run", help="Only estimate points, chunks, bytes and time, from a timed sample."
+            "--dry-run", help="Only estimate points, chunks, bytes and time from a timed sample."
         ),
     ] = False
     workers: Annotated[
         int,
         typer.Option(
-            min=0, help="Threads that solve; 0 for one on each processor.", envvar="VIBRO_WORKERS"
+            min=0, help="Number of solver threads; 0 uses one per core.", envvar="VIBRO_WORKERS"
         ),
     ] = 0
     engine: Engine = "compiled"
@@ -76,39 +76,39 @@ class GridCommand:
         typer.Option(
             min=0,
             metavar="N",
-            help="Stop once more than N points are invalid or failed; else go on.",
+            help="Stop once more than N points are invalid or have failed [default: never].",
         ),
     ] = None
     strict: Strict = False
     force: Annotated[
-        bool, typer.Option("--force", help="Start anew where DIR holds another grid.")
+        bool, typer.Option("--force", help="Start over if DIR holds a different grid.")
     ] = False
     repair: Annotated[
         bool,
         typer.Option(
-            "--repair", help="Solve again what `vibro verify DIR` finds missing or damaged."
+            "--repair", help="Solve again whatever `vibro verify DIR` finds missing or damaged."
         ),
     ] = False
     shard: Annotated[
         str | None,
         typer.Option(
             metavar="I/N",
-            help="Solve the I-th of N parts only, into a folder of its own within DIR.",
+            help="Solve only part I of N, into its own folder within DIR.",
         ),
     ] = None
-    merge: Annotated[
-        bool, typer.Option("--merge", help="Put the finished shards of DIR together.")
-    ] = False
+    merge: Annotated[bool, typer.Option("--merge", help="Merge the finished shards in DIR.")] = (
+        False
+    )
     dask: Annotated[
         str | None,
         typer.Option(
             metavar="ADDRESS",
-            help="Solve on the workers of this Dask scheduler, tls://… or tcp://localhost…; they "
+            help="Solve on the workers of this Dask scheduler (tls://… or tcp://localhost…), which "
             "must share DIR.",
             envvar="VIBRO_DASK",
         ),
     ] = None
-    as_json: Annotated[bool, json_option(help="Print what was done as one JSON object.")] = False
+    as_json: Annotated[bool, json_option(help="Print the result as one JSON object.")] = False
 
     def __post_init__(self) -> None:
         if self.merge and (

@@ -25,12 +25,12 @@ if TYPE_CHECKING:
 
 ENVIRONMENT = {
     "VIBRO_ENGINE": "`--engine` of every command that has it",
-    "VIBRO_FIGURES": "`--figures` of `vibro run`; `0`: as with `--no-figures`",
-    "VIBRO_STRICT": "`1`: as with `--strict`",
+    "VIBRO_FIGURES": "`--figures` of `vibro run`; `0`: same as `--no-figures`",
+    "VIBRO_STRICT": "`1`: same as `--strict`",
     "VIBRO_WORKERS": "`--workers` of `vibro grid`",
     "VIBRO_DASK": "`--dask` of `vibro grid`",
     "VIBRO_LOG_FORMAT": "`--log-format` of every command",
-    "NO_COLOR": "has no effect: the output is never coloured",
+    "NO_COLOR": "no effect: the output is never coloured",
 }
 
 
@@ -125,8 +125,7 @@ def of_system(system: str) -> str:
 
 
 _GRID = """A grid file (TOML, JSON or YAML) names a scenario, or has one inline, and the axes that
-change it. Any scalar of the scenario may be on an axis, numbers and words; numbers may carry their
-unit.
+change it. Any scalar of the scenario, number or word, may be on an axis; numbers may have units.
 
 ```toml
 base = "three_arcs.toml"   # from the folder of this file
@@ -162,16 +161,16 @@ def laws() -> str:
     from vibro_cli.mechanics.system import LAWS
 
     rows = [(f"`{name}`", law.statement) for name, law in LAWS.items()]
-    return f"""Two neighbours collide when their centres are r_a + r_b apart and approach.
+    return f"""Two neighbours collide when their centres are r_a + r_b apart and approaching.
 `collision.law` is one of these, `collision.k` the coefficient of restitution from 0 to 1; ⁻ is
 before the impact, ⁺ after it, ω the angular velocity of rolling, v the speed of the centre,
 κ = 1 + J_C/(m r²).
 
 {markdown_table(("law", "what it says"), rows)}
 
-Under all laws but `normal-impulse` bodies of unequal radii, or of equal radii on two pieces of the
-trace, may approach each other still after the impact: they would go through one another. Every
-impact is tested for it. Such an impact is inadmissible: the run ends there
+Under all laws but `normal-impulse`, bodies of unequal radii, or of equal radii on two pieces of the
+trace, may still be approaching each other after the impact: they would pass through one another.
+Every impact is checked for this. Such an impact is inadmissible: the run ends there
 (`collision.inadmissible = "stop"`, the default), or `normal-impulse` is used for that impact, which
 is marked (`collision.inadmissible = "normal-impulse"`).
 """
@@ -189,15 +188,15 @@ def units() -> str:
     dimensions = set(DIMENSIONS.values())
     others = [name for name, unit in UNITS.items() if unit.dimension not in dimensions]
     return f"""A number without a unit is in SI units, an angle in radians. A number with a
-dimension may also be a text with its unit, such as `"60 deg"`, `"7.8 g/cm^3"`, `"30 rpm"`; it is
-converted exactly and rounded once. On the command line it needs no quotation marks of its own:
-`--set "balls[1].angle=-60 deg"`.
+dimension may also be given as text with its unit, such as `"60 deg"`, `"7.8 g/cm^3"` or `"30 rpm"`;
+it is converted exactly and rounded once. On the command line it needs no quotation marks of its
+own: `--set "balls[1].angle=-60 deg"`.
 
 {markdown_table(("quantity", "SI", "also"), rows)}
 
 Units are combined by a space, `*` or `/`, which divides by the next unit only, with powers such as
-`s^-2`, `s**-2` or `s⁻²`: `9.81 m s^-2` and `9.81 m/s^2` are the same. For that there are also
-{", ".join(f"`{name}`" for name in others)}.
+`s^-2`, `s**-2` or `s⁻²`: `9.81 m s^-2` and `9.81 m/s^2` are the same. In combinations these
+are also accepted: {", ".join(f"`{name}`" for name in others)}.
 """
 
 
@@ -258,16 +257,16 @@ SYMBOLS: tuple[tuple[str, str, str], ...] = (
 
 _NOT_SOLVED = """Not solved, and refused: two balls on two curvilinear traces, parallel or crossing
 (conclusions of A and B). Their line of centres leaves the planes of both traces, and the papers'
-law, which acts on the angular velocities alone, has nothing to say of that direction; with unequal
-radii it would be inadmissible as a rule. A scenario has one trace; straight ones, parallel or
-crossing, are a table (`vibro help table-system`). Mentioned by the papers only, and not solved:
+law, which acts on the angular velocities alone, says nothing about that direction; with unequal
+radii it would generally be inadmissible. A scenario has one trace; straight ones, parallel or
+crossing, are a table (`vibro help table-system`). Mentioned in the papers only, and not solved:
 deformable balls, bearings, dampers, and Coulomb friction beside impact limiters.
 """
 
 
 _BEFORE = """\
-The commands read the gallery from the folder `scenarios/` (`vibro new --all` writes it); some look
-at results of those above."""
+The commands read the gallery from the folder `scenarios/` (`vibro new --all` writes it); some read
+results of those above."""
 
 
 def papers() -> str:
@@ -305,7 +304,7 @@ TOPICS: dict[str, tuple[str, Callable[[], str] | None]] = {
     "commands": ("every command and its options", None),
     "scenario": ("the keys of a scenario", scenario),
     "grid-file": ("the keys of a grid file", grid_file),
-    "units": ("the units that numbers may be given in", units),
+    "units": ("the units in which numbers may be given", units),
     "laws": ("the impact laws, and inadmissible impacts", laws),
     "tables": ("the columns of the tables", tables),
     "turning": ("keys of a rotating trace", partial(scenario, below="trace.turning")),
@@ -314,9 +313,9 @@ TOPICS: dict[str, tuple[str, Callable[[], str] | None]] = {
         for name in SYSTEMS[1:]
     },
     "figures": ("the kinds of figures", figures),
-    "papers": ("which command shows what of the papers", papers),
+    "papers": ("the papers' figures and formulas, and their commands", papers),
     "exit-codes": ("what the exit codes mean", exit_codes),
-    "environment": ("the variables of the environment that are read", environment),
+    "environment": ("the environment variables that are read", environment),
 }
 
 
@@ -327,7 +326,7 @@ def help_topics(incomplete: str) -> list[str]:
 
 @dataclass(frozen=True, kw_only=True)
 class HelpCommand:
-    """Print the reference of a topic, or the help of a command. Without either: the topics."""
+    """Print the reference on a topic or the help of a command. List the topics by default."""
 
     context: typer.Context
     topic: Annotated[
@@ -337,9 +336,9 @@ class HelpCommand:
         ),
     ] = None
     markdown: Annotated[
-        bool, typer.Option("--markdown", help="Print a topic as Markdown, not for the terminal.")
+        bool, typer.Option("--markdown", help="Print a topic as Markdown instead of plain text.")
     ] = False
-    as_json: Annotated[bool, json_option(help="Print topic and text as JSON.")] = False
+    as_json: Annotated[bool, json_option(help="Print the topic and its text as JSON.")] = False
 
     def __call__(self) -> int:
         """Print the topic, the help of the command, or the list of topics."""
@@ -358,7 +357,7 @@ def _text(topic: str | None, program: Any) -> str:
     """Return the Markdown of a topic, or the `--help` text of a command."""
     if topic is None:
         listed = [f"vibro help {name:14} {what}\n" for name, (what, _) in TOPICS.items()]
-        return "".join(listed) + "vibro help COMMAND        as vibro COMMAND --help\n"
+        return "".join(listed) + "vibro help COMMAND        same as vibro COMMAND --help\n"
     if topic in TOPICS:
         text = TOPICS[topic][1]
         return commands(program) if text is None else text()

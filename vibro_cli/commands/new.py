@@ -36,15 +36,15 @@ class NewCommand:
             autocompletion=gallery_names,
         ),
     ] = None
-    listing: Annotated[bool, typer.Option("--list", help="Print the gallery's names.")] = False
-    whole: Annotated[bool, typer.Option("--all", help="Write the whole gallery into a folder.")] = (
+    listing: Annotated[bool, typer.Option("--list", help="List the gallery.")] = False
+    whole: Annotated[bool, typer.Option("--all", help="Write the whole gallery to a folder.")] = (
         False
     )
     output: Annotated[
         str | None,
         output_option(
             metavar="PATH",
-            help="File [default: NAME.toml], - prints it; with --all the folder "
+            help="File to write [default: NAME.toml], - prints it; with --all the folder "
             "[default: scenarios].",
         ),
     ] = None
@@ -170,11 +170,11 @@ class SchemaCommand:
     """Describe scenarios or grids as JSON Schema, or the tables."""
 
     subject: Annotated[Subject, typer.Argument(help="What to describe.")] = "scenario"
-    system: Annotated[System, typer.Option(help="Of which system's scenarios or grids.")] = NAMES[0]
+    system: Annotated[System, typer.Option(help="System of the scenarios or grids.")] = NAMES[0]
     markdown: Annotated[
-        bool, typer.Option("--markdown", help="Print the tables for reading, not as JSON.")
+        bool, typer.Option("--markdown", help="Print the tables as Markdown instead of JSON.")
     ] = False
-    as_json: Annotated[bool, json_option(help="Print JSON, which is the default.")] = False
+    as_json: Annotated[bool, json_option(help="Print JSON (the default).")] = False
 
     def __post_init__(self) -> None:
         if self.system != NAMES[0] and self.subject == "tables":

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class OrbitCommand:
-    """Find the periodic orbit of impacts near the start. Period, events, multipliers."""
+    """Find the periodic orbit near the start. Print its period, events and multipliers."""
 
     scenario: Annotated[str, scenario_argument(help="Scenario file, or - for standard input.")]
     overrides: Annotated[
@@ -40,30 +40,32 @@ class OrbitCommand:
     ]
     impacts: Annotated[
         int | None,
-        typer.Option(min=1, help="Impacts of one period [default: those of the nearest return]."),
+        typer.Option(min=1, help="Impacts per period [default: those of the nearest return]."),
     ] = None
     period: Annotated[
-        float | None, typer.Option(metavar="SECONDS", help="A guess of the period, instead.")
+        float | None,
+        typer.Option(metavar="SECONDS", help="Estimate of the period, instead of --impacts."),
     ] = None
     vary: Annotated[
         str | None,
         typer.Option(
             metavar="PATH=LOW:HIGH",
-            help="Follow the orbit over a number of the scenario (SI units, radians), at constant "
-            "energy, e.g. --vary balls[2].mass=0.9:1.1, or the energy: --vary energy=5:20 (J).",
+            help="Follow the orbit at constant energy while a parameter of the scenario varies (SI "
+            "units, radians), e.g. --vary balls[2].mass=0.9:1.1, or while the energy (J) does: "
+            "--vary energy=5:20.",
         ),
     ] = None
     output: Annotated[
         str | None,
         output_option(
             metavar="DIR",
-            help="Folder of the table [default: outputs/<name>-orbit, with --vary].",
+            help="Folder for the table [default: outputs/<name>-orbit with --vary, else none].",
         ),
     ] = None
     figures: Annotated[
-        bool, typer.Option("--figures/--no-figures", help="Draw a family of orbits.")
+        bool, typer.Option("--figures/--no-figures", help="Draw the family of --vary.")
     ] = True
-    as_json: Annotated[bool, json_option(help="Print what was found as JSON.")] = False
+    as_json: Annotated[bool, json_option(help="Print the results as JSON.")] = False
 
     def __post_init__(self) -> None:
         from vibro_cli.scenario.base import checked
@@ -202,29 +204,29 @@ DOUBTFUL = 1.0e-6
 
 @dataclass(frozen=True, kw_only=True)
 class FitCommand:
-    """Fit numbers of a scenario to measured instants of impacts. Each has its standard error."""
+    """Fit parameters of a scenario to measured impact times. Print each with its standard error."""
 
     scenario: Annotated[
         str,
         scenario_argument(
-            help="Scenario file, or - for standard input; its numbers are those to begin with."
+            help="Scenario file, or - for standard input; its values are the initial guess."
         ),
     ]
     measured: Annotated[
         Path,
         typer.Argument(
             metavar="MEASURED",
-            help="CSV or parquet file with the instants of impacts: column t (s); if some are "
-            "missing, n, the number of the impact from 1; if their errors differ, error (s), the "
-            "standard deviation; if the bodies are known, ball_a and ball_b.",
+            help="CSV or parquet file of the measured times: column t (s). Optional columns: n, "
+            "the number of the impact from 1, if some are missing; error (s), the standard "
+            "deviation, if it varies; ball_a and ball_b, if the bodies are known.",
         ),
     ]
     free: Annotated[
         list[str],
         typer.Option(
             metavar="PATH[=LOW:HIGH]",
-            help="A number of the scenario to be fitted, and its bounds (SI units, radians), such "
-            "as balls[2].mass=0.1:10; repeatable.",
+            help="Parameter to fit, and its bounds (SI units, radians), e.g. "
+            "balls[2].mass=0.1:10; repeatable.",
             autocompletion=scenario_keys,
         ),
     ]
@@ -232,7 +234,7 @@ class FitCommand:
         float | None,
         typer.Option(
             metavar="SECONDS",
-            help="Standard deviation of the instants [default: estimated from the residuals].",
+            help="Standard deviation of the times [default: estimated from the residuals].",
         ),
     ] = None
     overrides: Annotated[
@@ -241,12 +243,12 @@ class FitCommand:
     ]
     output: Annotated[
         str | None,
-        output_option(metavar="DIR", help="Folder of results [default: none is written]."),
+        output_option(metavar="DIR", help="Folder for the results [default: none is written]."),
     ] = None
     figures: Annotated[bool, typer.Option("--figures/--no-figures", help="Draw the residuals.")] = (
         True
     )
-    as_json: Annotated[bool, json_option(help="Print what was found as JSON.")] = False
+    as_json: Annotated[bool, json_option(help="Print the results as JSON.")] = False
 
     def __post_init__(self) -> None:
         from vibro_cli.analysis.fit import check_noise

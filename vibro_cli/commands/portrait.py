@@ -205,7 +205,7 @@ def comparison_lines(comparison: dict[str, Any]) -> Iterator[str]:
 
 @dataclass(frozen=True, kw_only=True)
 class PortraitCommand:
-    """Draw phase portraits without a run. Singular points, separatrices and type of each body."""
+    """Draw phase portraits without a run. Print each body's singular points and portrait type."""
 
     scenario: Annotated[str, scenario_argument(help="Scenario file, or - for standard input.")]
     overrides: Overrides
@@ -213,7 +213,7 @@ class PortraitCommand:
         str | None,
         typer.Option(
             metavar="PATH=FROM:TO:N",
-            help="A family of N portraits, and where their type changes, e.g. --vary "
+            help="Draw a family of N portraits and find where their type changes, e.g. --vary "
             "balls[1].radius=0.05:0.3:6 (SI units, or with units: 5 cm:30 cm:6).",
         ),
     ] = None
@@ -221,15 +221,18 @@ class PortraitCommand:
         str | None,
         typer.Option(
             metavar="PATH=A,B,…",
-            help="A few portraits overlaid, e.g. --compare balls[1].body=particle,ball.",
+            help="Overlay a few portraits, e.g. --compare balls[1].body=particle,ball.",
         ),
     ] = None
     output: Annotated[
         str | None,
-        output_option(metavar="DIR", help="Folder [default: outputs/<name>-portrait]."),
+        output_option(
+            metavar="DIR", help="Folder for the results [default: outputs/<name>-portrait]."
+        ),
     ] = None
     width: Annotated[
-        Literal["single", "double"], typer.Option(help="One column (85 mm) or two (170 mm).")
+        Literal["single", "double"],
+        typer.Option(help="Width: one journal column (85 mm) or two (170 mm)."),
     ] = "double"
     figures: Annotated[bool, typer.Option("--figures/--no-figures", help="Draw the portraits.")] = (
         True

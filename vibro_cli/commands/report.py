@@ -31,13 +31,13 @@ _HEAD = 2000
 
 @dataclass(frozen=True, kw_only=True)
 class ReportCommand:
-    """Write an HTML page of a run, of runs compared, or of a grid. It needs no other file."""
+    """Write an HTML page on a run, several runs or a grid. The page is self-contained."""
 
     folders: Annotated[
         list[Path],
         typer.Argument(
             metavar="DIR",
-            help="Folders that `vibro run` wrote, or one of a grid.",
+            help="Folders of runs, or the folder of one grid.",
             show_default=False,
         ),
     ]
@@ -45,33 +45,37 @@ class ReportCommand:
         str | None,
         output_option(
             metavar="FILE",
-            help="The page [default: DIR-report.html, of several report.html beside the first]; "
-            "- prints it.",
+            help="File of the page [default: DIR-report.html; for several runs report.html "
+            "beside the first]; - prints it.",
         ),
     ] = None
     pdf: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Also the figures as one PDF, a page each.")
+        Path | None,
+        typer.Option(metavar="FILE", help="Also write the figures to one PDF, a page each."),
     ] = None
     figures: Annotated[
-        Path | None, typer.Option(metavar="FOLDER", help="Also each figure as PNG, PDF and SVG.")
+        Path | None,
+        typer.Option(metavar="FOLDER", help="Also write each figure as PNG, PDF and SVG."),
     ] = None
     width: Annotated[
         Literal["single", "double"],
-        typer.Option(help="Width of --pdf and --figures: one column (85 mm) or two (170 mm)."),
+        typer.Option(
+            help="Width in --pdf and --figures: one journal column (85 mm) or two (170 mm)."
+        ),
     ] = "double"
     maps: Annotated[
         list[str],
         repeatable(
             "--map",
             metavar="COLUMN",
-            help="For a grid: also a map of this column of the summary over two axes; repeatable.",
+            help="For a grid, also map this summary column over two axes; repeatable.",
         ),
     ]
     animate: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Also the motion of the run as a film, exact at every frame's time: "
+            help="Also write a film of the run, exact at the time of every frame: "
             ".mp4 (needs ffmpeg), .gif or .html.",
         ),
     ] = None
@@ -79,22 +83,24 @@ class ReportCommand:
         str | None,
         typer.Option(
             metavar="FROM:TO",
-            help="Times shown by --animate, in s [default: the first 30 s of film].",
+            help="Part of the run shown by --animate, in s [default: the first 30 s of film].",
         ),
     ] = None
     pace: Annotated[
-        float, typer.Option(min=1e-6, help="Seconds of motion in a second of the film (--animate).")
+        float, typer.Option(min=1e-6, help="Seconds of motion per second of film (--animate).")
     ] = 1.0
     fps: Annotated[
         int,
         typer.Option(
             min=1,
             max=100,
-            help="Frames per second of the film (--animate); of a GIF 1, 2, 4, 5, 10, 20, 25, 50 "
-            "or 100.",
+            help="Frames per second of film (--animate); for a GIF 1, 2, 4, 5, 10, 20, 25, 50 or "
+            "100.",
         ),
     ] = 25
-    as_json: Annotated[bool, json_option(help="Print what was written as one JSON object.")] = False
+    as_json: Annotated[bool, json_option(help="Print the paths written as one JSON object.")] = (
+        False
+    )
 
     def __post_init__(self) -> None:
         if self.animate is not None:

@@ -55,15 +55,15 @@ _OTHERS = " and ".join([*PLURALS.values()][1:])
 
 @dataclass(frozen=True, kw_only=True)
 class RunCommand:
-    """Solve scenarios: tables, phase portraits and a summary of each."""
+    """Solve scenarios and write tables, figures and summaries."""
 
     scenarios: Annotated[list[str], scenario_argument(default_factory=list)]
     output: Annotated[
         str | None,
         output_option(
             metavar="DIR",
-            help="Folder of the results [default: outputs/<name>]; of several scenarios "
-            "DIR/<name>; - streams the collision table instead.",
+            help="Folder for the results [default: outputs/<name>]; DIR/<name> for several "
+            "scenarios; - streams the collision table instead.",
         ),
     ] = None
     overrides: Overrides
@@ -73,8 +73,8 @@ class RunCommand:
             "--continue",
             metavar="DIR",
             help="Continue the run in DIR to a later stop (--set stop.time=…), as if it had "
-            "never stopped; the results replace DIR unless -o says otherwise, and the kinds of "
-            "figures that it holds are drawn again unless --figures does.",
+            "never stopped. The results replace DIR unless -o is given; the same kinds of figures "
+            "are drawn unless --figures is given.",
         ),
     ] = None
     figures: Annotated[
@@ -82,33 +82,32 @@ class RunCommand:
         typer.Option(
             metavar="all|NAME,…",
             envvar="VIBRO_FIGURES",
-            help="Draw these kinds of figures, or all there are; vibro help figures names them. "
-            f"default: for traces the phase portraits, for {_OTHERS} what shows the motion; "
-            "0: none.",
+            help="Kinds of figures to draw, or all; vibro help figures lists them. default: the "
+            f"phase portraits of traces, figures of the motion for {_OTHERS}; 0: none.",
         ),
     ] = None
-    no_figures: Annotated[bool, typer.Option("--no-figures", help="Draw nothing.")] = False
+    no_figures: Annotated[bool, typer.Option("--no-figures", help="Draw no figures.")] = False
     engine: Engine = "compiled"
     form: Annotated[
         TableFormat | None,
         typer.Option(
             "--format",
-            help="Stream the collision table to standard output in this form; no folder is written "
-            "unless -o names one.",
+            help="Stream the collision table to standard output in this format; no folder is "
+            "written unless -o names one.",
         ),
     ] = None
     summary_as_json: Annotated[
         bool,
         typer.Option(
             "--json",
-            help="Print a JSON line for each run: scenario, overrides, folder and, at the same "
-            "level, the columns of its summary.",
+            help="Print one JSON object per line for each run: scenario, overrides, folder and the "
+            "columns of its summary, all at one level.",
         ),
     ] = False
     strict: Strict = False
     fail_fast: FailFast = False
     force: Annotated[
-        bool, typer.Option("--force", help="Replace a run in DIR that has other parameters.")
+        bool, typer.Option("--force", help="Replace a run in DIR even if its parameters differ.")
     ] = False
 
     def __post_init__(self) -> None:

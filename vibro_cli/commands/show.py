@@ -43,15 +43,15 @@ class ShowCommand:
         str | None,
         typer.Option(
             metavar="N",
-            help="The first N rows, the last with -N, rows FROM:TO (from 1), or all "
-            f"[default: {_ROWS}; with --format and --json all].",
+            help="Show the first N rows, the last N with -N, rows FROM:TO (from 1), or all "
+            f"[default: {_ROWS}; all with --format or --json].",
         ),
     ] = None
     columns: Annotated[
-        str | None, typer.Option(metavar="A,B,…", help="Only these columns, in this order.")
+        str | None, typer.Option(metavar="A,B,…", help="Show only these columns, in this order.")
     ] = None
     form: Annotated[
-        TableFormat | None, typer.Option("--format", help="Write the rows in this form.")
+        TableFormat | None, typer.Option("--format", help="Print the rows in this format.")
     ] = None
     as_json: Annotated[
         bool, json_option(help="Print columns, units and rows as one JSON object.")

@@ -79,7 +79,7 @@ class _Ends(kinds.Kind):
 
 
 class AxisTable(Table):
-    """Some scalars of the scenario, and the values they go through."""
+    """Some scalars of the scenario, and the values they take."""
 
     rules: ClassVar[tuple[Rule, ...]] = (
         exactly_one(*GENERATORS),
@@ -90,19 +90,19 @@ class AxisTable(Table):
     path: Annotated[str | None, _Path(A_PATH)] = None
     """The scalar of the scenario that the axis changes, such as balls[1].angle; counted from 1."""
     paths: Annotated[tuple[Annotated[str, _Path(A_PATH)], ...] | None, Listed("paths", 1)] = None
-    """Or several scalars, which go through their values together."""
+    """Or several scalars, which change together."""
     values: Annotated[tuple[Any, ...] | None, Listed("values", 1)] = None
-    """The values, numbers or words; of several paths one for all, or a list with one for each."""
+    """The values, numbers or words; for several paths one for all, or a list with one for each."""
     linspace: Annotated[list[Any] | None, _Ends()] = None
-    """[low, high, count]: equal steps, both ends included; the ends may carry a unit."""
+    """[low, high, count]: equal steps, both ends included; the ends may have units."""
     logspace: Annotated[list[Any] | None, _Ends()] = None
     """[low, high, count]: equal ratios, both ends included."""
     uniform: Annotated[list[Any] | None, _Ends(count_needed=False)] = None
     """[low, high]: the interval that a mode with n draws from; [low, high, count]: random
     values."""
     table: Annotated[str | None, kinds.Text("the name of a .parquet or .csv file")] = None
-    """A .parquet or .csv file, whose columns are named by paths: a row is one value of the axis;
-    with path or paths only those columns."""
+    """A .parquet or .csv file with columns named by paths, each row one value of the axis; with
+    path or paths only those columns are used."""
 
 
 # Keys on which the tables of a grid do not depend.

@@ -64,12 +64,12 @@ class GridFile(Table):
     name: Annotated[str | None, kinds.NAME] = None
     """Name of the grid and of its folder; the file's stem if not given."""
     base: Annotated[str | None, kinds.Text("the name of a scenario file")] = None
-    """File of the scenario that the axes change, from this file's folder."""
+    """File of the scenario that the axes change, relative to the folder of this file."""
     scenario: dict[str, Any] = Field(default_factory=dict)
-    """Or that scenario itself, inline; what the axes give may be left out."""
+    """Or that scenario itself, inline; values that the axes set may be left out."""
     mode: Annotated[str, kinds.Word(MODES)] = MODES[0]
-    """How the axes make points: product (each value with each, the last axis changing fastest),
-    zip (one after the other), or a design of n points."""
+    """How the axes make points: product (every combination, the last axis changing fastest),
+    zip (the first values together, the second together, …), or a design of n points."""
     n: Annotated[int | None, kinds.Count(most=MOST_DRAWN)] = None
     """Number of points of a latin-hypercube or sobol design."""
     seed: Annotated[int, kinds.Count(least=0)] = 0

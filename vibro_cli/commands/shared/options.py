@@ -117,14 +117,14 @@ set_option = partial(repeatable, "--set", metavar="PATH=VALUE", autocompletion=s
 Overrides = Annotated[
     list[str],
     set_option(
-        help="Override a value of every scenario, e.g. --set balls[1].angle=-1.2; repeatable."
+        help="Override a value in every scenario, e.g. --set balls[1].angle=-1.2; repeatable."
     ),
 ]
 Engine = Annotated[
     Literal["compiled", "python"],
     typer.Option(
         envvar="VIBRO_ENGINE",
-        help="Kernels: compiled, or interpreted by Python; the results are the same to the bit.",
+        help="Run the kernels compiled or interpreted by Python; the results are bit-identical.",
     ),
 ]
 Strict = Annotated[
@@ -132,14 +132,12 @@ Strict = Annotated[
     typer.Option(
         "--strict",
         envvar="VIBRO_STRICT",
-        help="Exit with 3 when a run was inadmissible or invalid.",
+        help="Exit with 3 if a run was inadmissible or invalid.",
     ),
 ]
 FailFast = Annotated[
     bool,
-    typer.Option(
-        "--fail-fast", help="Stop at the first scenario that is invalid or fails; else go on."
-    ),
+    typer.Option("--fail-fast", help="Stop at the first scenario that is invalid or fails."),
 ]
 
 
@@ -163,7 +161,7 @@ Verbose = Annotated[
     typer.Option(
         "--verbose",
         "-v",
-        help="Say what was not computed, and why.",
+        help="Also report what was not computed, and why.",
         callback=_choose_least("detail"),
     ),
 ]
@@ -173,7 +171,7 @@ LogFormat = Annotated[
     Literal["text", "json"],
     typer.Option(
         envvar="VIBRO_LOG_FORMAT",
-        help="Words and errors on standard error as text, or as a JSON object on each line.",
+        help="Format of messages on standard error: text, or one JSON object per line.",
     ),
 ]
 
