@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from tests.effort import calls
 from vibro_cli.mechanics.reachability import (
+    Path,
     contact_angle,
     fits_between,
     joined_behind,
@@ -412,6 +413,32 @@ def test_many_bodies_are_checked_in_reasonable_time(trace: Trace) -> None:
         return calls(lambda: overreaching(trace, (0.1,) * count))
 
     assert check(80) < 2.5 * check(40)
+
+
+@pytest.mark.parametrize("power", [-20, -1, 1, 20])
+def test_many_traces_are_searched_alike_in_any_unit_of_length(
+    power: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Lines that a body touches, or that it just misses: as many intervals are searched."""
+    searched = []
+    point = Path.point
+
+    def noted(path: Path, position: Any) -> Any:
+        searched.append(np.size(position))
+        return point(path, position)
+
+    def check(metres: float) -> tuple[list[bool], int]:
+        searched.clear()
+        ends = line(np.linspace(0.3, 1.5, 40) * metres)  # type: ignore[arg-type]
+        turn = ArcShape("valley", radius=0.5 * metres, end_slope=math.radians(100))
+        radii = (0.2 * metres, 0.1 * metres, 0.2 * metres)
+        sound = surely_sound(chain(-100, ends, turn, ends), radii, 40)
+        return sound.tolist(), sum(searched)
+
+    monkeypatch.setattr(Path, "point", noted)
+    sound, intervals = check(1.0)
+    assert 0 < sum(sound) < 40
+    assert check(math.ldexp(1.0, power)) == (sound, intervals)
 
 
 def test_no_row_is_left_out_that_fits_between_two_bodies() -> None:

@@ -35,7 +35,7 @@ _SEARCH_LIMIT = 5000
 _RESOLUTION = 1e-9
 # Number of halvings of the intervals when many paths are searched at once.
 _LEVELS = 12
-# Length (rad, m) of an interval below which the search gives up if its middle seems to touch.
+# Length (rad) of an interval below which the search gives up if its middle seems to touch.
 _NARROW = 0.1
 
 Interval = tuple[float, float]
@@ -182,8 +182,11 @@ def surely_clear(path: Path, other: Path, window: Window, needed: Any, count: in
         away = beside.distance(x, y, *stretch) - reach_of
         room = away - 0.5 * (high - low) * ahead.rate
         open_ones = (stretch[0] < stretch[1]) & ~(room > _rounding(ahead, beside, reach_of))
-        # The stretch for the interval may exceed that for its middle: a long interval stays open.
-        touched = open_ones & (away < 0.0) & (high - low < _NARROW)
+        # On an arc the stretch for the interval may exceed that for its middle: a long one stays
+        # open. On a line both are the same.
+        touched = open_ones & (away < 0.0)
+        if not ahead.is_line:
+            touched &= high - low < _NARROW
         clear[which[touched]] = False
         open_ones &= clear[which]
         which = np.tile(which[open_ones], 2)
