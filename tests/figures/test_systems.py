@@ -19,6 +19,7 @@ from matplotlib.text import Annotation
 
 from tests.figures.layout import assert_texts_are_apart, texts
 from vibro_cli.api import simulate
+from vibro_cli.assemble import build_any
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import body_look
 from vibro_cli.figures.kinds import draw_all
@@ -26,7 +27,11 @@ from vibro_cli.scenario import any_scenario_of
 from vibro_cli.scenario.loading import load_any
 from vibro_cli.systems import NAMES
 from vibro_cli.systems.springs.figures import springs_places, springs_scene
-from vibro_cli.systems.springs.portrait import springs_portrait, springs_structure
+from vibro_cli.systems.springs.portrait import (
+    springs_background,
+    springs_portrait,
+    springs_structure,
+)
 from vibro_cli.systems.table.figures import table_contact_points, table_energies
 from vibro_cli.systems.table.plan import table_plan
 from vibro_cli.systems.table.portrait import has_wall_portrait, wall_portrait
@@ -139,6 +144,29 @@ def test_arrows_on_a_table_are_told_from_paths_and_have_a_scale(name: str) -> No
             speeds += np.hypot(*parts).tolist()
     moving = sorted(speed for speed in speeds if speed > 0.0)
     assert sorted(lengths) == pytest.approx(np.multiply(_scale(axes), moving), abs=1e-9)
+
+
+def test_the_figure_eight_of_a_spring_is_one_curve_through_its_saddle() -> None:
+    """However the energy of the saddle is rounded: springs of many sizes."""
+    random = np.random.default_rng(3)
+    for _ in range(60):
+        height, stiffness = random.uniform(0.5, 2.0), random.uniform(1.0, 9.0)
+        longer = 10.0 ** random.uniform(-6.0, 0.5)
+        length = height * (1.0 + longer)
+        held = {"height": height, "length": length, "stiffness": stiffness, "foot": 0.0}
+        body = {"body": "disk", "radius": 0.1, "mass": 1.0, "position": 0.5, "spring": held}
+        (eight,) = springs_background(_alone(body), 0, 1.0).eights
+        (at_saddle,) = np.flatnonzero(eight.position == 0.0)
+        assert eight.rate[at_saddle] == 0.0
+        ends = eight.position[[0, -1]]
+        # The energy of the saddle is that of the turning points: s + s_0 = 2 l.
+        turns = math.sqrt((2.0 * length - height) ** 2 - height**2)
+        np.testing.assert_allclose(ends, [-turns, turns], rtol=1e-9)
+
+
+def _alone(body: dict[str, Any]) -> Any:
+    """Return the system of one body on its spring."""
+    return build_any(any_scenario_of({"system": "springs", "balls": [body], "stop": {"time": 1.0}}))
 
 
 def test_the_outline_of_a_small_body_on_a_spring_does_not_cross_its_name() -> None:

@@ -205,15 +205,21 @@ class SpringsLandscape:
         bound: Array = side * np.min(bounds, axis=0)
         return bound
 
-    def upper_half(self, energy: float, count: int) -> list[tuple[Array, Array]]:
-        """Return displacements (m) and speeds (m/s, not negative) of each level curve of an energy.
-
-        Each part between turning points and crests has `count` points, dense towards its ends.
-        """
+    def level_of(self, energy: float) -> Level:
+        """Return the level of an energy divided by the mass (m²/s²)."""
         bottoms = self.level_places[::2]
         heights = self.potential(bottoms)
-        reached, lowest = bottoms[heights <= energy], np.argmin(heights)
-        level = Level(bottoms[lowest], 2.0 * (energy - heights[lowest]))
+        lowest = np.argmin(heights)
+        return Level(bottoms[lowest], 2.0 * (energy - heights[lowest]))
+
+    def upper_half(self, level: Level, count: int) -> list[tuple[Array, Array]]:
+        """Return displacements (m) and speeds (m/s, not negative) of each curve of a level.
+
+        Each part between turning points and crests has `count` points, dense towards its ends. The
+        level of a crest at rest is one curve through the crest.
+        """
+        bottoms = self.level_places[::2]
+        reached = bottoms[self.square(bottoms, level) >= 0.0]
         low, high = self.reaches(reached, level)
         spans = dict.fromkeys(zip(low.tolist(), high.tolist(), strict=True))
         curves = []

@@ -57,6 +57,7 @@ from vibro_cli.progress import WORK
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.springs.phase_plane import (
     TYPES,
+    Level,
     SpringsLandscape,
     point_names,
     spring_periods,
@@ -299,17 +300,18 @@ def springs_background(system: SpringsSystem, body: int, highest: float) -> Back
         SingularPoint(kind, 0, at, 0.0, at, 0.0, system.springs[body].energy(at))
         for at, kind in singular_points(system.springs[body])
     )
-    # The crest's energy from the potential of the curves, so that these pass through the saddle.
-    through = [hills.mass * float(hills.potential(crest)) for crest in hills.crests]
-    levels = level_energies(points, max(highest, *saddle_energies(points), 0.0))
+    # Given by its state, the level of the saddle is one curve, however its energy is rounded.
+    through = [Level(crest, np.zeros(())) for crest in hills.crests]
+    energies = level_energies(points, max(highest, *saddle_energies(points), 0.0))
+    levels = [hills.level_of(energy / hills.mass) for energy in energies]
     return Background(levels=_curves(hills, levels), points=points, eights=_curves(hills, through))
 
 
-def _curves(hills: SpringsLandscape, energies: Sequence[float]) -> tuple[LevelCurve, ...]:
+def _curves(hills: SpringsLandscape, levels: Sequence[Level]) -> tuple[LevelCurve, ...]:
     return tuple(
         LevelCurve(0, place, speed)
-        for energy in energies
-        for place, speed in hills.upper_half(energy / hills.mass, _COUNT)
+        for level in levels
+        for place, speed in hills.upper_half(level, _COUNT)
     )
 
 
