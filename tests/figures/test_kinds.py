@@ -7,6 +7,7 @@ import pytest
 from matplotlib.collections import PathCollection
 from matplotlib.patches import Circle
 
+from tests.figures.energy import on_trace
 from tests.figures.layout import assert_texts_are_apart, texts
 from tests.gallery import GALLERY, run_of
 from tests.scaling import scaled
@@ -165,6 +166,34 @@ def test_impacts_on_one_arc_have_angles() -> None:
     table = run_of("one_circle").collisions
     expected = np.column_stack([table["angle_a"], table["approach_speed"]])
     np.testing.assert_array_equal(np.asarray(dots.get_offsets()), expected)
+
+
+def test_places_that_differ_by_rounding_are_not_spread_over_an_impact_map() -> None:
+    """Two equal balls let go on both sides of the bottom meet above it again and again."""
+    balls = [scenes.ball(angle) for angle in (-1.0, 1.0)]
+    run = scenes.solve_any(scenes.scene(scenes.VALLEY, balls, time=100.0))
+    spread = np.ptp(run.collisions["angle_a"])
+    assert 0.0 < spread < 1e-12
+    figure = impact_map(run)
+    assert figure is not None
+    low, high = figure.axes[0].get_xlim()
+    assert high - low == pytest.approx(0.1 * np.radians(340.0))  # a tenth of the arc
+
+
+@pytest.mark.parametrize("metres", [1.0, 2.0**-30, 2.0**30])
+def test_an_impact_map_of_one_place_is_as_wide_as_the_bodies(metres: float) -> None:
+    """Two equal disks on equal springs meet in the middle, whatever the unit of length."""
+    held = {"stiffness": 4.0, "length": metres, "height": 2.0 * metres}
+    size = {"body": "disk", "radius": 0.25 * metres, "mass": 1.0}
+    balls = [
+        size | {"position": side * metres, "spring": held | {"foot": 0.5 * side * metres}}
+        for side in (-1.0, 1.0)
+    ]
+    stop = {"time": 9.0, "collisions": 2}
+    data = {"system": "springs", "balls": balls, "collision": {"k": 1.0}, "stop": stop}
+    (drawn,) = draw_all(simulate(any_scenario_of(data)), ["impact_map"], "single")
+    low, high = drawn.figure.axes[0].get_xlim()
+    assert (high - low) / metres == pytest.approx(0.5)
 
 
 def test_kinds_with_nothing_to_show_are_left_out() -> None:
@@ -373,6 +402,30 @@ def test_of_very_many_pieces_and_bodies_those_with_room_are_named() -> None:
     names = [text.get_text() for text in figure.axes[0].texts]
     assert 40 < len(names) <= 60
     assert set(names) <= {str(number) for number in range(1, 61)}  # of bodies, not of pieces
+
+
+def test_the_potential_energy_reaches_the_right_end_of_any_trace() -> None:
+    """Also if the length of the trace is rounded to beyond the end of its last piece."""
+    beyond = 0
+    for number in range(20):
+        slopes = np.random.default_rng(number).uniform(0.2, 1.0, 5) * (-1.0, 1.0, -1.0, 1.0, -1.0)
+        arcs = [
+            {"shape": "valley" if end > 0.0 else "hump", "radius": 1.0 / 3.0, "end_slope": end}
+            for end in slopes[1:].tolist()
+        ]
+        trace = {"start_slope": float(slopes[0]), "arcs": arcs}
+        run = scenes.solve(scenes.scene(trace, [scenes.ball(0.0)], time=0.5))
+        whole, last = run.system.trace.length, run.system.trace.pieces[-1]
+        beyond += whole > last.start_s + last.length
+        along, energy = map(np.asarray, energy_portrait(run, 1).axes[1].lines[0].get_data())
+        assert along[-1] == whole
+        first = run.system.trace.pieces[0]
+        rise = [
+            on_trace(run.system, 1, piece.index + 1, end, np.zeros(()))
+            for piece, end in ((last, last.angle_end), (first, first.angle_start))
+        ]
+        assert energy[-1] - energy[0] == pytest.approx(rise[0] - rise[1], rel=1e-12)
+    assert beyond
 
 
 def test_the_potential_energy_of_a_level_line_is_clear_of_the_frame() -> None:

@@ -195,10 +195,12 @@ def _potential(landscape: Landscape, window: Window) -> tuple[Array, Array]:
 
 def _potential_at(landscape: Landscape, s: Array) -> Array:
     """Return the potential energy (J) at arc lengths (m)."""
-    s = np.clip(s, 0.0, landscape.trace.length)
-    found = np.full(s.shape, np.nan)
-    for piece in landscape.trace.pieces:
-        here = (s >= piece.start_s) & (s <= piece.start_s + piece.length)
+    pieces = landscape.trace.pieces
+    # By left ends: the length of the trace may be rounded to beyond the end of the last piece.
+    on = np.searchsorted([piece.start_s for piece in pieces[1:]], s, side="right")
+    found = np.empty(s.shape)
+    for piece in pieces:
+        here = on == piece.index
         along = s[here] - piece.start_s
         position = along if piece.is_line else piece.angle_start + along / piece.radius
         found[here] = landscape.potential(piece, position)
@@ -211,7 +213,7 @@ def _limits(energies: Array, potential: Array, least: float) -> tuple[float, flo
     The axis begins at 0 and reaches `least` at least. For a motion high above the lowest place of
     the trace, it begins just below the least potential energy of the motion.
     """
-    low, high = float(np.nanmin(potential)), float(np.max(energies))
+    low, high = float(np.min(potential)), float(np.max(energies))
     if low > _HIGH_UP * high:
         room = 0.25 * (high - low) or 1e-3 * high
         return high + room, low - room

@@ -31,7 +31,7 @@ from vibro_cli.figures.portraits import layers
 from vibro_cli.figures.runs.over_time import energy_residuals, room_after
 from vibro_cli.figures.source import Array, Recorded, Table, goes_through, kept, made, why_not_made
 from vibro_cli.figures.style import line, mark, panel_size
-from vibro_cli.figures.ticks import angle_ticks, label_axis, number_ticks
+from vibro_cli.figures.ticks import angle_ticks, label_axis, limits_apart, number_ticks
 from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.mechanics.trace import VALLEY, Piece
 
@@ -39,6 +39,8 @@ _HIGH = {"single": 46.0, "double": 56.0}
 _SMALL = {"single": 26.0, "double": 30.0}
 DOT = mark("o", 2.2, style.BLUE)
 REFUSED = layers.NOT_MADE
+_EQUAL = 1e-9
+"""Range of places, as a share of the margin around equal ones, that counts as rounding."""
 ROUNDING = line(style.VERMILLION, 0.6, (4.0, 2.0))
 
 
@@ -78,7 +80,7 @@ def speed_map(
     column, named
         Column of the places; their name, in words or as a symbol, and their unit.
     room
-        Margin on both sides if all places are equal.
+        Margin on both sides if all places are equal up to rounding.
     width
         ``"single"`` or ``"double"``.
     lines
@@ -98,8 +100,9 @@ def speed_map(
             axes.plot(place[~happened], speed[~happened], zorder=2.2, label=why, **REFUSED)
             axes.legend(loc="best", borderpad=0.2, handletextpad=0.2)
         positive_axis(axes, speed, "approach speed", "m/s")
-        room = 0.08 * float(np.ptp(place)) or room
-        low, high = float(np.min(place)) - room, float(np.max(place)) + room
+        low, high = float(np.min(place)), float(np.max(place))
+        room = 0.08 * (high - low) if high - low > _EQUAL * room else room
+        low, high = limits_apart(low - room, high + room)
         axes.set_xlim(low, high)
         ticked = angle_ticks if named[1] == "rad" else number_ticks
         ticks = ticked(low, high, panel_size(axes)[0])

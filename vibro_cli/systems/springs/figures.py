@@ -110,7 +110,8 @@ def springs_impact_map(run: Run, width: str = "single") -> Figure | None:
     """Draw approach speed against position of every impact; None with fewer than two impacts."""
     if len(run.collisions["n"]) < 2:
         return None
-    return speed_map(run.collisions, "x_a", ("$x$ of the left body", "m"), 0.5, width)
+    largest = max(body.radius for body in run.system.bodies)
+    return speed_map(run.collisions, "x_a", ("$x$ of the left body", "m"), largest, width)
 
 
 def springs_energy(run: Run, ball: int, until: float) -> tuple[Array, Array]:
