@@ -233,7 +233,7 @@ def test_the_summary_says_in_words_how_it_ended(
 ) -> None:
     outcome = vibro("run", scenario, "--no-figures")
     first, *rest = outcome.err.splitlines()
-    assert first == "small: ended at t = 60 s: the time asked for was reached"
+    assert first == "small: ended at t = 60 s: the stop time was reached"
     assert [line.split()[0] for line in rest] == [
         "impacts",
         "energy",

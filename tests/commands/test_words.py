@@ -26,7 +26,7 @@ def lines(**changes: Any) -> list[str]:
 def test_the_whole_summary() -> None:
     text = summary_text("name", FakeRun().summary_record(), Path("my results/name"))
     assert text.splitlines() == [
-        "name: ended at t = 60 s: the time asked for was reached",
+        "name: ended at t = 60 s: the stop time was reached",
         "  impacts    3, from t = 0.25 s to 59.5 s; 1 crossing, 0 lasting contacts",
         "  energy     12.5 J at the start, 11.25 J at the end",
         "  accuracy   largest gap left at an impact 1e-16 m",

@@ -146,7 +146,7 @@ def test_the_link_leads_to_the_table(run: StoredRun, beside: Path, page: Page) -
 
 def test_the_words_are_those_of_the_summary(run: StoredRun, page: Page) -> None:
     text = page.with_id("run1-result").text
-    assert "The time asked for was reached." in text
+    assert "The stop time was reached." in text
     assert f"Impacts{len(run.collisions['n'])}" in text
     assert dict(key_figures(run))["End"] == "60 s"
     assert "hold bodies back" in page.with_id("run1-validity").text
@@ -225,7 +225,7 @@ def test_a_body_at_rest_at_the_bottom_has_no_swing(beside: Path) -> None:
 def test_an_inadmissible_end_is_told(beside: Path) -> None:
     run = stored(beside / "through", "unequal_hedrih")
     page = Page(report_html([run], beside))
-    assert "go through one another" in page.with_id("run1-result").text
+    assert "pass through one another" in page.with_id("run1-result").text
     assert "Inadmissible impacts: 1." in page.with_id("run1-validity").text
 
 

@@ -79,7 +79,7 @@ class _Ends(kinds.Kind):
 
 
 class AxisTable(Table):
-    """Some scalars of the scenario, and the values they take."""
+    """One or more values of the scenario that the grid changes, and what they are set to."""
 
     rules: ClassVar[tuple[Rule, ...]] = (
         exactly_one(*GENERATORS),
@@ -88,21 +88,22 @@ class AxisTable(Table):
     )
 
     path: Annotated[str | None, _Path(A_PATH)] = None
-    """The scalar of the scenario that the axis changes, such as balls[1].angle; counted from 1."""
+    """Path of the value that the axis changes, such as balls[1].angle; counted from 1."""
     paths: Annotated[tuple[Annotated[str, _Path(A_PATH)], ...] | None, Listed("paths", 1)] = None
-    """Or several scalars, which change together."""
+    """Paths of several values, which change together; given instead of path."""
     values: Annotated[tuple[Any, ...] | None, Listed("values", 1)] = None
-    """The values, numbers or words; for several paths one for all, or a list with one for each."""
+    """The values, numbers or words; with several paths, each entry is one value for all of them or
+    a list with one value for each."""
     linspace: Annotated[list[Any] | None, _Ends()] = None
-    """[low, high, count]: equal steps, both ends included; the ends may have units."""
+    """[low, high, count]: evenly spaced values, both ends included; the ends may have a unit."""
     logspace: Annotated[list[Any] | None, _Ends()] = None
-    """[low, high, count]: equal ratios, both ends included."""
+    """[low, high, count]: values with equal ratios, both ends included."""
     uniform: Annotated[list[Any] | None, _Ends(count_needed=False)] = None
-    """[low, high]: the interval that a mode with n draws from; [low, high, count]: random
-    values."""
+    """[low, high]: the interval that a latin-hypercube or sobol design covers; [low, high, count]:
+    that many random values from the interval."""
     table: Annotated[str | None, kinds.Text("the name of a .parquet or .csv file")] = None
-    """A .parquet or .csv file with columns named by paths, each row one value of the axis; with
-    path or paths only those columns are used."""
+    """A .parquet or .csv file whose columns are named by paths; each row is one point of the axis.
+    If path or paths is given, only those columns are used."""
 
 
 # Keys on which the tables of a grid do not depend.

@@ -55,21 +55,22 @@ class Keep(Table):
     collisions: Annotated[bool, kinds.FLAG] = False
     """Whether every impact is stored, in addition to the summaries."""
     columns: Annotated[tuple[str, ...] | None, Texts("columns", 1)] = None
-    """Columns of the tables of impacts; all of them if not given."""
+    """Columns of the tables of impacts to store; by default all of them."""
 
 
 class GridFile(Table):
     """A scenario, by reference or inline, and the axes that change it."""
 
     name: Annotated[str | None, kinds.NAME] = None
-    """Name of the grid and of its folder; the file's stem if not given."""
+    """Name of the grid and of its results folder; by default the file name without its suffix."""
     base: Annotated[str | None, kinds.Text("the name of a scenario file")] = None
-    """File of the scenario that the axes change, relative to the folder of this file."""
+    """File of the scenario that the axes change, relative to the folder of the grid file."""
     scenario: dict[str, Any] = Field(default_factory=dict)
-    """Or that scenario itself, inline; values that the axes set may be left out."""
+    """The scenario itself, inline, instead of base; values that the axes give may be omitted."""
     mode: Annotated[str, kinds.Word(MODES)] = MODES[0]
-    """How the axes make points: product (every combination, the last axis changing fastest),
-    zip (the first values together, the second together, …), or a design of n points."""
+    """How the values of the axes are combined into points: product (every combination, the last
+    axis changing fastest), zip (the first values of all axes, then the second ones, and so on), or
+    latin-hypercube or sobol (a design of n points)."""
     n: Annotated[int | None, kinds.Count(most=MOST_DRAWN)] = None
     """Number of points of a latin-hypercube or sobol design."""
     seed: Annotated[int, kinds.Count(least=0)] = 0
@@ -79,7 +80,7 @@ class GridFile(Table):
     keep: Keep = Field(default_factory=Keep)
     """What is stored for each scenario in addition to its summary."""
     chunk_points: Annotated[int | None, kinds.COUNT] = None
-    """Points per file on disk; chosen by the program if not given."""
+    """Number of points in each file on disk; chosen automatically by default."""
 
     rules: ClassVar[tuple[Rule, ...]] = (
         exactly_one(*_SOURCES),
@@ -318,7 +319,10 @@ def grid_schema(system: str = "trace") -> dict[str, Any]:
     schema["properties"]["scenario"] = {"description": words, "$ref": "#/$defs/Scenario"}
     names = [column.name for column in impact_columns_of(system)]
     schema["$defs"]["Keep"]["properties"]["columns"]["items"] = {"enum": names}
-    tables["Scenario"] = {**within, "description": "A scenario, not complete without the axes."}
+    tables["Scenario"] = {
+        **within,
+        "description": "A scenario; values that the axes give may be missing.",
+    }
     return {
         "$schema": DIALECT,
         "$id": identifier(f"grid-{system}"),

@@ -124,7 +124,8 @@ class AnyScenario(Table):
     """Keys of one table of which at most one may be given."""
 
     name: Annotated[str, kinds.NAME] = "scenario"
-    """Name of the scenario and of its folder of results; the file's stem if not given."""
+    """Name of the scenario and of its results folder; by default the file name without its
+    suffix."""
 
     if TYPE_CHECKING:  # each system declares its own types
         system: str
@@ -376,26 +377,27 @@ class BodyTable(Table):
     body: Annotated[BodyKind | None, kinds.Word(get_args(BodyKind))] = Field(
         default=None, json_schema_extra={"default": "ball"}
     )
-    """Kind of the body, ball if not given; gives its moment of inertia."""
+    """Kind of body, which determines its moment of inertia; ball if inertia_ratio is not given
+    either."""
     inertia_ratio: Annotated[float | None, kinds.RATIO] = None
-    """J_C/(m r^2) of any other body, instead of its kind; needs the mass."""
+    """J_C/(m r^2) of any other body, given instead of its kind; requires the mass."""
     radius: Annotated[float, kinds.RADIUS]
-    """Radius of the body in m; 0 only for a lone particle."""
+    """Radius of the body in m; 0 is allowed only for a lone particle."""
     density: Annotated[float | None, kinds.DENSITY] = None
-    """Density in kg/m^3, or else the mass."""
+    """Density in kg/m^3; give either density or mass."""
     mass: Annotated[float | None, kinds.MASS] = None
-    """Mass in kg, or else the density."""
+    """Mass in kg; give either mass or density."""
     thickness: Annotated[float | None, kinds.LENGTH] = None
-    """Thickness in m, needed with a density: of a disk, of a thin hollow ball, or of a hoop of
-    square section."""
+    """Thickness in m of a disk, of the wall of a thin hollow ball, or of a hoop of square section;
+    required with density."""
 
 
 class Sampling(Table):
-    """Sampled motion, if wanted."""
+    """Optional output: sampled motion."""
 
     rules = (at_most_one(*SAMPLES),)
 
     step: Annotated[float | None, kinds.TIME] = None
     """Time step of the sampled motion in s."""
     times: Annotated[tuple[Annotated[float, kinds.INSTANT], ...] | None, Listed("times")] = None
-    """Times of the sampled motion in s, ascending; instead of a step."""
+    """Times at which the motion is sampled, in s, ascending; given instead of step."""

@@ -383,14 +383,14 @@ class Arc(Table):
     )
 
     shape: Annotated[Shape, kinds.Word(get_args(Shape))]
-    """valley (concave, the body above its lowest point), hump (convex) or line."""
+    """valley (an arc that is concave towards the bodies), hump (one that is convex) or line."""
     radius: Annotated[float | None, kinds.LENGTH] = None
     """Radius of the arc in m; a line has none."""
     length: Annotated[float | None, kinds.LENGTH] = None
-    """Length of a line in m; an arc has none, its end slope gives it."""
+    """Length of a line in m; that of an arc follows from its end_slope and is not given."""
     end_slope: Annotated[float | None, kinds.SLOPE] = None
-    """Slope of the tangent where the arc ends, in rad: greater than at its start in a valley,
-    less on a hump; a line keeps its slope."""
+    """Slope of the tangent at the right end of the arc, in rad: greater than at its left end in a
+    valley, smaller on a hump; a line keeps its slope."""
 
 
 class Turning(Table):
@@ -399,11 +399,11 @@ class Turning(Table):
     rules = (exactly_one(*AXIS),)
 
     through_arc: Annotated[int | None, kinds.COUNT] = None
-    """The axis passes through the centre of this arc, counted from 1."""
+    """Arc through whose centre the axis passes, counted from 1."""
     x: Annotated[float | None, kinds.POSITION] = None
     """Horizontal position of the axis in m, from the trace's left end."""
     rate: Annotated[float, kinds.ANGULAR_RATE]
-    """Rate of turning in rad/s."""
+    """Angular velocity of the trace about the axis in rad/s."""
 
 
 class Trace(Table):
@@ -414,12 +414,12 @@ class Trace(Table):
     closed: Annotated[bool, kinds.FLAG] = False
     """Whether the trace is closed: its end joins its start smoothly."""
     surface: Annotated[Surface, kinds.Word(get_args(Surface))] = "two-sided"
-    """two-sided: the trace also holds a body back, and lift-off is marked; one-sided: lift-off
-    ends the run."""
+    """two-sided: the trace keeps bodies from lifting off, and each point where one would lift off
+    is an event; one-sided: lift-off ends the run."""
     turning: Annotated[Turning | None, BeforeValidator(_not_null)] = None
-    """The trace rotates about a vertical axis; left out, it stands still."""
+    """Rotation of the trace about a vertical axis; if omitted, the trace is at rest."""
     arcs: Annotated[tuple[Arc, ...], Listed("arcs", 1)]
-    """The pieces, from left to right."""
+    """The pieces of the trace, from left to right."""
 
 
 class Ball(BodyTable):
@@ -430,20 +430,21 @@ class Ball(BodyTable):
     arc: Annotated[int, kinds.COUNT]
     """The piece of the trace the body starts on, counted from 1."""
     angle: Annotated[float | None, kinds.ANGLE] = None
-    """Angle on the arc in rad: phi from the lowest point of a valley, psi from the crest of a
-    hump, growing to the right."""
+    """Initial angle on an arc in rad: phi from the lowest point of a valley, psi from the crest
+    of a hump, positive to the right."""
     position: Annotated[float | None, kinds.POSITION] = None
-    """Distance along a line in m, from its left end."""
+    """Initial position on a line in m, measured from its left end."""
     touching: Annotated[Literal["previous"] | None, kinds.Word(("previous",))] = None
     """previous: the body starts in contact with the one to its left."""
     rate: Annotated[float | None, kinds.ANGULAR_RATE] = Field(
         default=None, json_schema_extra={"default": 0.0}
     )
-    """Rate of the angle in rad/s, 0 if no motion is given; on a line: speed or omega."""
+    """Initial rate of change of the angle in rad/s, 0 if neither rate, omega nor speed is given;
+    on a line give omega or speed."""
     omega: Annotated[float | None, kinds.ANGULAR_RATE] = None
-    """Angular velocity of rolling in rad/s, speed of the centre over the radius."""
+    """Initial angular velocity of rolling in rad/s: speed of the centre divided by the radius."""
     speed: Annotated[float | None, kinds.SPEED] = None
-    """Speed of the centre in m/s, positive to the right."""
+    """Initial speed of the centre in m/s, positive to the right."""
 
 
 def _without_default(schema: dict[str, Any]) -> None:
@@ -452,10 +453,10 @@ def _without_default(schema: dict[str, Any]) -> None:
 
 
 class Collision(Table):
-    """How two neighbours leave an impact."""
+    """The law that gives the velocities of two neighbours after an impact."""
 
     law: Law = "hedrih"
-    """The impact law."""
+    """Name of the impact law: hedrih, normal-impulse or translational."""
     k: Annotated[
         tuple[Annotated[float, kinds.RESTITUTION], ...],
         BeforeValidator(_restitutions),
@@ -464,23 +465,25 @@ class Collision(Table):
     ] = ()
     """Coefficient of restitution from 0 to 1: one number, or one for each pair of neighbours."""
     inadmissible: Inadmissible = "stop"
-    """What happens at an impact after which the law would send the bodies through one another:
-    the run stops, or the normal-impulse law is used for that impact, which is marked."""
+    """What happens at an inadmissible impact, after which the bodies would pass through one
+    another: the run stops, or the normal-impulse law is used for that impact, which is marked."""
 
 
 class Stop(Table):
-    """When the run ends: whichever comes first."""
+    """When the run ends: at the first of these limits."""
 
     rules = (at_least_one("time", "collisions"),)
 
     time: Annotated[float | None, kinds.TIME] = None
-    """End of the run in s. What happens at it (t + t_low) still happens."""
+    """Time at which the run ends, in s; events at exactly this time (t + t_low) are included."""
     collisions: Annotated[int | None, kinds.COUNT, Field(title="impacts")] = None
-    """The run ends with this collision, or with others solved jointly with it."""
+    """Number of impacts after which the run ends; others solved jointly with the last of them are
+    included."""
 
 
 class Wall(Table):
-    """A plane across the trace's end, touched by a body at the distance of its radius."""
+    """A plane wall across an end of the trace; a body touches it at a distance equal to its
+    radius."""
 
     wall: Annotated[float, kinds.RESTITUTION]
     """Coefficient of restitution of the wall, from 0 to 1."""
@@ -494,42 +497,43 @@ End = Annotated[
 
 
 class Ends(Table):
-    """What the ends of an open trace do."""
+    """What happens at the two ends of an open trace."""
 
     left: End = "stop"
-    """stop: the run ends when a contact point gets to the left end; or a wall."""
+    """stop, which ends the run when a contact point reaches the left end, or a wall."""
     right: End = "stop"
-    """stop: the run ends when a contact point gets to the right end; or a wall."""
+    """stop, which ends the run when a contact point reaches the right end, or a wall."""
 
 
 class Output(Sampling):
-    """What is written besides collisions, events and the summary."""
+    """Optional output: sampled motion and additional events."""
 
     turning_points: Annotated[bool, kinds.FLAG] = False
-    """Whether turning points are written as events."""
+    """Whether turning points are recorded as events."""
     friction: Annotated[float | None, kinds.RATIO] = None
-    """Coefficient of friction of the trace: slip events where rolling would need more."""
+    """Coefficient of friction of the trace; where rolling would require a greater one, a slip
+    event is recorded."""
 
 
 class Analysis(Table):
-    """Quantities computed in addition to the motion."""
+    """Optional analysis of the growth of small perturbations."""
 
     lyapunov: Annotated[bool, kinds.FLAG] = False
-    """Whether the growth of small changes of the start is followed: digits that are left of each
-    impact, Lyapunov exponents in the summary, and how they converge."""
+    """Whether to follow the growth of small perturbations of the initial state: accurate digits
+    left at each impact, Lyapunov exponents in the summary, and a table of their convergence."""
 
 
 Growth = Annotated[Analysis | None, BeforeValidator(_not_null)]
-"""The growth of small changes, if wanted."""
+"""Optional analysis of the growth of small perturbations."""
 
 
 class Scenario(AnyScenario):
-    """A vibro-impact scenario: trace, bodies, impact law, and when to stop."""
+    """A vibro-impact scenario: trace, bodies, impact law, and when the run ends."""
 
     alternatives: ClassVar[tuple[tuple[str, ...], ...]] = (MASS, START, MOTION, KIND, AXIS, SAMPLES)
 
     system: Annotated[Literal["trace"], kinds.Word(NAMES)] = Field("trace", exclude=True)
-    """What is solved: bodies on a trace, or another system, whose scenarios have other keys."""
+    """The system to solve: bodies on a trace; scenarios of other systems have other keys."""
     gravity: Annotated[float, kinds.GRAVITY]
     """Acceleration of gravity in m/s^2."""
     trace: Trace
@@ -537,15 +541,15 @@ class Scenario(AnyScenario):
     balls: Annotated[tuple[Ball, ...], Listed("bodies", 1)]
     """The bodies, from left to right."""
     collision: Collision = Collision()
-    """The impact law; needed with two bodies or more."""
+    """The impact law; required if there are two or more bodies."""
     stop: Stop
     """When the run ends."""
     ends: Ends = Ends()
     """What happens at the two ends of an open trace."""
     output: Output = Output()
-    """Sampled motion and further events, if wanted."""
+    """Optional output: sampled motion and additional events."""
     analysis: Growth = None
-    """The growth of small changes, if wanted."""
+    """Optional analysis of the growth of small perturbations."""
 
     @classmethod
     def between_fields(cls, data: dict[str, Any]) -> list[Fault]:

@@ -51,7 +51,7 @@ def as_markdown(system: str = "trace") -> str:
     parts = []
     for table in system_named(system).tables():
         lines = [
-            f"`{table.file}.parquet`: {table.row} in each row.",
+            f"`{table.file}.parquet`: each row is {table.row}.",
             "",
             "| column | type | unit | null | meaning |",
             "|---|---|---|---|---|",

@@ -16,16 +16,16 @@ from vibro_cli.systems.contract import Columns
 SCHEMA_VERSION = "1"
 
 END_CAUSES = {
-    "time": "the time asked for was reached",
-    "collisions": "the number of impacts asked for was reached",
+    "time": "the stop time was reached",
+    "collisions": "the requested number of impacts was reached",
     "no_more_collisions": "no further impact is possible",
-    "inadmissible": "after the impact law two bodies would go through one another",
-    "end_of_trace": "a body came to an end of the trace",
-    "lift_off": "a body left the trace",
+    "inadmissible": "under the impact law two bodies would pass through one another",
+    "end_of_trace": "a body reached an end of the trace",
+    "lift_off": "a body lifted off the trace",
     "rest": "all bodies are at rest",
-    "bounces": "the number of impacts on the wall asked for was reached",
-    "wall_contact": "a ball comes to roll along the wall, which is not solved",
-    "accumulation": "impacts follow one another without end in finite time, which is not solved",
+    "bounces": "the requested number of impacts on the wall was reached",
+    "wall_contact": "a ball began to roll along the wall, which is not solved",
+    "accumulation": "infinitely many impacts accumulated in finite time, which is not solved",
 }
 """Meanings of the causes that end a run."""
 
@@ -139,8 +139,8 @@ LAW = word(
 def impact_head() -> Iterator[Column]:
     """Yield the first columns of every table of impacts."""
     yield count("n", "number of the impact, from 1", value=lambda rows: rows.number)
-    yield number("t", "s", "time of the impact, the nearest double", value=of_log("t"))
-    text = "what t lacks: t + t_low is the time in two doubles"
+    yield number("t", "s", "time of the impact, as the nearest double", value=of_log("t"))
+    text = "remainder of the time: t + t_low is the time as the sum of two doubles"
     yield number("t_low", "s", text, value=of_log("t_low"))
     text = "time since the previous row (null in the first)"
     yield number("dt", "s", text, True, lambda rows: rows.between)
@@ -153,42 +153,44 @@ def before_and_after(
     nullable: bool = False,
     value: Callable[[str, str], Value] | None = None,
 ) -> Iterator[Column]:
-    """Yield a quantity of both bodies before and after the impact; `value` as in `phases`."""
+    """Yield a quantity of both bodies before and after the impact; arguments as in `phases`."""
     for end, when, words in ENDS:
         own = None if value is None else value(end, when)
-        what = f"{text}, {words} the impact, of body {end}"
+        what = text.format(f"body {end} {words} the impact")
         yield number(f"{name}_{end}_{when}", unit, what, nullable, own)
 
 
 def impact_tail(
     loss: str = "energy lost in the impact",
-    gap: str = "horizontal distance of the centres beyond that of touching",
-    simultaneous: str = "whether the event before it was at the same instant, or others are solved "
-    "with it",
+    gap: str = "horizontal distance between the centres minus that at contact",
+    simultaneous: str = "whether the preceding event was at the same instant, or other impacts "
+    "were solved jointly with it",
 ) -> Iterator[Column]:
     """Yield the last columns of every table of impacts of two bodies.
 
     The arguments describe three of these columns.
     """
     yield number("energy_loss", "J", loss, value=of_log("loss"))
-    text = "J_Pb (ω_b⁺ − ω_b⁻), the moment of the impulse"
+    text = "moment of the impulse, J_Pb (ω_b⁺ − ω_b⁻)"
     yield number("impulse_moment", "N m s", text, value=lambda rows: rows.impulse_moment)
-    text = "speed of approach along the line of centres, before"
+    text = "speed of approach along the line of centres, before the impact"
     yield number("approach_speed", "m/s", text, value=lambda rows: rows.approach_speed)
-    text = "speed of separation along the line of centres, after"
+    text = "speed of separation along the line of centres, after the impact"
     yield number("separation_speed", "m/s", text, value=lambda rows: rows.separation_speed)
     yield number("gap", "m", gap, value=of_log("gap"))
     yield LAW
-    text = "whether the law of the scenario can be followed: the bodies separate after it"
+    text = (
+        "whether the law of the scenario is admissible here: the bodies separate after the impact"
+    )
     yield flag("admissible", text, is_one("admissible"))
-    text = "whether the normal-impulse law stood in for an inadmissible impact"
+    text = "whether the normal-impulse law replaced the law of the scenario, which is inadmissible"
     yield flag("substituted", text, is_one("substituted"))
     yield flag("simultaneous", simultaneous, is_one("simultaneous"))
     yield grazing()
 
 
-KINETIC = "kinetic energy ½ κ m v² = ½ J_P ω²"
-IMPULSE = "m_b (v_b⁺ − v_b⁻), the impulse, under the law of translation (else null)"
+KINETIC = "kinetic energy ½ κ m v² = ½ J_P ω² of {}"
+IMPULSE = "impulse, m_b (v_b⁺ − v_b⁻), under the translational law (otherwise null)"
 
 
 def impulse() -> Column:
@@ -204,23 +206,24 @@ def phases(
 ) -> Iterator[Column]:
     """Yield the regions of the phase plane of both bodies, before and after the impact.
 
-    `value` maps body (`a` or `b`) and time (`pre` or `post`) to the ``value`` of the column.
+    `text` has a field for the body and the time: "body a before the impact". `value` maps body
+    (`a` or `b`) and time (`pre` or `post`) to the ``value`` of the column.
     """
     for end, when, said in ENDS:
         of_end = None if value is None else value(end, when)
-        name, what = f"{prefix}_{end}_{when}", f"{text}; body {end}, {said} the impact"
-        yield word(name, what, words, value=of_end)
+        what = text.format(f"body {end} {said} the impact")
+        yield word(f"{prefix}_{end}_{when}", what, words, value=of_end)
 
 
 def grazing() -> Column:
     """Return the column that marks impacts that may be mere touches."""
-    text = "whether the contact cannot be told from a touch in double precision"
+    text = "whether double precision cannot distinguish the contact from a passing touch"
     return flag("grazing", text, is_one("grazing"))
 
 
 def summary_head(causes: str) -> Iterator[Column]:
     """Yield the first columns of every summary; `causes` describes the causes of the end."""
-    text = "ok, invalid (the scenario is not possible) or failed"
+    text = "ok, invalid (the scenario is impossible) or failed"
     yield word("status", text, value=lambda totals: "ok")
     yield word("reason", "why the status is not ok", (), True, lambda totals: None)
     yield word("end_cause", causes, (), True, lambda totals: totals.end_cause)
@@ -235,8 +238,8 @@ def of_clock(name: str) -> Value:
 
 def summary_balance(
     impact: str = "impact of two bodies",
-    drift: str = "relative change of the energy, where it should be kept",
-    gap: str = "largest distance left between bodies at an impact",
+    drift: str = "relative change in energy, where it should be conserved (otherwise null)",
+    gap: str = "largest distance left between two bodies at an impact",
 ) -> Iterator[Column]:
     """Yield the times, energies and gaps of every summary.
 
@@ -251,7 +254,7 @@ def summary_balance(
     text = "energy of all bodies at the end"
     yield number("energy_end", "J", text, True, lambda totals: totals.energy_end)
     yield number("energy_drift", "", drift, True, lambda totals: totals.energy_drift)
-    text = "sum of the corrections that keep the energy, absolute"
+    text = "sum of the absolute values of the corrections that keep the energy constant"
     yield number("energy_correction", "J", text, True, lambda t: t.clock["energy_correction"])
     yield number("max_gap", "m", gap, True, lambda totals: totals.largest_gap)
 
@@ -260,17 +263,18 @@ GROWTH = (
     number(
         "amplification",
         "",
-        "growth of a small change of the start in the states of both bodies after the impact "
-        "(null beyond 1e308, and where the motion has no derivative that is known)",
+        "factor by which a small perturbation of the initial state has grown in the states of the "
+        "bodies after the impact (null beyond 1e308, and where no derivative of the motion is "
+        "known)",
         True,
     ),
     number(
         "digits_left",
         "",
-        "decimal digits that rounding the start to doubles leaves of these states",
+        "accurate decimal digits left in these states if the initial state is rounded to doubles",
         True,
     ),
-    flag("smooth", "whether the motion depends differentiably on its start here"),
+    flag("smooth", "whether the motion depends differentiably on the initial state here"),
 )
 """Columns of impacts on the growth of small perturbations of the start."""
 
@@ -291,7 +295,7 @@ def exponents(numbers: int | str, when: str = "") -> tuple[Column, ...]:
     `when` completes their description.
     """
     names = [numbers] if isinstance(numbers, str) else range(1, numbers + 1)
-    text = "Lyapunov exponent {}{}, the greatest first (null for −∞, and where it is not known)"
+    text = "Lyapunov exponent {}{}, the greatest first (null for −∞, and where it is unknown)"
     return tuple(number(f"lyapunov_{name}", "1/s", text.format(name, when), True) for name in names)
 
 
@@ -300,7 +304,7 @@ def converging(numbers: int | str) -> Table:
     columns = (
         count("n", "number of the impact, from 1"),
         number("t", "s", "time of the impact"),
-        *exponents(numbers, " until then"),
+        *exponents(numbers, " of the run up to this impact"),
         number("lyapunov_error", "1/s", "standard error of the greatest exponent", True),
     )
-    return Table("exponents", "the run until one of its impacts", columns)
+    return Table("exponents", "one impact, with the exponents of the run up to it", columns)

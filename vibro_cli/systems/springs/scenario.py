@@ -52,8 +52,8 @@ class Spring(Table):
     """Natural length l in m."""
     height: Annotated[float, kinds.LENGTH, Field(title="height b of its foot")]
     """Height b of the foot above the line of the body's centre in m."""
-    foot: Annotated[float, kinds.POSITION, Field(title="place of its foot")]
-    """Place of the foot along the line in m."""
+    foot: Annotated[float, kinds.POSITION, Field(title="position of its foot")]
+    """Position of the foot along the line in m."""
 
 
 class SpringBall(BodyTable):
@@ -66,15 +66,17 @@ class SpringBall(BodyTable):
     )
 
     position: Annotated[float | None, kinds.POSITION] = None
-    """Place of the centre along the line in m, on the axis on which the feet are given."""
+    """Initial position of the centre along the line in m, on the same axis as the feet of the
+    springs."""
     touching: Annotated[Literal["previous"] | None, kinds.Word(("previous",))] = None
     """previous: the body starts in contact with the one to its left."""
     speed: Annotated[float | None, kinds.SPEED] = Field(
         default=None, json_schema_extra={"default": 0.0}
     )
-    """Speed of the centre in m/s, positive to the right; 0 if no motion is given."""
+    """Initial speed of the centre in m/s, positive to the right; 0 if neither speed nor omega is
+    given."""
     omega: Annotated[float | None, kinds.ANGULAR_RATE] = None
-    """Angular velocity of rolling in rad/s, speed of the centre over the radius."""
+    """Initial angular velocity of rolling in rad/s: speed of the centre divided by the radius."""
     spring: Spring
     """The spring that holds the body."""
 
@@ -85,17 +87,17 @@ class SpringsScenario(AnyScenario):
     alternatives: ClassVar[tuple[tuple[str, ...], ...]] = (MASS, KIND, PLACE, MOTION, SAMPLES)
 
     system: Annotated[Literal["springs"], kinds.Word(("springs",))]
-    """What is solved: bodies on a line, each with its spring."""
+    """The system to solve: bodies on a line, each held by a spring."""
     balls: Annotated[tuple[SpringBall, ...], Listed("bodies", 1)]
     """The bodies, from left to right."""
     collision: Collision = Collision()
-    """The impact law; needed with two bodies or more."""
+    """The impact law; required if there are two or more bodies."""
     stop: Stop
     """When the run ends."""
     output: Sampling = Sampling()
-    """Sampled motion, if wanted."""
+    """Optional output: sampled motion."""
     analysis: Growth = None
-    """The growth of small changes, if wanted."""
+    """Optional analysis of the growth of small perturbations."""
 
     @classmethod
     def between_fields(cls, data: dict[str, Any]) -> list[Fault]:

@@ -41,11 +41,14 @@ from vibro_cli.systems.run import Stretch
 from vibro_cli.systems.springs.system import LOOP, SpringsSystem, make_world
 from vibro_cli.systems.tables import Bodies, PairRows, bodies_at, events_until
 
-_ENERGY = "kinetic energy and energy of the spring"
-_OMEGA = "angular velocity of rolling (null for a particle, which slides)"
-_DISPLACEMENT = "place of the centre from that of its spring's foot"
-_REGIME = "always oscillating, as the energy of a spring has no bound"
-_EIGHT = "side of the figure eight: left loop, right loop, on it, or outside (none: there is none)"
+_ENERGY = "kinetic energy of {} plus energy of its spring"
+_OMEGA = "angular velocity of rolling of {} (null for a particle, which slides)"
+_DISPLACEMENT = "displacement of the centre of {} from the foot of its spring"
+_REGIME = "regime of {}: always oscillating, as the energy of a spring has no bound"
+_EIGHT = (
+    "position of {} relative to the figure eight: left loop, right loop, on it, or outside (none: "
+    "there is no figure eight)"
+)
 
 
 class SpringBodies(Bodies):
@@ -130,17 +133,17 @@ def _never_progressive(rows: Any) -> Any:
 
 def _impact_columns() -> Iterator[Column]:
     yield from impact_head()
-    yield count("ball_a", "left body, from 1", value=lambda rows: rows.body("a") + 1)
-    yield count("ball_b", "right body", value=lambda rows: rows.body("b") + 1)
+    yield count("ball_a", "left body of the pair, from 1", value=lambda rows: rows.body("a") + 1)
+    yield count("ball_b", "right body of the pair, from 1", value=lambda rows: rows.body("b") + 1)
     for end in "ab":
-        text = f"place of the centre along the line, of body {end}"
+        text = f"position of the centre of body {end} along the line"
         yield number(f"x_{end}", "m", text, value=of_log(f"x_{end}"))
     for end in "ab":
-        text, value = f"{_DISPLACEMENT}, of body {end}", methodcaller("displacement", end)
+        text, value = _DISPLACEMENT.format(f"body {end}"), methodcaller("displacement", end)
         yield number(f"displacement_{end}", "m", text, value=value)
     for text, name, unit, method in (
         (_OMEGA, "omega", "rad/s", "omega"),
-        ("signed speed of the centre", "speed", "m/s", "along"),
+        ("signed speed of the centre of {}", "speed", "m/s", "along"),
         (_ENERGY, "energy", "J", "energy"),
     ):
         of_method = partial(methodcaller, method)
@@ -185,24 +188,26 @@ EVENTS = Table(
             value=lambda rows: rows.closed.astype(np.int64),
         ),
         count("ball", "left body of the pair, from 1", value=lambda rows: rows["pair"] + 1),
-        count("other", "right body of the pair", value=lambda rows: rows["pair"] + 2),
+        count("other", "right body of the pair, from 1", value=lambda rows: rows["pair"] + 2),
         number("speed", "m/s", "speed of the left body after the event", False, lambda r: r.speed),
         number(
-            "value", "s", "contact_closed: how long the bounces left out would last", True,
+            "value", "s", "contact_closed: duration of the bounces left out; otherwise null", True,
             lambda rows: np.where(rows.closed, rows["value"], np.nan),
         ),
     ),
 )  # fmt: skip
 MOTION = Table(
     "springs.motion",
-    "one body at one sampled time",
+    "the state of one body at one sampled time",
     (
         number("t", "s", "time", value=of_log("t")),
         count("ball", "body, from 1", value=of_log("ball")),
-        number("x", "m", "place of the centre along the line", False, lambda m: m["x"] + m["foot"]),
-        number("displacement", "m", _DISPLACEMENT, value=of_log("x")),
+        number(
+            "x", "m", "position of the centre along the line", False, lambda m: m["x"] + m["foot"]
+        ),
+        number("displacement", "m", _DISPLACEMENT.format("the body"), value=of_log("x")),
         number("speed", "m/s", "signed speed of the centre", value=of_log("v")),
-        number("energy", "J", _ENERGY, value=lambda m: m["energy"] * m["mass"]),
+        number("energy", "J", _ENERGY.format("the body"), value=lambda m: m["energy"] * m["mass"]),
     ),
 )
 
@@ -226,9 +231,9 @@ SUMMARY = Table(
 def final_state(body: int | str) -> Iterator[Column]:
     """Yield the summary's columns of a body, counted from 1."""
     for name, unit, text in (
-        ("x", "m", f"final place of body {body}"),
-        ("displacement", "m", f"the same of body {body} from its spring's foot"),
-        ("speed", "m/s", f"final speed of body {body}"),
+        ("x", "m", f"final position of body {body} along the line"),
+        ("displacement", "m", f"final displacement of body {body} from the foot of its spring"),
+        ("speed", "m/s", f"final signed speed of the centre of body {body}"),
     ):
         yield number(f"{name}_{body}", unit, text, True, of_last(name, body))
 

@@ -59,18 +59,19 @@ Corner = Annotated[
 
 
 class Wall(Table):
-    """A vertical wall on the plane, met by a ball at the distance of its radius."""
+    """A vertical wall on the plane; a ball touches it at a distance equal to its radius."""
 
     shape: Annotated[WallShape, kinds.Word(tuple(SHAPE_KEYS))]
     """ellipse (axes along x and y), circle, rectangle (sides along x and y) or polygon."""
     side: Annotated[Side, kinds.Word(("inside", "outside"))] = "inside"
-    """On which side of the wall the balls are."""
+    """Side of the wall on which the balls are: inside or outside."""
     k: Annotated[float, kinds.RESTITUTION, Field(title="coefficient of restitution k")]
-    """Coefficient of restitution of the wall, from 0 to 1, on the component across it."""
+    """Coefficient of restitution of the wall, from 0 to 1, applied to the normal component of the
+    velocity."""
     x: Annotated[float, kinds.POSITION] = 0.0
-    """Place of the centre of an ellipse, a circle or a rectangle in m."""
+    """x coordinate of the centre of an ellipse, a circle or a rectangle in m."""
     y: Annotated[float, kinds.POSITION] = 0.0
-    """The same along y, in m."""
+    """y coordinate of the centre of an ellipse, a circle or a rectangle in m."""
     semi_axis_x: Annotated[float | None, kinds.LENGTH, Field(title="semi-axis along x")] = None
     """Semi-axis of an ellipse along x in m."""
     semi_axis_y: Annotated[float | None, kinds.LENGTH, Field(title="semi-axis along y")] = None
@@ -89,38 +90,40 @@ class TableBall(BodyTable):
     """A ball on the plane."""
 
     x: Annotated[float, kinds.POSITION]
-    """Place of the centre in m."""
+    """Initial x coordinate of the centre in m."""
     y: Annotated[float, kinds.POSITION]
-    """Place of the centre in m."""
+    """Initial y coordinate of the centre in m."""
     speed: Annotated[float | None, kinds.SPEED] = None
-    """Speed of the centre in m/s, with its direction; else velocity_x and velocity_y."""
+    """Initial speed of the centre in m/s; give speed and direction, or velocity_x and
+    velocity_y."""
     direction: Annotated[float | None, kinds.ANGLE] = None
-    """Direction of the velocity in rad, from the x axis towards the y axis."""
+    """Direction of the initial velocity in rad, from the x axis towards the y axis."""
     velocity_x: Annotated[float | None, kinds.SPEED, Field(title="velocity along x")] = None
-    """Component of the velocity in m/s; a ball without a velocity is at rest."""
+    """x component of the initial velocity in m/s; 0 by default."""
     velocity_y: Annotated[float | None, kinds.SPEED, Field(title="velocity along y")] = None
-    """Component of the velocity in m/s."""
+    """y component of the initial velocity in m/s; 0 by default."""
 
 
 class TableCollision(Table):
-    """How two balls leave an impact: the law acts along the horizontal line of centres."""
+    """The law that gives the velocities of two balls along their horizontal line of centres after
+    an impact."""
 
     law: Law = "hedrih"
-    """The impact law."""
+    """Name of the impact law: hedrih, normal-impulse or translational."""
     k: Annotated[float | None, kinds.RESTITUTION] = None
-    """Coefficient of restitution from 0 to 1, of every pair."""
+    """Coefficient of restitution of every pair, from 0 to 1."""
     inadmissible: Inadmissible = "stop"
-    """What happens at an impact after which the law would send the balls through one another:
-    the run stops, or the normal-impulse law is used for that impact, which is marked."""
+    """What happens at an inadmissible impact, after which the balls would pass through one
+    another: the run stops, or the normal-impulse law is used for that impact, which is marked."""
 
 
 class TableStop(Stop):
-    """When the run ends: whichever comes first."""
+    """When the run ends: at the first of these limits."""
 
     rules = (at_least_one(*_STOPS),)
 
     bounces: Annotated[int | None, kinds.COUNT, Field(title="impacts on the wall")] = None
-    """The run ends with this impact on the wall."""
+    """Number of impacts on the wall after which the run ends."""
 
 
 class TableScenario(AnyScenario):
@@ -134,19 +137,19 @@ class TableScenario(AnyScenario):
     )
 
     system: Annotated[Literal["table"], kinds.Word(("table",))]
-    """What is solved: balls on a horizontal plane."""
+    """The system to solve: balls on a horizontal plane."""
     wall: Wall | None = None
-    """A wall around the balls, or an obstacle among them; left out, the plane is free."""
+    """A wall around the balls, or an obstacle among them; if omitted, there is no wall."""
     balls: Annotated[tuple[TableBall, ...], Listed("balls", 1)]
     """The balls, in any order."""
     collision: TableCollision = TableCollision()
-    """The impact law; needed with two balls or more."""
+    """The impact law; required if there are two or more balls."""
     stop: TableStop
     """When the run ends."""
     output: Sampling = Sampling()
-    """Sampled motion, if wanted."""
+    """Optional output: sampled motion."""
     analysis: Growth = None
-    """The growth of small changes, if wanted."""
+    """Optional analysis of the growth of small perturbations."""
 
     @classmethod
     def between_fields(cls, data: dict[str, Any]) -> list[Fault]:

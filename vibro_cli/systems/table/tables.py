@@ -144,34 +144,37 @@ def _of_ends(
 
 def _impact_columns() -> Iterator[Column]:
     yield from impact_head()
-    yield count("ball_a", "one ball, from 1", value=_from_1("a"))
-    yield count("ball_b", "the other, from 1", value=_from_1("b"))
+    yield count("ball_a", "one ball of the pair, from 1", value=_from_1("a"))
+    yield count("ball_b", "the other ball, from 1", value=_from_1("b"))
     for ball in "ab":
         for axis in _AXES:
-            name = f"{axis}_{ball}"
-            yield number(name, "m", f"place of the centre of ball {ball}", value=of_log(name))
-    text = "direction from the centre of ball a to that of ball b, from the x axis"
+            name, text = f"{axis}_{ball}", f"{axis} coordinate of the centre of ball {ball}"
+            yield number(name, "m", text, value=of_log(name))
+    text = "direction from the centre of ball a to that of ball b, measured from the x axis"
     yield number("normal_angle", "rad", text, value=_normal_angle)
     for ball, when, words in ENDS:
         for axis in _AXES:
-            text = f"component of the velocity of ball {ball} {words} the impact"
+            text = f"{axis} component of the velocity of ball {ball} {words} the impact"
             value = of_log(f"v{axis}_{ball}_{when}")
             yield number(f"velocity_{axis}_{ball}_{when}", "m/s", text, value=value)
-    text = "component along the line of centres of ball {}, {} the impact"
+    text = "velocity component of ball {} along the line of centres, {} the impact"
     yield from _of_ends("normal_speed", "m/s", text, "along")
     for ball in "ab":
-        text = f"component of ball {ball} across the line of centres, which stays"
+        text = f"velocity component of ball {ball} across the line of centres, which is conserved"
         value = methodcaller("tangential_speed", ball)
         yield number(f"tangential_speed_{ball}", "m/s", text, value=value)
     yield from _of_ends("energy", "J", "kinetic energy of ball {} {} the impact", "energy")
     yield from impact_tail()
-    text = "angular speed of ball {}, speed / radius, {} (null: it slides)"
+    text = "angular speed of ball {}, speed / radius, {} the impact (null if it slides)"
     yield from _of_ends("omega", "rad/s", text, "omega", nullable=True)
     for ball, when, words in ENDS:
-        text = f"angle of the path of ball {ball} with the line of centres, 0 to π/2, {words}"
-        null, value = f"{text} (null at rest)", methodcaller("angle", ball, when)
-        yield number(f"{_ANGLES[when]}_angle_{ball}", "rad", null, True, value)
-    text = "whether it is direct central, velocities along the line of centres: else it is skew (C)"
+        text = (
+            f"angle between the path of ball {ball} {words} the impact and the line of centres, "
+            "0 to π/2 (null at rest)"
+        )
+        value = methodcaller("angle", ball, when)
+        yield number(f"{_ANGLES[when]}_angle_{ball}", "rad", text, True, value)
+    text = "whether the impact is central, with velocities along the line of centres, not skew (C)"
     yield flag("central", text, attrgetter("central"))
     yield impulse()
 
@@ -182,26 +185,29 @@ def _bounce_columns() -> Iterator[Column]:
     text = "side of the polygon or rectangle, from 1 (null on a curve)"
     yield count("edge", text, True, attrgetter("edge"))
     for axis in _AXES:
-        yield number(axis, "m", "place of the centre", value=of_log(axis))
-    text = "direction from the centre to the wall, from the x axis"
+        yield number(axis, "m", f"{axis} coordinate of the centre", value=of_log(axis))
+    text = "direction from the centre to the wall, measured from the x axis"
     yield number("normal_angle", "rad", text, value=_normal_angle)
     for when, words in WHEN:
         for axis in _AXES:
-            text = f"component of the velocity {words} the impact"
+            text = f"{axis} component of the velocity {words} the impact"
             value = of_log(f"v{axis}_{when}")
             yield number(f"velocity_{axis}_{when}", "m/s", text, value=value)
     for when, words in WHEN:
-        text, value = f"component towards the wall {words} the impact", methodcaller("along", when)
-        yield number(f"normal_speed_{when}", "m/s", text, value=value)
-    text = "component along the wall, which stays"
+        text = f"velocity component towards the wall {words} the impact"
+        yield number(f"normal_speed_{when}", "m/s", text, value=methodcaller("along", when))
+    text = "velocity component along the wall, which is conserved"
     yield number("tangential_speed", "m/s", text, value=attrgetter("tangential_speed"))
     yield number("energy_loss", "J", "energy lost in the impact", value=of_log("loss"))
     yield grazing()
     for when, words in WHEN:
-        text = f"angular speed of rolling, speed / radius, {words} the impact (null: it slides)"
+        text = f"angular speed of rolling, speed / radius, {words} the impact (null if it slides)"
         yield number(f"omega_{when}", "rad/s", text, True, methodcaller("omega", when))
     for when, words in WHEN:
-        text = f"angle of the path with the normal of the wall, 0 to π/2, {words} (null at rest)"
+        text = (
+            f"angle between the path {words} the impact and the normal of the wall, 0 to π/2 (null "
+            "at rest)"
+        )
         value = methodcaller("angle", when)
         yield number(f"{_ANGLES[when]}_angle", "rad", text, True, value)
 
@@ -210,14 +216,14 @@ COLLISIONS = Table("table.collisions", "one impact of two balls", tuple(_impact_
 BOUNCES = Table("table.bounces", "one impact of a ball on the wall", tuple(_bounce_columns()))
 MOTION = Table(
     "table.motion",
-    "one ball at one sampled time",
+    "the state of one ball at one sampled time",
     (
         number("t", "s", "time", value=of_log("t")),
         count("ball", "ball, from 1", value=of_log("ball")),
-        number("x", "m", "place of the centre", value=of_log("x")),
-        number("y", "m", "place of the centre", value=of_log("y")),
-        number("velocity_x", "m/s", "component of the velocity of the centre", value=of_log("vx")),
-        number("velocity_y", "m/s", "component of the velocity of the centre", value=of_log("vy")),
+        number("x", "m", "x coordinate of the centre", value=of_log("x")),
+        number("y", "m", "y coordinate of the centre", value=of_log("y")),
+        number("velocity_x", "m/s", "x component of the velocity", value=of_log("vx")),
+        number("velocity_y", "m/s", "y component of the velocity", value=of_log("vy")),
         number("speed", "m/s", "speed of the centre", value=lambda m: np.sqrt(m["square"])),
         number("energy", "J", "kinetic energy", value=lambda m: 0.5 * m["mass"] * m["square"]),
     ),
@@ -229,9 +235,9 @@ IMPACT_LOGS = {
     "bounces": ImpactLog("bounce_log", BOUNCES, Bounces, Bodies, *_WALL),
 }
 _CAUSES = (
-    "time, collisions, bounces, no_more_collisions, inadmissible, wall_contact (a ball comes "
-    "to roll along the wall, which is not solved) or accumulation (impacts without end in "
-    "finite time, which are not solved)"
+    "time, collisions, bounces, no_more_collisions, inadmissible, wall_contact (a ball began to "
+    "roll along the wall, which is not solved) or accumulation (infinitely many impacts in finite "
+    "time, which are not solved)"
 )
 
 
@@ -250,10 +256,10 @@ SUMMARY = Table(
 def final_state(ball: int | str) -> Iterator[Column]:
     """Yield the summary's columns of a ball, counted from 1."""
     for axis in _AXES:
-        text = f"final place of ball {ball}"
+        text = f"final {axis} coordinate of the centre of ball {ball}"
         yield number(f"{axis}_{ball}", "m", text, True, of_last(axis, ball))
     for axis in _AXES:
-        name, text = f"velocity_{axis}", f"final component of the velocity of ball {ball}"
+        name, text = f"velocity_{axis}", f"final {axis} component of the velocity of ball {ball}"
         yield number(f"{name}_{ball}", "m/s", text, True, of_last(name, ball))
 
 

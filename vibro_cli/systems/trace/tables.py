@@ -63,29 +63,33 @@ _MOST_FRICTION = 1.0e12
 
 
 def _pair(name: str, unit: str, text: str, nullable: bool = False) -> list[Column]:
-    """Return the columns of a quantity of both bodies of an impact."""
-    return [number(f"{name}_{end}", unit, f"{text} of body {end}", nullable) for end in "ab"]
+    """Return the columns of a quantity of both bodies of an impact; `text` has a field for them."""
+    return [number(f"{name}_{end}", unit, text.format(f"body {end}"), nullable) for end in "ab"]
 
 
-_ANGLE = "angle on its arc (φ in a valley, ψ on a hump; null on a line)"
-_RATE = "rate of that angle (φ̇ or ψ̇; null on a line)"
+_ANGLE = "angle of {} on its arc (φ in a valley, ψ on a hump; null on a line)"
+_RATE = "rate φ̇ or ψ̇ of the angle of {} (null on a line)"
+_ARC_LENGTH = "arc length from the trace's left end to the contact point of {}"
 _ENERGY = (
-    "kinetic and potential energy (potential from the lowest place its centre can have on the "
-    "trace)"
+    "kinetic plus potential energy of {} (potential energy from the lowest position that the "
+    "centre can have on the trace)"
 )
 _VALUE = (
-    "turning: the angle there in rad (on a line the position in m); wall: the speed before in "
-    "m/s; contact_closed: how long the bounces before it lasted in s; slip: the coefficient of "
-    "friction; lift_off: the normal force in N, null where it ends the run; else null"
+    "turning: the angle in rad (on a line, the position in m); wall: the speed before the impact "
+    "in m/s; contact_closed: the duration of the preceding bounces in s; slip: the coefficient of "
+    "friction; lift_off: the normal force in N, null if it ends the run; otherwise null"
 )
-_ITS = " (of a lasting contact that of the other body)"
-_REGIME = "oscillating, or progressive: it would come to an end of the trace, or round a closed one"
+_ITS = " (for a lasting contact, the piece of the other body)"
+_REGIME = (
+    "regime of {}: oscillating, or progressive (without further impacts it would reach an end of "
+    "the trace, or go round a closed one)"
+)
 _EIGHT = (
-    "side of the first figure eight from the left it is within: left loop, right loop, on it, "
-    "or outside of all (none: there is no figure eight)"
+    "position of {} relative to the first figure eight from the left that encloses it: left loop, "
+    "right loop, on it, or outside all of them (none: there is no figure eight)"
 )
-_OMEGA = "angular velocity about the contact point (null for a particle, which slides)"
-SIDE = count("side", "side on which the bodies meet: 1, or −1 when body 2 is met from behind")
+_OMEGA = "angular velocity of {} about the contact point (null for a particle, which slides)"
+SIDE = count("side", "side of body 1 on which the bodies meet: 1 ahead of it, −1 behind it")
 
 
 def collisions(sided: bool = False) -> Table:
@@ -95,23 +99,23 @@ def collisions(sided: bool = False) -> Table:
         count("ball_a", "left body of the pair, from 1"),
         count("ball_b", "right body of the pair, from 1 (1 across the seam of a closed trace)"),
         *([SIDE] if sided else []),
-        count("arc_a", "piece of the trace body a is on, from 1"),
-        count("arc_b", "piece of the trace body b is on, from 1"),
+        count("arc_a", "piece of the trace that body a is on, from 1"),
+        count("arc_b", "piece of the trace that body b is on, from 1"),
         *_pair("angle", "rad", _ANGLE, nullable=True),
-        *_pair("s", "m", "arc length from the trace's left end to the contact point"),
-        number("x_a", "m", "horizontal place of the centre of body a"),
+        *_pair("s", "m", _ARC_LENGTH),
+        number("x_a", "m", "horizontal position of the centre of body a"),
         number("y_a", "m", "height of the centre of body a"),
-        number("x_b", "m", "horizontal place of the centre of body b"),
+        number("x_b", "m", "horizontal position of the centre of body b"),
         number("y_b", "m", "height of the centre of body b"),
         *before_and_after("rate", "rad/s", _RATE, nullable=True),
         *before_and_after("omega", "rad/s", _OMEGA, nullable=True),
-        *before_and_after("speed", "m/s", "signed speed of the centre"),
+        *before_and_after("speed", "m/s", "signed speed of the centre of {}"),
         *before_and_after("energy", "J", _ENERGY),
         *impact_tail(
-            "energy lost in the impact; where contact begins, in all further bounces too",
-            "distance of the surfaces left at that time",
-            "whether others are solved with it, one came before it at the same instant, or the row "
-            "stands for all that would follow",
+            "energy lost in the impact; where lasting contact begins, also in all further bounces",
+            "distance left between the surfaces at that time",
+            "whether other impacts were solved jointly with it, one preceded it at the same "
+            "instant, or the row stands for all impacts that would follow",
         ),
         flag("contact", "whether lasting contact of the pair begins here"),
         *before_and_after("kinetic_energy", "J", KINETIC),
@@ -132,28 +136,28 @@ EVENTS = Table(
             "crossing, turning, contact_closed, contact_opened, wall, end, lift_off or slip",
             NAMES,
         ),
-        count("ball", "body it happens to, from 1", nullable=True),
+        count("ball", "body concerned, from 1", nullable=True),
         count("other", "other body of the pair, from 1", nullable=True),
         count("arc_from", "piece of the trace before the event, from 1", nullable=True),
         count("arc_to", f"piece of the trace after the event, from 1{_ITS}", nullable=True),
-        number("s", "m", "arc length from the trace's left end to the contact point", True),
-        number("speed", "m/s", "signed speed of the body's centre after the event", True),
+        number("s", "m", _ARC_LENGTH.format("the body"), True),
+        number("speed", "m/s", "signed speed of the centre after the event", True),
         number("value", "", _VALUE, True),
     ),
 )
 MOTION = Table(
     "motion",
-    "one body at one sampled time",
+    "the state of one body at one sampled time",
     (
         number("t", "s", "time"),
         count("ball", "body, from 1"),
-        count("arc", "piece of the trace the body is on, from 1"),
-        number("angle", "rad", _ANGLE, nullable=True),
-        number("s", "m", "arc length from the trace's left end to the contact point"),
-        number("x", "m", "horizontal place of the centre"),
+        count("arc", "piece of the trace that the body is on, from 1"),
+        number("angle", "rad", _ANGLE.format("the body"), nullable=True),
+        number("s", "m", _ARC_LENGTH.format("the body")),
+        number("x", "m", "horizontal position of the centre"),
         number("y", "m", "height of the centre"),
         number("speed", "m/s", "signed speed of the centre"),
-        number("energy", "J", _ENERGY),
+        number("energy", "J", _ENERGY.format("the body")),
     ),
 )
 OTHER_TABLES = (EVENTS, MOTION)
@@ -163,23 +167,26 @@ SUMMARY = Table(
     (
         *summary_head(
             "time, collisions, no_more_collisions, inadmissible, end_of_trace, lift_off, rest or "
-            "accumulation (impacts without end at one instant, which are not solved)"
+            "accumulation (infinitely many impacts at one instant, which are not solved)"
         ),
-        number("quiet_from", "s", "time since when no further impact was possible", True),
+        number("quiet_from", "s", "time from which no further impact was possible", True),
         count("collisions", "number of impacts", True),
-        count("crossings", "number of junctions crossed (a seam counts as one)", True),
+        count(
+            "crossings",
+            "number of junctions crossed (the seam of a closed trace counts as one)",
+            True,
+        ),
         count("contacts", "number of lasting contacts begun", True),
         *summary_balance(
             "impact",
-            "relative change of the energy, where it should be kept (else null)",
-            "largest distance of the surfaces left at an impact",
+            gap="largest distance left between the surfaces at an impact",
         ),
         number("min_normal_force", "N", "smallest normal force of the trace on any body", True),
         number(
             "max_friction_demand",
             "",
-            "largest coefficient of friction that rolling needs (null if none suffices, or "
-            "nothing rolls)",
+            "largest coefficient of friction that rolling requires (null if none suffices, or if "
+            "no body rolls)",
             True,
         ),
     ),
@@ -189,7 +196,7 @@ SUMMARY = Table(
 def final_state(ball: int | str) -> tuple[Column, ...]:
     """Return the columns of a body's final state; `ball` counts from 1."""
     return (
-        count(f"arc_{ball}", f"piece of the trace body {ball} ends on, from 1", True),
+        count(f"arc_{ball}", f"final piece of the trace of body {ball}, from 1", True),
         number(f"angle_{ball}", "rad", f"final angle of body {ball} (null on a line)", True),
         number(f"s_{ball}", "m", f"final arc length of the contact point of body {ball}", True),
         number(f"speed_{ball}", "m/s", f"final signed speed of the centre of body {ball}", True),
