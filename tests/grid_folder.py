@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from vibro_cli.storage.files import entry, json_bytes, manifest_of
-from vibro_cli.storage.tables import Origin, parquet_bytes, to_arrow
+from vibro_cli.storage.tables import parquet_bytes, to_arrow
 from vibro_cli.systems.columns import Column, Table
 from vibro_cli.systems.trace import SYSTEM
 from vibro_cli.systems.trace.tables import collisions
@@ -72,7 +72,7 @@ def write_grid(
 
 
 def _part(table: Table, values: Mapping[str, Any]) -> bytes:
-    return parquet_bytes(to_arrow(table, values, Origin(json.loads(json.dumps(SCENARIO)), "1.2.3")))
+    return parquet_bytes(to_arrow(table, values, json.loads(json.dumps(SCENARIO))))
 
 
 def _summary(

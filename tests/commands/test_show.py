@@ -14,7 +14,7 @@ from tests.commands.conftest import Vibro
 from tests.fake_run import columns_of
 from vibro_cli.commands import show
 from vibro_cli.storage import tables
-from vibro_cli.storage.tables import Origin, parquet_bytes, read_parquet, to_arrow
+from vibro_cli.storage.tables import parquet_bytes, read_parquet, to_arrow
 from vibro_cli.systems.trace import tables as of_trace
 
 
@@ -23,7 +23,7 @@ def table(tmp_path: Path) -> Path:
     """A table of events with 50 rows."""
     path = tmp_path / "events.parquet"
     columns = columns_of(of_trace.EVENTS, 50)
-    data = to_arrow(of_trace.EVENTS, columns, Origin({"name": "x"}, "0.1.0"))
+    data = to_arrow(of_trace.EVENTS, columns, {"name": "x"})
     path.write_bytes(parquet_bytes(data))
     return path
 

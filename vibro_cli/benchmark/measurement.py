@@ -22,7 +22,7 @@ import numpy as np
 from vibro_cli import __version__
 from vibro_cli.grids.solving import columns_of_records
 from vibro_cli.storage.files import available_cores
-from vibro_cli.storage.tables import Origin, parquet_bytes, to_arrow
+from vibro_cli.storage.tables import parquet_bytes, to_arrow
 from vibro_cli.systems.columns import Column, Table
 
 # Names in the table: methods, settings, and parts with their methods.
@@ -163,7 +163,7 @@ def timed(jobs: Sequence[tuple[Row, Job]], plan: Plan) -> list[Row]:
 def parquet(rows: Sequence[Row], details: dict[str, Any]) -> bytes:
     """Return the rows as a parquet file, with the details in its metadata."""
     columns = columns_of_records([vars(row) for row in rows], TABLE)
-    return parquet_bytes(to_arrow(TABLE, columns, Origin(details, __version__)))
+    return parquet_bytes(to_arrow(TABLE, columns, details))
 
 
 _LIBRARIES = ("numpy", "scipy", "heyoka", "diffrax", "jax", "CyRK")

@@ -427,19 +427,18 @@ def _streamed(
 @contextlib.contextmanager
 def _standard_output(form: str, scenario: "AnyScenario") -> "Iterator[Sink]":
     """Provide a sink that writes the collision table to standard output."""
-    from vibro_cli.storage.folders import origin_of
+    from vibro_cli.storage.folders import arrow_table
     from vibro_cli.storage.tables import GrowingTable
-    from vibro_cli.systems import system_named
 
     streams: list[GrowingTable] = []
 
     def add(name: str, rows: Any) -> None:
         if name != "collisions":
             return
+        data = arrow_table(name, rows, scenario)
         if not streams:
-            table = system_named(scenario.system).table(name, rows)
-            streams.append(GrowingTable(sys.stdout.buffer, table, origin_of(scenario), form))
-        streams[0].add(rows)
+            streams.append(GrowingTable(sys.stdout.buffer, data.schema, form))
+        streams[0].write(data)
 
     yield add
     for stream in streams:

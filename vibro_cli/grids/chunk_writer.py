@@ -16,7 +16,6 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from vibro_cli import __version__
 from vibro_cli.grids.axes import Array
 from vibro_cli.grids.chunks import Chunks, Receipt, file_names, receipt_of
 from vibro_cli.grids.document import Grid
@@ -29,7 +28,6 @@ from vibro_cli.grids.solving import (
 )
 from vibro_cli.storage.files import BLOCK, entry, write_file
 from vibro_cli.storage.tables import (
-    Origin,
     arrow_schema,
     parquet_options,
     plain_numbers,
@@ -296,11 +294,8 @@ def part_file(grid: Grid, table: Table, chunk: int, buffer: Callable[[str, int],
     The part belongs to ``table`` and ``chunk``; ``buffer(name, size)`` allocates memory for it.
     """
     resolved = grid.resolved()
-    told = json.dumps(resolved, ensure_ascii=False, allow_nan=False)
-    more = {"vibro:grid": told, "vibro:part": str(chunk)}
-    origin = Origin(resolved["scenario"], __version__, more)
-    names = [column.name for column in table.columns]
-    skipped_by = [name for name in names if table.name == SUMMARY or name in _ORDERED]
-    return PartFile(
-        partial(buffer, f"file of {table.name}"), arrow_schema(table, origin), skipped_by
-    )
+    definition = json.dumps(resolved, ensure_ascii=False, allow_nan=False)
+    more = {"vibro:grid": definition, "vibro:part": str(chunk)}
+    schema = arrow_schema(table, resolved["scenario"], more)
+    skipped_by = [name for name in schema.names if table.name == SUMMARY or name in _ORDERED]
+    return PartFile(partial(buffer, f"file of {table.name}"), schema, skipped_by)

@@ -19,7 +19,7 @@ from vibro_cli.interface import Drawing
 from vibro_cli.scenario.base import Listed, checked, checked_path, plain
 from vibro_cli.scenario.problems import shown
 from vibro_cli.scenario.quantities import Count, Quantity
-from vibro_cli.storage.folders import RESIDUALS, orbits, origin_of
+from vibro_cli.storage.folders import RESIDUALS, orbits
 from vibro_cli.storage.frame import Table
 from vibro_cli.storage.tables import to_arrow
 
@@ -84,7 +84,7 @@ class Fit(fits.Fit):
             "residual": self.residuals,
             "first": self.first,
         }
-        return Table("residuals", to_arrow(RESIDUALS, columns, origin_of(self.scenario)))
+        return Table("residuals", to_arrow(RESIDUALS, columns, self.scenario.resolved()))
 
     def figure(self) -> Drawing:
         """Draw the residuals before and after the fit over the number of the impact."""
@@ -259,7 +259,7 @@ def _columns_of(measured: Any) -> Mapping[str, Any]:
 def orbit_table(found: Orbit | Branch, scenario: Scenario) -> Table:
     """Return the table of a family or of a single orbit of a scenario."""
     columns = orbit_columns(found)
-    return Table("orbits", to_arrow(orbits(len(scenario.balls)), columns, origin_of(scenario)))
+    return Table("orbits", to_arrow(orbits(len(scenario.balls)), columns, scenario.resolved()))
 
 
 def orbit_columns(found: Orbit | Branch) -> dict[str, Any]:

@@ -34,7 +34,6 @@ from vibro_cli.storage.files import (
 from vibro_cli.storage.tables import (
     Counted,
     GrowingTable,
-    Origin,
     parquet_bytes,
     to_arrow,
 )
@@ -74,15 +73,10 @@ def check_run_folder(
         raise FolderRefused(*refusal(f"{folder} holds a run with other parameters", found, hint))
 
 
-def origin_of(scenario: AnyScenario) -> Origin:
-    """Return scenario and program version, for the metadata of tables."""
-    return Origin(scenario.resolved(), __version__)
-
-
 def arrow_table(name: str, columns: Columns, scenario: AnyScenario) -> pyarrow.Table:
     """Return a table of a run ("collisions", "summary", …) as an Arrow table."""
     table = system_named(scenario.system).table(name, columns)
-    return to_arrow(table, columns, origin_of(scenario))
+    return to_arrow(table, columns, scenario.resolved())
 
 
 def write_run(
@@ -118,13 +112,12 @@ class StreamedFolder:
     def add(self, name: str, rows: Columns) -> None:
         """Add rows to a table; raises `OSError` if they cannot be written."""
         file = f"{name}.parquet"
+        data = arrow_table(name, rows, self._scenario)
         with self._folder.naming(file):
             if name not in self._tables:
-                table = system_named(self._scenario.system).table(name, rows)
                 counted = Counted(self._files.enter_context(self._folder.growing(file)))
-                growing = GrowingTable(counted, table, origin_of(self._scenario))
-                self._tables[name] = growing, counted
-            self._tables[name][0].add(rows)
+                self._tables[name] = GrowingTable(counted, data.schema), counted
+            self._tables[name][0].write(data)
 
     def end_tables(self) -> Path:
         """Finish the tables; return the unfinished folder; raises as :meth:`add`."""

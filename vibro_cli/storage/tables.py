@@ -14,7 +14,6 @@ import os
 import threading
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from errno import ESTALE
 from functools import cache, partial
 from itertools import chain
@@ -25,6 +24,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from vibro_cli import __version__
 from vibro_cli.systems import system_named
 from vibro_cli.systems.columns import Column, Table
 
@@ -78,27 +78,20 @@ _LEVEL = -5
 _JSON_LINES_AT_ONCE = 4096
 
 
-@dataclass(frozen=True)
-class Origin:
-    """Provenance of a table, for the file's metadata.
+def arrow_schema(
+    table: Table, origin: Mapping[str, Any], more: Mapping[str, str] | None = None
+) -> pa.Schema:
+    """Return the Arrow schema of a table, with units and descriptions of fields and its origin.
 
-    `scenario` is the resolved scenario, `version` that of the program; `more` are further entries.
+    `origin` is plain data from which the rows were computed, usually the resolved scenario; `more`
+    are further entries of the metadata.
     """
-
-    scenario: Mapping[str, Any]
-    version: str
-    more: Mapping[str, str] = field(default_factory=dict)
-
-
-def arrow_schema(table: Table, origin: Origin) -> pa.Schema:
-    """Return the Arrow schema of a table, with units and descriptions of fields and its origin."""
-    scenario = json.dumps(origin.scenario, ensure_ascii=False, allow_nan=False)
     metadata = {
         "vibro:schema": table.schema_id,
-        "vibro:version": origin.version,
-        "vibro:scenario": scenario,
+        "vibro:version": __version__,
+        "vibro:scenario": json.dumps(origin, ensure_ascii=False, allow_nan=False),
         "vibro:units": json.dumps({column.name: column.unit for column in table.columns}),
-        **origin.more,
+        **(more or {}),
     }
     return _row_schema(table).with_metadata(metadata)
 
@@ -205,8 +198,8 @@ def record_batch(table: Table, columns: Mapping[str, Any]) -> pa.RecordBatch:
     return pa.RecordBatch.from_arrays(arrays, schema=_row_schema(table))
 
 
-def to_arrow(table: Table, columns: Mapping[str, Any], origin: Origin) -> pa.Table:
-    """Return the Arrow table of `columns` (arrays of equal length).
+def to_arrow(table: Table, columns: Mapping[str, Any], origin: Mapping[str, Any]) -> pa.Table:
+    """Return the Arrow table of `columns` (arrays of equal length); `origin` as `arrow_schema`.
 
     Raises `ValueError` if names, types or missing values differ from the declaration.
     """
@@ -474,13 +467,14 @@ def _flags(bits: Any, chunk: pa.Array) -> np.ndarray[Any, np.dtype[np.bool_]]:
 GROUP_ROWS = 1 << 16
 
 
-class _RowWriter:
-    """Writes rows to an open binary stream as csv, jsonl, arrow (IPC stream) or parquet.
+class GrowingTable:
+    """A table that is written to an open binary stream as rows arrive.
 
-    The bytes of Parquet do not depend on how rows are divided between calls.
+    Its form is csv, jsonl, arrow (IPC stream) or parquet. The bytes of Parquet do not depend on how
+    rows are divided between calls.
     """
 
-    def __init__(self, sink: BinaryIO | Counted, form: str, schema: pa.Schema) -> None:
+    def __init__(self, sink: BinaryIO | Counted, schema: pa.Schema, form: str = "parquet") -> None:
         self._sink, self._schema = sink, schema
         self._writer: Any = None
         self._grouped = form == "parquet"
@@ -507,6 +501,7 @@ class _RowWriter:
             self._writer.write_table(rows)
         else:
             self._write_lines(rows)
+        self._sink.flush()
 
     def _write_lines(self, rows: pa.Table) -> None:
         for batch in rows.to_batches(max_chunksize=_JSON_LINES_AT_ONCE):
@@ -521,14 +516,15 @@ class _RowWriter:
             self._writer.write_table(group, row_group_size=GROUP_ROWS)
             self._waiting = waiting.slice(GROUP_ROWS).to_batches()
 
-    def close(self) -> None:
+    def finish(self) -> None:
         """Write the remaining rows and the end of the file."""
         self._write_groups(1)
         if self._writer is not None:
             self._writer.close()
+        self._sink.flush()
 
     def abandon(self) -> None:
-        """Stop writing, without the end of a Parquet file."""
+        """Stop writing a Parquet file, without its end; the owner of the file removes it."""
         self._writer.is_open = False  # otherwise garbage collection would write the end
 
 
@@ -538,36 +534,10 @@ def stream(parts: Iterator[pa.Table], form: str, sink: BinaryIO) -> None:
     Numbers in csv and jsonl read back to the same doubles; null is an empty field or `null`.
     """
     begin = next(parts)
-    writer = _RowWriter(sink, form, begin.schema)
+    table = GrowingTable(sink, begin.schema, form)
     for part in chain([begin], parts):
-        writer.write(part)
-    writer.close()
-
-
-class GrowingTable:
-    """A table that is written to an open binary stream as rows arrive (see :func:`stream`)."""
-
-    def __init__(
-        self, sink: BinaryIO | Counted, table: Table, origin: Origin, form: str = "parquet"
-    ) -> None:
-        self._sink = sink
-        self._table = table
-        self._schema = arrow_schema(table, origin)
-        self._rows = _RowWriter(sink, form, self._schema)
-
-    def add(self, columns: Mapping[str, Any]) -> None:
-        """Write rows; raises `ValueError` if their columns differ from those of the table."""
-        self._rows.write(pa.Table.from_batches([record_batch(self._table, columns)], self._schema))
-        self._sink.flush()
-
-    def finish(self) -> None:
-        """Write the remaining rows and the end of the file."""
-        self._rows.close()
-        self._sink.flush()
-
-    def abandon(self) -> None:
-        """Stop writing, without an end; the owner of the file removes it."""
-        self._rows.abandon()
+        table.write(part)
+    table.finish()
 
 
 class Counted:

@@ -12,12 +12,11 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from vibro_cli import __version__
 from vibro_cli.errors import VibroError
 from vibro_cli.grids.solving import columns_of_records
 from vibro_cli.progress import WORK
 from vibro_cli.storage.files import json_bytes, write_folder
-from vibro_cli.storage.tables import Origin, parquet_bytes, to_arrow
+from vibro_cli.storage.tables import parquet_bytes, to_arrow
 from vibro_cli.stress.scenes import Finding, Plan
 from vibro_cli.systems import NAMES as SYSTEMS
 from vibro_cli.systems import system_named
@@ -140,8 +139,7 @@ def write(findings: Sequence[Finding], plan: Plan, target: Path) -> None:
         for finding, name in zip(findings, names, strict=True)
     ]
     columns = columns_of_records(records, TABLE)
-    origin = Origin(asdict(plan), __version__)
-    files = {"stress.parquet": parquet_bytes(to_arrow(TABLE, columns, origin))}
+    files = {"stress.parquet": parquet_bytes(to_arrow(TABLE, columns, asdict(plan)))}
     for name, finding in zip(names, findings, strict=True):
         if name is not None:
             files[name] = json_bytes(finding.scenario)
