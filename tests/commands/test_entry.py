@@ -74,7 +74,7 @@ def test_a_signal_that_comes_while_the_command_line_is_read_ends_it(number: int)
         from vibro_cli.__main__ import main
         from vibro_cli.commands.shared import options
 
-        options.choose_words = lambda **words: signal.raise_signal({int(number)})
+        options.configure_messages = lambda **words: signal.raise_signal({int(number)})
         main()"""
     command = [sys.executable, "-c", code, "check", "none.toml", "-q"]
     outcome = subprocess.run(command, capture_output=True, check=False)

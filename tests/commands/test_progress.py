@@ -82,11 +82,11 @@ def test_runs_of_every_system_tell_how_far_they_are(name: str) -> None:
 
 def test_the_time_left_is_that_to_the_nearer_stop(monkeypatch: pytest.MonkeyPatch) -> None:
     line = terminal.RunProgress("name", 100.0, 1000)
-    line.tell(50.0, 200)  # a run that is continued
+    line.update(50.0, 200)  # a run that is continued
     assert line._line(75.0, 400, 2.0).endswith("400 impacts  100 impacts/s  2 s left")
     assert line._line(60.0, 920, 9.0).endswith("920 impacts  80 impacts/s  1 s left")
     endless = terminal.RunProgress("name", None, None)
-    endless.tell(0.0, 0)
+    endless.update(0.0, 0)
     assert endless._line(1.5, 3, 1.0) == "name: t = 1.5 s  3 impacts  3 impacts/s"
 
 
@@ -110,7 +110,7 @@ def test_what_is_measured_is_told_until_each_result_comes(
 ) -> None:
     monkeypatch.setattr(terminal, "_EVERY", 0.0)
     # Commands of other tests may have been quiet, or have used JSON.
-    monkeypatch.setattr(terminal, "_words", {"as_json": False, "least": "info"})
+    monkeypatch.setattr(terminal, "_settings", {"as_json": False, "least": "info"})
     monkeypatch.setattr("sys.stderr.isatty", lambda: True)
     monkeypatch.setenv("TERM", "xterm")
 
@@ -121,7 +121,7 @@ def test_what_is_measured_is_told_until_each_result_comes(
             WORK.report(f"rest of part {number}")
             yield number
 
-    for number in terminal.each_as_told("measuring", results()):
+    for number in terminal.each_with_progress("measuring", results()):
         shown = capfd.readouterr().err
         assert f"measuring: rest of part {number}" in shown
         assert shown.endswith("\r\x1b[K")  # nothing is left before the result is printed

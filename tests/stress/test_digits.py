@@ -10,7 +10,7 @@ import pytest
 from tests.gallery import hard_case
 from vibro_cli.stress import digits
 from vibro_cli.stress.drawing import draw
-from vibro_cli.stress.oracles.oracle import Oracle, Told
+from vibro_cli.stress.oracles.oracle import History, Oracle
 from vibro_cli.stress.oracles.scene import mp, scene_of_system
 from vibro_cli.stress.scenes import VALLEY, Document, ball, scene, solve, system_of
 from vibro_cli.systems.run import Run
@@ -46,10 +46,10 @@ def two_balls(law: str = "normal-impulse") -> Document:
 def test_an_inadmissible_impact_from_a_height_lost_in_rounding_is_none() -> None:
     hard = hard_case("closes_up_to_rounding")
     run = solve(hard, "compiled")
-    told = Told(end_cause="inadmissible", end_approach=mp.mpf("1e-8"))
-    assert digits._decided_by_rounding(run, told)
-    told.end_approach = mp.mpf("1e-5")
-    assert not digits._decided_by_rounding(run, told)
+    history = History(end_cause="inadmissible", end_approach=mp.mpf("1e-8"))
+    assert digits._decided_by_rounding(run, history)
+    history.end_approach = mp.mpf("1e-5")
+    assert not digits._decided_by_rounding(run, history)
 
 
 def test_motion_amid_summed_bounces_is_not_compared() -> None:
@@ -117,7 +117,7 @@ def motion_of_oracle(document: Document, t: float) -> Any:
     system = system_of(document)
     oracle = Oracle(scene_of_system(system), system.law, False, digits.MOST_EVENTS)
     oracle.run(mp.mpf(t), [mp.mpf(t)])
-    (bodies,) = oracle.told.samples
+    (bodies,) = oracle.history.samples
     return [value for state, x, y in bodies for value in (x, y, state.speed)]
 
 

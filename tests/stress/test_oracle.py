@@ -17,7 +17,7 @@ from vibro_cli.stress.oracles.motion import (
     value_of,
     without_leading_zeros,
 )
-from vibro_cli.stress.oracles.oracle import Oracle, Told
+from vibro_cli.stress.oracles.oracle import History, Oracle
 from vibro_cli.stress.oracles.scene import Scene, mp, scene_of_system
 from vibro_cli.stress.scenes import Document, ball, scene, system_of
 
@@ -27,7 +27,9 @@ LEVEL: Document = {"start_slope": 0.0, "arcs": [{"shape": "line", "length": 500.
 CLOSE = mp.mpf(10) ** -28
 
 
-def told_of(document: Document, until: Any, times: tuple[Any, ...] = ()) -> tuple[Scene, Told]:
+def history_of(
+    document: Document, until: Any, times: tuple[Any, ...] = ()
+) -> tuple[Scene, History]:
     system = system_of(document)
     found = scene_of_system(system)
     oracle = Oracle(found, system.law, system.inadmissible == "normal-impulse")
@@ -52,10 +54,10 @@ def test_first_impacts_of_the_references(name: str) -> None:
     """The twin is given the sequence of events; the oracle finds it."""
     system, impacts = references.system(name), references.twin_of_doubles(name)[:4]
     oracle = Oracle(scene_of_system(system), system.law, False)
-    told = oracle.run(impacts[-1].t + mp.mpf(10) ** -6)
-    found = [event.t for event in told.events if event.kind == "impact"]
-    if told.end_cause == "inadmissible":
-        found.append(told.end_time)
+    history = oracle.run(impacts[-1].t + mp.mpf(10) ** -6)
+    found = [event.t for event in history.events if event.kind == "impact"]
+    if history.end_cause == "inadmissible":
+        found.append(history.end_time)
     assert len(found) == len(impacts)
     for t, impact in zip(found, impacts, strict=True):
         assert abs(t - impact.t) < CLOSE
@@ -66,17 +68,17 @@ def test_impacts_of_a_heavy_body_a_light_one_and_a_wall(ratio: int, count: int) 
     """Galperin 2003: as many as the digits of pi say."""
     document = scene(LEVEL, [on_line(2.0, 1.0), on_line(4.0, float(ratio), -1.0)], 1.0, time=1e3)
     document["ends"] = {"left": {"wall": 1.0}, "right": "stop"}
-    _, told = told_of(document, 1000)
-    assert len([event for event in told.events if event.kind in ("impact", "wall")]) == count
-    assert told.end_cause == "end_of_trace"
+    _, history = history_of(document, 1000)
+    assert len([event for event in history.events if event.kind in ("impact", "wall")]) == count
+    assert history.end_cause == "end_of_trace"
 
 
 def test_the_instant_at_which_it_stops_is_told_too() -> None:
     document = scene(LEVEL, [on_line(2.0, 1.0, 1.0), on_line(4.0, 1.0)], 1.0, time=1.0)
     for number in range(1, 21):
         until = mp.mpf(number) / 300
-        _, told = told_of(document, until, (until,))
-        assert len(told.samples) == 1
+        _, history = history_of(document, until, (until,))
+        assert len(history.samples) == 1
 
 
 @pytest.mark.parametrize("k", [0.0, 0.05, 0.5])
@@ -84,7 +86,7 @@ def test_a_ball_hits_a_row_at_rest(k: float) -> None:
     """Pair after pair in exact fractions; below 7 - 4 sqrt(3) all go on together."""
     row = [on_line(1.0, 1.0, 1.0), on_line(2.0, 1.0), on_line(2.5, 1.0)]
     document = scene(LEVEL, row, k, time=4.0)
-    _, told = told_of(document, 2, (1.5,))
+    _, history = history_of(document, 2, (1.5,))
     speeds, share = [Fraction(1), Fraction(0), Fraction(0)], Fraction(k)
     for turn in range(400):
         a = turn % 2
@@ -93,7 +95,7 @@ def test_a_ball_hits_a_row_at_rest(k: float) -> None:
             half = share * closing / 2
             speeds[a], speeds[a + 1] = mean - half, mean + half
         speeds = [one.limit_denominator(10**60) for one in speeds]
-    for (state, _, _), speed in zip(told.samples[0], speeds, strict=True):
+    for (state, _, _), speed in zip(history.samples[0], speeds, strict=True):
         assert abs(state.speed - mp.mpf(speed.numerator) / speed.denominator) < CLOSE
 
 
@@ -103,9 +105,9 @@ def test_a_heavy_ball_presses_a_light_one_against_a_wall() -> None:
     balls = [ball(-0.87), ball(-0.3, mass=0.1)]
     document = scene({"start_slope": "-60 deg", "arcs": arcs}, balls, 0.4, time=3.0)
     document["ends"] = {"left": {"wall": 0.3}, "right": {"wall": 0.3}}
-    found, told = told_of(document, 3, (0.0, 1.0, 2.0, 2.9))
-    assert told.end_cause == "time"
-    energies = [energy(found, row) for row in told.samples]
+    found, history = history_of(document, 3, (0.0, 1.0, 2.0, 2.9))
+    assert history.end_cause == "time"
+    energies = [energy(found, row) for row in history.samples]
     assert all(after <= before + CLOSE for before, after in pairwise(energies))
 
 
@@ -128,10 +130,10 @@ def test_a_group_across_pieces_keeps_its_energy_and_its_contact(turning: Any) ->
     ]
     trace = TRACE if turning is None else {**TRACE, "turning": turning}
     times = (0.1, 0.5, 0.6, 0.7)
-    found, told = told_of(scene(trace, balls, 0.0, time=1.0), 0.8, times)
-    opened = [event.t for event in told.events if event.kind == "contact_opened"]
+    found, history = history_of(scene(trace, balls, 0.0, time=1.0), 0.8, times)
+    opened = [event.t for event in history.events if event.kind == "contact_opened"]
     together = [
-        row for t, row in zip(times, told.samples, strict=True)
+        row for t, row in zip(times, history.samples, strict=True)
         if not opened or t < opened[0]
     ]  # fmt: skip
     assert len({row[1][0].piece for row in together}) > 1

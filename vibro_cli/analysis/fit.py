@@ -242,8 +242,8 @@ class Fit:
 
     def __repr__(self) -> str:
         numbers = zip(self.free, self.values, self.errors, strict=True)
-        told = ", ".join(f"{one.name} = {value:.10g} ± {sure:.2g}" for one, value, sure in numbers)
-        return f"<Fit {self.scenario.name}: {told}>"
+        texts = [f"{one.name} = {value:.10g} ± {error:.2g}" for one, value, error in numbers]
+        return f"<Fit {self.scenario.name}: {', '.join(texts)}>"
 
     @property
     def errors(self) -> Floats:
@@ -323,7 +323,7 @@ def fit_impacts(
     values = start
     for rows in problem.stages():
         values = problem.solved(values, rows)
-    return problem.told(start, first, values)
+    return problem.result(start, first, values)
 
 
 def check_noise(name: str, noise: Any) -> None:
@@ -340,8 +340,8 @@ def _independent(jacobian: Floats) -> NDArray[np.int64]:
         return shown
     upper, order = qr(jacobian[:, shown] / sizes[shown], mode="r", pivoting=True)
     shares = np.abs(np.diag(upper))
-    told = shares >= LEAST_INDEPENDENT * shares[0]
-    return np.sort(shown[order[: len(shares)][told]])
+    determined = shares >= LEAST_INDEPENDENT * shares[0]
+    return np.sort(shown[order[: len(shares)][determined]])
 
 
 class _Problem:
@@ -570,7 +570,7 @@ class _Problem:
             row, number = lost[0]
             raise self._unresolved(row, number, f"its noise of {self._noise[row]:.2g} s")
 
-    def told(self, start: Floats, first: Floats, values: Floats) -> Fit:
+    def result(self, start: Floats, first: Floats, values: Floats) -> Fit:
         rows = len(self._measured.t)
         late, jacobian = self._late(values, rows), self._jacobian(values, rows)
         covariance: Any = self._covariance(jacobian)

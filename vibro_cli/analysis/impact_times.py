@@ -61,12 +61,12 @@ class ImpactTimes:
     word: tuple[str, ...]
     """Events up to the last impact: ``12`` (impact), ``1>``, ``1<`` (junction), ``1|`` (wall)."""
     end_cause: str
-    _walk: _Walk = field(repr=False)
+    _differentiation: _Differentiation = field(repr=False)
 
     @cached_property
     def derivative(self) -> Floats:
         """[impact, number] of their instants (s) to the numbers, in SI units."""
-        return self._walk.derivative()
+        return self._differentiation.derivative()
 
 
 def number_at(scenario: Scenario, path: KeyPath) -> float:
@@ -146,14 +146,16 @@ def impact_times(
     _check_starts(varied, system)
     stretch, _ = begun(SYSTEM, system, Limits(stop_time, count)).whole()
     logs, arrivals = stretch.logs, _arrivals(system, stretch)
-    happened = _happened(logs["log"], logs["impacts"], arrivals)
-    made = logs["impacts"][: sum(one.other is not None for one in happened)]
+    events = _events_of(logs["log"], logs["impacts"], arrivals)
+    made = logs["impacts"][: sum(one.other is not None for one in events)]
     return ImpactTimes(
         t=made["t"],
         pairs=np.stack([made["a"], made["b"]], axis=1) + 1,
-        word=tuple(one.word for one in happened),
+        word=tuple(one.word for one in events),
         end_cause=END_NAMES[stretch.cause],
-        _walk=_Walk(varied, moving, Places(system), logs, arrivals, happened, len(paths)),
+        _differentiation=_Differentiation(
+            varied, moving, Places(system), logs, arrivals, events, len(paths)
+        ),
     )
 
 
@@ -170,7 +172,7 @@ def _arrivals(system: TraceSystem, stretch: Any) -> Any:
 
 
 @dataclass(frozen=True)
-class _Happening:
+class _Event:
     """An event, and its rows in the log of flights."""
 
     word: str
@@ -179,46 +181,46 @@ class _Happening:
     """For an impact, the row of body b; `row` is that of body a."""
 
 
-def _happened(log: Any, impacts: Any, arrivals: Any) -> list[_Happening]:
+def _events_of(log: Any, impacts: Any, arrivals: Any) -> list[_Event]:
     """Return the events of a whole run; raise `NoDerivative` at one that has no derivative."""
-    found: list[_Happening] = []
-    told: set[int] = set()
+    found: list[_Event] = []
+    paired: set[int] = set()
     columns = (log[name].tolist() for name in ("t", "t_low", "body"))
     rows = {key: number for number, key in enumerate(zip(*columns, strict=True))}
     closing = impacts["normal_a"] * impacts["speed_a_pre"]
     closing -= impacts["normal_b"] * impacts["speed_b_pre"]
     touching = impacts["contact"].astype(bool) | ~(closing > 0.0)
     for number, (row, cause) in enumerate(zip(log, log["cause"].tolist(), strict=True)):
-        if number in told or cause == START:
+        if number in paired or cause == START:
             continue
         if row["grouped"] or cause not in (COLLISION, CROSSING, WALL):
             words = CAUSE_NAMES[cause].replace("_", " ")
             raise NoDerivative(f"bodies in lasting contact ({words}) at {row['t']:.9g} s")
         if cause != COLLISION:
-            found.append(_left(number, row, arrivals[number]["speed"]))
+            found.append(_boundary_event(number, row, arrivals[number]["speed"]))
             continue
-        impact = min(len(told) // 2, len(impacts) - 1)
+        impact = min(len(paired) // 2, len(impacts) - 1)
         struck = impacts[impact]
         pair = [rows.get((row["t"], row["t_low"], struck[end]), -1) for end in "ab"]
-        if number not in pair or -1 in pair or not told.isdisjoint(pair):
+        if number not in pair or -1 in pair or not paired.isdisjoint(pair):
             raise NoDerivative(
                 f"several impacts at one instant or lasting contact at {row['t']:.9g} s"
             )
         if touching[impact]:
             raise NoDerivative(f"bodies that only touch at {struck['t']:.9g} s")
-        told.update(pair)
-        found.append(_Happening(f"{struck['a'] + 1}{struck['b'] + 1}", *pair))
+        paired.update(pair)
+        found.append(_Event(f"{struck['a'] + 1}{struck['b'] + 1}", *pair))
     return found
 
 
-def _left(number: int, row: Any, speed: float) -> _Happening:
+def _boundary_event(number: int, row: Any, speed: float) -> _Event:
     """Return the event of a body at a junction or a wall."""
     body, wall = row["body"] + 1, row["cause"] == WALL
     if speed == 0.0:
         raise NoDerivative(f"body {body} stops at an end of its piece at {row['t']:.9g} s")
     if wall and row["at_rest"]:
         raise NoDerivative(f"body {body} comes to rest at a wall at {row['t']:.9g} s")
-    return _Happening(f"{body}{'|' if wall else '>' if speed > 0.0 else '<'}", number)
+    return _Event(f"{body}{'|' if wall else '>' if speed > 0.0 else '<'}", number)
 
 
 def _check_starts(varied: TraceSystem, system: TraceSystem) -> None:
@@ -240,7 +242,7 @@ class _State:
     """Speed (m/s)."""
 
 
-class _Walk:
+class _Differentiation:
     """A pass through the events of a run with numbers that carry derivatives.
 
     The numbers of `moving` carry one derivative more, with respect to time: at an impact, that of
@@ -249,11 +251,11 @@ class _Walk:
 
     def __init__(
         self, varied: TraceSystem, moving: TraceSystem, places: Places, logs: Any, arrivals: Any,
-        happened: Sequence[_Happening], size: int,
+        events: Sequence[_Event], size: int,
     ) -> None:  # fmt: skip
         self._system, self._moving, self._places, self._size = varied, moving, places, size
         self._log, self._impacts, self._arrivals = logs["log"], logs["impacts"], arrivals
-        self._happened = happened
+        self._events = events
         self._records = [body_record(body) for body in varied.bodies]
         self._states: list[_State] = []
 
@@ -264,7 +266,7 @@ class _Walk:
         ]
         ends = self._ends()
         delays: list[Floats] = []
-        for one in self._happened:
+        for one in self._events:
             if one.other is None:
                 self._leave(one.row, ends[one.row])
             else:

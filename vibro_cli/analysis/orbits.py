@@ -502,9 +502,9 @@ def _steps_of_marquardt(rows: Floats, right: Floats) -> Iterator[tuple[Floats, f
     of Newton's step then go far along directions that hardly change the residual.
     """
     left, sizes, across = np.linalg.svd(rows, full_matrices=False)
-    told = left.T @ right
+    projected = left.T @ right
     for penalty in (EPSILON, *PENALTIES):
-        yield across.T @ (told * sizes / (sizes**2 + (penalty * sizes[0]) ** 2)), 0.95
+        yield across.T @ (projected * sizes / (sizes**2 + (penalty * sizes[0]) ** 2)), 0.95
 
 
 def _improved(
@@ -587,10 +587,10 @@ def nearest_return(system: TraceSystem, impacts: int | None, longest: float | No
     times = run.collisions["t"]
     least = impacts or 1
     if len(times) <= least:
-        told = (
+        words = (
             f"found {len(times)} until the run ended ({run.end_cause}), expected more than {least}"
         )
-        raise NoOrbit(f"impacts: {told}")
+        raise NoOrbit(f"impacts: {words}")
     wanted = range(1, len(times)) if impacts is None else range(impacts, impacts + 1)
     state, scale, best = state_of(system), scale_of(system), (np.inf, 0.0)
     flow = velocity(system, state) * scale

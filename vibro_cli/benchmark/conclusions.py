@@ -101,8 +101,8 @@ def _against_heyoka(rows: Sequence[Row]) -> Iterator[str]:
 def _of_lost(rows: Sequence[Row]) -> Iterator[str]:
     lost = [row for row in rows if row.status != "ok"]
     for scene, group in groupby(lost, key=lambda row: row.scene):
-        told = ", ".join(f"{row.method} {row.setting}" for row in group)
-        yield f"Lost on {BY_NAME[scene].title} (other impacts than the motion's, or none): {told}."
+        names = ", ".join(f"{row.method} {row.setting}" for row in group)
+        yield f"Lost on {BY_NAME[scene].title} (other impacts than the motion's, or none): {names}."
 
 
 def _of_series(rows: Sequence[Row]) -> Iterator[str]:
@@ -187,8 +187,8 @@ def _of_kept(rows: Sequence[Row]) -> Iterator[str]:
 def _of_memory(rows: Sequence[Row]) -> Iterator[str]:
     own = [row for row in rows if row.part == "memory" and row.memory and row.status == "ok"]
     if own:
-        told = ", ".join(f"{(row.memory or 0) / 2**20:.0f} MiB for {row.size:,}" for row in own)
-        yield f"Greatest memory of vibro grid with every impact kept: {told} scenarios."
+        listed = ", ".join(f"{(row.memory or 0) / 2**20:.0f} MiB for {row.size:,}" for row in own)
+        yield f"Greatest memory of vibro grid with every impact kept: {listed} scenarios."
 
 
 def _of_skips(rows: Sequence[Row]) -> Iterator[str]:

@@ -12,7 +12,7 @@ import typer
 
 from vibro_cli.commands.shared.error_handling import DONE, FAILED, CommandError, leaving
 from vibro_cli.commands.shared.options import json_option, output_option, repeatable
-from vibro_cli.commands.shared.terminal import each_as_told, print_found, say
+from vibro_cli.commands.shared.terminal import each_with_progress, print_found, say
 
 if TYPE_CHECKING:
     from vibro_cli.benchmark.measurement import Row
@@ -85,7 +85,7 @@ def _measure(options: BenchCommand, form: str) -> int:
     target = Path(options.output)
     check_replaceable(target, "benchmark")
     results = _unwritten(suite.run(PLANS[form], tuple(options.scene)))
-    for found in each_as_told("measuring", results):
+    for found in each_with_progress("measuring", results):
         rows += found
         for row in found:
             print_found(vars(row), [_line(row)], options.as_json)
@@ -196,7 +196,7 @@ class StressCommand:
         findings = []
         if folder is not None:
             check_replaceable(folder, "stress")
-        for finding in each_as_told("checking", _unwritten(run(plan, tuple(self.only)))):
+        for finding in each_with_progress("checking", _unwritten(run(plan, tuple(self.only)))):
             findings.append(finding)
             print_found(record_of(finding), [line_of(finding)], self.as_json)
         if folder is not None:

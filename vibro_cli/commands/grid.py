@@ -147,10 +147,10 @@ def _read_shard(text: str) -> "Shard":
 
 def load(options: GridCommand) -> "Grid":
     """Load the grid; raise `CommandError` with all its problems if it is invalid."""
-    from vibro_cli.commands.shared.loading import refusals_told
+    from vibro_cli.commands.shared.loading import refusals_reported
     from vibro_cli.grids.document import load_grid
 
-    with refusals_told(options.source):
+    with refusals_reported(options.source):
         return load_grid(options.source, options.overrides)
 
 
@@ -175,7 +175,7 @@ def _estimate(options: GridCommand) -> int:
     one = estimate(found, options.engine, chunks.stretch)
     workers = _workers(options)
     points = chunks.points
-    told = {
+    record = {
         "name": found.name,
         "points": points,
         "chunks": chunks.count,
@@ -187,24 +187,24 @@ def _estimate(options: GridCommand) -> int:
         "sampled": one.sampled,
     }
     if options.as_json:
-        print(json_text(told))
-    _tell_estimate(told, chunks.sizes)
+        print(json_text(record))
+    _print_estimate(record, chunks.sizes)
     return DONE
 
 
-def _tell_estimate(told: dict[str, Any], sizes: list[int]) -> None:
+def _print_estimate(record: dict[str, Any], sizes: list[int]) -> None:
     """Print the estimated cost of a grid with chunks of these sizes."""
-    chunks = count(told["chunks"], "chunk", "chunks")
-    workers = count(told["workers"], "worker", "workers")
+    chunks = count(record["chunks"], "chunk", "chunks")
+    workers = count(record["workers"], "worker", "workers")
     items = {
-        "impacts": f"about {told['impacts']:,}",
-        "disk": f"about {size(told['bytes'])}",
-        "time": f"about {duration(told['seconds'])} with {workers} "
-        f"(from {told['sampled']:,} points)",
+        "impacts": f"about {record['impacts']:,}",
+        "disk": f"about {size(record['bytes'])}",
+        "time": f"about {duration(record['seconds'])} with {workers} "
+        f"(from {record['sampled']:,} points)",
     }
     least, most = min(sizes), max(sizes)
     each = f"{least:,}" if least == most else f"{least:,} to {most:,}"
-    say(lines_of(f"{told['name']}: {told['points']:,} points in {chunks} of {each}", items))
+    say(lines_of(f"{record['name']}: {record['points']:,} points in {chunks} of {each}", items))
 
 
 def _sweep(options: GridCommand) -> int:
@@ -240,7 +240,7 @@ def sweep(options: GridCommand, grid: "Grid", workers: int) -> dict[str, Any]:
         _warn_of_few_chunks(grid.name, chunks.count, shard.count)
         wanted = shard.wanted_of(whole, grid, chunks)
         if not wanted and not folder.exists():
-            _say_nothing_to_do(grid.name, whole, shard.number > chunks.count)
+            _print_nothing_to_do(grid.name, whole, shard.number > chunks.count)
             return _state(grid.name, whole, [], complete=True)
     with opened(folder, grid, chunks, options.force, wanted) as dataset:
         if options.merge:
@@ -251,7 +251,7 @@ def sweep(options: GridCommand, grid: "Grid", workers: int) -> dict[str, Any]:
                 _drop_damaged(dataset)
             _solve(options, dataset, workers)
     state = _state(grid.name, folder, dataset.receipts.values(), not dataset.missing)
-    _tell(grid.name, state, folder, _first_reason(dataset))
+    _print_totals(grid.name, state, folder, _first_reason(dataset))
     return state
 
 
@@ -278,7 +278,7 @@ def _warn_of_few_chunks(name: str, chunks: int, shards: int) -> None:
         )
 
 
-def _say_nothing_to_do(name: str, folder: Path, has_none: bool) -> None:
+def _print_nothing_to_do(name: str, folder: Path, has_none: bool) -> None:
     """Print why a shard has nothing to solve: it has no chunks, or all are in the grid's folder."""
     why = (
         "no chunk is of this shard"
@@ -371,7 +371,7 @@ def _state(
     }
 
 
-def _tell(name: str, state: dict[str, Any], folder: Path, reason: str | None) -> None:
+def _print_totals(name: str, state: dict[str, Any], folder: Path, reason: str | None) -> None:
     from vibro_cli.systems.request import EARLY_ENDS
 
     odd = [

@@ -119,9 +119,9 @@ def _write(name: str, output: str | None, force: bool, as_json: bool) -> int:
     _write_with_schema(path, name, content)
     if as_json:
         print(json_text({"file": str(path), "files": [str(one) for one in files]}))
-    told = " and ".join(printable(str(one)) for one in files)
+    names = " and ".join(printable(str(one)) for one in files)
     command = "grid" if is_grid else "run"
-    say(f"{told} written; solve it with: vibro {command} {shlex.quote(printable(str(path)))}")
+    say(f"{names} written; solve it with: vibro {command} {shlex.quote(printable(str(path)))}")
     return DONE
 
 

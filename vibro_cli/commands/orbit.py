@@ -187,8 +187,8 @@ def _lines(name: str, found: Orbit, branch: Branch | None) -> Iterator[str]:
         yield f"  family       {len(branch.points)} orbits"
         for one in branch.special:
             orbit = one.point.orbit
-            told = f"period {orbit.period:.9g} s; {_multipliers(orbit)}"
-            yield f"  {one.kind:11}  at {one.point.value:.12g}: {told}"
+            words = f"period {orbit.period:.9g} s; {_multipliers(orbit)}"
+            yield f"  {one.kind:11}  at {one.point.value:.12g}: {words}"
             if one.fault:
                 yield f"  warning      that is the nearest orbit found: {one.fault}"
 

@@ -18,7 +18,7 @@ from vibro_cli.commands.shared.options import (
     output_option,
     scenario_argument,
 )
-from vibro_cli.commands.shared.terminal import print_found, say, work_told
+from vibro_cli.commands.shared.terminal import print_found, progress_shown, say
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -263,7 +263,7 @@ class PortraitCommand:
         if self.figures or self.output is not None:
             folder = Path(self.output or Path("outputs") / f"{scenario.name}-portrait")
             check_replaceable(folder, "portrait")
-        with leaving(), work_told():
+        with leaving(), progress_shown():
             found, drawn = _analysed(self, scenario, system)
         if folder is not None:
             write_results("portrait", folder, drawn, scenario, found)

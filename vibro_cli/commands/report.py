@@ -14,7 +14,7 @@ import typer
 
 from vibro_cli.commands.shared.error_handling import DONE, CommandError, check_place, leaving
 from vibro_cli.commands.shared.options import beside, json_option, output_option, repeatable
-from vibro_cli.commands.shared.terminal import json_text, say, work_told
+from vibro_cli.commands.shared.terminal import json_text, progress_shown, say
 
 if TYPE_CHECKING:
     from vibro_cli.figures.kinds import Drawn
@@ -179,7 +179,7 @@ class ReportCommand:
         # Drawing triggers many garbage collections: exempt the objects that exist by now.
         gc.freeze()
         gc.set_threshold(50_000, 4, 2)
-        with leaving(), work_told():
+        with leaving(), progress_shown():
             content = _page(subject, target.parent if self.page else Path.cwd(), self.maps)
         if self.page is None:
             sys.stdout.buffer.write(content)
@@ -314,7 +314,7 @@ def _write_figures(subject: "Subject", options: ReportCommand) -> None:
                 files.update(pictures({stem: one.figure}, FORMATS))
             yield one
 
-    with work_told():
+    with progress_shown():
         drawn = figures()
         if options.pdf is not None:
             write_file(options.pdf, render_pages(one.figure for one in drawn))
@@ -360,7 +360,7 @@ def _write_film(run: "StoredRun", target: Path, options: ReportCommand) -> None:
 
     end = float(run.summary["end_time"])
     start, stop = options.bounds(end)
-    with work_told():
+    with progress_shown():
         write_film(run, run.scenario.name, target, (start, stop), options.pace, options.fps)
     say(f"film of {start:g} s to {stop:g} s (the run ends at {end:g} s) in {target}")
     if (stop - start) / options.pace * options.fps < 1.0:

@@ -38,7 +38,7 @@ from vibro_cli.commands.shared.options import (
     output_option,
     scenario_argument,
 )
-from vibro_cli.commands.shared.terminal import RunProgress, json_text, say, work_told
+from vibro_cli.commands.shared.terminal import RunProgress, json_text, progress_shown, say
 from vibro_cli.systems import PLURALS
 
 if TYPE_CHECKING:
@@ -176,7 +176,7 @@ class RunCommand:
         """Return the first entries of a scenario's JSON line: scenario, overrides and folder."""
         return {
             "scenario": scenario,
-            "overrides": overrides_told(self.overrides),
+            "overrides": plain_overrides(self.overrides),
             "folder": None if folder is None else str(folder),
         }
 
@@ -219,11 +219,11 @@ def _run_all(options: RunCommand) -> int:
 
 def _continue(options: RunCommand, folder: Path) -> int:
     """Continue an earlier run."""
-    from vibro_cli.commands.shared.loading import read_earlier, refusals_told
+    from vibro_cli.commands.shared.loading import read_earlier, refusals_reported
     from vibro_cli.scenario.loading import load_stored
 
     source, found = read_earlier(folder, options.overrides)
-    with refusals_told(str(source)):
+    with refusals_reported(str(source)):
         scenario = load_stored(source, options.overrides)
     options.kinds_of(scenario.system)
     _check_folders(options, [scenario])
@@ -279,19 +279,19 @@ def _kinds_drawn(earlier: Path | None) -> str:
     return ",".join(manifest.get("undrawn") or kinds_in(manifest["files"])) or "0"
 
 
-def overrides_told(texts: Sequence[str]) -> dict[str, Any]:
+def plain_overrides(texts: Sequence[str]) -> dict[str, Any]:
     """Return overrides as plain values by path; values that JSON cannot hold stay as text."""
     from vibro_cli.scenario.loading import parse_value
 
-    told: dict[str, Any] = {}
+    found: dict[str, Any] = {}
     for text in texts:
         path, _, given = (part.strip() for part in text.partition("="))
         try:
-            told[path] = parse_value(given)
-            json_text(told[path])
+            found[path] = parse_value(given)
+            json_text(found[path])
         except (TypeError, ValueError):  # a date in a table, an infinite number
-            told[path] = given
-    return told
+            found[path] = given
+    return found
 
 
 def solve(options: RunCommand, scenario: "AnyScenario", earlier: "EarlierRun | None") -> int:
@@ -321,7 +321,7 @@ def followed(options: RunCommand, scenario: "AnyScenario") -> Iterator[None]:
 
     progress = RunProgress(scenario.name, scenario.stop.time, scenario.stop.collisions)
     try:
-        with RUN.to(progress.tell):
+        with RUN.to(progress.update):
             yield
     except CannotContinue as error:
         raise CommandError(f"vibro: {options.earlier} cannot be continued: {error}") from error
@@ -465,7 +465,7 @@ def _figures(
     written, summary = folder.end_tables(), result.summary_record()
     run = StoredRun(written, scenario, {}, summary, result.checkpoint(), result.motion)
     try:
-        with work_told():
+        with progress_shown():
             files = figures_of(run, names)
     except KeyboardInterrupt as end:
         interruption.number = getattr(end, "exit_code", INTERRUPTED) - 128

@@ -182,8 +182,8 @@ def coloured(outcomes: Outcomes) -> Categories:
     others = "1 other" if rest == 1 else f"{rest} others"
     names = [*outcomes.names[: len(_COLOURS)], *([others] if rest > 0 else [])]
     shares = np.bincount(code, minlength=len(names)) / len(code)
-    told = [f"{name} ({100.0 * share:.3g} %)" for name, share in zip(names, shares, strict=True)]
-    return Categories(code, tuple(told), (*_COLOURS, _OTHERS)[: len(names)])
+    texts = [f"{name} ({100.0 * share:.3g} %)" for name, share in zip(names, shares, strict=True)]
+    return Categories(code, tuple(texts), (*_COLOURS, _OTHERS)[: len(names)])
 
 
 @dataclass(frozen=True)
@@ -256,8 +256,8 @@ def mapped_basins(grid: StoredGrid, outcome: Sequence[str]) -> Mapped:
     shown = _evenly(grid)
     if not shown.is_full:
         raise NoBasins("found no point for some values of the axes, expected every pair of them")
-    told = ChainMap({"end_cause": ended(grid)}, cast(dict[str, Any], grid.summary))
-    outcomes = outcomes_of(told, outcome or default_outcome(grid), shown.rows)
+    columns = ChainMap({"end_cause": ended(grid)}, cast(dict[str, Any], grid.summary))
+    outcomes = outcomes_of(columns, outcome or default_outcome(grid), shown.rows)
     cells = shown.cells(outcomes.code.astype(np.float64)).astype(np.int64)
     return Mapped(shown, outcomes, basins_of(outcomes, cells))
 
@@ -268,11 +268,11 @@ def _evenly(grid: StoredGrid) -> ParameterMap:
     for shown in maps:
         if all(one.is_even and len(one.different) >= FEWEST for one in shown.coordinates):
             return shown
-    told = [
+    axes = [
         f"{one.path} ({len(one.different)}{'' if one.is_even else ', uneven'})"
         for one in (maps[0].coordinates if maps else ())
     ]
     raise NoBasins(
         f"expected an axis of at least {FEWEST} numbers at even distances, found "
-        f"{' and '.join(told) or 'no axis that changes'}"
+        f"{' and '.join(axes) or 'no axis that changes'}"
     )

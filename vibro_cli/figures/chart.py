@@ -390,7 +390,7 @@ def draw_marks(
     _show(axes, shown)
 
 
-def told_apart(across: Array, values: Array) -> Integers:
+def distinguishable(across: Array, values: Array) -> Integers:
     """Return the rows of the points that are distinguishable on a chart with a logarithmic axis.
 
     Of the points in the same half pixel the last is kept. Values are non-negative; zeros have a

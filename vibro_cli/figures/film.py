@@ -355,7 +355,7 @@ class Film(FilmFrame):
 
     def picture(self, frame: int) -> NDArray[np.uint8]:
         """Return a frame, shape (height, width, 3)."""
-        if not frame % _TOLD_EVERY:
+        if not frame % _REPORT_EVERY:
             WORK.report(f"frame {frame + 1:,} of {len(self.frames.time):,}")
         self.canvas.restore_region(self._still)
         self._clock.set_text(f"$t = {self.frames.time[frame]:.{self._digits}f}$ s")
@@ -407,7 +407,7 @@ SECONDS = 30.0
 _DPI = {"mp4": 200.0, "gif": 100.0}
 _COLOURS = 63
 """Number of colours of a GIF, besides the transparent one."""
-_TOLD_EVERY = 25
+_REPORT_EVERY = 25
 # One thread, and no time or machine in the metadata, so that equal input gives equal bytes.
 _ENCODING = [
     *("-an", "-c:v", "libx264", "-preset", "medium", "-crf", "18", "-pix_fmt", "yuv420p"),

@@ -30,7 +30,7 @@ _HANDLE = 6.7
 """Width of a legend mark with the room around it (mm)."""
 HALO = [patheffects.withStroke(linewidth=1.4, foreground="white")]
 """White outline of texts that are written over lines."""
-SAY: Look = {"fontsize": style.SMALL, "color": style.FRAME_GREY}
+SMALL_TEXT: Look = {"fontsize": style.SMALL, "color": style.FRAME_GREY}
 """Style of words above and below panels."""
 LINE = 3.4
 """Height of a row of a legend (mm)."""

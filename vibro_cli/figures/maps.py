@@ -200,7 +200,9 @@ def _parameter_map(grid: StoredGrid, dimensions: int, numbers_first: bool) -> Pa
     chosen = sorted(changing, key=lambda path: -found[path].max())[:dimensions]
     # An axis that the chosen ones determine is not held, so that all points of a sample are shown.
     place = combined([found[path] for path in chosen])
-    rest = [path for path in independent if path not in chosen and not _tells(place, found[path])]
+    rest = [
+        path for path in independent if path not in chosen and not _determines(place, found[path])
+    ]
     first = {path: columns[path][0] for path in rest}
     mask = np.ones(len(place), dtype=np.bool_)
     for path in rest:
@@ -219,12 +221,12 @@ def _independent(columns: Mapping[str, Codes]) -> list[str]:
     kept = dict(columns)
     for path, one in reversed(list(columns.items())):
         others = [columns[other] for other in kept if other != path]
-        if any(other.max() + 1 < len(other) and _tells(other, one) for other in others):
+        if any(other.max() + 1 < len(other) and _determines(other, one) for other in others):
             del kept[path]
     return list(kept)
 
 
-def _tells(one: Codes, other: Codes) -> bool:
+def _determines(one: Codes, other: Codes) -> bool:
     """Return whether `one` determines `other`, which must not be constant."""
     partner = np.empty(one.max() + 1, dtype=np.int64)
     partner[one] = other

@@ -29,7 +29,7 @@ from vibro_cli.grids.solving import Solver, counts_of, solver_of
 from vibro_cli.scenario.models import section
 from vibro_cli.storage.files import available_cores
 
-Told = Callable[[int, int], None]
+Report = Callable[[int, int], None]
 """Called with the numbers of points and impacts of every solved stretch."""
 
 
@@ -60,7 +60,7 @@ def solve_in_threads(
     folder: Path,
     threads: int,
     engine: str,
-    tell: Told,
+    report: Report,
 ) -> Generator[Receipt]:
     """Solve chunks, and yield the receipt of each as soon as it is on disk.
 
@@ -76,7 +76,7 @@ def solve_in_threads(
         solved = own.solver.solve(np.arange(one.first, one.last))
         if stop.is_set():
             return None
-        tell(one.last - one.first, solved.impacts)
+        report(one.last - one.first, solved.impacts)
         return one.parts.add(one.number, solved)
 
     # Separate threads wait for the disk, so that solvers never do.
@@ -260,7 +260,7 @@ def solve_on_cluster(
     folder: Path,
     address: str,
     engine: str,
-    tell: Told,
+    report: Report,
 ) -> Generator[Receipt]:
     """Solve chunks on the workers of a Dask scheduler, and yield each receipt when it arrives.
 
@@ -285,7 +285,7 @@ def solve_on_cluster(
         for chunk, found in _solved(client, grid, chunks, wanted, folder, engine):
             if isinstance(found, Receipt):
                 _check_shared(folder, found)
-                tell(found.points, found.impacts)
+                report(found.points, found.impacts)
                 yield found
             else:
                 lost[chunk] = found

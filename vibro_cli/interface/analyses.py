@@ -225,10 +225,10 @@ def fit(
     else:
         numbers = [fits.Free.of(path) for path in checked("free", free, Listed("paths"))]
     if isinstance(measured, (str, Path)):
-        told = fits.read_measured(checked_path("measured", measured))
+        found = fits.read_measured(checked_path("measured", measured))
     else:
-        told = fits.measured_of(_columns_of(measured))
-    return Fit.of(fits.fit_impacts(cast("Scenario", scenario), told, numbers, noise))
+        found = fits.measured_of(_columns_of(measured))
+    return Fit.of(fits.fit_impacts(cast("Scenario", scenario), found, numbers, noise))
 
 
 def _ends(path: str, bounds: Any) -> tuple[Any, Any]:

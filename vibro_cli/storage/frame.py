@@ -108,20 +108,20 @@ class Table:
         return int(self._data.num_rows)
 
     @property
-    def _rows_told(self) -> str:
+    def _rows_text(self) -> str:
         return f"{self.rows} {'row' if self.rows == 1 else 'rows'}"
 
     @property
     def units(self) -> dict[str, str]:
         """Unit of every column: "" for dimensionless numbers and for words."""
-        return self._told(b"unit")
+        return self._field_metadata(b"unit")
 
     @property
     def descriptions(self) -> dict[str, str]:
         """Meaning of every column."""
-        return self._told(b"description")
+        return self._field_metadata(b"description")
 
-    def _told(self, key: bytes) -> dict[str, str]:
+    def _field_metadata(self, key: bytes) -> dict[str, str]:
         return {one.name: (one.metadata or {}).get(key, b"").decode() for one in self._data.schema}
 
     def __getitem__(self, name: str) -> NDArray[Any]:
@@ -182,7 +182,7 @@ class Table:
         return polars.DataFrame(self.to_arrow())
 
     def __repr__(self) -> str:
-        return f"<Table {self.name}: {self._rows_told}, {len(self)} columns>"
+        return f"<Table {self.name}: {self._rows_text}, {len(self)} columns>"
 
     def _repr_html_(self) -> str:
         """Return the first rows as HTML, for notebooks."""
@@ -195,7 +195,7 @@ class Table:
             for row in self._data.slice(0, _SHOWN).to_pylist()
         )
         first = f", the first {_SHOWN}" if self.rows > _SHOWN else ""
-        caption = f"{escape(self.name)}: {self._rows_told}{first}"
+        caption = f"{escape(self.name)}: {self._rows_text}{first}"
         # A wide table scrolls on its own, with its caption in view.
         begin = f'<table><caption style="text-align: left">{caption}</caption>'
         return f'<div style="overflow-x: auto">{begin}<tr>{heads}</tr>{rows}</table></div>'

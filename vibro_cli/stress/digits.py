@@ -27,7 +27,7 @@ from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.scenario.problems import ScenarioError
 from vibro_cli.stress.drawing import draw
-from vibro_cli.stress.oracles.oracle import Bounce, Event, Oracle, Told
+from vibro_cli.stress.oracles.oracle import Bounce, Event, History, Oracle
 from vibro_cli.stress.oracles.reference_solver import events_of
 from vibro_cli.stress.oracles.scene import mp, scene_of_system
 from vibro_cli.stress.oracles.sensitivity import MOST_GROWTH, differences, error_of
@@ -55,7 +55,7 @@ Lasting = list[tuple[Bounce, Any]]
 """Bounces with the time (s) to the next of the same bodies; 0 for one that ends in contact."""
 
 
-class LeftOpen(NamedTuple):
+class Uncertainty(NamedTuple):
     """An uncertain instant (s): its uncertainty (s), and that of speeds (m/s) after it."""
 
     t: float
@@ -65,19 +65,19 @@ class LeftOpen(NamedTuple):
     """When the uncertainty ends (s): that of relative speeds does not outlast a closing contact."""
 
 
-def begun(told: Told) -> list[Event]:
+def begun(history: History) -> list[Event]:
     """Return the beginnings of lasting contact."""
-    return [event for event in told.events if event.kind == "contact_closed"]
+    return [event for event in history.events if event.kind == "contact_closed"]
 
 
-def size_of(run: Run, told: Told) -> float:
+def size_of(run: Run, history: History) -> float:
     """Return `size_of_places` of the oracle's samples."""
     return size_of_places(
-        run, (float(abs(x)) for row in told.samples for _, *xy in row for x in xy)
+        run, (float(abs(x)) for row in history.samples for _, *xy in row for x in xy)
     )
 
 
-def untold(told: Told, event: Event, size: float) -> float:
+def contact_uncertainty(history: History, event: Event, size: float) -> float:
     """Return the uncertainty (s) of the beginning or end of a contact due to rounding of places.
 
     Bounces lower than the rounding count as one contact, unless they can be summed: those of one
@@ -85,13 +85,13 @@ def untold(told: Told, event: Event, size: float) -> float:
     bodies take for such a distance. A contact that opens and closes again without an impact may as
     well have lasted, or close later from such a distance, since nothing has moved the bodies apart.
     """
-    lost = _begin_and_time(_lasting(told), event, CONTACT_ROUNDING * size)[1]
-    return max(lost, _without_force(told, event))
+    lost = _begin_and_time(_lasting(history), event, CONTACT_ROUNDING * size)[1]
+    return max(lost, _without_force(history, event))
 
 
-def _without_force(told: Told, event: Event) -> float:
+def _without_force(history: History, event: Event) -> float:
     """Return how long (s) the contact at an event is interrupted without an impact, else 0."""
-    alike = [e for e in told.events if (e.a, e.b) == (event.a, event.b)]
+    alike = [e for e in history.events if (e.a, e.b) == (event.a, event.b)]
     for one, other in pairwise(alike):
         if event in (one, other) and (one.kind, other.kind) == INTERRUPTED:
             return float(other.t - one.t)
@@ -99,7 +99,7 @@ def _without_force(told: Told, event: Event) -> float:
 
 
 def _begin_and_time(lasting: Lasting, event: Event, height: float) -> tuple[float, float]:
-    """Return when the bounces lost before an event begin (s), and the uncertainty `untold` (s)."""
+    """Return when the bounces lost before an event begin, and the uncertainty of the event (s)."""
     lost = _lost_before(lasting, event, height)
     first = min((bounce.t for bounce in lost), default=event.t)
     if first == event.t:
@@ -110,43 +110,43 @@ def _begin_and_time(lasting: Lasting, event: Event, height: float) -> tuple[floa
     return float(first), 0.0 if summed else float(event.t - first)
 
 
-def left_open(told: Told, size: float, gravity: float) -> list[LeftOpen]:
+def uncertain_instants(history: History, size: float, gravity: float) -> list[Uncertainty]:
     """Return the uncertainties of all events."""
-    return _bounces_left_open(told, size, gravity) + _impacts_left_open(told, size)
+    return _uncertain_bounces(history, size, gravity) + _uncertain_impacts(history, size)
 
 
-def _bounces_left_open(told: Told, size: float, gravity: float) -> list[LeftOpen]:
+def _uncertain_bounces(history: History, size: float, gravity: float) -> list[Uncertainty]:
     """Return the uncertain instants at which contact begins, or bounces lost in rounding end.
 
     Such bounces need not end in contact: bodies pressed together may be pulled apart first. Until
     then, motions in contact and with bounces diverge.
     """
     height = CONTACT_ROUNDING * size
-    lasting = _lasting(told)
-    ends = begun(told)
+    lasting = _lasting(history)
+    ends = begun(history)
     for bounce, lasts in lasting:
         if _is_low(bounce.after, lasts, height) and bounce.after > STILL:
             ends.append(Event(bounce.t, "impact", bounce.bodies[0], bounce.bodies[-1]))
-    widest = dict[float, LeftOpen]()
+    widest = dict[float, Uncertainty]()
     for event in ends:
         begin, time = _begin_and_time(lasting, event, height)
         if event.kind == "impact" and begin == float(event.t):
             continue  # included in the uncertainty after the next bounces
         if begin not in widest or time > widest[begin].time:
-            widest[begin] = LeftOpen(float(event.t), time, PUSH * gravity * time)
+            widest[begin] = Uncertainty(float(event.t), time, PUSH * gravity * time)
     return list(widest.values())
 
 
-def _impacts_left_open(told: Told, size: float) -> list[LeftOpen]:
+def _uncertain_impacts(history: History, size: float) -> list[Uncertainty]:
     """Return the uncertain instants of impacts of bodies that have separated before.
 
     The uncertainty is the time that they take for a unit of rounding of places. Since they
     accelerate towards each other, an earlier impact is slower. No change of the inputs shows this.
     """
     found = []
-    opened = [(e.t, (e.a, e.b), mp.zero) for e in told.events if e.kind == "contact_opened"]
+    opened = [(e.t, (e.a, e.b), mp.zero) for e in history.events if e.kind == "contact_opened"]
     parted: dict[tuple[int, ...], tuple[Any, Any]] = {}
-    for bounce in told.bounces:
+    for bounce in history.bounces:
         while opened and opened[0][0] < bounce.t:
             t, bodies, speed = opened.pop(0)
             parted[bodies] = (t, speed)
@@ -155,24 +155,26 @@ def _impacts_left_open(told: Told, size: float) -> list[LeftOpen]:
             drawn = (speed - bounce.before) / (bounce.t - t)
             time = float(EPSILON * size / -bounce.before)
             lost = min(float(abs(drawn)) * time, float(-bounce.before))
-            closes = [e.t for e in begun(told) if (e.a, e.b) == bounce.bodies and e.t >= bounce.t]
+            closes = [
+                e.t for e in begun(history) if (e.a, e.b) == bounce.bodies and e.t >= bounce.t
+            ]
             until = float(min(closes, default=mp.inf))
             if not bounce.along and _is_low(speed, bounce.t - t, CONTACT_ROUNDING * size):
                 # In doubles this is one contact: the law may throw its bodies apart, or keep them.
                 lost, until = max(lost, abs(float(bounce.after))), math.inf
-            found.append(LeftOpen(float(bounce.t), time, lost, until))
+            found.append(Uncertainty(float(bounce.t), time, lost, until))
         parted[bounce.bodies] = (bounce.t, bounce.after)
     return found
 
 
-def order_left_open(told: Told, size: float) -> float:
+def first_uncertain_order(history: History, size: float) -> float:
     """Return the first instant (s) whose impacts may be successive or simultaneous, else infinity.
 
     There a body is hit from two sides within the time that it takes for a distance lost in
     rounding. Successive and simultaneous impacts lead to speeds that differ by as much as they are.
     """
     height = CONTACT_ROUNDING * size
-    for one, other in pairwise(told.bounces):
+    for one, other in pairwise(history.bounces):
         apart = other.t - one.t
         shared = one.bodies != other.bodies and set(one.bodies) & set(other.bodies)
         if shared and 0 < apart < height / max(abs(other.before), STILL):
@@ -180,7 +182,7 @@ def order_left_open(told: Told, size: float) -> float:
     return float("inf")
 
 
-def throw_left_open(told: Told, size: float) -> float:
+def first_uncertain_separation(history: History, size: float) -> float:
     """Return the first instant (s) after which bodies that a law throws apart may stay together.
 
     A law that does not act along the line of centres may make each bounce higher than the previous
@@ -188,7 +190,7 @@ def throw_left_open(told: Told, size: float) -> float:
     """
     height = CONTACT_ROUNDING * size
     lost = dict[tuple[int, ...], bool]()
-    for bounce, lasts in _lasting(told):
+    for bounce, lasts in _lasting(history):
         is_low = _is_low(bounce.after, lasts, height)
         grows = not bounce.along and STILL < -bounce.before < bounce.after
         if grows and lost.get(bounce.bodies) and not is_low:
@@ -219,12 +221,12 @@ def _is_low(speed: Any, lasts: Any, height: float) -> bool:
     return bool(lasts == 0 or speed * lasts / 4 <= height)
 
 
-def _lasting(told: Told) -> Lasting:
+def _lasting(history: History) -> Lasting:
     """Return all bounces, each with the time to the next one, as `Lasting` describes."""
-    closed = {(event.t, event.a, event.b) for event in begun(told)}
+    closed = {(event.t, event.a, event.b) for event in begun(history)}
     following: dict[tuple[int, ...], Any] = {}
     found = []
-    for bounce in reversed(told.bounces):
+    for bounce in reversed(history.bounces):
         ends = (bounce.t, *bounce.bodies) in closed
         after = bounce.t if ends else following.get(bounce.bodies, mp.inf)
         found.append((bounce, after - bounce.t))
@@ -310,12 +312,12 @@ def compared(document: Document) -> Verdict:
         oracle.run(mp.mpf(float(times[known - 1])), [mp.mpf(t) for t in times[:known]])
     except ArithmeticError as reason:
         why = str(reason)
-        known = len(oracle.told.samples)  # as far as the oracle came
-    if _decided_by_rounding(run, oracle.told):
-        known = len(oracle.told.samples)
+        known = len(oracle.history.samples)  # as far as the oracle came
+    if _decided_by_rounding(run, oracle.history):
+        known = len(oracle.history.samples)
     if known == 0:
         return Verdict(why=why)
-    return _verdict(run, oracle.told, ours, grown, times[:known])
+    return _verdict(run, oracle.history, ours, grown, times[:known])
 
 
 def motion_at(run: Run, times: Floats) -> Floats:
@@ -391,33 +393,33 @@ def _growth_to(document: Document, change: float, times: Floats, ours: Floats) -
     return np.abs(theirs - ours) / change
 
 
-def _decided_by_rounding(run: Run, told: Told) -> bool:
+def _decided_by_rounding(run: Run, history: History) -> bool:
     """Return whether an inadmissible impact that rounding decides has ended the motion.
 
     If a closed trace, or the slopes at a junction, match only up to rounding, a body in contact
     that crosses makes an impact, from a height lost in rounding.
     """
-    height = float(told.end_approach) ** 2 / (2.0 * run.system.gravity)
+    height = float(history.end_approach) ** 2 / (2.0 * run.system.gravity)
     size = float(np.abs(motion_at(run, [0.0])[..., :2]).max()) + 1.0
-    return told.end_cause == "inadmissible" and height <= CONTACT_ROUNDING * size
+    return history.end_cause == "inadmissible" and height <= CONTACT_ROUNDING * size
 
 
-def _verdict(run: Run, told: Told, ours: Floats, grown: Floats, times: Floats) -> Verdict:
-    if len(told.samples) < len(times):
-        ended = f"the oracle ends {told.end_cause} at {float(told.end_time):.9g}"
+def _verdict(run: Run, history: History, ours: Floats, grown: Floats, times: Floats) -> Verdict:
+    if len(history.samples) < len(times):
+        ended = f"the oracle ends {history.end_cause} at {float(history.end_time):.9g}"
         return Verdict(motion=np.inf, why=ended)
-    closings = [float(event.t) for event in begun(told)]
+    closings = [float(event.t) for event in begun(history)]
     ours_closed = run.events["t"][run.events["event"] == "contact_closed"]
     first = min([*closings, *ours_closed.tolist()], default=np.inf)
     motion, after = 0.0, None
-    size = size_of(run, told)
-    thrown = throw_left_open(told, size)
+    size = size_of(run, history)
+    thrown = first_uncertain_separation(history, size)
     decided = (times < thrown) & ~_amid_bounces(run, times)
-    growth = _Growth(told, times, grown.max(axis=(1, 2)), size, run.system.gravity)
-    for row, bodies in enumerate(told.samples):
+    growth = _Growth(history, times, grown.max(axis=(1, 2)), size, run.system.gravity)
+    for row, bodies in enumerate(history.samples):
         if not decided[row]:
             continue
-        pushed = growth.left_open(times[row]).speed
+        pushed = growth.uncertainty(times[row]).speed
         for ball, (state, x, y) in enumerate(bodies):
             for column, exact in enumerate((x, y, state.speed)):
                 off = abs(float(exact - mp.mpf(float(ours[row, ball, column]))))
@@ -426,17 +428,17 @@ def _verdict(run: Run, told: Told, ours: Floats, grown: Floats, times: Floats) -
                     motion = max(motion, (off - pushed) / unit)
                 else:
                     after = max(after or 0.0, off - MARK * unit - pushed)
-    end = min(float(times[-1]), order_left_open(told, size), thrown)
-    return Verdict(motion, after, _contacts_off(run, told, end, size, growth))
+    end = min(float(times[-1]), first_uncertain_order(history, size), thrown)
+    return Verdict(motion, after, _contacts_off(run, history, end, size, growth))
 
 
 class _Growth:
     """Growth of the uncertainties of events: as that of changes of the inputs from then on."""
 
     def __init__(
-        self, told: Told, times: Floats, grown: Floats, size: float, gravity: float
+        self, history: History, times: Floats, grown: Floats, size: float, gravity: float
     ) -> None:
-        self._events = left_open(told, size, gravity)
+        self._events = uncertain_instants(history, size, gravity)
         self._times = times
         self._grown = grown[: len(times)]
 
@@ -445,13 +447,13 @@ class _Growth:
         row = min(int(np.searchsorted(self._times, t)), len(self._times) - 1)
         return float(self._grown[row])
 
-    def left_open(self, t: float) -> LeftOpen:
+    def uncertainty(self, t: float) -> Uncertainty:
         """Return the root sum square of the uncertainties of all events before an instant (s)."""
         before = [
             (one, self._at(t) / self._at(one.t)) for one in self._events if one.t < t <= one.until
         ]
         time = math.hypot(*(one.time * by for one, by in before))
-        return LeftOpen(t, time, math.hypot(*(one.speed * by for one, by in before)))
+        return Uncertainty(t, time, math.hypot(*(one.speed * by for one, by in before)))
 
 
 def _amid_bounces(run: Run, times: Floats) -> Floats:
@@ -461,7 +463,9 @@ def _amid_bounces(run: Run, times: Floats) -> Floats:
     return ((end - lasted <= times) & (times < end)).any(axis=0)
 
 
-def _contacts_off(run: Run, told: Told, end: float, size: float, growth: _Growth) -> float | None:
+def _contacts_off(
+    run: Run, history: History, end: float, size: float, growth: _Growth
+) -> float | None:
     """Return the greatest difference (s) of contact events, beyond their uncertainty.
 
     Without a contact force (two equal bodies on a line), motions with and without contact are the
@@ -469,16 +473,18 @@ def _contacts_off(run: Run, told: Told, end: float, size: float, growth: _Growth
     compared.
     """
     events = run.events
-    theirs = np.array([float(event.t) for event in told.events])
+    theirs = np.array([float(event.t) for event in history.events])
     worst: float | None = None
     for n in np.flatnonzero(np.isin(events["event"], CONTACT_KINDS) & (events["t"] < end)):
         one = (events["event"][n], int(events["ball"][n]) - 1, int(events["other"][n]) - 1)
-        alike = [(event.kind, event.a, event.b) == one for event in told.events]
+        alike = [(event.kind, event.a, event.b) == one for event in history.events]
         off = np.abs(theirs - float(events["t"][n]))
         nearest = int(np.argmin(np.where(alike, off, np.inf))) if any(alike) else -1
         if nearest >= 0 and off[nearest] < NEARBY and theirs[nearest] < end:
-            open_since = growth.left_open(theirs[nearest]).time
-            beyond = off[nearest] - max(untold(told, told.events[nearest], size), open_since)
+            open_since = growth.uncertainty(theirs[nearest]).time
+            beyond = off[nearest] - max(
+                contact_uncertainty(history, history.events[nearest], size), open_since
+            )
             worst = max(worst or 0.0, float(beyond))
     return worst
 
@@ -524,9 +530,9 @@ def errors_of(system: TraceSystem, count: int) -> tuple[float, float]:
 
     Displacements (m) and speeds are made comparable by the time scale of the system.
     """
-    told = events_of(simulate_system(system, None, count))
+    events = events_of(simulate_system(system, None, count))
     found = follow_system(system, None, count)
-    matrix, times = differences(scene_of_system(system), told, found.end_time)
+    matrix, times = differences(scene_of_system(system), events, found.end_time)
     scale = np.tile([1.0, float(time_scale(system))], len(system.bodies))
     matrices = [one * scale[:, None] / scale[None, :] for one in (found.matrix, matrix)]
     instants = [one / scale for one in (found.times, times)]

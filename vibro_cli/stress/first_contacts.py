@@ -206,11 +206,11 @@ def for_judge(family: Family, states: States, horizon: Any) -> tuple[Any, Any]:
     flights["slope"] = first.start_slope if first is last else first.end_slope
     flights["horizon"] = horizon
     for ball, piece in enumerate((first, last)):
-        told, body = bodies[ball::2], family.system.bodies[ball]
-        told["sign"], told["size"] = piece.sign, piece.length if piece.is_line else piece.radius
-        told["radius"], told["kappa"] = body.radius, body.kappa
-        told["place"], told["speed"] = states.places[:, ball], states.speeds[:, ball]
-        told["side"] = 0.0 if first is last else (-1.0 if ball == 0 else 1.0)
+        record, body = bodies[ball::2], family.system.bodies[ball]
+        record["sign"], record["size"] = piece.sign, piece.length if piece.is_line else piece.radius
+        record["radius"], record["kappa"] = body.radius, body.kappa
+        record["place"], record["speed"] = states.places[:, ball], states.speeds[:, ball]
+        record["side"] = 0.0 if first is last else (-1.0 if ball == 0 else 1.0)
     return flights, bodies
 
 

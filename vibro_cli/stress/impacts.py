@@ -241,13 +241,13 @@ class _Flight:
         return float(error / twin.t), float(EPSILON * moved / abs(speed) / twin.t)
 
 
-def _first_event(system: TraceSystem, told: SolverEvent) -> Any:
-    """Return the solver's instant of the first event of the kind of `told`."""
-    run = simulate_system(system, 2.0 * told.t, 1, "python")
-    if told.kind == "impact":
+def _first_event(system: TraceSystem, event: SolverEvent) -> Any:
+    """Return the solver's instant of the first event of the kind of `event`."""
+    run = simulate_system(system, 2.0 * event.t, 1, "python")
+    if event.kind == "impact":
         return solved(run, "t", 0) if len(run.collisions["n"]) else mp.inf
     events = run.events
-    same = (events["event"] == told.kind) & (events["ball"] == told.a + 1)
+    same = (events["event"] == event.kind) & (events["ball"] == event.a + 1)
     return mp.mpf(float(events["t"][same][0])) if same.any() else mp.inf
 
 

@@ -169,8 +169,8 @@ def jumps(run: Run, motion: Motion) -> list[Fault]:
     dt = np.diff(motion.t)[:, None]
     way = np.hypot(np.diff(motion.x, axis=0), np.diff(motion.y, axis=0))
     table = run.collisions
-    told = [np.abs(table[f"speed_{end}_{when}"]) for end in "ab" for when in ("pre", "post")]
-    fastest = max(float(column.max(initial=0.0)) for column in [*told, np.abs(motion.speed)])
+    speeds = [np.abs(table[f"speed_{end}_{when}"]) for end in "ab" for when in ("pre", "post")]
+    fastest = max(float(column.max(initial=0.0)) for column in [*speeds, np.abs(motion.speed)])
     turning = run.system.turning.square if run.system.turning else 0.0
     pull = run.system.gravity + turning * float(np.abs(motion.x).max() + 10.0)
     excess = way - (fastest + 2.0 * pull * dt) * dt - 1.0e-12 * (1.0 + np.abs(motion.x[1:]))

@@ -124,7 +124,7 @@ class Sampling:
     def __init__(self, wanted: OutputRequest) -> None:
         self._times = None if wanted.times is None else np.array(wanted.times, dtype=np.float64)
         self._step = wanted.step
-        self._told = 0
+        self._sampled = 0
 
     def until(self, end: float, ended: bool) -> Iterator[Instants]:
         """Yield the next instants before the end (s) of a stretch, in arrays of limited length.
@@ -132,9 +132,9 @@ class Sampling:
         When the run has ended, these are all that remain. At least one array is yielded. Arrays
         are made one at a time, since a stretch may have any number of instants.
         """
-        first, self._told = self._told, self._count(end, ended)
-        for number in range(first, max(self._told, first + 1), _AT_ONCE):
-            yield self._numbered(number, min(number + _AT_ONCE, self._told))
+        first, self._sampled = self._sampled, self._count(end, ended)
+        for number in range(first, max(self._sampled, first + 1), _AT_ONCE):
+            yield self._numbered(number, min(number + _AT_ONCE, self._sampled))
 
     def _numbered(self, first: int, beyond: int) -> Instants:
         if self._times is not None:

@@ -194,7 +194,7 @@ class NotMade:
         self.number = 0
         self._sink = sink
 
-    def tell(self, name: str, rows: Any) -> None:
+    def add(self, name: str, rows: Any) -> None:
         """Pass on rows of a table."""
         if name == "collisions":
             self.number += int(np.sum(~(rows["admissible"] | rows["substituted"])))
@@ -223,11 +223,11 @@ def stream(
     calls = partial(aside, given_up=Event()) if in_background else _at_once
     counted = NotMade(sink)
     refusal = None
-    with calls(_ROWS_AHEAD) as write, calls(_AHEAD) as tell:
-        tables = kind.table_maker(system, wanted, names, partial(write, counted.tell))
+    with calls(_ROWS_AHEAD) as write, calls(_AHEAD) as make:
+        tables = kind.table_maker(system, wanted, names, partial(write, counted.add))
         try:
             for last in stretches.until(interrupted):
-                tell(tables.take, last)
+                make(tables.take, last)
         except TooQuiet as error:
             refusal = error
     end, cause = last.end[0], END_NAMES[stretches.cause]

@@ -31,7 +31,7 @@ class SystemTables:
     ) -> None:
         self._kind, self._system, self._sink = kind, system, sink
         self._states = partial(kind.part("tables").states_at, system)
-        self._tells_events = "events" in names
+        self._wants_events = "events" in names
         logs = kind.impact_logs
         self._counted = logs["collisions"].log
         self._impacts = {name: _Impacts(one, system) for name, one in logs.items() if name in names}
@@ -60,20 +60,20 @@ class SystemTables:
         if self._tangents is not None and self._converging and ended:
             self._sink("exponents", exponent_table(self._tangents))
         events = None
-        if self._tells_events and more:
+        if self._wants_events and more:
             events = self._kind.events(self._system, stretch.logs)
         if events is not None:
             self._sink("events", events)
         self._begun = True
         if self._sampling is not None or self.motion is not None:
-            self._tell_motion(stretch, ended)
+            self._take_motion(stretch, ended)
         self._totals.take(stretch.logs[self._counted])
         if ended:
             cause, end = END_NAMES[stretch.cause], stretch.end[0]
             last = self._states(stretch.records, end)
             self._totals.finish(self._system, cause, end, stretch.clock, last)
 
-    def _tell_motion(self, stretch: Stretch, ended: bool) -> None:
+    def _take_motion(self, stretch: Stretch, ended: bool) -> None:
         trajectory = self._kind.trajectory(self._system, stretch, self._before)
         if self._sampling is not None:
             for instants in self._sampling.until(stretch.end[0], ended):
@@ -101,14 +101,14 @@ class _Impacts:
     def __init__(self, kept: ImpactLog, system: Any) -> None:
         self._kept = kept
         self._bodies = kept.bodies([system])
-        self._told = 0
+        self._earlier = 0
         self._before: Any = None
 
     def take(self, logs: Any) -> Columns:
         log, kept = logs[self._kept.log], self._kept
         run = np.zeros(len(log), dtype=np.int64)
-        columns = kept.table.filled(kept.rows(self._bodies, log, run, self._told, self._before))
-        self._told += len(log)
+        columns = kept.table.filled(kept.rows(self._bodies, log, run, self._earlier, self._before))
+        self._earlier += len(log)
         self._before = log[-1] if len(log) else self._before
         return columns
 
@@ -165,14 +165,14 @@ class ImpactRows:
     """Rows of a log of impacts, from which the columns of its table are made.
 
     Runs are stored one after another; `run` is the run index of each row, from 0. The first run
-    has `told` earlier rows, the last of which is `before`.
+    has `earlier` rows before these, the last of which is `before`.
     """
 
     def __init__(
-        self, bodies: Bodies, log: Any, run: Any, told: int = 0, before: Any = None
+        self, bodies: Bodies, log: Any, run: Any, earlier: int = 0, before: Any = None
     ) -> None:
         self.bodies, self.run = bodies, run
-        self._log, self._told, self._before = log, told, before
+        self._log, self._earlier, self._before = log, earlier, before
 
     def __getitem__(self, name: str) -> Any:
         return self._log[name]
@@ -183,7 +183,7 @@ class ImpactRows:
     @cached_property
     def number(self) -> Any:
         """Number of each row within its run, from 1."""
-        return np.arange(1, len(self) + 1) - np.searchsorted(self.run, self.run) + self._told
+        return np.arange(1, len(self) + 1) - np.searchsorted(self.run, self.run) + self._earlier
 
     @property
     def between(self) -> Any:

@@ -68,14 +68,14 @@ class Growth:
     end: tuple[float, Floats] | None = None
     """End of the run (s), and the sums at that time."""
     _every: int = 1
-    _told: int = 0
+    _impacts: int = 0
 
     def take(self, times: Any, growth: Floats) -> None:
         """Add further impacts at these times (s), with the sums of logarithms at each."""
-        first = self._told + 1
-        self._told += len(times)
+        first = self._impacts + 1
+        self._impacts += len(times)
         wanted = -(-first // self._every) * self._every
-        while wanted <= self._told:
+        while wanted <= self._impacts:
             row = wanted - first
             self.rows.append((wanted, float(times[row]), growth[row].copy()))
             if len(self.rows) > self.MOST:

@@ -21,7 +21,7 @@ import typer
 
 from vibro_cli.commands.shared.options import Task
 from vibro_cli.commands.shared.terminal import (
-    choose_words,
+    configure_messages,
     drain_standard_output,
     prepare_streams,
     say,
@@ -128,7 +128,7 @@ def _signalled(fault: BaseException) -> BaseException | None:
 
 def perform(parse: Callable[[], Task], log_format: str) -> int:
     """Run a whole command line and return its exit code, whatever happens."""
-    choose_words(as_json=log_format == "json", least="info")
+    configure_messages(as_json=log_format == "json", least="info")
     prepare_streams()
     warnings.showwarning = _say_warning
     logging.getLogger("matplotlib").setLevel(logging.ERROR)  # hides where its cache is

@@ -32,13 +32,13 @@ def load_any(source: str, overrides: Sequence[str]) -> tuple["AnyScenario", Any]
     from vibro_cli.assemble import build_any
     from vibro_cli.scenario.loading import load_any as load_scenario
 
-    with refusals_told(source):
+    with refusals_reported(source):
         scenario = load_scenario(source, overrides)
         return scenario, build_any(scenario)
 
 
 @contextmanager
-def refusals_told(source: str) -> Iterator[None]:
+def refusals_reported(source: str) -> Iterator[None]:
     """Raise `CommandError` if what the block reads is invalid or cannot be read."""
     from vibro_cli.scenario.problems import ScenarioError
 
@@ -78,7 +78,7 @@ def load_scenario_or_grid(
     from vibro_cli.assemble import build_any
     from vibro_cli.scenario.loading import any_scenario_of, is_grid, load_document
 
-    with refusals_told(source):
+    with refusals_reported(source):
         document = load_document(source)
         if is_grid(document.data):
             from vibro_cli.grids.document import grid_of

@@ -15,7 +15,7 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from vibro_cli.commands.shared.terminal import choose_words
+from vibro_cli.commands.shared.terminal import configure_messages
 
 _SUFFIXES = (".toml", ".json", ".yaml", ".yml")
 
@@ -146,7 +146,7 @@ def _choose_least(level: str) -> Callable[[bool], bool]:
 
     def choose(given: bool) -> bool:
         if given:
-            choose_words(least=level)
+            configure_messages(least=level)
         return given
 
     return choose

@@ -23,31 +23,31 @@ _Result = TypeVar("_Result")
 LEVELS = ("detail", "info", "warning", "error")
 """Levels of messages: details are printed only with -v, errors even with -q."""
 
-_words: dict[str, Any] = {"as_json": False, "least": "info"}
+_settings: dict[str, Any] = {"as_json": False, "least": "info"}
 
 
-def choose_words(as_json: bool | None = None, least: str | None = None) -> None:
+def configure_messages(as_json: bool | None = None, least: str | None = None) -> None:
     """Set the format of messages, text or JSON lines, and the lowest level to print."""
     if as_json is not None:
-        _words["as_json"] = as_json
+        _settings["as_json"] = as_json
     if least is not None:
-        _words["least"] = least
+        _settings["least"] = least
 
 
-def is_said(level: str, as_text: bool = False) -> bool:
+def is_printed(level: str, as_text: bool = False) -> bool:
     """Return whether messages of a level are printed; with `as_text`, only if not as JSON."""
-    said = LEVELS.index(level) >= LEVELS.index(_words["least"])
-    return said and not (as_text and _words["as_json"])
+    said = LEVELS.index(level) >= LEVELS.index(_settings["least"])
+    return said and not (as_text and _settings["as_json"])
 
 
 def say(text: str | Sequence[str], level: str = "info", **details: Any) -> None:
     """Print a message to standard error: lines of text, or one JSON object with the details."""
-    if not is_said(level):
+    if not is_printed(level):
         return
     lines = [text] if isinstance(text, str) else text
-    if _words["as_json"]:
-        told = {"level": level, "message": "\n".join(lines), **details}
-        lines = [json_text(told, sys.stderr)]
+    if _settings["as_json"]:
+        entry = {"level": level, "message": "\n".join(lines), **details}
+        lines = [json_text(entry, sys.stderr)]
     try:
         print("\n".join(map(printable, lines)), file=sys.stderr, flush=True)
     except OSError:  # closed or full: only the exit code can still report it
@@ -66,7 +66,7 @@ def json_text(value: Any, stream: TextIO | None = None, indent: int | None = Non
 
 def print_found(found: Any, lines: Iterable[str], as_json: bool) -> None:
     """Print results as JSON, or as lines of text unless --quiet was given."""
-    if as_json or is_said("info"):
+    if as_json or is_printed("info"):
         print(json_text(found) if as_json else "\n".join(lines), flush=True)
 
 
@@ -231,10 +231,10 @@ def _impacts(record: Mapping[str, Any], not_made: int) -> str:
         impacts += f", the last {last_ones} inadmissible and not made"
     elif not_made:
         impacts += f", the last {last_ones} not made"
-    told = [count(record[name], *words) for name, words in _ALSO_COUNTED.items() if name in record]
+    parts = [count(record[name], *words) for name, words in _ALSO_COUNTED.items() if name in record]
     quiet = record.get("quiet_from")
     ending = "" if quiet is None else f"; none possible after t = {quantity(quiet, 's')}"
-    return f"{'; '.join(filter(None, (impacts, ', '.join(told))))}{ending}"
+    return f"{'; '.join(filter(None, (impacts, ', '.join(parts))))}{ending}"
 
 
 def _energy(record: Mapping[str, Any]) -> str:
@@ -289,9 +289,9 @@ class _Line:
 
     def __init__(self) -> None:
         self._begin = time.monotonic()
-        self._told = self._begin
+        self._redrawn = self._begin
         able = sys.stderr.isatty() and os.environ.get("TERM") != "dumb"  # to remove what it shows
-        self._shown = able and is_said("info", as_text=True)
+        self._shown = able and is_printed("info", as_text=True)
         self._drawn = False
 
     def end(self) -> None:
@@ -302,9 +302,9 @@ class _Line:
     def _due(self) -> float | None:
         """Return the time since the beginning (s) if the line is due for redrawing, else None."""
         now = time.monotonic()
-        if not self._shown or now - self._told <= _EVERY:
+        if not self._shown or now - self._redrawn <= _EVERY:
             return None
-        self._told = now
+        self._redrawn = now
         return now - self._begin
 
     def _write(self, text: str) -> None:
@@ -354,7 +354,7 @@ class _Work(_Line):
         if self._shown:
             self._begun.start()
 
-    def tell(self, what: str) -> None:
+    def update(self, what: str) -> None:
         """Show what is done next."""
         self._what = f"{self._verb}: {printable(what)}"
         if self._drawn:
@@ -369,23 +369,23 @@ class _Work(_Line):
 
 
 @contextlib.contextmanager
-def work_told(verb: str = "drawing") -> Iterator[None]:
+def progress_shown(verb: str = "drawing") -> Iterator[None]:
     """Show what the block is drawing (figures, frames of a film) or measuring."""
     from vibro_cli.progress import WORK
 
     line = _Work(verb)
     try:
-        with WORK.to(line.tell):
+        with WORK.to(line.update):
             yield
     finally:
         line.end()
 
 
-def each_as_told(verb: str, results: Iterable[_Result]) -> Iterator[_Result]:
+def each_with_progress(verb: str, results: Iterable[_Result]) -> Iterator[_Result]:
     """Yield results as they come; show what is being done while each is awaited."""
     coming = iter(results)
     while True:
-        with work_told(verb):
+        with progress_shown(verb):
             try:
                 found = next(coming)
             except StopIteration:
@@ -402,7 +402,7 @@ class RunProgress(_Line):
         self._stops = stop_time, stop_impacts
         self._first: tuple[float, int] | None = None
 
-    def tell(self, simulated: float, impacts: int) -> None:
+    def update(self, simulated: float, impacts: int) -> None:
         """Record the progress of the run; redraw the line if it is due."""
         if self._first is None:  # not 0 where a run is continued
             self._first = simulated, impacts

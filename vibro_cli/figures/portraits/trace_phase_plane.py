@@ -30,7 +30,7 @@ from vibro_cli.analysis.singular import (
 )
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import Sheet, body_look
-from vibro_cli.figures.labels import SAY, Entry, draw_legend, in_powers, rows_of, text_width
+from vibro_cli.figures.labels import SMALL_TEXT, Entry, draw_legend, in_powers, rows_of, text_width
 from vibro_cli.figures.portraits.family import Member, draw_family, name_points, shown_of
 from vibro_cli.figures.portraits.layers import (
     Background,
@@ -100,7 +100,7 @@ def structure(portrait: Portrait, width: str = "single", bodies: str = "") -> Fi
         name_points(panel, portrait.names, along)
         for number, line in enumerate(reversed(words)):
             height = BOTTOM + _HIGH[width] + 1.2 + number * _LINE
-            sheet.write(LEFT, height, line, va="baseline", **SAY)
+            sheet.write(LEFT, height, line, va="baseline", **SMALL_TEXT)
         draw_legend(sheet.figure, rows)
     return sheet.figure
 

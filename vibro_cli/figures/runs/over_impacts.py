@@ -18,12 +18,12 @@ from vibro_cli.figures.chart import (
     MOST_VECTOR_POINTS,
     body_look,
     count_axis,
+    distinguishable,
     draw_marks,
     log_axis,
     positive_axis,
     stacked,
     time_axis,
-    told_apart,
     value_axis,
 )
 from vibro_cli.figures.labels import Bar, Entry, draw_legend
@@ -184,7 +184,7 @@ def _errors(run: Recorded) -> tuple[Array, Array, int]:
     times, errors, flights = [], [], 0
     for time, change in energy_residuals(run):
         error = np.abs(change)
-        apart = told_apart(time, error) if len(time) > MOST_MARKS else slice(None)
+        apart = distinguishable(time, error) if len(time) > MOST_MARKS else slice(None)
         times.append(time[apart])
         errors.append(error[apart])
         flights += len(time)

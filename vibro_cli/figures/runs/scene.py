@@ -25,7 +25,7 @@ from vibro_cli.figures.chart import (
 )
 from vibro_cli.figures.labels import (
     HALO,
-    SAY,
+    SMALL_TEXT,
     Named,
     draw_legend,
     ring,
@@ -185,7 +185,7 @@ def _draw_piece(
 
     The centre of an arc and its radius are left out if they are outside the figure.
     """
-    look = SAY | {"ha": "center", "va": "center", "fontstyle": "italic"}
+    look = SMALL_TEXT | {"ha": "center", "va": "center", "fontstyle": "italic"}
     words = str(piece.index + 1)
     if np.all(place > within[0]) and np.all(place < within[1]):
         axes.text(place[0], place[1], words, path_effects=HALO, zorder=3.0, **look)
@@ -336,7 +336,7 @@ def plan(run: Recorded, width: str = "single") -> Figure | None:
             axes.plot(surface[:, 0], surface[:, 1], zorder=2.0, **_PLAN_SURFACE)
             draw_ends(axes, run.system, 2.5 / scale)
             _draw_discs(axes, one, np.maximum(radii, 0.45 / scale))
-            axes.set_title(one.title, pad=1.5, **SAY)
+            axes.set_title(one.title, pad=1.5, **SMALL_TEXT)
         _draw_bar(sheet, float(high[0] - low[0]), scale)
         if len(radii) > 1:
             named = body_entries(run, MOST_COLOURS)
@@ -473,4 +473,4 @@ def _draw_bar(sheet: Sheet, extent: float, scale: float) -> None:
     axes.set_ylim(-1.0, 1.0)
     axes.plot([0, 0, 0, 1, 1, 1], [-1, 1, 0, 0, 1, -1], clip_on=False, **_PLAN_SURFACE)
     after = left + length * scale + 1.5
-    sheet.write(after, bottom + 0.5, f"{short_number(length)} m", va="center", **SAY)
+    sheet.write(after, bottom + 0.5, f"{short_number(length)} m", va="center", **SMALL_TEXT)

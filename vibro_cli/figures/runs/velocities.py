@@ -15,7 +15,7 @@ from matplotlib.patches import Circle, Polygon
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import Cell, body_look, in_rows
 from vibro_cli.figures.labels import (
-    SAY,
+    SMALL_TEXT,
     Entry,
     Named,
     Rows,
@@ -146,7 +146,7 @@ def velocities(run: Recorded, width: str = "single") -> Figure | None:
             for when in (0, 1):
                 axes = panels[2 * row + when]
                 _draw(axes, surface, pair, when, scale)
-                _say(axes, run, row, pair, when)
+                _write_heading(axes, run, row, pair, when)
             draw_scale(panels[2 * row + 1], scale)
         draw_legend(figure, lines)
     return figure
@@ -315,7 +315,7 @@ def draw_scale(axes: Axes, scale: float, line: int = 2) -> None:
     side = np.array([0.0, 0.55 / high])
     corners = np.array([tip[0], tip[1] + side, tip[1] - side])
     axes.add_patch(Polygon(corners, linewidth=0.0, **look))
-    axes.text(1.0, level, text, ha="right", va="center", transform=axes.transAxes, **SAY)
+    axes.text(1.0, level, text, ha="right", va="center", transform=axes.transAxes, **SMALL_TEXT)
 
 
 def _frame(axes: Axes, middle: Array, largest: float) -> None:
@@ -372,7 +372,9 @@ def draw_head(axes: Axes, tip: Array, along: Array, head: float, colour: str) ->
     axes.add_patch(Polygon(corners, facecolor=colour, edgecolor="none", zorder=3.1))
 
 
-def _say(axes: Axes, run: Recorded, row: int, pair: Sequence[Striking], when: int) -> None:
+def _write_heading(
+    axes: Axes, run: Recorded, row: int, pair: Sequence[Striking], when: int
+) -> None:
     """Write the values above a panel."""
     number, time = int(run.collisions["n"][row]), float(run.collisions["t"][row])
     sides = "before" if when == 0 else "after"
@@ -443,4 +445,4 @@ def write_over(axes: Axes, left: float, line: int, text: str) -> None:
     """Write a text above a panel, `left` mm from its edge, in a line counted from below."""
     wide, high = panel_size(axes)
     level = 1.0 + (0.9 + 3.3 * line) / high
-    axes.text(left / wide, level, text, transform=axes.transAxes, va="baseline", **SAY)
+    axes.text(left / wide, level, text, transform=axes.transAxes, va="baseline", **SMALL_TEXT)

@@ -77,7 +77,7 @@ class Bounce(NamedTuple):
 
 
 @dataclass
-class Told:
+class History:
     """The oracle's record of a motion."""
 
     events: list[Event] = field(default_factory=list)
@@ -126,11 +126,11 @@ class Oracle:
         self.now.into_contact()
         self.t = mp.zero
         self.held: set[int] = set()  # pairs, and walls that hold a body
-        self.told = Told()
+        self.history = History()
         self._guess = mp.mpf(FIRST_STEP)
         self._longest = 0.0  # s, of the last step of the full order
 
-    def run(self, until: Real, times: Sequence[Real] = (), last: str = "") -> Told:
+    def run(self, until: Real, times: Sequence[Real] = (), last: str = "") -> History:
         """Continue to an instant (s) and return the record, with samples at the given instants.
 
         The first event of the kind ``last`` ends the motion.
@@ -143,19 +143,19 @@ class Oracle:
         waiting = list(times)
         try:
             self._happen([])
-            events, seen = self.told.events, 0
+            events, seen = self.history.events, 0
             while self.t < until and all(event.kind != last for event in events[seen:]):
                 seen = len(events)
                 if seen > self.most_events:
                     raise Undecided("too many events")
                 self._step(until, waiting)
         except Inadmissible as impact:
-            self.told.end_cause = "inadmissible"
-            self.told.end_approach = impact.approach
+            self.history.end_cause = "inadmissible"
+            self.history.end_approach = impact.approach
         except _EndOfTrace:
-            self.told.end_cause = "end_of_trace"
-        self.told.end_time = self.t
-        return self.told
+            self.history.end_cause = "end_of_trace"
+        self.history.end_time = self.t
+        return self.history
 
     def _step(self, until: Real, waiting: list[Real]) -> None:
         groups = self._groups()
@@ -169,7 +169,7 @@ class Oracle:
         end = until if u == rest else self.t + real(u) * step
         while waiting and waiting[0] <= end:
             share = whole((waiting.pop(0) - self.t) / step)
-            self.told.samples.append(self._sample(_states(groups, share)))
+            self.history.samples.append(self._sample(_states(groups, share)))
         self.now.states = _states(groups, u)
         self.t = end
         if happening:
@@ -280,10 +280,10 @@ class Oracle:
         for touch in touches:
             if touch.key in used:
                 kind = "impact" if touch.key >= 0 else "wall"
-                self.told.events.append(Event(self.t, kind, *touch.bodies))
+                self.history.events.append(Event(self.t, kind, *touch.bodies))
                 came, left = (speed_of(touch.row, one) for one in (before, self.now.speeds))
                 along = self.laws.act_along(touch)
-                self.told.bounces.append(Bounce(self.t, touch.bodies, came, left, along))
+                self.history.bounces.append(Bounce(self.t, touch.bodies, came, left, along))
         self._settle(touches, used, max(abs(speed) for speed in before))
 
     def _cross(self, ball: int, to_right: bool) -> None:
@@ -295,7 +295,7 @@ class Oracle:
         target %= len(pieces)
         place = pieces[target].low if to_right else pieces[target].high
         self.now.states[ball] = state._replace(piece=target, place=place)
-        self.told.events.append(Event(self.t, "crossing", ball))
+        self.history.events.append(Event(self.t, "crossing", ball))
 
     def _settle(self, touches: Sequence[Touch], used: dict[int, str], fastest: Real) -> None:
         """Determine lasting contacts; ``fastest`` is the greatest speed before impacts (m/s)."""
@@ -316,7 +316,7 @@ class Oracle:
         for touch in touches:
             if touch.key >= 0 and (touch.key in self.held) != (touch.key in held_before):
                 kind = "contact_closed" if touch.key in self.held else "contact_opened"
-                self.told.events.append(Event(self.t, kind, *touch.bodies))
+                self.history.events.append(Event(self.t, kind, *touch.bodies))
 
     def _at_an_end(
         self, touches: Sequence[Touch], still: Sequence[Touch], used: dict[int, str]

@@ -32,7 +32,7 @@ _NEWTON = 6  # Newton steps from a root accurate to double precision
 
 
 @dataclass(frozen=True)
-class Told:
+class SolverEvent:
     """An impact or the end of a lasting contact in the solver's run."""
 
     t: float
@@ -45,16 +45,16 @@ class Told:
     """Whether lasting contact begins with it."""
 
 
-def told_of(impacts: Any, states: Any, bodies: int) -> list[Told]:
+def solver_events(impacts: Any, states: Any, bodies: int) -> list[SolverEvent]:
     """Return the impacts and ends of contact from the logs of a run, in order."""
     found, known = [], 0
     for row in states[::bodies]:
         closes = bool(row["cause"] == CONTACT_CLOSED)
         for impact in impacts[known : row["event"]]:
             law = LAW_NAMES[impact["law"]]
-            found.append(Told(float(impact["t"]), int(impact["pair"]), law, closes))
+            found.append(SolverEvent(float(impact["t"]), int(impact["pair"]), law, closes))
         if row["cause"] == CONTACT_OPENED:
-            found.append(Told(float(row["t"]), int(row["pair"])))
+            found.append(SolverEvent(float(row["t"]), int(row["pair"])))
         known = row["event"]
     return found
 
@@ -84,15 +84,15 @@ class ReferenceSolver:
         self._held: set[int] = set()
         self._state: list[list[Any]] = []
 
-    def end_of(self, start: Sequence[Any], told: Sequence[Told], end: float) -> list[Any]:
-        """Return the state at a time (s), after the events `told` in between."""
+    def end_of(self, start: Sequence[Any], events: Sequence[SolverEvent], end: float) -> list[Any]:
+        """Return the state at a time (s), after the `events` in between."""
         self._held = set()
         self._state = [
             [start[2 * n] - mp.mpf(spring.foot), start[2 * n + 1]]
             for n, spring in enumerate(self.springs)
         ]
         now, before = mp.zero, None
-        for one in told:
+        for one in events:
             # An impact of a neighbour can end a contact; otherwise its force has vanished.
             if one.law or one.t != before:
                 now = self._fly(now, mp.mpf(one.t), one)
@@ -108,7 +108,7 @@ class ReferenceSolver:
             for number in (x + mp.mpf(spring.foot), v)
         ]
 
-    def _fly(self, now: Any, until: Any, event: Told | None = None) -> Any:
+    def _fly(self, now: Any, until: Any, event: SolverEvent | None = None) -> Any:
         """Advance to a time, or to an event near it; return the time reached."""
         while True:
             length = self._length()
@@ -170,7 +170,7 @@ class ReferenceSolver:
                 found.append([n])
         return found
 
-    def _root(self, courses: list[_Course], event: Told, place: Whole) -> Whole:
+    def _root(self, courses: list[_Course], event: SolverEvent, place: Whole) -> Whole:
         """Return the fraction of a step at which a gap, or the force in a contact, vanishes."""
         series = self._gap(courses, event.pair) if event.law else self._force(courses, event.pair)
         slope = [k * value for k, value in enumerate(series)][1:]
@@ -198,7 +198,7 @@ class ReferenceSolver:
             for k in range(ORDER)
         ]
 
-    def _collide(self, one: Told) -> None:
+    def _collide(self, one: SolverEvent) -> None:
         pair = slice(one.pair, one.pair + 2)
         k = mp.mpf(0 if one.closes else self.restitution[one.pair])
         speeds = [state[1] for state in self._state[pair]]
@@ -364,7 +364,7 @@ def check_tangent(plan: Plan) -> list[Finding]:
 
 def neighbours(system: Any, whole: Stretch) -> Any:
     """Return the start of a run, and a map from nearby starts through the same events."""
-    told = told_of(whole.logs["impacts"], whole.logs["states"], len(system.bodies))
+    events = solver_events(whole.logs["impacts"], whole.logs["states"], len(system.bodies))
     twin = ReferenceSolver(system)
     start = [number for one in system.initial for number in (one.position, one.speed)]
-    return start, lambda moved: twin.end_of(moved, told, whole.end[0])
+    return start, lambda moved: twin.end_of(moved, events, whole.end[0])

@@ -137,7 +137,7 @@ def table_velocities(run: Run, width: str = "single") -> Figure | None:
             for when in (0, 1):
                 axes = panels[2 * number + when]
                 _draw(axes, run, one, when)
-                _say(axes, one, when)
+                _write_heading(axes, one, when)
             draw_scale(panels[2 * number + 1], _LONGEST * one.largest / one.fastest, 3)
         draw_legend(figure, lines)
     return figure
@@ -269,7 +269,7 @@ def _draw_angle(
     return [Named(rf"$\alpha_{{{ball.number}}}{mark}$", points[len(points) // 2], colour)]
 
 
-def _say(axes: Axes, one: Met, when: int) -> None:
+def _write_heading(axes: Axes, one: Met, when: int) -> None:
     """Write the values above a panel."""
     after = "after" if one.made else "after (inadmissible)"
     write_over(axes, 0.0, 3, after if when else f"{one.title}, {short_number(one.time)} s: before")

@@ -21,7 +21,7 @@ from vibro_cli.systems.table.system import POLYGON, TableSystem, on_left
 
 
 @dataclass(frozen=True)
-class Told:
+class SolverEvent:
     """An impact in the solver's run, of two balls or of one on the wall."""
 
     t: float
@@ -34,17 +34,17 @@ class Told:
     edge: int = 0
 
 
-def told_of(pairs: Any, bounces: Any) -> list[Told]:
+def solver_events(pairs: Any, bounces: Any) -> list[SolverEvent]:
     """Return the impacts from the logs of a run, in order."""
-    found: list[tuple[int, Told]] = []
+    found: list[tuple[int, SolverEvent]] = []
     for row in pairs:
         normal = math.atan2(row["normal_y"], row["normal_x"])
         balls = (int(row["a"]), int(row["b"]))
-        one = Told(float(row["t"]), balls, normal, LAW_NAMES[row["law"]])
+        one = SolverEvent(float(row["t"]), balls, normal, LAW_NAMES[row["law"]])
         found.append((int(row["event"]), one))
     for row in bounces:
         normal = math.atan2(row["normal_y"], row["normal_x"])
-        one = Told(float(row["t"]), (int(row["ball"]),), normal, edge=int(row["edge"]))
+        one = SolverEvent(float(row["t"]), (int(row["ball"]),), normal, edge=int(row["edge"]))
         found.append((int(row["event"]), one))
     return [one for _, one in sorted(found, key=lambda each: each[0])]
 
@@ -58,14 +58,14 @@ class ReferenceSolver:
         self.masses = [mp.mpf(body.mass) for body in system.bodies]
         self.rolling = [mp.mpf(body.kappa) * body.mass for body in system.bodies]
 
-    def end_of(self, start: Sequence[Any], told: Sequence[Told], end: float) -> list[Any]:
-        """Return the state at a time (s), after the impacts `told` in between.
+    def end_of(self, start: Sequence[Any], events: Sequence[SolverEvent], end: float) -> list[Any]:
+        """Return the state at a time (s), after the `events` in between.
 
         States are ``x, y, vx, vy`` of each ball, ball by ball.
         """
         state = [list(start[4 * n : 4 * n + 4]) for n in range(len(self.radii))]
         now = mp.zero
-        for one in told:
+        for one in events:
             step, normal = self.contact(state, now, one)
             for ball in state:
                 ball[0] += step * ball[2]
@@ -82,7 +82,7 @@ class ReferenceSolver:
             for number in (x + step * vx, y + step * vy, vx, vy)
         ]  # fmt: skip
 
-    def contact(self, state: list[list[Any]], now: Any, one: Told) -> tuple[Any, Any]:
+    def contact(self, state: list[list[Any]], now: Any, one: SolverEvent) -> tuple[Any, Any]:
         """Return the time until an impact (s), and the normal of the wall there."""
         if len(one.balls) == 2:
             a, b = one.balls
@@ -118,7 +118,7 @@ class ReferenceSolver:
         size = mp.sqrt(x**2 + y**2)
         return x / size, y / size
 
-    def _curved(self, ball: list[Any], r: Any, guess: Any, one: Told) -> tuple[Any, Any]:
+    def _curved(self, ball: list[Any], r: Any, guess: Any, one: SolverEvent) -> tuple[Any, Any]:
         """Return time (s) and normal of a contact with a conic, by Newton from the solver's."""
         wall = self.system.wall
         assert wall is not None
@@ -150,7 +150,7 @@ class ReferenceSolver:
         for axis in (0, 1):
             ball[2 + axis] -= (1 + mp.mpf(wall.restitution)) * speed * normal[axis]
 
-    def _collide(self, state: list[list[Any]], one: Told) -> None:
+    def _collide(self, state: list[list[Any]], one: SolverEvent) -> None:
         """Change the components along the line of centres by the law."""
         pair = one.balls
         n = self._unit(*(state[pair[1]][axis] - state[pair[0]][axis] for axis in (0, 1)))
@@ -253,7 +253,7 @@ def _contact(plan: Plan) -> Finding:
         run = solve_any(document, "python")
         start = [[mp.mpf(ball[name]) for name in ("x", "y", "velocity_x", "velocity_y")]]
         t, t_low, normal = (float(run.bounces[name][0]) for name in ("t", "t_low", "normal_angle"))
-        exact, _ = ReferenceSolver(run.system).contact(start, mp.zero, Told(t, (0,), normal))
+        exact, _ = ReferenceSolver(run.system).contact(start, mp.zero, SolverEvent(t, (0,), normal))
         error.take(float(abs(exact - mp.mpf(t) - mp.mpf(t_low))) / 3.0, document)
     return error
 
@@ -379,7 +379,7 @@ def check_tangent(plan: Plan) -> list[Finding]:
 
 def neighbours(system: Any, whole: Stretch) -> Any:
     """Return the start of a run, and a map from nearby starts through the same events."""
-    told = told_of(whole.logs["pair_log"], whole.logs["bounce_log"])
+    events = solver_events(whole.logs["pair_log"], whole.logs["bounce_log"])
     twin = ReferenceSolver(system)
     start = [number for one in system.initial for number in (*one.place, *one.velocity)]
-    return start, lambda moved: twin.end_of(moved, told, whole.end[0])
+    return start, lambda moved: twin.end_of(moved, events, whole.end[0])

@@ -62,15 +62,15 @@ class TraceStretches(Stretches):
 
     def __init__(self, driver: Driver, stop_time: float | None) -> None:
         super().__init__(LOOP, driver, stop_time)
-        self._told = 0
+        self._logged = 0
         self._nothing = {name: zeros(0, LOOP.records[name]) for name in LOOP.logs}
         self._carried: dict[str, Any] = self._nothing
 
     def _framed(self, logs: dict[str, Any]) -> Stretch:
         known = len(self._carried["log"])
         segments = logs["segments"].copy()
-        segments["flight"] += known - self._told
-        self._told += len(logs["log"])
+        segments["flight"] += known - self._logged
+        self._logged += len(logs["log"])
         logs["segments"] = joined([self._carried["segments"], segments])
         logs["log"] = joined([self._carried["log"], logs["log"]])
         self._carried = self._nothing | under_way(logs)

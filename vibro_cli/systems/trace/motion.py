@@ -356,12 +356,12 @@ class LongMotion:
         parts: list[dict[str, Any]] = []
         for stretch in self._stretches():
             until = stretch.end[0]
-            told = len(waiting)
+            count = len(waiting)
             if stretch.cause == RUNNING:
-                told = int(np.searchsorted(waiting, until, "left" if side == "after" else "right"))
-            if told or not parts:  # empty columns if there are no times
-                parts.append(self._paths(stretch).sample(waiting[:told], side))
-            waiting = waiting[told:]
+                count = int(np.searchsorted(waiting, until, "left" if side == "after" else "right"))
+            if count or not parts:  # empty columns if there are no times
+                parts.append(self._paths(stretch).sample(waiting[:count], side))
+            waiting = waiting[count:]
             if not len(waiting):
                 break
         return self._in_order(parts, order)
@@ -378,24 +378,24 @@ class LongMotion:
         return ahead(run.until(lambda: run.driver.rows["log"] >= self._most))
 
     def _paths(self, stretch: Stretch) -> Paths:
-        told = stretch.engine, stretch.logs, stretch.clock
-        self._world = with_logs(SYSTEM.loop, self._world, *told)
+        recorded = stretch.engine, stretch.logs, stretch.clock
+        self._world = with_logs(SYSTEM.loop, self._world, *recorded)
         return Paths(self._places, self._world, stretch)
 
     def _gathered(self, flights: int) -> tuple[dict[str, Any], Any, Any]:
         """Solve the run; return its table of flights, their rows in the log and durations (s)."""
         columns: dict[str, Any] = {}
-        bodies, edges, told = np.arange(len(self.system.bodies) + 1), [], 0
+        bodies, edges, count = np.arange(len(self.system.bodies) + 1), [], 0
         for stretch, own in _numbered(self._stretches()):
             paths = self._paths(stretch)
             over = np.flatnonzero(~paths.last if stretch.cause == RUNNING else paths.last)
-            over = over[: flights - told]  # a different run may have more; its state reveals it
+            over = over[: flights - count]  # a different run may have more; its state reveals it
             table = paths.columns() | {_NUMBER: own[paths.number], _LASTS: paths.duration}
             columns = columns or self._room(table, flights)
             for name, values in table.items():
-                columns[name][told : told + len(over)] = values[over]
-            edges.append((told + np.searchsorted(paths.body[over], bodies)).tolist())
-            told += len(over)
+                columns[name][count : count + len(over)] = values[over]
+            edges.append((count + np.searchsorted(paths.body[over], bodies)).tolist())
+            count += len(over)
         self.state = self._solved.state
         # Flights are sorted by body within each stretch: sort them by body over the whole run.
         order = [slice(*each[body : body + 2]) for body in bodies[:-1] for each in edges]
@@ -433,12 +433,12 @@ class LongMotion:
 
 def _numbered(stretches: Iterator[Stretch]) -> Iterator[tuple[Stretch, Any]]:
     """Yield stretches, each with the row numbers of its flights in the log of the whole run."""
-    told, carried = 0, np.zeros(0, dtype=np.int64)
+    count, carried = 0, np.zeros(0, dtype=np.int64)
     for stretch in stretches:
         log = stretch.logs["log"]
         new = len(log) - stretch.known
-        own = np.concatenate([carried, np.arange(told, told + new)])
-        told += new
+        own = np.concatenate([carried, np.arange(count, count + new)])
+        count += new
         carried = own[last_of_each(log)]
         yield stretch, own
 

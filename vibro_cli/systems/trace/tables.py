@@ -283,7 +283,7 @@ class Impacts:
         self._system = system
         self._around = sidedness(system)
         self._names = [name for name in IN_ORDER if name != "side" or self._around > 0.0]
-        self._told = 0
+        self._count = 0
         self._before: tuple[float, float] | None = None
 
     def take(self, world: World, log: Any) -> dict[str, Any]:
@@ -294,11 +294,11 @@ class Impacts:
         columns = table.columns()
         if len(log) and self._before is not None:
             t, t_low = self._before
-            columns["n"] += self._told
+            columns["n"] += self._count
             columns["dt"][0] = (log["t"][0] - t) + (log["t_low"][0] - t_low)
         if len(log):
             self._before = float(log["t"][-1]), float(log["t_low"][-1])
-        self._told += len(log)
+        self._count += len(log)
         return columns
 
 
@@ -345,7 +345,7 @@ class Tables:
             if grown is None:
                 self._sink("collisions", columns)
             else:
-                self._tell(columns | grown_columns(grown, columns["grazing"]))
+                self._pass_impacts(columns | grown_columns(grown, columns["grazing"]))
         if ended and self._waiting:
             self._sink("collisions", self._waiting)
         of_run = known, stretch.cause, *stretch.end, self._results, 0
@@ -359,7 +359,7 @@ class Tables:
             for instants in self._motion.until(stretch.end[0], ended):
                 self._sink("motion", paths.sample(instants))
 
-    def _tell(self, columns: dict[str, Any]) -> None:
+    def _pass_impacts(self, columns: dict[str, Any]) -> None:
         """Pass on the previous impacts, now that simultaneous ones (not smooth) are known."""
         before, self._waiting = self._waiting, columns
         if not before:
@@ -379,8 +379,8 @@ class Tables:
 
 def trajectory_of(system: TraceSystem, stretch: Stretch) -> Paths:
     """Return the motion in a stretch of a run, which begins with the flights in progress."""
-    told = stretch.engine, stretch.logs, stretch.clock
-    return Paths(Places(system), with_logs(SYSTEM.loop, make_world(system), *told), stretch)
+    recorded = stretch.engine, stretch.logs, stretch.clock
+    return Paths(Places(system), with_logs(SYSTEM.loop, make_world(system), *recorded), stretch)
 
 
 def conserves_energy(
