@@ -5,6 +5,7 @@ import io
 import json
 import subprocess
 import sys
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,6 @@ import pyarrow.parquet as pq
 import pytest
 
 from tests.fake_run import columns_of
-from vibro_cli import __version__
 from vibro_cli.storage.tables import (
     as_array,
     parquet_bytes,
@@ -74,7 +74,7 @@ def test_missing_values_are_null_and_the_others_keep_their_bits(table: Table) ->
 def test_metadata_hold_the_origin() -> None:
     metadata = written(of_trace.EVENTS).schema.metadata
     assert json.loads(metadata[b"vibro:scenario"]) == ORIGIN
-    assert metadata[b"vibro:version"] == __version__.encode()
+    assert metadata[b"vibro:version"] == version("vibro-cli").encode()
     assert metadata[b"vibro:schema"] == b"events/1"
 
 

@@ -456,7 +456,7 @@ class Collision(Table):
     """The law that gives the velocities of two neighbours after an impact."""
 
     law: Law = "hedrih"
-    """Name of the impact law: hedrih, normal-impulse or translational."""
+    """Name of the impact law."""
     k: Annotated[
         tuple[Annotated[float, kinds.RESTITUTION], ...],
         BeforeValidator(_restitutions),

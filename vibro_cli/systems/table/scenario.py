@@ -109,7 +109,7 @@ class TableCollision(Table):
     an impact."""
 
     law: Law = "hedrih"
-    """Name of the impact law: hedrih, normal-impulse or translational."""
+    """Name of the impact law."""
     k: Annotated[float | None, kinds.RESTITUTION] = None
     """Coefficient of restitution of every pair, from 0 to 1."""
     inadmissible: Inadmissible = "stop"
