@@ -22,6 +22,7 @@ from tests.grids.kill import content
 from tests.two_balls import SCENARIO
 from vibro_cli import api, interface
 from vibro_cli.api import NotRecalled
+from vibro_cli.commands.run import Interruption
 from vibro_cli.commands.shared.error_handling import Terminated
 from vibro_cli.errors import NoLibrary
 from vibro_cli.storage.files import FolderRefused
@@ -671,3 +672,33 @@ def test_a_run_that_never_has_an_impact_leaves_no_folder(
     outcome = vibro("run", "round.toml", "-q", "-o", "part")
     assert (outcome.code, Path("part").exists()) == (2, False)
     assert "no impact among the last 100 flights" in outcome.err
+
+
+def test_an_interrupted_run_does_not_replace_one_that_goes_further(
+    vibro: Vibro, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A continuation begins again at the start, and may be interrupted before the earlier end."""
+
+    def interrupted(self: Interruption) -> None:
+        self.number, self.left = signal.SIGINT, "what was finished is kept"
+
+    falling = ("run", GALLERY / "falling_balls.toml", "--set", "stop.collisions=500")
+    plain = ("-q", "--no-figures")
+    assert vibro(*falling, *plain, "-o", "run").code == 0
+    assert vibro(*falling, *plain, "-o", "short", "--set", "stop.collisions=3").code == 0
+    before = content(tmp_path / "run")
+    for name in ("FIRST_ROWS", "COMPILED_ROWS"):
+        monkeypatch.setattr(driver, name, 64)
+    monkeypatch.setattr(Interruption, "__init__", interrupted)
+    on = ("--set", "stop.collisions=2000", *plain)
+    for command in (("run", "--continue", "run", *on), (*falling, *plain, "-o", "run")):
+        outcome = vibro(*command)
+        assert outcome.code == 130
+        assert outcome.err == (
+            "vibro: interrupted; the results in run, which go as far or further, are kept\n"
+        )
+        assert content(tmp_path / "run") == before
+    assert sorted(entry.name for entry in tmp_path.iterdir()) == ["run", "short"]
+    outcome = vibro("run", "--continue", "short", *on)
+    assert (outcome.code, outcome.err) == (130, "vibro: interrupted; what was finished is kept\n")
+    assert 3 < read_parquet(Path("short/collisions.parquet")).num_rows < 500

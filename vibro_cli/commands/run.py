@@ -358,32 +358,25 @@ def stream_run(
 ) -> "Streamed":
     """Run a scenario; write its tables to the folder, stream them, or both.
 
-    An interrupted run is written as far as it came; then the signal is raised again. A run that
-    has had impacts but none for too long is written too; then a `CommandError` is raised.
+    An interrupted run is written as far as it came, unless the folder holds more of it; then the
+    signal is raised again. A run that has had impacts but none for too long is written too; then a
+    `CommandError` is raised.
     """
-    from vibro_cli.storage.folders import streamed_folder
-    from vibro_cli.systems.driver import TooQuiet
+    from vibro_cli.storage.folders import goes_as_far, streamed_folder
 
     interruption = Interruption()
     with contextlib.ExitStack() as open_ones:
         open_ones.enter_context(leaving(options.unwritten(scenario.name)))
-        sinks: list[Sink] = []
         folder = None
         if target is not None:
             made = streamed_folder(scenario, target, options.may_replace(target))
             folder = open_ones.enter_context(made)
-            sinks.append(folder.add)
-        if options.stream is not None:
-            sinks.append(open_ones.enter_context(_standard_output(options.stream, scenario)))
-        refusal = ""
-        try:
-            result = _streamed(options, scenario, earlier, sinks, interruption)
-        except TooQuiet as error:
-            result, refusal = error.streamed, f"vibro: {scenario.name}: {error}"
-            if folder is None or not result.summary_record()["collisions"]:
-                raise CommandError(refusal) from error
-            refusal += f"; the run until then, without figures, is kept in {target}"
-        if folder is not None:
+        result, refusal = _solved(options, scenario, earlier, folder, interruption)
+        if folder is not None and target is not None:
+            end: float = result.summary_record()["end_time"]
+            if interruption and goes_as_far(target, scenario, end):
+                interruption.left = f"the results in {target}, which go as far or further, are kept"
+                interruption.passed_on()  # which discards the unfinished folder
             names = [] if refusal else options.kinds_of(scenario.system)
             figures = _figures(options, scenario, result, folder, names, interruption)
             undrawn = names if interruption else []
@@ -392,8 +385,35 @@ def stream_run(
                 interruption.left = f"what was finished is kept, {scenario.name} without figures"
     interruption.passed_on()
     if refusal:
-        raise CommandError(refusal)
+        raise CommandError(f"{refusal}; the run until then, without figures, is kept in {target}")
     return result
+
+
+def _solved(
+    options: RunCommand,
+    scenario: "AnyScenario",
+    earlier: "EarlierRun | None",
+    folder: "StreamedFolder | None",
+    interruption: Interruption,
+) -> "tuple[Streamed, str]":
+    """Run a scenario, its rows passed to the folder and to standard output, if wanted.
+
+    Also returns why a run with impacts had none for too long, else an empty text. Without a folder
+    that keeps these impacts, this is raised as a `CommandError`.
+    """
+    from vibro_cli.systems.driver import TooQuiet
+
+    with contextlib.ExitStack() as open_ones:
+        sinks: list[Sink] = [] if folder is None else [folder.add]
+        if options.stream is not None:
+            sinks.append(open_ones.enter_context(_standard_output(options.stream, scenario)))
+        try:
+            return _streamed(options, scenario, earlier, sinks, interruption), ""
+        except TooQuiet as error:
+            refusal = f"vibro: {scenario.name}: {error}"
+            if folder is None or not error.streamed.summary_record()["collisions"]:
+                raise CommandError(refusal) from error
+            return error.streamed, refusal
 
 
 def _streamed(

@@ -40,6 +40,7 @@ from vibro_cli.storage.tables import (
 from vibro_cli.systems import system_named
 from vibro_cli.systems.columns import Table, count, flag, number, word
 from vibro_cli.systems.contract import Columns
+from vibro_cli.systems.request import CHANGEABLE
 
 if TYPE_CHECKING:
     import pyarrow
@@ -71,6 +72,21 @@ def check_run_folder(
     )
     if found:
         raise FolderRefused(*refusal(f"{folder} holds a run with other parameters", found, hint))
+
+
+def goes_as_far(folder: Path, scenario: AnyScenario, end_time: float) -> bool:
+    """Return whether a folder holds a run of a scenario that ended at `end_time` (s) or later.
+
+    The scenarios may differ in what a continuation may change.
+    """
+    summary = json_of(folder / "summary.json")
+    if read_manifest(folder) is None or not isinstance(summary, dict):
+        return False
+    found = differences(
+        json_of(folder / SCENARIO_NAME), json.loads(json_bytes(scenario.resolved()))
+    )
+    there: float = summary["end_time"]
+    return all(line.startswith(CHANGEABLE) for line in found) and there >= end_time
 
 
 def arrow_table(name: str, columns: Columns, scenario: AnyScenario) -> pyarrow.Table:
