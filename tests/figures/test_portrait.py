@@ -334,6 +334,17 @@ def test_the_separatrix_of_a_full_circle_is_named_where_it_is_seen(
     assert (top > hills.natural_rate(first) * math.sqrt(2.0)) == seen
 
 
+def test_a_level_line_that_no_curve_reaches_shows_level_curves() -> None:
+    """The upper line of a stadium, where a body could rest: its panel was empty."""
+    halves = [line(1.5), valley(0.5, 180), line(1.5), valley(0.5, 360)]
+    run = HandMade(system(0, *halves, closed=True))
+    run.fly(1, (0.5, 1.0), (1.0, 1.0), cause_start="start", cause_end="end")
+    figure = phase_portrait(run, 1)
+    speeds = [abs(float(curve[0, 1])) for curve in lines(figure, 2, 1.0)]
+    assert len(speeds) >= 2
+    assert 0.0 < min(speeds) < figure.axes[2].get_ylim()[1]
+
+
 def test_a_line_that_the_body_does_not_reach_shows_its_level_curves() -> None:
     run = made(-90, valley(1.0, 0), line(1.5), valley(1.0, 90))
     run.fly(1, (-1.0, 6.0), (-0.5, 6.5), cause_start="start", cause_end="end")

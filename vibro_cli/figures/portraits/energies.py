@@ -130,7 +130,8 @@ def energy_portrait(run: Recorded, ball: int, width: str = "single") -> Figure:
         if stays_at_rest(path):
             limit_energies(lower, highest_energy(portrait))
         else:
-            limit_energies(lower, *_limits(energies, below, 1e-3 * float(np.max(values))))
+            least = 1e-3 * float(np.max(values))
+            limit_energies(lower, *energy_limits(energies, below, least))
         draw_legend(figure, rows, bar)
     return figure
 
@@ -207,8 +208,8 @@ def _potential_at(landscape: Landscape, s: Array) -> Array:
     return found
 
 
-def _limits(energies: Array, potential: Array, least: float) -> tuple[float, float]:
-    """Return the upper and the lower end of the axis of energies (J).
+def energy_limits(energies: Array, potential: Array, least: float = 0.0) -> tuple[float, float]:
+    """Return the upper and the lower end of the axis of energies (J) of a motion.
 
     The axis begins at 0 and reaches `least` at least. For a motion high above the lowest place of
     the trace, it begins just below the least potential energy of the motion.
@@ -227,11 +228,17 @@ def _window(trace: Trace, path: Trajectory, behind: Background) -> Window:
     body at rest, it is as high as the level curves.
     """
     (branches,), reached = path.branches, greatest_rate(path, [0])
-    through = max((float(np.max(curve.rate)) for curve in behind.separatrices), default=0.0)
+    saddles = (*behind.separatrices, *behind.eights)
+    through = max((float(np.max(curve.rate)) for curve in saddles), default=0.0)
     low, high, extent = 0.0, trace.length, float(np.ptp(branches.position))
     if 0.0 < extent < _SMALL * trace.length:
-        low = max(low, float(np.min(branches.position)) - _BESIDE * extent)
-        high = min(high, float(np.max(branches.position)) + _BESIDE * extent)
-        through = 0.0
+        close = close_up(branches.position)
+        low, high, through = max(low, close[0]), min(high, close[1]), 0.0
     levels = max((float(np.max(curve.rate)) for curve in behind.levels), default=1.0)
     return straight(*limits_apart(low, high), _MARGIN * (max(reached, through) or levels))
+
+
+def close_up(position: Array) -> tuple[float, float]:
+    """Return the ends of an axis (m) that shows a motion close up, with room on both sides."""
+    room = _BESIDE * float(np.ptp(position))
+    return float(np.min(position)) - room, float(np.max(position)) + room

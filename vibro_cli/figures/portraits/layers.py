@@ -104,8 +104,9 @@ def background(landscape: Landscape, highest: float, passed: float = 0.0) -> Bac
     saddles = saddle_energies(points)
     pieces = landscape.trace.pieces
     levels = level_energies(points, highest, passed)
-    reached, own_points = max([0.0, *levels, *saddles]), {point.piece for point in points}
-    for piece in (one for one in pieces if one.index not in own_points):
+    reached = max([0.0, *levels, *saddles])
+    marked = {point.piece for point in points if point.kind in MARKER}
+    for piece in (one for one in pieces if one.index not in marked):
         levels += _beyond(landscape, piece, reached)
     own = [] if saddles else [arc_separatrix(landscape, piece) for piece in pieces]
     return Background(
@@ -126,7 +127,7 @@ def _beyond(landscape: Landscape, piece: Piece, reached: float) -> list[float]:
     if float(landscape.potential(piece, np.mean(ends))) <= reached:
         return []
     low, high = np.sort(landscape.potential(piece, ends)).tolist()
-    rise = (high - low) or low  # curves cross a level piece
+    rise = (high - low) or min(low, reached) or low  # curves cross a level piece, as fast as others
     return [low + fraction**2 * rise for fraction in _FRACTIONS]
 
 

@@ -23,7 +23,9 @@ from vibro_cli.figures.labels import draw_legend, rows_of
 from vibro_cli.figures.portraits import layers
 from vibro_cli.figures.portraits.energies import (
     POTENTIAL,
+    close_up,
     draw_energies,
+    energy_limits,
     limit_energies,
     panels_over,
 )
@@ -41,6 +43,7 @@ from vibro_cli.figures.portraits.portrait import (
     draw_motion,
     greatest_rate,
     legend_rows,
+    seen,
     stays_at_rest,
 )
 from vibro_cli.figures.portraits.trajectory import (
@@ -53,6 +56,7 @@ from vibro_cli.figures.portraits.trajectory import (
 )
 from vibro_cli.figures.source import Array, Flags, Integers, kept, made
 from vibro_cli.figures.style import width_of
+from vibro_cli.figures.ticks import limits_apart
 from vibro_cli.progress import WORK
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.springs.phase_plane import (
@@ -195,6 +199,10 @@ def springs_trajectory(run: Run, ball: int) -> Trajectory:
 _MARGIN = 1.08
 _FAR = 3.0
 """The frame cuts off a separatrix larger than this multiple of the motion."""
+_SMALL = 0.1
+"""Share of the extent of the singular points below which a motion is too small to be read."""
+_ROUNDING = 1e-12
+"""Share of its displacement within which a body at rest appears to move."""
 _ABOVE = 1.35
 """Greatest energy of level curves without a run, as a multiple of the saddle's energy."""
 _COUNT = 129
@@ -210,22 +218,25 @@ def springs_portrait(run: Run, ball: int, width: str = "single") -> Figure:
     (branches,) = path.branches
     hills = SpringsLandscape.of(run.system, ball - 1, ball - 1)
     energies = hills.mass * hills.energy(branches.position, branches.rate)
-    highest = float(np.max(energies))
-    if stays_at_rest(path):  # no range to show: draw the portrait as without a run
+    if stays_at_rest(path) or _is_rounding(branches.position):
+        # No range to show: draw the portrait as without a run.
         behind = _at_rest(run.system, ball - 1)
         window = _whole(behind, path.start[1])
         spring = run.system.springs[ball - 1]
-        highest = max(highest, *(spring.energy(end) for end in (window.low, window.high)))
+        ends = (spring.energy(end) for end in (window.low, window.high))
+        limits = 1.15 * max(float(np.max(energies)), *ends), 0.0
     else:
-        behind = springs_background(run.system, ball - 1, highest)
+        behind = springs_background(run.system, ball - 1, float(np.max(energies)))
         window = _around(path, behind)
+        behind = seen(behind, [window])
+        limits = energy_limits(energies, hills.mass * hills.potential(branches.position))
     with style.journal():
         rows, bar = legend_rows(path, behind, width, [("spring's energy", POTENTIAL)])
         figure, upper, lower = panels_over(width, window, rows, _symbols(ball))
         draw_motion([upper], path, behind)
         _draw_spring_energy(lower, run.system, ball - 1, window)
         draw_energies(lower, path, energies, coloured_until(path))
-        limit_energies(lower, 1.15 * highest)
+        limit_energies(lower, *limits)
         draw_legend(figure, rows, bar)
     return figure
 
@@ -279,6 +290,11 @@ def family_figure(members: Sequence[tuple[str, SpringsSystem]], ball: int, width
     return figure
 
 
+def _is_rounding(position: Array) -> bool:
+    """Return whether displacements (m) of a body differ by rounding only."""
+    return bool(np.ptp(position) <= _ROUNDING * np.max(np.abs(position)))
+
+
 def _at_rest(system: SpringsSystem, body: int) -> Background:
     """Return the background of the portrait of a body (from 0) without a run."""
     spring = system.springs[body]
@@ -316,11 +332,16 @@ def _curves(hills: SpringsLandscape, levels: Sequence[Level]) -> tuple[LevelCurv
 
 
 def _around(path: Trajectory, behind: Background) -> Window:
-    """Return a window that holds the motion, the singular points and any nearby separatrix."""
+    """Return a window that holds the motion, the singular points and any nearby separatrix.
+
+    A motion on a small part of it is shown close up.
+    """
     (branches,), reached = path.branches, greatest_rate(path, [0])
     points = [point.position for point in behind.points]
     low = min(float(np.min(branches.position)), *points)
     high = max(float(np.max(branches.position)), *points)
+    if np.ptp(branches.position) < _SMALL * (high - low):
+        return straight(*limits_apart(*close_up(branches.position)), _MARGIN * reached)
     for curve in behind.eights:
         if np.ptp(curve.position) <= _FAR * (high - low):
             low = min(low, float(curve.position[0]))
