@@ -14,7 +14,8 @@ POWERS = {
     "time": (0, 1),
     **dict.fromkeys(("speed", "velocity_x", "velocity_y"), (1, -1)),
     **dict.fromkeys(("length", "position", "radius", "thickness", "x", "y"), (1, 0)),
-    **dict.fromkeys(("semi_axis_x", "semi_axis_y", "height", "foot"), (1, 0)),
+    **dict.fromkeys(("semi_axis_x", "semi_axis_y", "width", "depth", "corners"), (1, 0)),
+    **dict.fromkeys(("height", "foot"), (1, 0)),
 }
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from matplotlib.collections import PathCollection
+from matplotlib.collections import LineCollection, PathCollection
 from matplotlib.patches import Circle
 
 from tests.figures.energy import on_trace
@@ -277,6 +277,18 @@ def test_a_trace_that_turns_has_its_axis_on_the_scene() -> None:
     assert_texts_are_apart(figure)
 
 
+@pytest.mark.parametrize("x", [-1.5, 0.0, 1.0, 2.0, 3.5])
+def test_the_rate_of_rotation_is_written_where_there_is_room(x: float) -> None:
+    """Beside the axis, to the right unless that is too near the edge."""
+    run = run_of("turning_three_arcs", "stop.time=0.1", f"trace.turning={{rate = -2.657, x = {x}}}")
+    figure = scene(run, "single")
+    assert_texts_are_apart(figure)
+    (words,) = (text for text in figure.axes[0].texts if "rad/s" in text.get_text())
+    axis = figure.axes[0].transData.transform((x, 0.0))[0]
+    left, right = words.get_window_extent().intervalx
+    assert 0.0 < max(left - axis, axis - right) < 0.02 * figure.bbox.width
+
+
 OTHER = {
     "millimetres": (
         "one_circle",
@@ -426,6 +438,19 @@ def test_the_potential_energy_reaches_the_right_end_of_any_trace() -> None:
         ]
         assert energy[-1] - energy[0] == pytest.approx(rise[0] - rise[1], rel=1e-12)
     assert beyond
+
+
+def test_the_figure_eight_is_within_the_phase_plane_along_the_trace() -> None:
+    """Of a body that oscillates in one of its halves, too."""
+    trace = scenes.three_arcs(70)
+    run = scenes.solve(scenes.scene(trace, [scenes.ball(-0.8)], time=9.0))
+    upper = energy_portrait(run, 1).axes[0]
+    (eight,) = (one for one in upper.collections if one.get_zorder() == 1.25)
+    assert isinstance(eight, LineCollection)
+    rates = np.concatenate([np.asarray(line)[:, 1] for line in eight.get_segments()])
+    low, high = upper.get_ylim()
+    assert low < np.min(rates)
+    assert np.max(rates) < high
 
 
 def test_the_potential_energy_of_a_level_line_is_clear_of_the_frame() -> None:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
 from matplotlib.colors import to_hex
 from matplotlib.image import imread
 from matplotlib.path import Path as Polyline
@@ -164,6 +165,48 @@ def test_the_figure_eight_of_a_spring_is_one_curve_through_its_saddle() -> None:
         np.testing.assert_allclose(ends, [-turns, turns], rtol=1e-9)
 
 
+@pytest.mark.parametrize("size", [1.0, 2.0**-30])
+@pytest.mark.parametrize(("length", "away"), [(2.0, 1e-3), (2.0, 1e-9), (0.5, 1e-3)])
+def test_a_small_oscillation_on_a_spring_is_shown_close_up(
+    length: float, away: float, size: float
+) -> None:
+    """Its curve fills both axes, and its energy is among those of the spring."""
+    centre = math.sqrt(3.0) if length > 1.0 else 0.0
+    upper, lower = _portrait_from(centre + away, length, size).axes
+    (curve,) = (one for one in upper.collections if one.get_zorder() == 2.0)
+    assert isinstance(curve, LineCollection)
+    places = np.concatenate([np.asarray(one) for one in curve.get_segments()])
+    assert np.ptp(places[:, 0]) > 0.3 * np.ptp(upper.get_xlim())
+    assert np.ptp(places[:, 1]) > 0.3 * np.ptp(upper.get_ylim())
+    low, high = lower.get_ylim()
+    energies = np.asarray(lower.lines[0].get_ydata())
+    assert np.count_nonzero((energies > low) & (energies < high)) > 0.2 * len(energies)
+
+
+@pytest.mark.parametrize("size", [1.0, 2.0**-30])
+def test_a_body_at_rest_up_to_rounding_is_drawn_among_the_level_curves(size: float) -> None:
+    """At a stressed centre, whose place is rounded, it seems to move by less than an ulp."""
+    upper, lower = _portrait_from(math.sqrt(3.0), 2.0, size).axes
+    curves = [one for one in upper.collections if isinstance(one, LineCollection)]
+    rates = np.concatenate(
+        [np.asarray(line)[:, 1] for one in curves for line in one.get_segments()]
+    )
+    assert 0.5 < np.ptp(rates) / np.ptp(upper.get_ylim()) < 1.0
+    energies = np.asarray(lower.lines[0].get_ydata())
+    assert 0.5 < np.ptp(energies) / np.ptp(lower.get_ylim()) < 1.0
+
+
+def _portrait_from(position: float, length: float, size: float) -> Any:
+    """Return the portrait of a body that is let go 1 m beside the line of its spring's foot.
+
+    Lengths in m times `size`.
+    """
+    held = {"height": size, "length": length * size, "stiffness": 4.0, "foot": 0.0}
+    body = {"body": "disk", "radius": 0.1 * size, "mass": 1.0, "position": position * size}
+    data = {"system": "springs", "balls": [body | {"spring": held}], "stop": {"time": 20.0}}
+    return springs_portrait(simulate(any_scenario_of(data)), 1)
+
+
 def _alone(body: dict[str, Any]) -> Any:
     """Return the system of one body on its spring."""
     return build_any(any_scenario_of({"system": "springs", "balls": [body], "stop": {"time": 1.0}}))
@@ -198,6 +241,23 @@ def test_numbers_of_balls_on_one_line_stand_beside_their_arrows() -> None:
     for text in numbers:
         low, high = text.get_window_extent().intervaly
         assert not low < along < high
+
+
+@pytest.mark.parametrize("speed", [0.02, 1.0, 3e-7, 4e8, 5e-31])
+@pytest.mark.parametrize("width", ["single", "double"])
+def test_the_scale_of_a_plan_is_clear_of_the_legend(speed: float, width: str) -> None:
+    """Its arrow, too, however long the number of the speed is."""
+    wall = {"shape": "rectangle", "width": 1.0, "depth": 1.0, "k": 1.0}
+    ball = {"radius": 0.05, "mass": 1.0, "x": 0.0, "y": 0.0, "velocity_x": speed}
+    data = {"system": "table", "wall": wall, "balls": [ball], "stop": {"bounces": 3}}
+    figure = table_plan(simulate(any_scenario_of(data)), width)
+    assert_texts_are_apart(figure)
+    (axes,), (legend,) = figure.axes, figure.legends
+    (arrow,) = (line for line in axes.lines if line.get_transform() == axes.transAxes)
+    (number,) = (text for text in axes.texts if text.get_text().endswith("m/s"))
+    end = legend.get_window_extent().x1
+    assert end < arrow.get_window_extent().x0
+    assert arrow.get_window_extent().x1 < number.get_window_extent().x0
 
 
 def test_a_plan_of_a_tall_table_fits_a_page() -> None:
@@ -271,6 +331,22 @@ def test_names_on_the_scene_of_springs_stand_beside_the_coils() -> None:
 def test_names_of_possible_contact_points_stand_beside_the_tangent_planes() -> None:
     """Over none of the lines through T that are as long as these."""
     run = run_of(FOLDER / "table" / "elliptic_wall.toml", "balls[1].x=-0.8")
+    assert _planes_beside_names(run) == 3  # one from the side, two from above
+
+
+@pytest.mark.parametrize("beside", [0.02, 0.04, 0.06, 0.1, 0.13, 0.14])
+def test_names_stand_beside_the_tangent_planes_at_any_angle(beside: float) -> None:
+    """Also if that is farther from their points."""
+    balls = [
+        {"radius": 0.1, "mass": 1.0, "x": x, "y": y, "velocity_x": speed}
+        for x, y, speed in ((-0.5, 0.0, 1.0), (0.5, beside, -0.5))
+    ]
+    data = {"system": "table", "balls": balls, "collision": {"k": 0.5}, "stop": {"time": 2.0}}
+    assert _planes_beside_names(simulate(any_scenario_of(data))) == 6
+
+
+def _planes_beside_names(run: Any) -> int:
+    """Return the number of tangent planes in a figure; fail if a name is over one of them."""
     figure = table_contact_points(run)
     assert figure is not None
     figure.draw_without_rendering()
@@ -285,4 +361,4 @@ def test_names_of_possible_contact_points_stand_beside_the_tangent_planes() -> N
             for ends in planes:
                 drawn = Polyline(axes.transData.transform(ends))
                 assert not drawn.intersects_bbox(box.padded(-0.15 * box.height), filled=False)
-    assert found == 3  # one from the side, two from above
+    return found

@@ -112,11 +112,14 @@ def text_width(text: str) -> float:
     return float(width) * 25.4 / style.DPI
 
 
-def draw_legend(figure: Figure, rows: Rows, bar: Bar | None = None) -> None:
-    """Draw the rows of a legend above the panels, and the bar to the right of the first row."""
+def draw_legend(figure: Figure, rows: Rows, bar: Bar | None = None, scale: bool = False) -> None:
+    """Draw the rows of a legend above the panels, and the bar to the right of the first row.
+
+    With `scale`, there is something else instead of the bar.
+    """
     width, height = figure.get_size_inches() / MM
     for number, row in enumerate(rows):
-        beside = bar is not None and number == 0
+        beside = (bar is not None or scale) and number == 0
         middle = _MIDDLE + number * LINE
         figure.legend(
             handles=[Line2D([], [], label=text, **look) for text, look in row],

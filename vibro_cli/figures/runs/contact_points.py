@@ -64,6 +64,8 @@ _LONGEST = 1.15
 """Length of the longest arrow, in the same radii."""
 _APART = 0.09
 """Least distance, in the same radii, of points in line of sight that are named separately."""
+_KEEN = 3
+"""Weight of tangent planes among the obstacles that names should not cover."""
 _THIN = line(style.FRAME_GREY, 0.4)
 _HIDDEN = line(style.FRAME_GREY, 0.4, (2, 1.5))
 _PLANE = line(style.BLACK, 0.8)
@@ -196,7 +198,10 @@ def _draw_elevation(axes: Axes, one: Rolling, scale: float) -> None:
     along = 0.75 * np.array([-outward[1], outward[0]])
     plane = np.linspace(points[0] - along, points[0] + along, 60)
     axes.plot(*plane.T, zorder=2.0, **_PLANE)
-    drawn = [plane, arrow(axes, np.zeros(2), scale * np.array([one.speed, 0.0]), colour, CENTRE)]
+    drawn = [
+        *[plane] * _KEEN,
+        arrow(axes, np.zeros(2), scale * np.array([one.speed, 0.0]), colour, CENTRE),
+    ]
     for number, point in enumerate(one.points()[:2]):
         drawn += _draw_parts(axes, points[number], one, point, [0, 2], scale)
     first, *beside = _names(one)
@@ -233,7 +238,7 @@ def _draw_plan(axes: Axes, one: Rolling, scale: float) -> None:
             across = 0.55 * np.array([-place[1], place[0]])
             plane = np.linspace(place - across, place + across, 60)
             axes.plot(*plane.T, zorder=2.0, **_PLANE)
-            drawn.append(plane)
+            drawn += [plane] * _KEEN
         drawn += _draw_parts(axes, place, one, point, [0, 1], scale)
     turned = 180.0 if one.ahead < 0.0 else 0.0
     aside = math.degrees(one.aside)

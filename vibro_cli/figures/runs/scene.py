@@ -31,10 +31,11 @@ from vibro_cli.figures.labels import (
     ring,
     rows_of,
     short_number,
+    text_width,
     write_names,
 )
 from vibro_cli.figures.source import Array, Recorded, flights_of
-from vibro_cli.figures.style import Look, line, mark, width_of
+from vibro_cli.figures.style import Look, line, mark, panel_size, width_of
 from vibro_cli.figures.ticks import round_below
 from vibro_cli.mechanics.potential import Turning
 from vibro_cli.mechanics.system import TraceSystem
@@ -56,6 +57,8 @@ _KEEN = 3
 """Weight of lines among the obstacles that names should not cover."""
 _WALL = 5.0
 """Height of a wall at an end of the trace (mm)."""
+_BESIDE, _UNDER = 1.0, 2.7
+"""Room between the rate of rotation and its axis, and from its middle to the frame (mm)."""
 _TINY = 0.003
 """Bodies smaller than this share of the trace are shown close up."""
 _LEAST = 0.5
@@ -107,7 +110,7 @@ def scene(run: Recorded, width: str = "single") -> Figure:
             axes.plot(*junction, zorder=2.2, clip_on=True, **_JUNCTION)
         draw_ends(axes, run.system, _WALL / scale)
         if run.system.turning is not None:
-            _draw_axis(axes, run.system.turning)
+            numbers = [*numbers, *_draw_axis(axes, run.system.turning)]
         named = [*_draw_bodies(axes, run, scale, within), *named]
         covered = np.concatenate([_obstacles(run, surface, scale), *_points_of(axes)])
         write_names(axes, named, covered, numbers)
@@ -135,14 +138,24 @@ def _obstacles(run: Recorded, surface: Array, scale: float) -> Array:
     return np.concatenate(found)
 
 
-def _draw_axis(axes: Axes, turning: Turning) -> None:
-    """Draw the vertical axis about which the trace rotates, with the rate."""
+def _draw_axis(axes: Axes, turning: Turning) -> Array:
+    """Draw the vertical axis about which the trace rotates, with the rate where there is room.
+
+    Returns the places of the characters of the rate (m), shape (n, 2).
+    """
     axes.axvline(turning.x, zorder=1.5, **_AXIS)
     words = rf"$\Omega = {turning.rate:.4g}$ rad/s"
-    axes.annotate(
-        words, (turning.x, 1.0), (3.0, -4.0), xycoords=("data", "axes fraction"),
-        textcoords="offset points", va="top", fontsize=style.SMALL, path_effects=HALO, zorder=3.0,
-    )  # fmt: skip
+    (low, high), top = axes.get_xlim(), axes.get_ylim()[1]
+    each = (high - low) / panel_size(axes)[0]
+    wide = text_width(words)
+    first = turning.x + _BESIDE * each
+    if first + (wide + _BESIDE) * each > high:
+        first = turning.x - (_BESIDE + wide) * each
+    level = top - _UNDER * each
+    look = SAY | {"color": style.BLACK, "path_effects": HALO, "zorder": 3.0}
+    axes.text(first, level, words, va="center", **look)
+    along = first + np.arange(0.0, wide, 1.0) * each
+    return np.column_stack([along, np.full(len(along), level)])
 
 
 def _extent(run: Recorded, surface: Array) -> tuple[Array, Array]:

@@ -25,6 +25,7 @@ from vibro_cli.figures.labels import (
     room_for,
     rows_of,
     short_number,
+    text_width,
     write_names,
 )
 from vibro_cli.figures.runs.scene import trace_points
@@ -305,8 +306,8 @@ def draw_scale(axes: Axes, scale: float, line: int = 2) -> None:
     low, end = axes.get_xlim()
     each = scale * wide / (end - low)  # mm for 1 m/s
     speed = round_below(_SCALE / each)
-    text = f"{short_number(speed)} m/s"
-    right = wide - 1.4 * len(f"{speed:g} m/s") - 0.5
+    text = with_unit(speed, "m/s")
+    right = wide - text_width(text) - 1.5
     level = 1.0 + (1.9 + 3.3 * line) / high
     ends = np.array([(right - speed * each - 0.8) / wide, (right - 0.8) / wide])
     look: dict[str, Any] = {"transform": axes.transAxes, "clip_on": False, "color": style.BLACK}

@@ -77,7 +77,7 @@ def table_plan(run: Run, width: str = "single") -> Figure:
             _draw_numbers(axes, run, paths, covered)
         axes.set_title(_title(run, until), pad=2.0, color=style.FRAME_GREY)
         if entries:
-            draw_legend(sheet.figure, [entries])
+            draw_legend(sheet.figure, [entries], scale=True)
     return sheet.figure
 
 
