@@ -134,6 +134,8 @@ def body_of(ball: BodyTable) -> Body:
 
 
 _CLOSING_TOLERANCE = 1e-12
+_SURELY_DEGREES = 4.0 * math.pi
+"""Angle of an arc (rad) above which its slopes were probably meant in degrees."""
 
 # Magnitudes of the rate of a rotating trace (rad/s).
 _RATES = (1e-10, 1e10)
@@ -219,6 +221,8 @@ def check_turns(trace: Trace, problems: Problems) -> bool:
     before = len(problems.found)
     for piece in problems.refused(trace.pieces, reachability.overlapping_pieces(trace)):
         expected = "less than a full turn (a full turn of one arc only if the trace is closed)"
+        if abs(piece.angle_end - piece.angle_start) > _SURELY_DEGREES:
+            expected += "; a number without a unit is in rad"
         problems.add(f"trace.arcs[{piece.index + 1}].end_slope", _arc(piece), expected)
     return len(problems.found) == before
 

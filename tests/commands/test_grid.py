@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 
 from tests.commands.conftest import Vibro
+from tests.grid_folder import product, write_grid
 from tests.grids.kill import content
 from tests.two_balls import SCENARIO
 from vibro_cli.commands.shared.error_handling import Terminated
@@ -204,6 +205,32 @@ def test_more_shards_than_chunks_are_warned_of(vibro: Vibro, grid: Path) -> None
     second = vibro("grid", grid, "--shard", "2/2")
     assert second.code == 0
     assert "no chunk is of this shard; nothing is solved" in second.err
+
+
+def test_a_shard_names_the_merge_as_the_next_step(vibro: Vibro, grid: Path) -> None:
+    words = vibro("grid", in_three_chunks(grid), "--shard", "1/2").err
+    assert words.splitlines()[-1] == (
+        "  next       when all shards are finished: the same command with --merge, not --shard"
+    )
+    assert vibro("grid", grid, "--shard", "2/2").code == 0
+    merged = vibro("grid", grid, "--merge").err
+    assert merged.splitlines()[-1] == "  next       vibro report outputs/sweep"
+
+
+def test_many_outcomes_are_listed_up_to_the_rarest(vibro: Vibro, tmp_path: Path) -> None:
+    """Those that are not listed have the share that is left to one."""
+    values = [number / 40 for number in range(40)]
+    write_grid(tmp_path / "grid", product({"balls[1].angle": values, "collision.k": values}))
+    both = ("--outcome", "end_cause", "--outcome", "collisions")
+    outcome = vibro("basins", "grid", *both, "--no-figures")
+    found = json.loads(Path("grid-basins/basins.json").read_text())["outcomes"]
+    assert len(found) == 28
+    lines = outcome.text.splitlines()[1:]
+    for line, one in zip(lines[:20], found, strict=False):
+        assert line == f"  {100 * one['share']:6.2f} %  {one['outcome']}"
+    left = 100 * (1 - sum(one["share"] for one in found[:20]))
+    assert lines[20] == f"  {left:6.2f} %  {len(found) - 20} others, see basins.json"
+    assert lines[21].startswith("  basin entropy")
 
 
 def test_shards_solve_what_the_folder_of_their_grid_lacks(vibro: Vibro, grid: Path) -> None:

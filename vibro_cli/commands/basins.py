@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 _STOPS = ("time", "collisions", "bounces")
 _MANY = 0.05
 """Share of runs ended by a stop above which the command warns."""
+_LISTED = 20
+"""Number of the most frequent outcomes that are printed; basins.json has all."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -127,8 +129,12 @@ def _lines(name: str, mapped: Mapped) -> Iterator[str]:
     yield f"{name}: {axes}"
     if mapped.shown.held:
         yield f"  held      {mapped.shown.held}"
-    for outcome, share in zip(found.outcomes, found.shares, strict=True):
+    listed = _LISTED if len(found.outcomes) > _LISTED + 1 else len(found.outcomes)
+    for outcome, share in zip(found.outcomes[:listed], found.shares, strict=False):
         yield f"  {100.0 * share:6.2f} %  {outcome}"
+    if listed < len(found.outcomes):
+        rest = 100.0 * sum(found.shares[listed:])
+        yield f"  {rest:6.2f} %  {len(found.outcomes) - listed} others, see basins.json"
     yield f"  basin entropy           {found.entropy}"
     if found.boundary_entropy is not None:
         fractal = "; above ln 2 = 0.6931, a sign of a fractal boundary" if found.fractal else ""

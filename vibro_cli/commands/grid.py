@@ -251,7 +251,7 @@ def sweep(options: GridCommand, grid: "Grid", workers: int) -> dict[str, Any]:
                 _drop_damaged(dataset)
             _solve(options, dataset, workers)
     state = _state(grid.name, folder, dataset.receipts.values(), not dataset.missing)
-    _print_totals(grid.name, state, folder, _first_reason(dataset))
+    _print_totals(grid.name, state, folder, _first_reason(dataset), shard is not None)
     return state
 
 
@@ -371,7 +371,9 @@ def _state(
     }
 
 
-def _print_totals(name: str, state: dict[str, Any], folder: Path, reason: str | None) -> None:
+def _print_totals(
+    name: str, state: dict[str, Any], folder: Path, reason: str | None, is_shard: bool
+) -> None:
     from vibro_cli.systems.request import EARLY_ENDS
 
     odd = [
@@ -385,7 +387,9 @@ def _print_totals(name: str, state: dict[str, Any], folder: Path, reason: str | 
         items["such as"] = reason
     chunks = count(state["chunks"], "chunk", "chunks")
     items["files"] = f"{printable(str(folder))} ({chunks}, {size(state['bytes'])})"
-    if state["complete"]:
+    if state["complete"] and is_shard:
+        items["next"] = "when all shards are finished: the same command with --merge, not --shard"
+    elif state["complete"]:
         items["next"] = report_command(folder)
     if state["inadmissible"]:
         items["hint"] = INADMISSIBLE_HINT

@@ -362,7 +362,7 @@ def _restitutions(value: object) -> object:
 def _end_tag(value: object) -> str | None:
     if isinstance(value, (dict, Wall)):
         return "<wall>"
-    return "<stop>" if isinstance(value, str) else None
+    return "<stop>" if value == "stop" else None
 
 
 _K_SCHEMA = kinds.RESTITUTION.schema()

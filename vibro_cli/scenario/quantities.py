@@ -211,6 +211,8 @@ class Count(Kind):
             bounds = f"from {self.least} to {self.most}"
         elif isinstance(value, int) and value >= 2**63:
             bounds = "below 2^63"
+        if isinstance(value, float) and value.is_integer() and self.allows(int(value)):
+            bounds += f", written {int(value)}"  # 1e6 is a number with a point in TOML and YAML
         raise fault(shown(value), f"a whole number {bounds}")
 
     def allows(self, number: Any) -> Any:
