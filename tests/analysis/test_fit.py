@@ -439,6 +439,10 @@ def test_the_command_tells_what_is_wrong(
     (tmp_path / "later.csv").write_text("n,t\n1,1.5\n2,2.5\n3,soon\n")
     (tmp_path / "good.csv").write_text("t\n1.0\n2.0\n3.0\n")
     (tmp_path / "twice.csv").write_text("t,t\n1.0,2.0\n")
+    (tmp_path / "named.csv").write_text("time,impact\n1.0,1\n")
+    (tmp_path / "semicolons.csv").write_text("t;n\n0.84;1\n")
+    (tmp_path / "commas.csv").write_text("t;n\n0,84;1\n")
+    pq.write_table(pa.table({}), tmp_path / "empty.parquet")
     (tmp_path / "latin.CSV").write_bytes("t,Höhe\n1.0,2.0\n".encode("latin-1"))
     pq.write_table(
         pa.table({"t": [1.0, 2.0, 3.0]}),
@@ -460,6 +464,13 @@ def test_the_command_tells_what_is_wrong(
         (["later.csv", *free], "later.csv: row 3: t: found 'soon'"),
         (["twice.csv", *free], "twice.csv: cannot be read as a table: 2 columns are named 't'"),
         (["latin.CSV", *free], "latin.CSV: cannot be read as a table: the name of a column is not"),
+        (
+            ["named.csv", *free],
+            """named.csv: found no column 't' but "time" and "impact", expected""",
+        ),
+        (["semicolons.csv", *free], """found no column 't' but "t;n", expected the instants of"""),
+        (["commas.csv", *free], "; expected fields separated by commas, and . as decimal point\n"),
+        (["empty.parquet", *free], "found no column 't' but none, expected the instants of impac"),
         (["none.csv", *free], "none.csv: cannot be read: No such file"),
         (["none.parquet", *free], "none.parquet: cannot be read: No such file"),
         (["good.csv", "--free", "colision.k"], 'colision.k: found the unknown key "colision"'),

@@ -30,10 +30,19 @@ from vibro_cli.errors import VibroError
 from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.numerics.elementwise import Floats, outside
 from vibro_cli.scenario.models import Scenario
-from vibro_cli.scenario.problems import KeyPath, ScenarioError, parsed_path, path_text
+from vibro_cli.scenario.problems import (
+    KeyPath,
+    ScenarioError,
+    listing,
+    parsed_path,
+    path_text,
+    shown,
+)
 
 _BODIES = ("ball_a", "ball_b")
 COLUMNS = ("t", "n", "error", *_BODIES)
+_NAMED = 6
+"""Number of columns of a table without times that its message names."""
 
 
 class NotMeasured(VibroError, ValueError):
@@ -75,7 +84,13 @@ def read_measured(file: str | Path) -> Measured:
         table = read_table(path)
     except pa.ArrowException as error:
         why = " ".join(str(error).split())
+        if why.startswith("CSV parse error"):
+            why += "; expected fields separated by commas, and . as decimal point"
         raise NotMeasured(f"{path}: cannot be read as a table: {why}") from error
+    if "t" not in table.column_names:
+        names = listing(map(shown, table.column_names[:_NAMED]), "and") or "none"
+        told = f"found no column 't' but {names}, expected the instants of impacts (s)"
+        raise NotMeasured(f"{path}: {told}")
     read = cell if path.suffix.lower() == ".csv" else lambda value: value
     try:
         return measured_of(
