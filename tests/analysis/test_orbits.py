@@ -597,6 +597,10 @@ def test_python_finds_what_the_command_finds(
     [
         (["--vary", "balls[2].mass=3:2"], "expected PATH=LOW:HIGH"),
         (["--vary", "balls[2].mass=3:4"], "expected a number in the range"),
+        (
+            ["--vary", "energy=1:2"],
+            "energy: found 17.5732 J above the trace's left end, expected a number in the range 1",
+        ),
         (["--vary", "balls[2].density=3:4"], "found no number there"),
         (["--vary", "balls[2].mas=3:4"], 'did you mean "mass"?'),
         (["--vary", "balls[5].mass=3:4"], "found balls[5] of 2, expected a number from 1 to 2"),
@@ -618,6 +622,25 @@ def test_what_cannot_be_followed_is_told(
     code = run_command_line(["orbit", str(FALLING), "--impacts", "1", *arguments])
     assert code in (1, 2)
     assert words in capsys.readouterr().err
+
+
+def test_multipliers_that_do_not_leave_one_are_drawn_as_one() -> None:
+    """Rounding splits those of a neutral orbit, by 1e-6 here; the axis does not magnify it."""
+    table = {
+        "value": np.arange(4.0),
+        "stable": np.full(4, True),
+        "special": ["halving", None, None, "bound"],
+        "period": np.linspace(1.0, 2.0, 4),
+        "multiplier": 1.0 + np.array([1e-6, 0.0, 2e-16, 0.0]),
+    }
+    (_, axes) = branch_figure(table, "mass", "single").axes
+    drawn = np.concatenate([line.get_ydata() for line in axes.lines])
+    assert np.nanmin(drawn) == np.nanmax(drawn)
+    assert np.ptp(axes.get_ylim()) > 0.5
+    table["multiplier"] = 1.0 + np.array([0.0, 0.0, 1e-3, 0.0])
+    (_, axes) = branch_figure(table, "mass", "single").axes
+    assert np.nanmax(axes.lines[0].get_ydata()) == 1.001
+    assert np.ptp(axes.get_ylim()) < 2e-3
 
 
 @pytest.mark.parametrize(

@@ -19,6 +19,7 @@ from vibro_cli.analysis.basins import (
     outcomes_of,
 )
 from vibro_cli.analysis.orbit_branch import ENERGY
+from vibro_cli.analysis.orbits import PARTED
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import (
     BAND,
@@ -101,7 +102,10 @@ _MARKS = {
 }  # fmt: skip
 _OTHER = ("o", "end")
 _ROUNDING = 1e-9
-"""Values whose relative differences are smaller than this are drawn as equal."""
+"""Values whose relative differences are smaller than this are drawn as equal.
+
+So are multipliers that do not count as passing 1.
+"""
 
 
 def branch_figure(found: dict[str, Any], label: str, width: str) -> Figure:
@@ -131,7 +135,8 @@ def branch_figure(found: dict[str, Any], label: str, width: str) -> Figure:
         names = (("period", "$T$", "s"), ("multiplier", r"$|\mu|$", ""))
         for axes, (name, symbol, unit) in zip(panels, names, strict=True):
             height = np.asarray(found[name])
-            if np.ptp(height) <= _ROUNDING * np.max(np.abs(height)):
+            near_one = name == "multiplier" and np.all(np.abs(height - 1.0) <= PARTED)
+            if near_one or np.ptp(height) <= _ROUNDING * np.max(np.abs(height)):
                 height = np.full_like(height, np.median(height))
             for look, shown in ((STABLE, whole), (UNSTABLE, ~whole)):
                 gaps = np.flatnonzero(~shown) + 1
