@@ -331,5 +331,5 @@ def test_what_grid_wrote_has_a_page(vibro: Vibro) -> None:
     page = Path("outputs/sweep-report.html").read_text()
     assert "All 6 points are solved." in page
     assert "Why points are invalid or failed" in page  # 2.9 rad would be beyond the other ball
-    for title in ("How the runs end", "Runs over one axis", "Places of the impacts"):
+    for title in ("How the runs end", "Runs over one axis", "Positions of the impacts"):
         assert title in page

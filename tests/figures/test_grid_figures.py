@@ -133,7 +133,7 @@ def test_the_map_of_endings_has_the_colour_of_each_point(made: Any) -> None:
         # k falls from point to point, and rises along the figure's axis
         assert colours[2 - row, column] == pytest.approx(to_rgb(COLOURS[cause])), n
     shown = {text.get_text() for text in texts(figure)}
-    assert {"time reached (3)", "invalid (1)", "starting angle of body 1 [rad]"} <= shown
+    assert {"stop time reached (3)", "invalid (1)", "starting angle of body 1 [rad]"} <= shown
     assert "coefficient of restitution $k$" in shown
 
 

@@ -67,7 +67,11 @@ def test_an_impact_that_would_lift_a_body_off_is_named_not_made(k: float, angle:
     assert np.all(
         np.abs(run.collisions["separation_speed"] - k * run.collisions["approach_speed"]) < 1e-15
     )
-    told = {"portrait": "not made", "energy_portrait": "not made", "velocities": "after (not made)"}
+    told = {
+        "portrait": "did not occur",
+        "energy_portrait": "did not occur",
+        "velocities": "after (did not occur)",
+    }
     for kind, words in told.items():
         one = draw_one(run, kind, 1, "single")
         assert one is not None

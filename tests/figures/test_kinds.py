@@ -262,7 +262,7 @@ def test_a_contact_point_at_a_right_angle_lies_on_the_axis() -> None:
     assert run.collisions["arrival_angle_b"][0] == pytest.approx(0.5 * np.pi, abs=1e-12)
     (drawn,) = draw_all(run, ["contact_points"], "single")
     shown = [text.get_text() for text in texts(drawn.figure)]
-    assert r"$\alpha$ = 90°, to the axis 0 m" in shown
+    assert r"$\alpha$ = 90°, 0 m from the axis" in shown
 
 
 def test_a_trace_that_turns_has_its_axis_on_the_scene() -> None:

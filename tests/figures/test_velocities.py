@@ -87,13 +87,13 @@ def test_bodies_in_translation_have_one_velocity_each_and_an_impulse() -> None:
     shown = [text.get_text() for text in texts(figure)]
     assert "= 2.67 N s" in shown
     assert {"centre $C$", "tangent"} <= set(shown)
-    assert "touching point $T$" not in shown
+    assert "impact point $T$" not in shown
 
 
 @pytest.mark.parametrize("kind", ["velocities", "contact_points"])
 @pytest.mark.parametrize("name", ["particle_on_arcs", "one_circle", "on a table"])
 def test_nothing_is_said_of_the_turning_of_bodies_that_slide(name: str, kind: str) -> None:
-    """Particles have no ω and no part of rolling; balls have both."""
+    """Particles have no ω and no velocity due to rolling; balls have both."""
     if name == "on a table":
         ball = {"radius": 0.05, "mass": 1.0, "body": "particle"}
         balls = [ball | {"x": -1.0, "y": 0.0, "velocity_x": 1.0}, ball | {"x": 0.0, "y": 0.03}]

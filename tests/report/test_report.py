@@ -327,7 +327,7 @@ def test_the_first_impact_stands_in_both_forms(run: StoredRun, page: Page) -> No
     assert rolling.impulse == pytest.approx(table["impulse_moment"][0], rel=1e-12)
     assert rolling.loss == pytest.approx(table["energy_loss"][0], rel=1e-10)
     text = page.with_id("run1-analogy").text
-    assert "The run used that of rolling." in text
+    assert "The run used the form for rolling." in text
     assert text.count(number(rolling.loss, "J")) == 3  # directly, by Carnot, and of all impacts
     assert "left body first" in text
     assert "along the line of centres" not in text
@@ -339,7 +339,7 @@ def test_a_skew_impact_stands_in_both_forms_with_its_normal_parts(tmp_path: Path
     write_run(simulate(scenario), scenario, tmp_path / "run", {})
     page = Page(report_html([open_run(tmp_path / "run")], tmp_path))
     text = page.with_id("run1-analogy").text
-    assert "All is of the components along the line of centres" in text
+    assert "All values are those of the velocity components along the line of centres" in text
     assert "body a first" in text
 
 

@@ -48,7 +48,7 @@ def test_of_a_run_that_ends_as_a_body_leaves_the_trace_nothing_else_is_said() ->
     assert "The normal force is at least 8.5 N: no body lifts off." in (
         validity(summary, True, 0, ())
     )
-    assert "The normal force is at least 8.5 N until one leaves the trace." in (
+    assert "The normal force is at least 8.5 N until a body leaves the trace." in (
         validity({**summary, "end_cause": "lift_off"}, True, 0, ())
     )
 
@@ -57,6 +57,6 @@ def test_an_impact_that_would_lift_a_body_off_is_not_called_inadmissible() -> No
     run = solve_any(not_made("lift_off"))
     refused = int(np.sum(~run.collisions["admissible"]))
     assert np.all(run.collisions["separation_speed"] > 0.0)  # neither goes through the other
-    assert "Impacts inadmissible or not made: 1." in (
+    assert "Inadmissible impacts, or impacts that did not occur: 1." in (
         validity(run.summary_record(), True, refused, ())
     )

@@ -52,14 +52,14 @@ class Row:
     size: Annotated[int | None, "bodies, arcs, scenarios or threads, where varied"] = None
     impacts: Annotated[int, "impacts of a timed run, of all its scenarios"] = 0
     crossings: Annotated[int | None, "junctions crossed in it"] = None
-    repeats: Annotated[int, "runs that were timed, by turns with the others"] = 0
+    repeats: Annotated[int, "runs that were timed, alternating with the others"] = 0
     seconds: Annotated[float | None, "median time of a run", "s"] = None
     spread: Annotated[float | None, "interquartile range of the times over their median"] = None
     per_impact: Annotated[float | None, "median time for each impact", "s"] = None
     compared: Annotated[int | None, "impacts whose times were compared"] = None
     error: Annotated[float | None, "greatest relative error of their times"] = None
-    energy_drift: Annotated[float | None, "relative change of the energy, k = 1"] = None
-    memory: Annotated[int | None, "greatest memory of the process", "B"] = None
+    energy_drift: Annotated[float | None, "relative change in energy, at k = 1"] = None
+    memory: Annotated[int | None, "peak memory of the process", "B"] = None
     status: Annotated[str, "ok, lost (not the impacts of the motion) or failed"] = "ok"
     note: Annotated[str | None, "what happened, if the status is not ok"] = None
 

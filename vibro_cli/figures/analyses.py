@@ -70,7 +70,7 @@ def fit_figure(found: dict[str, Any]) -> Figure:
     noise = 1e3 * np.asarray(found["noise"])
     entries: list[Entry] = [
         ("before the fit", _BEFORE),
-        ("after it", _POINT),
+        ("after the fit", _POINT),
         (r"$\pm 2\sigma$", BAND_KEY),
     ]
     with style.journal():
@@ -98,7 +98,7 @@ UNSTABLE = line(style.VERMILLION, 0.9, (3.0, 1.2))
 _MARKS = {
     "doubling": ("s", "doubling"), "fold": ("D", "fold"), "exchange": ("^", "exchange"),
     "torus": ("v", "torus"), "halving": ("<", "half the period"),
-    "grazing": ("x", "grazing end"), "coincidence": ("+", "two events at once"),
+    "grazing": ("x", "grazing"), "coincidence": ("+", "simultaneous events"),
 }  # fmt: skip
 _OTHER = ("o", "end")
 _ROUNDING = 1e-9
@@ -222,14 +222,16 @@ class Mapped:
         away = np.log(found.distances) - np.log(found.distances).mean()
         fitted = np.exp(np.log(found.uncertain).mean() + slope * away)
         entries: list[Entry] = [
-            ("starts with another outcome within the distance", _SHARE_POINT),
+            ("initial states with another outcome within that distance", _SHARE_POINT),
             (f"slope {found.exponent}".replace("-", "−"), _LINE),
         ]
         with style.journal():
             figure, (axes,) = stacked(width, [_SCALING_HEIGHTS[width]], entries=entries)
             axes.plot(found.distances, fitted, **_LINE)
             axes.plot(found.distances, found.uncertain, **_SHARE_POINT)
-            log_axis(axes, np.concatenate([found.uncertain, fitted]), "share of the starts", "")
+            log_axis(
+                axes, np.concatenate([found.uncertain, fitted]), "fraction of initial states", ""
+            )
             axes.set_ylim(top=min(axes.get_ylim()[1], _MOST))  # no share is greater than 1
             axes.set_xscale("log", base=2)
             axes.set_xlim(found.distances[0] / 1.3, found.distances[-1] * 1.3)

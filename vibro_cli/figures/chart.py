@@ -327,7 +327,7 @@ def body_entries(run: Any, most: int = _MOST_LOOKS) -> list[Entry]:
     return entries if number <= most else [*entries, ("…", {"linestyle": "none"})]
 
 
-MANY = " Of very many impacts those that fall on one spot are one dot."
+MANY = " If there are very many impacts, those at the same spot are drawn as one dot."
 """Sentence for the captions of figures with marks drawn by :func:`draw_marks`."""
 MOST_MARKS = 200_000
 """Number of points above which each is drawn as a pixel."""

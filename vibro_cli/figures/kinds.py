@@ -96,19 +96,22 @@ PORTRAIT = "portrait"
 INTERVALS: Kind[Any] = Kind(
     intervals,
     "Intervals between impacts",
-    f"Time since the previous impact; a falling straight line is an accumulation of impacts.{MANY}",
+    "Time since the previous impact; points on a falling straight line are an accumulation of "
+    f"impacts.{MANY}",
 )
 ENERGY_CAPTION = (
-    "Energy of each body and of all against time; below, what each impact loses or gains. Of "
-    "lasting contact at the end some periods only. Of several bodies that jump very often, means "
-    "over equal times; the energies themselves are faint. Where no body ever has a hundredth of "
-    "the greatest energy of all, only that of all."
+    "Energy of each body and total energy against time; below, the energy lost or gained at each "
+    "impact. Lasting contact at the end is shown for a few periods only. If the energies of "
+    "several bodies jump very often, their means over equal intervals are drawn, and the energies "
+    "themselves are faint. If no body ever has a hundredth of the greatest total energy, only the "
+    "total is drawn."
 )
 EXPONENTS: Kind[Any] = Kind(
     exponents,
     "Lyapunov exponents",
-    "The exponents of the run until each of its impacts, the greatest first, and twice the "
-    "standard error of the greatest. The first tenth of the run, where they jump, is left out.",
+    "Exponents of the run up to each of its impacts, the greatest first, with a band of two "
+    "standard errors about the greatest. The first tenth of the run, where they fluctuate most, is "
+    "omitted.",
 )
 
 
@@ -144,7 +147,7 @@ def draw_one(run: Any, name: str, body: int = 1, width: str = "double") -> Drawn
     return kind.of(name, run, checked("body", body, Count(1, bodies)), width)  # type: ignore[no-any-return]
 
 
-CONTACT_WORDS = "last impact, where contact begins [s]"
+CONTACT_WORDS = "last impact before contact [s]"
 
 
 def _impacts(grid: StoredGrid, width: str, counted: str = "collisions") -> Figure | None:
@@ -201,69 +204,69 @@ def _is_mapped(grid: StoredGrid, name: str) -> bool:
     return name in names[names.index("status") :] and grid.summary[name].dtype != object
 
 
-_OVER_TWO = "Over the two axes with the most values, the first of them across"
+_OVER_TWO = "Over the two axes with the most values, the first of them horizontal"
 GRID_KINDS: dict[str, Kind[StoredGrid]] = {
     "endings": Kind(
         ending_map,
         "How the runs end",
-        f"{_OVER_TWO}: the cause that ended each run, in brackets for how many points.",
+        f"{_OVER_TWO}: the end cause of each run, with the number of runs in brackets.",
         needs="two axes change, and runs end in different ways",
     ),
     "impacts": Kind(
         _impacts,
         "Number of impacts",
-        f"{_OVER_TWO}: the impacts of each run, white where there was none.",
+        f"{_OVER_TWO}: the number of impacts of each run; white where there is none.",
         needs="two axes change, and there are impacts",
     ),
     "bounces": Kind(
         partial(_impacts, counted="bounces"),
         "Number of impacts on the wall",
-        f"{_OVER_TWO}: the impacts of each run on the wall, white where there was none.",
+        f"{_OVER_TWO}: the number of impacts of each run on the wall; white where there is none.",
         needs="two axes change, and there are impacts on a wall",
     ),
     "energy": Kind(
         _energy,
         "Energy left",
-        f"{_OVER_TWO}: energy at the end as a share of that at the start.",
+        f"{_OVER_TWO}: the final energy of each run as a fraction of its initial energy.",
         needs="two axes change",
     ),
     "contact": Kind(
         _contact,
         "Last impact before contact",
-        f"{_OVER_TWO}: the time of the last impact of each run in which lasting contact began, "
-        "which is when it began, unless bodies part again; white where it never began.",
+        f"{_OVER_TWO}: the time of the last impact of each run with lasting contact, which is when "
+        "the contact began unless the bodies part again; white where there is no such contact.",
         needs="two axes change, and lasting contact begins",
     ),
     "curves": Kind(
         curves,
         "Runs over one axis",
-        "Impacts, share of the energy left and time of the first impact of each run, in the colour "
-        "of the cause that ended it; what is the same for all of them is left out.",
+        "Number of impacts, fraction of the energy left and time of the first impact of each run, "
+        "coloured by its end cause; quantities that are the same for all runs are omitted.",
         needs="an axis of numbers changes",
         dimensions=1,
     ),
     "diagram": Kind(
         diagram,
-        "Places of the impacts",
-        "Where the left body of each impact is (on a table ball a), over one axis: every impact of "
-        "every run, coloured by its number.",
-        needs="an axis of numbers changes, and impacts were kept with their places",
+        "Positions of the impacts",
+        "Position of the left body (on a table, of ball a) at every impact of every run, over one "
+        "axis, coloured by the number of the impact.",
+        needs="an axis of numbers changes, and impacts were kept with their positions",
         dimensions=1,
     ),
     "times": Kind(
         first_times,
         "Times of the first impacts",
         f"Times of the first {FIRST} impacts of each run, over one axis, coloured by the number of "
-        "the impact; crosses are ends of runs that were cut short before so many impacts, by an "
-        "inadmissible one, the end of the trace, lift-off, a wall or an accumulation.",
+        "the impact; crosses mark the ends of runs that ended before as many impacts, at an "
+        "inadmissible one, an end of the trace, lift-off, rolling along a wall or an accumulation.",
         needs="an axis of numbers changes, and impacts were kept with their times",
         dimensions=1,
     ),
     "bifurcation": Kind(
         _bifurcation,
-        "The last impacts",
-        f"Place and speed of the left body (on a table of ball a) at the last {LAST} impacts of "
-        "each run, over one axis.",
+        "Bifurcation diagram",
+        f"Position and speed of the left body (on a table, of ball a) at the last {LAST} impacts "
+        "of each run, over one axis.",
         needs=f"as `diagram`, and runs have more than {LAST} impacts",
         dimensions=1,
     ),

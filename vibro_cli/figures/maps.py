@@ -60,9 +60,9 @@ _WORDS = {
     "position": "starting position",
     "speed": "starting speed",
     "omega": "starting angular velocity",
-    "end_slope": "final slope",
+    "end_slope": "end slope",
     "start_slope": "slope at the left end",
-    "rate": "starting rate",
+    "rate": "starting angular rate",
     "turning": "rotation",
 }
 _WHOLE = {"trace.turning.rate": "rate of rotation"}
@@ -290,7 +290,7 @@ COLOURS = {
 }
 """Colours of end causes and statuses: similar to Okabe and Ito's, each with its own grey."""
 WORDS = {
-    "time": "time reached",
+    "time": "stop time reached",
     "collisions": "number of impacts reached",
     "bounces": "number of impacts on the wall reached",
     "no_more_collisions": "no more impacts",

@@ -378,7 +378,7 @@ def bifurcation(
     if shown is None:
         raise NothingToShow("no axis of numbers changes")
     if not panels:
-        raise NothingToShow("the grid kept neither places nor speeds of its impacts")
+        raise NothingToShow("the grid kept neither positions nor speeds of its impacts")
     wanted = ["n", *section.columns, *(name for name, _, _ in panels)]
     impacts, row = _impacts_of(grid, shown, wanted)
     sorting = np.lexsort((impacts["n"], row))

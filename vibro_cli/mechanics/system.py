@@ -211,8 +211,8 @@ LAWS: Mapping[str, ImpactLaw] = {
     "hedrih": ImpactLaw(
         "the papers' law: the moments of momentum about the contact points, J_Pa ω_a + "
         "J_Pb ω_b with J_P = κ m r², are conserved, and ω_b⁺ − ω_a⁺ = k (ω_a⁻ − ω_b⁻)",
-        "moments of momentum about the contact points and the coefficient of restitution "
-        "on the angular velocities: A (3), B (15)–(16), C (3)",
+        "conservation of the moments of momentum about the contact points, and restitution of the "
+        "angular velocities: A (3), B (15)–(16), C (3)",
         separates_on_lines=False,
         separates_on_arcs=False,
         balances_mass=False,
@@ -221,8 +221,8 @@ LAWS: Mapping[str, ImpactLaw] = {
         "an impulse along the line of centres, Newton's restitution on the speed of "
         "approach, rolling kept; it always separates the bodies, and equals `hedrih` for equal "
         "radii on one piece of the trace",
-        "an impulse along the line of centres, rolling kept, the coefficient of "
-        "restitution on the speed of approach",
+        "impulse along the line of centres, continued rolling, and restitution of the speed of "
+        "approach",
         separates_on_lines=True,
         separates_on_arcs=True,
         balances_mass=False,
@@ -263,8 +263,8 @@ def mechanics_warnings(system: TraceSystem, stop_time: float | None = None) -> t
     longest = _longest_phase(system)
     if stop_time is not None and stop_time > longest:
         warnings.append(
-            "places of bodies that still move are not determined in double precision from about"
-            f" t = {longest:.2g} s on: rounding alone turns the phase of their motion by a radian"
+            "positions of moving bodies are not determined in double precision from about"
+            f" t = {longest:.2g} s on: rounding alone shifts the phase of their motion by a radian"
         )
     return tuple(warnings)
 
@@ -286,10 +286,11 @@ def law_warnings(
     unequal_radii = any(a.radius != b.radius for a, b in pairs)
     separates = law.separates_on_arcs if arcs else law.separates_on_lines
     if unequal_radii and not separates:
-        then = "the run stops there" if system.inadmissible == "stop" else "normal-impulse is used"
+        stops = system.inadmissible == "stop"
+        then = "the run then stops" if stops else "the normal-impulse law is then used"
         warnings.append(
             f"the {system.law} law between bodies of unequal radii can be inadmissible"
-            f" (they would go through one another): {then}"
+            f" (the bodies would pass through one another): {then}"
         )
     return warnings
 

@@ -21,11 +21,11 @@ from vibro_cli.figures.style import width_of
 from vibro_cli.report.html import rendered, shown
 
 _METHOD = (
-    "Every timing is the median over repeats, the methods by turns within one run; what a library "
-    "can prepare once (compiling, building integrators, making records) is not timed. The error "
-    "is the greatest relative error among the times of the first impacts, against a Taylor "
-    "integration in 50 digits of the same doubles. A method whose impacts are not those of the "
-    "motion counts as lost. Times are wall-clock times of one thread, batches apart.",
+    "Every timing is the median over repeats, with the methods taking turns within one run; what a "
+    "library can prepare once (compiling, building integrators, making records) is not timed. The "
+    "error is the greatest relative error in the times of the first impacts, compared with a "
+    "Taylor integration of the same doubles in 50 digits. A method whose impacts differ from those "
+    "of the motion counts as lost. Times are wall-clock times of one thread, except for batches.",
     "heyoka: F. Biscani, D. Izzo, MNRAS 504 (2021) 2614. diffrax: P. Kidger, thesis, Oxford 2021.",
     "CyRK: J. P. Renaud. SciPy: P. Virtanen et al., Nature Methods 17 (2020) 261.",
 )
@@ -117,7 +117,7 @@ _LINE: dict[str, Any] = {"linewidth": 0.7, "markersize": 3.6, "markeredgewidth":
 _MARK = 0.12
 _GROWTH = {
     "bodies": "number of bodies",
-    "arcs": "number of arcs, 3 reached",
+    "arcs": "number of arcs (3 are reached)",
     "scenarios": "number of scenarios",
     "cores": "number of threads",
 }
@@ -225,13 +225,13 @@ def growth(rows: Sequence[Row], width: str = "double") -> Figure:
 _FIGURES = {
     "work_precision": (
         "Run time against error",
-        "Lower and further left is better; one mark for each setting, a panel for each scene. "
-        "What a method lost is not drawn.",
+        "One mark for each setting and one panel for each scene; lower and further left is better. "
+        "Lost runs are not drawn.",
         work_precision,
     ),
     "growth": (
         "Growth of the cost",
-        "Compiled; one thread but where threads are counted.",
+        "Compiled solver, on one thread except in the panel over the number of threads.",
         growth,
     ),
 }

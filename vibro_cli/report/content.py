@@ -52,15 +52,15 @@ _KEY_FIGURES = (
     ("First impact", "first_collision_time", "s"),
     ("Last impact", "last_collision_time", "s"),
     ("Junctions crossed", "crossings", ""),
-    ("Lasting contacts begun", "contacts", ""),
-    ("No impact possible since", "quiet_from", "s"),
+    ("Lasting contacts", "contacts", ""),
+    ("No further impact possible from", "quiet_from", "s"),
     ("Energy at the start", "energy_start", "J"),
     ("Energy at the end", "energy_end", "J"),
     ("Largest gap left at an impact", "max_gap", "m"),
 )
 _ACCURACY = (
-    ("Relative drift of the energy, where it should be kept", "energy_drift", ""),
-    ("Corrections that keep the energy, sum of absolute values", "energy_correction", "J"),
+    ("Relative change in energy, where it should be conserved", "energy_drift", ""),
+    ("Corrections that keep the energy constant, sum of absolute values", "energy_correction", "J"),
 )
 _ROUNDING = ("max_gap", "energy_drift", "energy_correction")
 """Columns of rounding errors, of which only the order of magnitude is shown."""
@@ -107,7 +107,7 @@ def section_of_trace(run: StoredRun, name: str, beside: Path) -> dict[str, Any]:
     """Return the content of the section on a run on a trace."""
     notes = mechanics_warnings(run.system, run.summary["end_time"])
     return {
-        **_section(run, name, notes, "Largest distance of the surfaces left at an impact"),
+        **_section(run, name, notes, "Largest distance left between the surfaces at an impact"),
         "setting": _setting_of_trace(run),
         "tables": _tables(run, name),
         "series": series_rows(run),
@@ -121,7 +121,7 @@ def section(run: StoredRun, name: str, beside: Path) -> dict[str, Any]:
     """Return the content of the section on a run of another system."""
     notes = run.kind.warnings(run.scenario, run.system)
     return {
-        **_section(run, name, notes, "Largest distance left at an impact"),
+        **_section(run, name, notes, "Largest distance left between bodies at an impact"),
         "setting": setting(run),
         "tables": [_bodies(run, name)],
         "series": [],
@@ -164,7 +164,7 @@ def _rotation(system: TraceSystem) -> list[tuple[str, str]]:
     turning = system.turning
     if turning is None:
         return []
-    axis = f"about the vertical at x = {number(turning.x, 'm')}"
+    axis = f"about the vertical axis at x = {number(turning.x, 'm')}"
     return [("Rotation of the trace", f"Ω = {number(turning.rate, 'rad/s')} {axis}")]
 
 
@@ -183,7 +183,7 @@ def _setting_of_trace(run: StoredRun) -> list[tuple[str, str]]:
         ("Impact law", f"{system.law}: {LAWS[system.law].summary}"),
         ("Coefficient of restitution k", ", ".join(number(k) for k in system.restitution) or "–"),
         ("Inadmissible impacts", system.inadmissible),
-        ("Stop", " or ".join(text for text in limits if text not in ("", "–"))),
+        ("Stop after", " or ".join(text for text in limits if text not in ("", "–"))),
     ]
     return [(label, value) for label, value in found if value != "–"]
 
@@ -197,7 +197,7 @@ def _tables(run: StoredRun, name: str) -> list[tuple[str, Sequence[str], list[li
             [_piece(run, index) for index in range(len(run.system.trace.pieces))],
         ),
         (
-            f"Bodies of {name}, from left to right, and how they start",
+            f"Bodies of {name}, from left to right, and their initial states",
             (*BODY_HEADS, "Arc", "Angle or position", "Speed"),
             [_body(run, index) for index in range(len(run.system.bodies))],
         ),
@@ -263,7 +263,7 @@ def _bodies(run: StoredRun, name: str) -> tuple[str, list[str], list[list[str]]]
         f"{words} [{unit}]" if unit else words
         for words, unit in (named("balls", key, model) for key in keys)
     ]
-    return f"Bodies of {name}, and how they start", [*BODY_HEADS, *heads], rows
+    return f"Bodies of {name} and their initial states", [*BODY_HEADS, *heads], rows
 
 
 def _beside_the_body(ball: dict[str, Any]) -> dict[str, Any]:
@@ -291,8 +291,8 @@ def energy_balance(run: StoredRun) -> list[tuple[str, str]]:
     tables = {name: log.words for name, log in run.kind.impact_logs.items()}
     elsewhere, digits = "Rounding, and ends of accumulations", 6
     if not tables:  # on a trace impacts on walls have no table
-        tables = {"collisions": "impacts of the table"}
-        elsewhere, digits = "Lost elsewhere (walls, ends of accumulations) and rounding", 3
+        tables = {"collisions": "tabulated impacts"}
+        elsewhere, digits = "Lost elsewhere (walls, ends of accumulations), and rounding", 3
     rest, end = run.summary["energy_start"], run.summary["energy_end"]
     rows = [("At the start", number(rest, "J"))]
     for name, words in tables.items():
@@ -333,7 +333,7 @@ def _impacts(run: StoredRun, name: str, beside: Path) -> dict[str, Any]:
         "words": "impacts",
         "none": "was no impact",
         "label": f"Impacts of {name}",
-        "caption": f"Impacts of {name}, a to the left of b",
+        "caption": f"Impacts of {name}; body a is to the left of body b",
     }
     return words | first_rows(run.collisions, columns, run.place, "collisions", beside)
 
@@ -387,7 +387,7 @@ def compared(
     return {
         "names": list(names),
         "results": [
-            ["Ending", *endings],
+            ["End cause", *endings],
             *([label, *(result.get(label, "–") for result in results)] for label in labels),
         ],
         "settings": [

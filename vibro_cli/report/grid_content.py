@@ -78,9 +78,9 @@ def _endings(grid: StoredGrid) -> list[list[str]]:
 def _setting(grid: StoredGrid) -> list[tuple[str, str]]:
     keep = grid.definition["keep"]
     found = [
-        ("How the axes are combined", str(grid.definition["mode"])),
+        ("Combination of the axes", str(grid.definition["mode"])),
         ("Points", str(grid.manifest["points"])),
-        ("Impacts kept", "yes" if keep["collisions"] else "no, the summaries only"),
+        ("Impacts kept", "yes" if keep["collisions"] else "no, only the summaries"),
     ]
     if grid.definition["mode"] in ("latin-hypercube", "sobol"):
         found.append(("Seed", str(grid.definition["seed"])))
@@ -125,7 +125,7 @@ def _refused(grid: StoredGrid) -> list[list[str]]:
     order = np.argsort(-counts, kind="stable")[:_MOST_REASONS]
     shown = [[str(counts[n]), str(reasons[n, 0]), str(reasons[n, 1])] for n in order]
     left = len(counts) - len(shown)
-    return [*shown, ["…", "", f"{left} more reasons"]] if left else shown
+    return [*shown, ["…", "", f"{left} further reasons"]] if left else shown
 
 
 def _points(grid: StoredGrid) -> dict[str, Any]:

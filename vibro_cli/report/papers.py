@@ -152,16 +152,16 @@ def _special(one: CentralImpact, restitution: float, unit: str) -> str:
 _ROWS: tuple[tuple[str, Any], ...] = (
     ("Inertia: m; J_P", lambda one, unit: _pair(one.inertia, unit[0])),
     ("Velocities before: v; ω", lambda one, unit: _pair(one.before, unit[1])),
-    ("Momentum, kept: Σ m v; Σ J_P ω", lambda one, unit: number(one.momentum, unit[2])),
+    ("Momentum, conserved: Σ m v; Σ J_P ω", lambda one, unit: number(one.momentum, unit[2])),
     ("Coefficient of restitution k", lambda one, _: number(one.restitution)),
     ("Kinetic energy before", lambda one, _: number(one.energy_before, "J")),
-    ("Velocities after, with the run's k", lambda one, unit: _pair(one.after, unit[1])),
+    ("Velocities after, for the k of the run", lambda one, unit: _pair(one.after, unit[1])),
     ("Impulse; its moment", lambda one, unit: number(one.impulse, unit[3])),
     ("Kinetic energy after", lambda one, _: number(one.energy_after, "J")),
     ("Loss of kinetic energy", lambda one, _: number(one.loss, "J")),
-    ("The same by Carnot's theorem", lambda one, _: number(one.carnot, "J")),
+    ("Loss by Carnot's theorem", lambda one, _: number(one.carnot, "J")),
     ("After a plastic impact, k = 0", lambda one, unit: _special(one, 0.0, unit[1])),
-    ("After an ideally elastic one, k = 1", lambda one, unit: _special(one, 1.0, unit[1])),
+    ("After an ideally elastic impact, k = 1", lambda one, unit: _special(one, 1.0, unit[1])),
 )
 
 

@@ -84,20 +84,22 @@ def validity(
     force, friction = summary.get("min_normal_force"), summary.get("max_friction_demand")
     if force is not None and force < 0.0:
         said.append(
-            f"The trace has to hold bodies back: the normal force goes down to "
+            f"The trace has to hold bodies back: the normal force falls to "
             f"{number(force, 'N')}. On a one-sided trace they would lift off."
         )
     elif force is not None:
-        then = " until one leaves the trace" if off else ": no body lifts off"
+        then = " until a body leaves the trace" if off else ": no body lifts off"
         said.append(f"The normal force is at least {number(force, 'N')}{then}.")
     if friction is not None:
         more = ", more than dry surfaces have" if friction > DRY_FRICTION else ""
         needed = number(friction, digits=4)
         said.append(f"Rolling needs a coefficient of friction of {needed}{more}.")
     elif rolls and force is not None and force <= 0.0:
-        said.append("Where the normal force vanishes no friction is enough for rolling.")
+        said.append("Where the normal force vanishes, no coefficient of friction permits rolling.")
     if refused:
-        which = "Impacts inadmissible or not made" if off else "Inadmissible impacts"
+        which = (
+            "Inadmissible impacts, or impacts that did not occur" if off else "Inadmissible impacts"
+        )
         said.append(f"{which}: {refused}.")
     else:
         said.append("Every impact is admissible: the bodies separate after it.")

@@ -148,7 +148,7 @@ def _words(portrait: Portrait, width: float) -> list[str]:
     said = said or ["no trigger of coupled singular points"]
     named = zip(portrait.names, portrait.points, strict=True)
     heights = ", ".join(f"{name} {portrait.height(point.energy):.4g} m" for name, point in named)
-    meant = "height above the lowest place"
+    meant = "height above the lowest position"
     if portrait.landscape.turning is not None:
         meant = "effective potential above its least value"
     values = [f"E/(m g), {meant}: {heights}"] if heights else []

@@ -50,9 +50,9 @@ ASIDE = math.radians(35.0)
 POINTS_TITLE = "Possible contact points"
 POINTS_CAPTION = (
     "The bodies before their first impact, from the side and from above: the contact point T₀ of a "
-    "central impact and those at the same height by an angle α beside it, with the velocities "
-    "there and their parts, that of the centre and what rolling adds. Disks and hoops have T₀ "
-    "alone, and are shown from the side."
+    "central impact and points at the same height at an angle α to either side, with the velocity "
+    "of each as the sum of the velocity of the centre and that due to rolling. Disks and hoops "
+    "have T₀ alone, and are shown from the side only."
 )
 _HIGH = 36.0
 _WORDS = 7.4
@@ -70,8 +70,8 @@ _THIN = line(style.FRAME_GREY, 0.4)
 _HIDDEN = line(style.FRAME_GREY, 0.4, (2, 1.5))
 _PLANE = line(style.BLACK, 0.8)
 _LEGEND = in_black(
-    ("part of the centre", CENTRE),
-    ("part of rolling", ROLLING),
+    ("centre", CENTRE),
+    ("due to rolling", ROLLING),
     ("contact point", TOUCHING),
     ("tangent plane", _PLANE),
 )
@@ -257,7 +257,7 @@ def _draw_plan(axes: Axes, one: Rolling, scale: float) -> None:
     share = share if share > _ROUNDING else 0.0  # at 90 degrees
     reach = with_unit(radius * share * one.body.radius, "m")
     write_over(axes, 0.0, 1, "from above")
-    write_over(axes, 0.0, 0, rf"$\alpha$ = {short_number(aside, 3)}°, to the axis {reach}")
+    write_over(axes, 0.0, 0, rf"$\alpha$ = {short_number(aside, 3)}°, {reach} from the axis")
 
 
 def _draw_parts(

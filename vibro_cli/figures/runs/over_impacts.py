@@ -139,7 +139,7 @@ def intervals(run: Recorded, width: str = "single") -> Figure | None:
         return None
     between = np.array(table["dt"], dtype=np.float64)
     together = int(np.sum(between == 0.0))
-    without = f" ({together} that are 0 not shown)" if together else ""
+    without = f" ({together} of length 0 not shown)" if together else ""
     entries: list[Entry] = [(f"time since the previous impact{without}", DOT)]
     with style.journal():
         figure, (axes,) = stacked(width, [_HIGH[width]], entries=entries)
@@ -160,7 +160,7 @@ def accuracy(run: Recorded, width: str = "single") -> Figure | None:
     end = float(np.max(run.flights()["t_end"]))
     if not len(gap) + flights:
         return None
-    entries = [("residual (0 at the lower edge)", DOT), (r"$2^{-52}$", ROUNDING)]
+    entries = [("error (0: at the lower edge)", DOT), (r"$2^{-52}$", ROUNDING)]
     with style.journal():
         heights = [_SMALL[width]] * (bool(len(gap)) + bool(flights))
         figure, panels = stacked(width, heights, entries=entries[: 1 + bool(flights)])

@@ -352,7 +352,7 @@ def energy_chart(
     shown = within & (np.abs(losses[1]) >= rounding)
     lossy, hidden = bool(np.any(shown)), int(np.sum(within & (losses[1] > 0.0) & ~shown))
     total = [("sum", TOTAL)] if lines.total is not None else []
-    words = f"loss ({hidden} below rounding not shown)" if hidden else "loss"
+    words = f"loss ({hidden} below rounding error not shown)" if hidden else "loss"
     lost = [
         (name, look)
         for name, look, there in ((words, LOSS, losses[1] > 0.0), ("gain", GAIN, losses[1] < 0.0))

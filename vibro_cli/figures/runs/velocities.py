@@ -83,8 +83,8 @@ TANGENT = line(None, 0.6)
 _SURFACE = line(style.BLACK, 0.7)
 _LEGEND = in_black(
     ("centre $C$", CENTRE),
-    ("part of rolling at $T$", ROLLING),
-    ("touching point $T$", TOUCHING),
+    ("due to rolling at $T$", ROLLING),
+    ("impact point $T$", TOUCHING),
     ("along the line of centres", NORMAL),
     (r"$\omega$", TURNING),
     ("tangent", TANGENT),

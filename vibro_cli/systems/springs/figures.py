@@ -88,7 +88,7 @@ def _ground(run: Any, x: Array) -> Ground:
             axes.plot(beam, [one.height] * 2, color=style.BLACK, linewidth=1.6)
 
     links = tuple(Link((one.foot, one.height), coil_shape(_BEAM * wide)) for one in springs)
-    panel = Panel("x", "speed against place along the line")
+    panel = Panel("x", "speed against position along the line")
     return Ground(radii, low - room, high + room, draw, "the bodies on their springs", panel, links)
 
 
@@ -375,20 +375,20 @@ def coil_shape(wide: float) -> Array:
 
 
 _PORTRAIT_CAPTION = (
-    "Above, speed against the displacement from the foot of the spring: the branches run through "
-    "and the jumps at the impacts, lasting contact in a colour of its own, many branches in the "
-    "colours of time up to the last impact; behind them level curves of energy, the separatrix, "
-    "centres (+) and saddles (×). Below, the energy of the spring and the total energy. "
-    "As C fig. 5b."
+    "Above, the speed against the displacement from the foot of the spring: the branches that the "
+    "body follows and its jumps at the impacts; lasting contact has its own colour, and branches "
+    "are coloured by time up to the last impact if there are many. Behind them are level curves of "
+    "energy, the separatrix, centres (+) and saddles (×). Below, the energy of the spring and the "
+    "total energy. As C fig. 5b."
 )
 FIGURES: dict[str, Kind[Any] | KindOfBody] = {
     "scene": Kind[Run](
         springs_scene,
         "The bodies with their springs",
-        "To scale, at the start and at the first impacts: centres C, feet A of the springs at the "
-        "heights b above the line of the centres, and the line on which each body rolls; arrows "
-        "are as long as the bodies are fast; of an impact how far apart its centres are. "
-        "As C fig. 5a.",
+        "To scale, at the start and at the first impacts: centres C, feet A of the springs at "
+        "heights b above the line of the centres, and the line on which each body rolls; the "
+        "lengths of the arrows are proportional to the speeds. For each impact, the distance "
+        "between the centres is given. As C fig. 5a.",
     ),
     PORTRAIT: KindOfBody(
         springs_portrait, "Phase portrait and energies of body", _PORTRAIT_CAPTION
@@ -396,14 +396,14 @@ FIGURES: dict[str, Kind[Any] | KindOfBody] = {
     "motion": Kind[Run](
         springs_places,
         "Motion along the line",
-        "Places of the centres against time, with the impacts; thin horizontal lines are the feet "
-        "of the springs. Of a long run the first part only.",
+        "Positions of the centres against time, with the impacts; thin horizontal lines are the "
+        "feet of the springs. Only the first part of a long run is shown.",
     ),
     "energy": Kind[Run](springs_energies, "Energies", ENERGY_CAPTION),
     "impact_map": Kind[Run](
         springs_impact_map,
         "Impact map",
-        f"Approach speed against the place of the centre of the left body at the impact.{MANY}",
+        f"Approach speed against the position of the centre of the left body at the impact.{MANY}",
     ),
     "intervals": INTERVALS,
     "exponents": EXPONENTS,

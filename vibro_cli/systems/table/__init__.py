@@ -30,9 +30,9 @@ class BallsOnTable(System):
 
     def method(self, scenario: Mapping[str, Any]) -> str:
         return (
-            "Between impacts each ball moves straight on; impacts on one another and on the wall "
-            "are certified first contacts in closed form, in the order of an event queue, and "
-            "there is no time step."
+            "Between impacts each ball moves in a straight line; impacts of two balls and on the "
+            "wall are certified first contacts in closed form, handled in order by an event queue. "
+            "There is no time step."
         )
 
 

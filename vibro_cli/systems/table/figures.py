@@ -381,17 +381,17 @@ FIGURES: dict[str, Kind[Any] | KindOfBody] = {
     "plan": Kind[Run](
         table_plan,
         "Plan of the table",
-        "The wall, the path of every ball from its start (with its number), the balls as they "
-        "touch, and black arrows of the velocities at the start and before (open) and after (full) "
-        "the impacts, where they are few. As C figs 1 and 4.",
+        "The wall, the path of every ball from its start, where its number stands, and the balls "
+        "as they touch; if there are few impacts, black arrows show the velocities at the start, "
+        "and before (open) and after (filled) each impact. As C figs 1 and 4.",
     ),
     "velocities": Kind[Run](
         table_velocities,
         "Plan of velocities and angles",
         "The first impacts from above, before and after: velocities and paths of the centres C, "
         "components along the normal, angular velocities along the axes of rolling, the tangent at "
-        "the contact T, and the angles of arrival α and of outgoing α′ between paths and normal. "
-        "As C figs 1, 2b, 2c and 4.",
+        "the contact point T, and the angles of arrival α and departure α′ between the paths and "
+        "the normal. As C figs 1, 2b, 2c and 4.",
     ),
     "contact_points": Kind[Run](
         table_contact_points, POINTS_TITLE, POINTS_CAPTION + " As C figs 2a and 3."

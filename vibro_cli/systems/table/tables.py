@@ -229,7 +229,7 @@ MOTION = Table(
     ),
 )
 OTHER_TABLES = (MOTION,)
-_WALL = ("Impacts on the wall", "impacts on the wall", "was none on the wall")
+_WALL = ("Impacts on the wall", "impacts on the wall", "was no impact on the wall")
 IMPACT_LOGS = {
     "collisions": ImpactLog("pair_log", COLLISIONS, Collisions, Bodies),
     "bounces": ImpactLog("bounce_log", BOUNCES, Bounces, Bodies, *_WALL),

@@ -129,8 +129,8 @@ class Trace(System):
         if scenario["trace"].get("turning") is not None:
             way = "on the rotating trace (Weierstrass elliptic functions on arcs)"
         return (
-            f"Between impacts each body moves in closed form {way}, impacts are the certified "
-            "first zeros of the distance of the surfaces, and there is no time step."
+            f"Between impacts the motion of each body is known in closed form {way}; impacts are "
+            "certified first zeros of the distance between the surfaces. There is no time step."
         )
 
     def report(self, run: StoredRun, name: str, beside: Path) -> dict[str, Any]:

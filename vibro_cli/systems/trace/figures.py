@@ -120,69 +120,70 @@ def _at_walls(run: Recorded, body: int) -> Iterator[States]:
 
 
 _PORTRAIT_CAPTION = (
-    "Rate against angle on each arc (speed against arc length on lines): the branches run through, "
-    "and the jumps at the impacts, lasting contact in a colour of its own, many branches in the "
-    "colours of time up to the last impact; behind them separatrices, level curves of energy, "
-    "centres (+) and saddles (×). As A figs 1b and 2, B fig. 8, D fig. 1."
+    "Rate against angle on each arc (speed against distance on lines): the branches that the body "
+    "follows and its jumps at the impacts; lasting contact has its own colour, and branches are "
+    "coloured by time up to the last impact if there are many. Behind them are separatrices, level "
+    "curves of energy, centres (+) and saddles (×). As A figs 1b and 2, B fig. 8, D fig. 1."
 )
 FIGURES: dict[str, Kind[Recorded] | KindOfBody] = {
     "scene": Kind(
         scene,
         "The trace and the bodies at the start",
-        "To scale: the pieces of the trace between the dots, with their numbers below, centres O "
-        "and radii R of the arcs, and the bodies with their centres C, contact points P and angles "
-        "φ (in a valley) and ψ (on a hump); arrows where they start with a speed. "
+        "To scale: the pieces of the trace, separated by dots, with their numbers below, the "
+        "centres O and radii R of the arcs, and the bodies with their centres C, contact points P "
+        "and angles φ (in a valley) or ψ (on a hump); arrows show initial speeds. "
         "As A fig. 2a, B fig. 6, D fig. 1a, b.",
     ),
     PORTRAIT: KindOfBody(phase_portrait, "Phase portrait of body", _PORTRAIT_CAPTION),
     "energy_portrait": KindOfBody(
         energy_portrait,
         "Phase portrait and energies along the trace of body",
-        "Above, speed of the centre against arc length: the branches of the run and its jumps, a "
-        "figure eight as one closed curve, separatrices, level curves, centres (+) and saddles "
-        "(×). Below, potential energy and, branch by branch, the total energy of the body. "
-        "As A (abstract), B III.3.6, D.",
+        "Above, the speed of the centre against arc length: the branches that the body follows and "
+        "its jumps, figure eights as single closed curves, separatrices, level curves, centres (+) "
+        "and saddles (×). Below, the potential energy and, for each branch, the total energy of "
+        "the body. As A (abstract), B III.3.6, D.",
     ),
     "plan": Kind(
         plan,
         "Configurations at the impacts",
         "The trace with the bodies at the start, at the first impacts and at the last one; bodies "
-        "that do not collide then are pale. As B fig. 9.",
+        "that are not involved in the impact are pale. As B fig. 9.",
     ),
     "velocities": Kind(
         velocities,
         "Plan of velocities",
         "The bodies of the first impacts as they touch, before and after: the velocities of the "
-        "centres C, those of the touching points T as points of the rolling bodies with what "
-        "rolling adds to those of the centres, and the components along the line of centres, which "
-        "decide on approach and separation. Arcs are angular velocities about the contact points "
-        "P, three quarters of a turn the greatest of the impact; the tangent is common to both "
-        "bodies. As A fig. 1a, B figs 1, 5 and 7.",
+        "centres C; the velocities at T, where the bodies touch, and the part of them that is due "
+        "to rolling; and the components of the centres' velocities along the line of centres, "
+        "which determine approach and separation. Arcs show the angular velocities about the "
+        "contact points P, the greatest of each impact as three quarters of a turn; the tangent is "
+        "common to both bodies. As A fig. 1a, B figs 1, 5 and 7.",
     ),
     "contact_points": Kind(contact_points, POINTS_TITLE, POINTS_CAPTION + " As B figs 2–4."),
     "energy": Kind(
         energies,
         "Energies",
-        f"{ENERGY_CAPTION} Each is from its least potential energy on the trace; steps too close "
-        "to be told apart are bands, from the least to the greatest.",
+        f"{ENERGY_CAPTION} The energy of each body is measured from its least potential energy on "
+        "the trace; steps too close to distinguish are drawn as bands from the least to the "
+        "greatest value.",
     ),
     "space_time": Kind(
         space_time,
         "Motion along the trace",
-        "Arc length of the contact points against time, with the impacts; horizontal lines are "
-        "junctions of the trace. Of a long run the first part only.",
+        "Arc length of the contact points against time, with the impacts; horizontal lines are the "
+        "junctions of the trace. Only the first part of a long run is shown.",
     ),
     "impact_map": Kind(
         impact_map,
         "Impact map",
-        f"Approach speed along the line of centres against the place of the impact.{MANY}",
+        f"Approach speed along the line of centres against the position of the impact.{MANY}",
     ),
     "intervals": INTERVALS,
     "accuracy": Kind(
         accuracy,
-        "Accuracy reached",
-        "Distance of the surfaces left at each impact, and the relative change of energy along "
-        f"each free flight, where it should be 0.{MANY}",
+        "Accuracy",
+        "Distance left between the surfaces at each impact, and the relative change in energy "
+        f"along each free flight; both would be 0 in exact arithmetic.{MANY}",
     ),
     "exponents": EXPONENTS,
 }
