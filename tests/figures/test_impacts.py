@@ -68,9 +68,9 @@ def test_an_impact_that_would_lift_a_body_off_is_named_not_made(k: float, angle:
         np.abs(run.collisions["separation_speed"] - k * run.collisions["approach_speed"]) < 1e-15
     )
     told = {
-        "portrait": "did not occur",
-        "energy_portrait": "did not occur",
-        "velocities": "after (did not occur)",
+        "portrait": "prevented",
+        "energy_portrait": "prevented",
+        "velocities": "after (prevented)",
     }
     for kind, words in told.items():
         one = draw_one(run, kind, 1, "single")

@@ -57,6 +57,6 @@ def test_an_impact_that_would_lift_a_body_off_is_not_called_inadmissible() -> No
     run = solve_any(not_made("lift_off"))
     refused = int(np.sum(~run.collisions["admissible"]))
     assert np.all(run.collisions["separation_speed"] > 0.0)  # neither goes through the other
-    assert "Inadmissible impacts, or impacts that did not occur: 1." in (
+    assert "Inadmissible or prevented impacts: 1." in (
         validity(run.summary_record(), True, refused, ())
     )

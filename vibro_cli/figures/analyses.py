@@ -222,16 +222,14 @@ class Mapped:
         away = np.log(found.distances) - np.log(found.distances).mean()
         fitted = np.exp(np.log(found.uncertain).mean() + slope * away)
         entries: list[Entry] = [
-            ("initial states with another outcome within that distance", _SHARE_POINT),
+            ("points with another outcome within that distance", _SHARE_POINT),
             (f"slope {found.exponent}".replace("-", "−"), _LINE),
         ]
         with style.journal():
             figure, (axes,) = stacked(width, [_SCALING_HEIGHTS[width]], entries=entries)
             axes.plot(found.distances, fitted, **_LINE)
             axes.plot(found.distances, found.uncertain, **_SHARE_POINT)
-            log_axis(
-                axes, np.concatenate([found.uncertain, fitted]), "fraction of initial states", ""
-            )
+            log_axis(axes, np.concatenate([found.uncertain, fitted]), "fraction of the points", "")
             axes.set_ylim(top=min(axes.get_ylim()[1], _MOST))  # no share is greater than 1
             axes.set_xscale("log", base=2)
             axes.set_xlim(found.distances[0] / 1.3, found.distances[-1] * 1.3)

@@ -61,7 +61,7 @@ def why_not_made(through: Any) -> str:
     Impacts without penetration were part of an inadmissible one, or would lift a body off the
     trace.
     """
-    return "inadmissible" if np.any(through) else "did not occur"
+    return "inadmissible" if np.any(through) else "prevented"
 
 
 class Recorded(Flights, Protocol):

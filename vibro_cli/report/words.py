@@ -97,9 +97,7 @@ def validity(
     elif rolls and force is not None and force <= 0.0:
         said.append("Where the normal force vanishes, no coefficient of friction permits rolling.")
     if refused:
-        which = (
-            "Inadmissible impacts, or impacts that did not occur" if off else "Inadmissible impacts"
-        )
+        which = "Inadmissible or prevented impacts" if off else "Inadmissible impacts"
         said.append(f"{which}: {refused}.")
     else:
         said.append("Every impact is admissible: the bodies separate after it.")
