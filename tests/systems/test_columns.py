@@ -166,4 +166,4 @@ def test_exponents_of_the_summary_are_those_of_the_whole_run() -> None:
     """Each row of the table of their convergence covers the run until an impact."""
     for columns, part in ((exponents(2), False), (converging(2).columns, True)):
         told = [one.description for one in columns if one.name in ("lyapunov_1", "lyapunov_2")]
-        assert ["until then" in text for text in told] == [part, part]
+        assert ["of the run up to this impact" in text for text in told] == [part, part]
