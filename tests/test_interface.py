@@ -222,7 +222,7 @@ def test_every_library_takes_a_table(run: Run) -> None:
 
 @pytest.mark.parametrize("take", [pd.DataFrame, np.asarray, pd.Series])
 def test_what_would_take_the_names_of_a_table_for_it_is_refused(run: Run, take: Any) -> None:
-    with pytest.raises(TypeError, match=r"collisions is no array: expected .* to_pandas\(\)"):
+    with pytest.raises(TypeError, match=r"collisions is not an array: expected .* to_pandas\(\)"):
         take(run.collisions)
 
 
@@ -428,7 +428,7 @@ WRONG: dict[str, tuple[Callable[[Run], object], str]] = {
     ),
     "bounds of texts": (
         lambda run: _fitted(run, {"collision.k": ("0.1", "0.9")}),
-        "collision.k: found '0.1' to '0.9', expected bounds that grow",
+        "collision.k: found '0.1' to '0.9', expected ascending bounds",
     ),
     "free text": (
         lambda run: _fitted(run, "collision.k"),
@@ -445,7 +445,7 @@ WRONG: dict[str, tuple[Callable[[Run], object], str]] = {
     ),
     "range of a family": (
         lambda run: _family("balls[2].mass", 2.1, 0.9),
-        r"balls\[2\].mass: found 2.1 to 0.9, expected a range that grows",
+        r"balls\[2\].mass: found 2.1 to 0.9, expected an ascending range",
     ),
     "end of a family": (
         lambda run: _family("balls[2].mass", cast("float", "a"), 2.1),
@@ -489,7 +489,7 @@ WRONG: dict[str, tuple[Callable[[Run], object], str]] = {
         "times: found .*, expected numbers",
     ),
     "file": (lambda run: run.report(cast("str", 5)), "file: found 5, expected the path of a file"),
-    "page": (lambda run: run.report("a.docx"), "file: found 'a.docx', expected a file .html"),
+    "page": (lambda run: run.report("a.docx"), "file: found 'a.docx', expected a .html file"),
     "film": (lambda run: run.film(cast("str", None)), "file: found null, expected the path of a"),
     "picture": (
         lambda run: run.figure("energy").save(cast("str", 5)),
@@ -748,7 +748,7 @@ def test_a_temporary_grid_lasts_as_long_as_its_copies(tmp_path: Path) -> None:
 
 
 def test_errors_of_folders(tmp_path: Path) -> None:
-    with pytest.raises(NotContinuable, match="is no vibro run"):
+    with pytest.raises(NotContinuable, match="is not a vibro run"):
         open_run(tmp_path)
     with pytest.raises(NotAGrid):
         open_grid(tmp_path)

@@ -108,6 +108,6 @@ def _check_recalled(state: Mapping[str, Any], checkpoint: Mapping[str, Any]) -> 
     """Raise ``NotRecalled`` unless the state at the end equals that of the checkpoint."""
     if state != checkpoint["state"]:
         raise NotRecalled(
-            "solved again the run does not end in the state that is stored; expected a run of "
-            "this machine or one like it"
+            "solved again, the run does not end in the stored state; expected a run from this "
+            "machine or one like it"
         )

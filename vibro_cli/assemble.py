@@ -204,7 +204,9 @@ def _check_trace(trace: Trace, problems: Problems) -> bool:
         turns_once = abs(abs(turn) - math.tau) <= _CLOSING_TOLERANCE
         if not turns_once or distance > _CLOSING_TOLERANCE * trace.length:
             found = f"ends {distance:.3g} m apart and a turn of {math.degrees(turn):.9g} deg"
-            expected = "a trace that ends where and how it began, after a turn of 360 deg"
+            expected = (
+                "a trace that ends at its start and in its direction, after a turn of 360 deg"
+            )
             problems.add("trace.closed", found, expected)
             return False
     if not check_turns(trace, problems):
@@ -249,7 +251,7 @@ def check_fit(
                 touched[body.radius] = reachability.touched_pieces(trace, body.radius)
             if touched[body.radius]:
                 own, other = touched[body.radius][0]
-                expected = "a body that touches no other piece than the one it rolls on"
+                expected = "a body that touches only the piece it rolls on"
                 found = f"{body.radius!r}, which on arc {own + 1} may touch arc {other + 1}"
                 problems.add(path, found, expected)
     return len(problems.found) == before
@@ -412,7 +414,9 @@ def check_walls(
         within = initial_conditions.reaches_into_wall(piece, state.position, touch, at_right)
         if problems.refuse(within):
             found = f"body {index + 1} reaching into the {side} wall"
-            expected = f"a place free of it: {touch!r} or further {'left' if at_right else 'right'}"
+            expected = (
+                f"a place clear of it: {touch!r} or further {'left' if at_right else 'right'}"
+            )
             problems.add(_path_of_place(scenario, index), found, expected)
 
 

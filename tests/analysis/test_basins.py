@@ -180,7 +180,7 @@ def test_the_command_writes_what_it_prints(
     assert {one["outcome"]: round(40 * one["share"]) for one in record["outcomes"]} == dict(ended)
     assert (folder / "uncertainty.pdf").exists()
     assert run_command_line(["basins", str(tmp_path / "grid"), "-o", str(tmp_path)]) == 2
-    assert "is no vibro basins; it is left as it is" in capsys.readouterr().err
+    assert "is not a vibro basins folder; it is left as it is" in capsys.readouterr().err
 
 
 def test_what_is_found_is_worded_as_an_indication(

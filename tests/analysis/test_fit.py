@@ -223,7 +223,7 @@ def test_instants_alone_are_fitted_as_they_are(as_series: Any) -> None:
 def test_noise_below_the_rounding_of_instants_is_refused(noise: float) -> None:
     times = simulate(_circle(12)).collisions["t"]
     assert noise < np.spacing(times[-1])
-    with pytest.raises(NoFit, match=r"found a noise of .* than the rounding of its instant"):
+    with pytest.raises(NoFit, match=r"found a noise of .* than the rounding of its time"):
         fit(_circle(), times, PATHS, noise)
     # An error given for one instant is compared with the rounding of that instant.
     table = {"t": times, "error": np.where(np.arange(12) == 7, noise, 1e-6)}
@@ -313,11 +313,11 @@ def test_a_number_that_only_later_impacts_show_is_fitted() -> None:
 @pytest.mark.parametrize(
     ("change", "measured", "free", "words"),
     [
-        ({}, [0.5], PATHS, r"found 1 instants for 2 free numbers, expected 3|expected 2"),
-        ({}, None, ["balls[1].mass", "balls[2].mass"], "only of a combination"),
+        ({}, [0.5], PATHS, r"found 1 measured times for 2 free parameters, expected 3|expected 2"),
+        ({}, None, ["balls[1].mass", "balls[2].mass"], "determine only a combination"),
         ({}, None, ["stop.time"], "found no number"),
         ({}, None, ["balls[2].density"], "found no number"),
-        ({}, None, [], "found no free number"),
+        ({}, None, [], "found no free parameter"),
         ({}, None, ["collision.k", "collision.k"], "found 2 times"),
         ({}, None, {"collision.k": (0.0, 0.5)}, "expected a number from 0 to 0.5"),
         ({}, {"n": [1, 2, 99999], "t": [0.5, 0.7, 1.0]}, PATHS, "impacts in the motion"),
@@ -347,7 +347,7 @@ def test_where_fewer_impacts_led_to_another_minimum_the_numbers_are_told() -> No
 def test_where_the_method_does_not_arrive_the_numbers_are_told() -> None:
     scenario = example("three_arcs").replace({"stop.collisions": 16})
     start = {"collision.k": 0.99, "balls[2].density": 9000.0}
-    with pytest.raises(NoFit, match=r"does not arrive: \d+ motions led to") as caught:
+    with pytest.raises(NoFit, match=r"does not converge: \d+ motions led to") as caught:
         fit(scenario.replace(start), _instants(scenario), [*start], SIGMA)
     k, density = map(float, re.findall(r" = ([^\s,;]+)", str(caught.value)))
     there = _instants(scenario.replace({"collision.k": k, "balls[2].density": density}))
@@ -366,9 +366,12 @@ def test_where_the_method_does_not_arrive_the_numbers_are_told() -> None:
             {"collision.k": (0.5,)},
             "collision.k: found a list of 1, expected two bounds, low and high",
         ),
-        ({"collision.k": ("a", 1.0)}, "collision.k: found 'a' to 1.0, expected bounds that grow"),
-        ({"collision.k": (0.9, 0.2)}, "collision.k: found 0.9 to 0.2, expected bounds that grow"),
-        ({"collision.k": (1.0, 2.0)}, "collision.k: found 1.0 to 2.0, expected some of 0 to 1"),
+        ({"collision.k": ("a", 1.0)}, "collision.k: found 'a' to 1.0, expected ascending bounds"),
+        ({"collision.k": (0.9, 0.2)}, "collision.k: found 0.9 to 0.2, expected ascending bounds"),
+        (
+            {"collision.k": (1.0, 2.0)},
+            "collision.k: found 1.0 to 2.0, expected bounds within 0 to 1",
+        ),
     ],
 )
 def test_what_is_no_free_number_is_told(free: Any, words: str) -> None:
@@ -516,7 +519,7 @@ def test_a_number_at_its_bound_is_told(
     (tmp_path / "measured.csv").write_text("\n".join(["t", *map(repr, instants.tolist())]))
     arguments = ["--free", f"collision.k=0.5:{bound}", "--set", "collision.k=0.8"]
     assert run_command_line(["fit", str(file), str(tmp_path / "measured.csv"), *arguments]) == 0
-    assert (f"may not pass {bound}, which its 95 % do" in capsys.readouterr().out) is at_it
+    assert (f"is bounded by {bound}, within its 95 % interval" in capsys.readouterr().out) is at_it
 
 
 def test_impacts_whose_derivatives_overflow_are_refused() -> None:

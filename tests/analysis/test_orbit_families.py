@@ -260,7 +260,7 @@ def test_a_change_that_is_not_located_is_told(monkeypatch: pytest.MonkeyPatch) -
     assert family.special[1].point.value == nearest
     assert record_of(first, family)["special"][1]["fault"] == "the events change"
     told = [line for line in _lines("falling_balls", first, family) if "warning" in line]
-    assert told == ["  warning      that is the nearest orbit found: the events change"]
+    assert told == ["  warning      this is the nearest orbit found: the events change"]
 
 
 BOUNCING = scene(

@@ -175,7 +175,7 @@ def test_names_that_are_no_files_are_helped_with(vibro: Vibro, scenario: Path) -
     assert "(vibro new three_arcs writes the three_arcs of the gallery)" in (
         vibro("run", "three_arcs").err
     )
-    assert "(a name of your own: vibro new TEMPLATE -o FILE)" in vibro("new", "mine").err
+    assert "(to choose your own name: vibro new TEMPLATE -o FILE)" in vibro("new", "mine").err
 
 
 @pytest.mark.parametrize(

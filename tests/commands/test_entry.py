@@ -191,29 +191,35 @@ def test_every_command_has_help(vibro: Vibro, command: str) -> None:
         (["stress", "--seed", "one"], "--seed: found 'one', expected a whole number"),
         (
             ["section", "a", "-o", "a.gif"],
-            "-o: found a.gif, expected a file .png, .pdf or .svg (see",
+            "-o: found a.gif, expected a .png, .pdf or .svg file (see",
         ),
         (["section", "a", "--transient=-1"], "found '-1', expected a number of at least 0 (see"),
         (["report", "a", "--fps", "200"], "found '200', expected a number of at most 100 (see"),
         (["report", "a", "--pace", "nan"], "found 'nan', expected a number of at least 1e-06 (see"),
-        (["report", "a", "--width", "single"], "--width goes with --pdf FILE and --figures FOLDER"),
+        (["report", "a", "--width", "single"], "--width requires --pdf FILE or --figures FOLDER"),
         (
             ["report", "a", "-o", "a.html", "--animate", "./a.html"],
-            "found a.html for two results, expected a file for each",
+            "found a.html for two results, expected different files",
         ),
         (
             ["report", "a", "-o", "-", "--pdf", "b", "--figures", "b"],
-            "found b for two results, expected a file for each",
+            "found b for two results, expected different files",
         ),
         (["report", "a", "--width", "{a}"], "found '{a}', expected one of single, double (see"),
         (["run", "a.toml", "-o", ""], "--output: found an empty text, expected a name"),
         (["new", "three_arcs", "-o", ""], "--output: found an empty text, expected a name"),
         (["help", "rnu"], "no help on 'rnu' (did you mean 'run'?), expected one of commands"),
         *(
-            (["grid", "a.toml", "--dry-run", *more], "it goes with none of --shard, --merge and")
+            (
+                ["grid", "a.toml", "--dry-run", *more],
+                "it cannot be combined with --shard, --merge or",
+            )
             for more in (["--shard", "1/2"], ["--merge"], ["--repair"])
         ),
-        (["bench", "--references", "a", "--json"], "--references measures nothing; it goes with"),
+        (
+            ["bench", "--references", "a", "--json"],
+            "--references measures nothing; it can be combined with",
+        ),
         (["show", "a.parquet", "--rows", "few"], "vibro: --rows: found 'few', expected N, -N"),
     ],
 )

@@ -78,8 +78,8 @@ def test_the_summary_of_a_grid_gives_a_reason_and_the_next_command(
     lines = vibro("grid", grid).err.splitlines()
     assert lines[:4] == [
         "sweep: 6 points, 7 impacts",
-        "  points     3 invalid; 1 came to an end of the trace",
-        "  such as    scenario 2 is invalid: collision.k: found 2.0, expected a number",
+        "  points     3 invalid; 1 reached an end of the trace",
+        "  example    scenario 2 (invalid): collision.k: found 2.0, expected a number",
         "             from 0 to 1",
     ]
     assert lines[4].startswith("  files      outputs/sweep (1 chunk, ")
@@ -95,9 +95,7 @@ def test_the_summary_of_a_grid_counts_the_runs_that_end_early(vibro: Vibro, tmp_
     causes = told.lines[0]["end_causes"]
     assert causes == {"end_of_trace": 2, "time": 1}
     lines = told.err.splitlines()
-    assert (
-        lines[1] == "  points     all of them valid and admissible; 2 came to an end of the trace"
-    )
+    assert lines[1] == "  points     all valid and admissible; 2 reached an end of the trace"
     Path("refused.toml").write_text(REFUSED)
     lines = vibro("grid", "refused.toml").err.splitlines()
     assert lines[1] == "  points     1 inadmissible"
@@ -119,7 +117,7 @@ def test_a_grid_of_an_earlier_version_is_counted_anew(vibro: Vibro, grid: Path) 
         counts["inadmissible"] = 0
         del counts["end_causes"]
     (folder / "manifest.json").write_text(json.dumps(manifest))
-    assert "complete already" in vibro("grid", grid).err
+    assert "already complete" in vibro("grid", grid).err
     assert content(folder) == before
 
 
@@ -173,8 +171,8 @@ def test_a_grid_says_whether_something_is_kept_of_it(
     monkeypatch.setattr(workers, "solve_in_threads", interrupted)
     outcome = vibro("grid", grid)
     assert outcome.code == 143
-    kept = "what was finished is kept" if chunks else "no chunk was finished"
-    goes_on = ["vibro: the same command goes on from here"][:chunks]
+    kept = "finished results are kept" if chunks else "no chunk was finished"
+    goes_on = ["vibro: the same command continues from here"][:chunks]
     assert outcome.err.splitlines() == [*goes_on, f"vibro: terminated; {kept}"]
     monkeypatch.undo()
     whole = vibro("grid", grid, "-o", grid.parent / "whole")
@@ -183,8 +181,8 @@ def test_a_grid_says_whether_something_is_kept_of_it(
 
 
 def test_a_finished_grid_says_so(vibro: Vibro, grid: Path) -> None:
-    assert "nothing is solved" not in vibro("grid", grid).err
-    assert "complete already; nothing is solved" in vibro("grid", grid).err
+    assert "nothing to solve" not in vibro("grid", grid).err
+    assert "already complete; nothing to solve" in vibro("grid", grid).err
 
 
 def test_a_shard_of_a_finished_grid_solves_nothing(vibro: Vibro, grid: Path) -> None:
@@ -193,7 +191,7 @@ def test_a_shard_of_a_finished_grid_solves_nothing(vibro: Vibro, grid: Path) -> 
     before = content(folder)
     outcome = vibro("grid", grid, "--shard", "1/2", "--json")
     assert (outcome.code, outcome.lines[0]["points"], outcome.lines[0]["complete"]) == (0, 0, True)
-    assert "outputs/sweep has all chunks of this shard already; nothing is solved" in outcome.err
+    assert "outputs/sweep already has all chunks of this shard; nothing to solve" in outcome.err
     assert content(folder) == before
     assert vibro("verify", folder).code == 0
 
@@ -204,7 +202,7 @@ def test_more_shards_than_chunks_are_warned_of(vibro: Vibro, grid: Path) -> None
     assert "warning: 1 chunk for 2 shards; a lower chunk_points" in first.err
     second = vibro("grid", grid, "--shard", "2/2")
     assert second.code == 0
-    assert "no chunk is of this shard; nothing is solved" in second.err
+    assert "this shard has no chunk; nothing to solve" in second.err
 
 
 def test_a_shard_names_the_merge_as_the_next_step(vibro: Vibro, grid: Path) -> None:
@@ -268,7 +266,7 @@ def test_a_damaged_grid_is_not_reported(vibro: Vibro, grid: Path, table: str) ->
         part.write_bytes(sound[:place] + bytes([sound[place] ^ 1]) + sound[place + 1 :])
         refused = vibro("report", "outputs/sweep")
         assert refused.code == 2
-        assert f"vibro: {part} is not as it was written (SHA-256" in refused.err
+        assert f"vibro: {part} has changed since it was written (SHA-256" in refused.err
         assert refused.err.endswith("; vibro grid GRID --repair solves it again\n")
     part.unlink()
     assert f"vibro: {part} is missing; vibro grid" in vibro("report", "outputs/sweep").err

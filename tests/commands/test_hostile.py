@@ -151,7 +151,7 @@ def test_any_table_can_be_shown(vibro: Vibro, odd: Path) -> None:
     assert "2020-01-01" in outcome.text
     assert "\x1b" not in outcome.text
     assert len(outcome.text.splitlines()) == 4
-    assert vibro("show", odd, "--rows", "0").err == "no row of 2\n"
+    assert vibro("show", odd, "--rows", "0").err == "no rows of 2\n"
 
 
 @pytest.mark.parametrize("options", [["--json"], ["--format", "jsonl"], ["--format", "csv"]])

@@ -61,6 +61,6 @@ def test_a_page_that_is_written_is_kept(
     vibro("run", FALLING, "--set", "stop.collisions=3", "--no-figures", "-o", "run")
     monkeypatch.setattr("vibro_cli.interface.runs.write_film", signalled)
     outcome = vibro("report", "run", "--animate", "film.html")
-    assert outcome.err.splitlines()[-1] == "vibro: terminated; what was finished is kept"
+    assert outcome.err.splitlines()[-1] == "vibro: terminated; finished results are kept"
     assert (tmp_path / "run-report.html").exists()
     assert not (tmp_path / "film.html").exists()

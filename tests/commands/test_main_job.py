@@ -174,7 +174,7 @@ def test_what_cannot_be_continued_is_said(vibro: Vibro) -> None:
     assert "had ended for good: inadmissible" in refused("ended", "--set", "stop.time=99")
     checkpoint = Path("run/checkpoint.json")
     checkpoint.write_text(checkpoint.read_text().replace("1", "2", 1))
-    assert "run/checkpoint.json is not as it was written" in refused("run", *later)
+    assert "run/checkpoint.json has changed since it was written" in refused("run", *later)
     manifest = Path("run/manifest.json")
     manifest.write_text(manifest.read_text().replace(f'"{__version__}"', '"0.0.9"'))
     assert f"run was written by vibro 0.0.9; expected {__version__}" in refused("run", *later)

@@ -123,7 +123,7 @@ def test_with_a_full_disk_behind_standard_output(folder: Path, name: str) -> Non
 def test_interrupted_while_nobody_reads(folder: Path, name: str) -> None:
     code, words = processes.interrupted_while_printing(folder, PRINTING[name], signal.SIGINT)
     assert code == 130
-    left = b"nothing was written" if name == "run" else b"what was finished is kept"
+    left = b"nothing was written" if name == "run" else b"finished results are kept"
     assert words.splitlines()[-1] == b"vibro: interrupted; " + left
     assert b"Traceback" not in words
 

@@ -100,9 +100,9 @@ def test_a_wrong_family_is_refused(vibro: Vibro, vary: str) -> None:
     [
         ("ball[1].radius=0.1:0.2:3", "found ball[1].radius, expected a value of a scenario"),
         ("balls[1].body=1:2:3", "found balls[1].body, expected a number"),
-        ("stop.collisions=1:3:3", "expected a number of the scenario that may be a fraction"),
+        ("stop.collisions=1:3:3", "expected a number of the scenario that need not be whole"),
         ("balls[1].radius=1 kg:2 kg:3", 'found "1 kg", expected a length'),
-        ("balls[1].radius=2:3:3", "no member is possible: balls[1].radius: found 2.0"),
+        ("balls[1].radius=2:3:3", "no portrait is possible: balls[1].radius: found 2.0"),
     ],
 )
 def test_a_family_that_cannot_be_is_refused(vibro: Vibro, vary: str, words: str) -> None:

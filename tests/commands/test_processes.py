@@ -62,7 +62,7 @@ def test_a_signal_ends_a_run_in_the_middle(
     process.send_signal(number)
     _, words = process.communicate(timeout=300)
     assert process.returncode == code
-    assert words.splitlines()[-1].endswith("what was finished is kept")
+    assert words.splitlines()[-1].endswith("finished results are kept")
     assert "Traceback" not in words
     assert sorted(os.listdir(tmp_path / "all")) == ["long", "small"]
     summary = json.loads((tmp_path / "all" / "long" / "summary.json").read_bytes())

@@ -61,7 +61,7 @@ def test_several_runs_have_one_page_and_a_pdf(vibro: Vibro) -> None:
     assert written == {"page": page, "pdf": "figures.pdf", "figures": None, "film": None}
     assert vibro("report", "one", "-o", "-", "--json").code == 2
     refused = vibro("report", "one", "-o", "page.pdf")
-    assert (refused.code, "found 'page.pdf', expected a file .html" in refused.err) == (2, True)
+    assert (refused.code, "found 'page.pdf', expected a .html file" in refused.err) == (2, True)
     assert b"collision.k" in Path("report.html").read_bytes()
     pdf = Path("figures.pdf").read_bytes()
     assert pdf.startswith(b"%PDF-")
@@ -180,7 +180,7 @@ def test_what_is_no_run_is_refused(vibro: Vibro, command: str) -> None:
     Path("empty").mkdir()
     outcome = vibro(command, "empty")
     assert outcome.code == 2
-    assert outcome.err.startswith("vibro: empty is no vibro run")
+    assert outcome.err.startswith("vibro: empty is not a vibro run")
 
 
 @pytest.mark.parametrize(
@@ -195,7 +195,7 @@ def test_a_folder_in_the_place_of_a_file_is_told(vibro: Vibro, command: str, opt
     folder.mkdir()
     outcome = vibro(command, "outputs/one_circle", option, folder)
     assert (outcome.code, outcome.out) == (2, b"")
-    assert outcome.err == f"vibro: {folder} is a folder; expected a file or nothing\n"
+    assert outcome.err == f"vibro: {folder} is a folder; expected a file name\n"
     assert folder.is_dir()
 
 
@@ -205,7 +205,7 @@ def test_a_changed_run_is_refused(vibro: Vibro) -> None:
         file.write(" ")
     outcome = vibro("report", "outputs/one_circle")
     assert outcome.code == 2
-    assert "not as it was written" in outcome.err
+    assert "has changed since it was written" in outcome.err
 
 
 @pytest.mark.parametrize("name", ["collisions.parquet", "events.parquet", "summary.json"])
@@ -216,7 +216,7 @@ def test_a_damaged_table_is_named(vibro: Vibro, name: str) -> None:
     path.write_bytes(content[:99] + bytes([content[99] ^ 1]) + content[100:])
     outcome = vibro("report", "outputs/one_circle")
     assert outcome.code == 2
-    assert outcome.err.startswith(f"vibro: {path} is not as it was written (SHA-256 ")
+    assert outcome.err.startswith(f"vibro: {path} has changed since it was written (SHA-256 ")
     path.unlink()
     assert vibro("report", "outputs/one_circle").err == f"vibro: {path} is missing\n"
     assert not Path("outputs/one_circle-report.html").exists()
@@ -253,20 +253,20 @@ def test_the_motion_can_be_had_as_a_film(vibro: Vibro) -> None:
         Path(name).write_text("mine")
         outcome = vibro("report", "outputs/one_circle", "--animate", name, *options)
         assert outcome.code == 2
-        assert "is no film" in outcome.err
+        assert "is not a film" in outcome.err
         assert Path(name).read_text() == "mine"
     said = [
         vibro("report", "outputs/one_circle", "--animate", f"{pace}.gif", *options, "--pace", pace)
         for pace in ("1", "10")
     ]
-    warning = "vibro: warning: the film has one frame; a smaller --pace has more\n"
+    warning = "vibro: warning: the film has one frame; a smaller --pace gives more\n"
     assert [warning in one.err for one in said] == [False, True]
 
 
 def test_a_film_that_cannot_be_is_refused(vibro: Vibro) -> None:
     vibro(*RUN)
     for options, words in {
-        ("film.avi",): "expected a file .mp4, .gif, .html",
+        ("film.avi",): "expected a .mp4, .gif or .html file",
         ("film.gif", "--fps", "30"): "divisor of 100",
         ("film.gif", "--span", "2:1"): "FROM < TO",
         ("film.gif", "--span", "900:901"): "before the end of the run",
@@ -285,7 +285,7 @@ def test_what_only_a_film_has_needs_one(vibro: Vibro) -> None:
         outcome = vibro("report", "outputs/one_circle", *options)
         assert outcome.code == 2, options
         assert options[0] in outcome.err
-        assert "go with --animate FILE" in outcome.err
+        assert "require --animate FILE" in outcome.err
     assert not Path("outputs/one_circle-report.html").exists()
 
 
@@ -301,7 +301,7 @@ def test_a_grid_has_a_page_and_figures(vibro: Vibro) -> None:
     assert b"Energy start" in Path("sweep-report.html").read_bytes()
     vibro(*RUN)
     for extra, words in {
-        ("outputs/one_circle",): "reported alone",
+        ("outputs/one_circle",): "a report is on runs or on one grid",
         ("--animate", "film.gif"): "takes a run",
         ("--map", "energy_strat"): 'did you mean "energy_start"?',
     }.items():

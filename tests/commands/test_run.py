@@ -106,7 +106,7 @@ def test_a_foreign_folder_is_refused_before_anything_runs(
     Path("mine/thesis.tex").write_text("years of work")
     outcome = vibro("run", scenario, "-o", "mine")
     assert outcome.code == 2
-    assert outcome.err.startswith("vibro: mine exists and is no vibro run")
+    assert outcome.err.startswith("vibro: mine exists and is not a vibro run")
     assert by_hand.calls == []
     assert entries(Path("mine")) == ["thesis.tex"]
 
@@ -131,7 +131,7 @@ def test_a_run_of_other_parameters_is_replaced_only_by_force(
     refused = vibro(*other, "--json")
     assert (refused.code, refused.out, kept()) == (2, b"", before)
     assert refused.err.splitlines() == [
-        "vibro: outputs/small holds a run with other parameters; found there and wanted now:",
+        "vibro: outputs/small holds a run with different parameters (found -> requested):",
         "  collision.k[1]: 0.9 -> 0.5",
         "(--force replaces it, -o names another folder)",
     ]
@@ -141,7 +141,7 @@ def test_a_run_of_other_parameters_is_replaced_only_by_force(
     Path("outputs/small/scenario.json").write_text("damaged")
     refused = vibro(*other)
     assert refused.code == 2
-    assert "with other parameters" in refused.err
+    assert "with different parameters" in refused.err
     assert vibro(*other, "--force").code == 0
 
 
@@ -217,7 +217,7 @@ def test_json_tells_what_was_changed_and_where_it_is(
         (["b.toml", "-o", "-"], "one table is streamed at a time"),
         (["--figures", "portrait", "--no-figures"], "found --figures and --no-figures"),
         (["--format", "csv", "--figures", "all"], "a streamed table alone has no folder; "),
-        (["-o", "-", "--force"], "--figures and --force go with --format and -o DIR"),
+        (["-o", "-", "--force"], "--figures and --force require --format and -o DIR"),
         (["--set"], "requires an argument. (see vibro run --help)"),
     ],
 )
@@ -370,7 +370,7 @@ def test_a_fault_of_the_program_is_named_and_its_traceback_kept(
     outcome = vibro("run", scenario)
     assert outcome.code == 1
     assert outcome.err.startswith(
-        "vibro: fault of the program, please report it: KeyError: 'no such\\nthing' ("
+        "vibro: internal error, please report it: KeyError: 'no such\\nthing' ("
     )
     assert outcome.err.count("\n") == 1
     (kept,) = scenario.parent.glob("vibro-fault-*.txt")
@@ -395,7 +395,7 @@ def test_a_signal_that_struck_within_a_class_is_no_fault_of_the_program(
     by_hand.act = act
     outcome = vibro("run", scenario)
     assert outcome.code == code
-    assert "fault of the program" not in outcome.err
+    assert "internal error" not in outcome.err
     assert outcome.err.count("\n") == 1
 
 
@@ -441,7 +441,11 @@ def test_a_signal_that_python_drops_comes_again(
     [
         (OSError(errno.ENOSPC, "No space left on device", "a.parquet"), 1, "a.parquet: No space"),
         (MemoryError(), 1, "out of memory"),
-        (RuntimeError("can't start new thread"), 1, "vibro: no thread can be started: the limit"),
+        (
+            RuntimeError("can't start new thread"),
+            1,
+            "vibro: no thread can be started: the process limit",
+        ),
         (
             ImportError("a.so: failed to map segment from shared object"),
             1,
@@ -450,7 +454,7 @@ def test_a_signal_that_python_drops_comes_again(
         (
             ImportError("a.so: failed to map segment from shared object: Operation not permitted"),
             1,
-            "fault of the program, please report it: ImportError: a.so",
+            "internal error, please report it: ImportError: a.so",
         ),
         (NoLibrary("laws.py:71: no kernel"), 1, "vibro: laws.py:71: no kernel\n"),
         (NotRecalled("it ends elsewhere"), 1, "vibro: it ends elsewhere\n"),
@@ -498,7 +502,7 @@ def test_a_signal_keeps_what_was_finished_and_nothing_else(
         process.send_signal(number)
         _, words = process.communicate(timeout=300)
     assert process.returncode == code
-    assert words.endswith("; what was finished is kept\n")
+    assert words.endswith("; finished results are kept\n")
     assert words.count("\n") == 1
     assert entries(tmp_path / "all") == ["first", "second"]
     assert entries(tmp_path / "all" / "second") == entries(tmp_path / "all" / "first")
@@ -573,7 +577,7 @@ def test_a_signal_does_not_wait_for_figures_and_loses_no_table(
     path, few = GALLERY / "springs/two_disks.toml", ("--set", "stop.collisions=2")
     outcome = vibro("run", path, *few, "--figures", "portrait,energy", "-o", "run")
     assert outcome.code == code
-    assert outcome.err.endswith("; what was finished is kept, two_disks without figures\n")
+    assert outcome.err.endswith("; finished results are kept, two_disks without figures\n")
     assert begun == (not early)
     monkeypatch.undo()
     monkeypatch.chdir(tmp_path)

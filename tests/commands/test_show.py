@@ -159,8 +159,8 @@ def damaged(content: bytes) -> bytes:
     ("change", "code", "message"),
     [
         (lambda path: path.unlink(), 2, "no such file"),
-        (lambda path: path.write_text("t,event\n"), 2, "no parquet table"),
-        (lambda path: path.write_bytes(b""), 2, "no parquet table"),
+        (lambda path: path.write_text("t,event\n"), 2, "not a parquet table"),
+        (lambda path: path.write_bytes(b""), 2, "not a parquet table"),
         (lambda path: path.write_bytes(damaged(path.read_bytes())), 1, "CRC checksum"),
         (lambda path: (path.unlink(), path.mkdir()), 2, "found a folder"),
     ],
@@ -186,7 +186,7 @@ def test_a_table_with_two_columns_of_one_name_is_one_line(
     pq.write_table(twice, table)
     outcome = vibro("show", table, *form)
     assert outcome.code == 2
-    assert outcome.err == f"{table}: no parquet table: 2 columns are named 't'\n"
+    assert outcome.err == f"{table}: not a parquet table: 2 columns are named 't'\n"
 
 
 def test_a_table_of_a_like_name_is_suggested(vibro: Vibro, table: Path) -> None:
@@ -229,7 +229,7 @@ def test_numbers_of_json_are_exact(vibro: Vibro, table: Path) -> None:
             "a file like done/summary/part-000000.parquet",
         ),
         (["motion.parquet"], "a file like done/motion.parquet"),
-        (["notes.txt"], "a parquet file, and it holds none"),
+        (["notes.txt"], "a parquet file; the folder holds none"),
     ],
 )
 def test_of_a_folder_a_file_is_named_that_is_there(

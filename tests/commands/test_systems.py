@@ -173,7 +173,7 @@ def test_the_portrait_of_springs(vibro: Vibro) -> None:
     assert "one centre" in outcome.text
     outcome = vibro("portrait", path, "--compare", "balls[1].radius=0.1,0.2")
     assert outcome.code == 2
-    assert "--compare is of traces" in outcome.err
+    assert "--compare is for traces only" in outcome.err
 
 
 def test_a_family_of_portraits_of_a_spring(vibro: Vibro) -> None:

@@ -139,7 +139,7 @@ def test_killed_workers_and_schedulers_lose_nothing(
     cluster.start()
     _, told = (resumed := sweep(grid, folder, cluster.address)).communicate(timeout=120)
     assert resumed.returncode == 0, told
-    assert b"going on after" in told
+    assert b"continuing after" in told
     assert content(folder) == whole
 
 

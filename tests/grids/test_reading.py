@@ -169,7 +169,7 @@ WRONG = {
     "columns of growth": (
         AXIS
         + 'path = "gravity"\nvalues = [1]\n[keep]\ncollisions = true\ncolumns = ["digits_left"]\n',
-        ['keep.columns[1]: found "digits_left"', "of growth they keep the exponents only"],
+        ['keep.columns[1]: found "digits_left"', "of growth they keep only the exponents"],
     ),
     "unknown key": ('base = "base.toml"\naxis = 1\n', ['axis: found the unknown key "axis"']),
     "no table": (AXIS + 'table = "nowhere.csv"\n', ["axes[1].table: ", "nowhere.csv"]),

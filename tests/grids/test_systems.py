@@ -124,7 +124,7 @@ def test_the_size_of_chunks_takes_bounces_into_account(tmp_path: Path) -> None:
     ("axis", "message"),
     [
         ('path = "system"\nvalues = ["table", "springs"]', "of one system"),
-        ('path = "analysis.lyapunov"\nvalues = [false, true]', "of every point or of none"),
+        ('path = "analysis.lyapunov"\nvalues = [false, true]', "for all points or for none"),
         ('path = "balls[1].angle"\nvalues = [0.1]', 'the unknown key "angle"'),
         ('path = "wall.corners"\nvalues = [1]', "expected one value"),
     ],

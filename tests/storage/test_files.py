@@ -116,7 +116,7 @@ def test_what_is_no_regular_file_is_not_replaced(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "a")
     (tmp_path / "b").symlink_to("a")
     for name in "ab":
-        with pytest.raises(OSError, match=f"no regular file.*{name}'"):
+        with pytest.raises(OSError, match=f"not a regular file.*{name}'"):
             write_file(tmp_path / name, b"one")
         assert (tmp_path / name).is_fifo()
         assert files.first_bytes(tmp_path / name, 9) == b""

@@ -89,12 +89,16 @@ def test_an_empty_folder_is_filled(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "content", "message"),
     [
-        ("thesis.tex", b"years of work", "is no vibro run"),
-        ("manifest.json", b"{}", "is no vibro run"),
-        ("manifest.json", b"[" * 100_000, "is no vibro run"),
-        ("manifest.json", b'{"schema": "vibro-grid/1", "files": {}}', "is no vibro run"),
-        ("manifest.json", b'{"schema": "vibro-run/1", "program": 1, "files": {}}', "no vibro run"),
-        ("summary.json", b"{}", "is no vibro run"),
+        ("thesis.tex", b"years of work", "is not a vibro run"),
+        ("manifest.json", b"{}", "is not a vibro run"),
+        ("manifest.json", b"[" * 100_000, "is not a vibro run"),
+        ("manifest.json", b'{"schema": "vibro-grid/1", "files": {}}', "is not a vibro run"),
+        (
+            "manifest.json",
+            b'{"schema": "vibro-run/1", "program": 1, "files": {}}',
+            "not a vibro run",
+        ),
+        ("summary.json", b"{}", "is not a vibro run"),
     ],
 )
 def test_a_folder_that_is_not_ours_is_left_as_it_is(

@@ -95,7 +95,7 @@ def outcomes_of(summary: Mapping[str, Any], names: Sequence[str], rows: Codes) -
     Raises `NoBasins` for an unknown column, and for one with non-integer numbers or without values.
     """
     if not names:
-        raise NoBasins("expected at least one column that tells an outcome")
+        raise NoBasins("expected at least one column that states an outcome")
     results = list(summary)[list(summary).index("status") :]
     for name in names:
         if name not in results or not _is_outcome(summary[name]):

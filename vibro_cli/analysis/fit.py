@@ -120,11 +120,11 @@ def measured_of(columns: Mapping[str, Any]) -> Measured:
         With the row and what was expected.
     """
     if "t" not in columns:
-        raise NotMeasured("found no column 't', expected the instants of impacts (s)")
+        raise NotMeasured("found no column 't', expected the times of impacts (s)")
     t = _numbers(columns, "t")
     if not len(t):
-        raise NotMeasured("found no row, expected the instants of impacts (s)")
-    _check(t > 0.0, t, "t", "an instant after the start, greater than 0")
+        raise NotMeasured("found no rows, expected the times of impacts (s)")
+    _check(t > 0.0, t, "t", "a time after the start, greater than 0")
     _check_growing(t, "t")
     number = np.arange(1, len(t) + 1)
     if "n" in columns:
@@ -210,10 +210,10 @@ class Free:
         Raises ``ValueError`` if the text is not a path or the bounds leave no interval.
         """
         if not (_is_number(low) and _is_number(high) and low < high):
-            raise ValueError(f"{path}: found {low!r} to {high!r}, expected bounds that grow")
+            raise ValueError(f"{path}: found {low!r} to {high!r}, expected ascending bounds")
         found = Free(parsed_path(path), low, high)
         if not found.bounds[0] < found.bounds[1]:
-            raise ValueError(f"{path}: found {low!r} to {high!r}, expected some of 0 to 1")
+            raise ValueError(f"{path}: found {low!r} to {high!r}, expected bounds within 0 to 1")
         return found
 
     @property
@@ -379,17 +379,17 @@ class _Problem:
             row, least = lost[0], EPSILON * self._measured.t[lost[0]]
             raise NoFit(
                 f"impact {self._measured.number[row]}: found a noise of {self._noise[row]:.2g} s, "
-                f"expected no less than the rounding of its instant, {least:.2g} s"
+                f"expected no less than the rounding of its time, {least:.2g} s"
             )
         if not free:
-            raise NoFit("found no free number, expected one or more")
+            raise NoFit("found no free parameter, expected one or more")
         names = [one.name for one in self._free]
         for name in names:
             if names.count(name) > 1:
-                raise NoFit(f"{name}: found {names.count(name)} times among the free numbers")
+                raise NoFit(f"{name}: found {names.count(name)} times among the free parameters")
         if rows < free + (not self._known):
-            least = f"{free + 1} or more, for their noise is not known" if rows == free else free
-            raise NoFit(f"found {rows} instants for {free} free numbers, expected {least}")
+            least = f"{free + 1} or more, as their noise is not known" if rows == free else free
+            raise NoFit(f"found {rows} measured times for {free} free parameters, expected {least}")
 
     def values_at_start(self) -> Floats:
         """Return the values of the numbers in the scenario."""
@@ -479,8 +479,8 @@ class _Problem:
         """Return the error for an impact that moves too far when a number is rounded."""
         return NoFit(
             f"impact {self._measured.number[row]} moves by more than {by} when "
-            f"{self._free[number].name} is rounded to a double: it tells nothing, expected only "
-            f"the {row} before it"
+            f"{self._free[number].name} is rounded to a double: it carries no information, "
+            f"expected only the {row} before it"
         )
 
     def first_residuals(self, start: Floats) -> Floats:
@@ -518,8 +518,8 @@ class _Problem:
         values[shown] = found.x
         if last and not found.success:
             raise NoFit(
-                f"the method does not arrive: {found.nfev} motions led to {self._in_words(values)}"
-                "; begin nearer, or with fewer impacts"
+                f"the method does not converge: {found.nfev} motions led to "
+                f"{self._in_words(values)}; start nearer, or with fewer impacts"
             )
         return values
 
@@ -566,14 +566,14 @@ class _Problem:
         sizes = np.linalg.norm(jacobian, axis=0)
         for one, size in zip(self._free, sizes, strict=True):
             if size == 0.0:
-                raise NoFit(f"{one.name}: the measured instants do not depend on it")
+                raise NoFit(f"{one.name}: the measured times do not depend on it")
         # With fewer times than numbers some directions have no singular value.
         few = len(jacobian) < len(sizes)
         _, shares, directions = np.linalg.svd(jacobian / sizes, full_matrices=few)
         if len(shares) < len(sizes) or shares[-1] < LEAST_INDEPENDENT * shares[0]:
             weights = np.abs(directions[-1])
             names = [one.name for one, w in zip(self._free, weights, strict=True) if w > 1e-3]
-            raise NoFit(f"{', '.join(names)}: the instants tell only of a combination of them")
+            raise NoFit(f"{', '.join(names)}: the times determine only a combination of them")
         axes = directions.T / shares / sizes[:, None]
         covariance: Floats = axes @ axes.T
         return covariance

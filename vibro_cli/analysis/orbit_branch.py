@@ -313,7 +313,7 @@ class Family:
                     raise NoOrbit("the events change")
                 gaps = found.part_gaps.values()
                 if min(map(np.linalg.norm, gaps), default=np.inf) < _PART * size_of(system, state):
-                    raise NoOrbit("the orbits come to have a part of their period")
+                    raise NoOrbit("the orbits come to repeat within their period")
                 return self._point(value, found)
             # Near a fold a step may increase the residual before the next one converges.
             if residual > 4.0 * max(before, 100.0 * NEARLY_CLOSED) or residual > 1.0:

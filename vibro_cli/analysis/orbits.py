@@ -42,7 +42,7 @@ ROUNDING = 1.0e-6
 MOST_STEPS = 40
 # A motion is abandoned after this many impacts in a period.
 MOST_IMPACTS = 10_000
-_LOSSY = "impacts take energy: found a coefficient of restitution of {:g}, expected 1"
+_LOSSY = "impacts lose energy: found a coefficient of restitution of {:g}, expected 1"
 # Periods below this fraction of the first guess are rejected: over a time of 0 any motion closes.
 LEAST_PERIOD = 1.0e-6
 # Fractions of Newton's step to be tried in turn, and penalties of long steps relative to the
@@ -334,7 +334,7 @@ def shoot(system: TraceSystem, period: float) -> Shot:
     if run.end_cause != "time":
         raise NoOrbit(f"the motion ends: {run.end_cause}")
     if np.ptp(_shares(system)) > 0.0 and np.any(run.collisions["law"] != system.law):
-        raise NoOrbit("impacts by normal-impulse among translational ones keep no energy")
+        raise NoOrbit("impacts by normal-impulse among translational ones do not conserve energy")
     matrix = matrix_of(run)
     if run.clock["contacts"] or not np.all(np.isfinite(matrix)):
         raise NoOrbit("bodies stay in contact")
@@ -467,9 +467,9 @@ def newton(system: TraceSystem, state: Floats, period: float, energy: float | No
             break
     else:
         raise NoOrbit(
-            f"Newton's method does not converge: it comes to a motion that fails to close by "
-            f"{found.residual:.2g} of the size of its state; begin nearer to one, or with another "
-            "number of impacts or period"
+            f"Newton's method does not converge: it reaches a motion that fails to close by "
+            f"{found.residual:.2g} of the size of its state; start nearer to an orbit, or give "
+            "another number of impacts or period"
         )
     if found.period < LEAST_PERIOD * period:
         raise NoOrbit("the period has become zero")
@@ -623,7 +623,7 @@ def find_orbit(
         How long (s) a return is waited for at most; None for as long as impacts follow.
     """
     if len(system.bodies) < 2:
-        raise NoOrbit("found one body, expected two or more: an orbit of impacts")
+        raise NoOrbit("found one body, expected two or more for an orbit of impacts")
     if all(k != 1.0 for k in system.restitution):
         raise NoOrbit(_LOSSY.format(system.restitution[0]))
     if period is None:

@@ -91,8 +91,8 @@ def _warn_of_stops(stored: StoredGrid, found: Mapped) -> None:
     share = sum(cause in _STOPS for cause in causes) / len(causes)
     if share > _MANY:
         say(
-            f"{stored.name}: warning: {100.0 * share:.3g} % of the runs were stopped while the "
-            "bodies still moved: their outcome is that of this instant, and a later stop may "
+            f"{stored.name}: warning: {100.0 * share:.3g} % of the runs were stopped while "
+            "bodies were still moving: their outcome is that at the stop, and a later stop may "
             "give another",
             "warning",
         )
@@ -207,7 +207,7 @@ class SectionCommand:
         if self.target.suffix.lower() not in FORMS:
             from vibro_cli.scenario.problems import listing
 
-            found = f"-o: found {self.target}, expected a file {listing(FORMS)}"
+            found = f"-o: found {self.target}, expected a {listing(FORMS)} file"
             raise typer.BadParameter(found)
 
     @property

@@ -48,10 +48,12 @@ class BenchCommand:
 
     def __post_init__(self) -> None:
         if self.quick and self.full:
-            raise typer.BadParameter("--quick does not go with --full")
+            raise typer.BadParameter("--quick cannot be combined with --full")
         measured = self.quick or self.full or self.as_json or self.output != type(self).output
         if self.references is not None and measured:
-            raise typer.BadParameter("--references measures nothing; it goes with --scene only")
+            raise typer.BadParameter(
+                "--references measures nothing; it can be combined with --scene only"
+            )
 
     def __call__(self) -> int:
         """Measure, or compute the references anew."""
@@ -103,10 +105,10 @@ def _unwritten(results: Iterable[_Result]) -> Iterator[_Result]:
 def _line(row: "Row") -> str:
     """Return one row of the table as text."""
     name = row.method if row.size is None else f"{row.method}, {row.part} {row.size}"
-    time = "" if row.per_impact is None else f"{row.per_impact * 1e6:10.3g} µs an impact"
+    time = "" if row.per_impact is None else f"{row.per_impact * 1e6:10.3g} µs per impact"
     error = "" if row.error is None else f"  error {row.error:.1e}"
     note = "" if row.status == "ok" else f"  {row.status}: {row.note}"
-    return f"{row.scene:12} {name:24} {row.setting:10}{time:23}{error}{note}"
+    return f"{row.scene:12} {name:24} {row.setting:10}{time:24}{error}{note}"
 
 
 def _write(rows: "list[Row]", details: dict[str, Any], target: Path) -> None:

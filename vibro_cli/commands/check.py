@@ -126,7 +126,7 @@ def lines_of_grid(found: dict[str, Any]) -> Iterator[str]:
     yield f"{found['name']}: valid grid of {count(found['points'], 'point', 'points')}"
     yield f"  mode {grid['mode']}"
     for axis in found["axes"]:
-        values = "drawn" if axis["values"] is None else count(axis["values"], "value", "values")
+        values = "random" if axis["values"] is None else count(axis["values"], "value", "values")
         ends = " to ".join(_shown(axis[key]) for key in ("from", "to"))
         yield f"  axis {', '.join(axis['paths'])}: {values}, {ends} {axis['unit']}".rstrip()
     kept = grid["keep"]
@@ -178,8 +178,8 @@ class VerifyCommand:
                 say(text, "error", file=finding.file, state=finding.state)
             if verdict.missing_chunks:
                 chunks = count(verdict.missing_chunks, "chunk", "chunks")
-                say(f"{folder}: {chunks} not finished; vibro grid goes on with them", "error")
-            state = "as written" if verdict.sound else "not sound"
+                say(f"{folder}: {chunks} not finished; vibro grid continues with them", "error")
+            state = "intact" if verdict.sound else "not intact"
             files = count(verdict.files, "file", "files")
             say(f"{folder}: {state} ({verdict.kind}, {files}, {size(verdict.bytes)})")
         if not ours:

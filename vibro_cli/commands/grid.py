@@ -114,11 +114,11 @@ class GridCommand:
         if self.merge and (
             self.shard is not None or self.dask is not None or self.repair or self.force
         ):
-            expected = "--merge goes with none of --shard, --dask, --repair and --force"
+            expected = "--merge cannot be combined with --shard, --dask, --repair or --force"
             raise typer.BadParameter(expected)
         if self.dry_run and (self.shard is not None or self.merge or self.repair):
-            expected = "--dry-run is of a whole grid; it goes with none of --shard, --merge"
-            raise typer.BadParameter(f"{expected} and --repair")
+            expected = "--dry-run covers a whole grid; it cannot be combined with --shard, --merge"
+            raise typer.BadParameter(f"{expected} or --repair")
         if self.shard is not None:
             _read_shard(self.shard)
 
@@ -273,7 +273,7 @@ def _warn_of_few_chunks(name: str, chunks: int, shards: int) -> None:
         divided = count(chunks, "chunk", "chunks")
         say(
             f"{name}: warning: {divided} for {shards} shards; a lower chunk_points in the "
-            "grid file makes more",
+            "grid file gives more",
             "warning",
         )
 
@@ -281,11 +281,9 @@ def _warn_of_few_chunks(name: str, chunks: int, shards: int) -> None:
 def _print_nothing_to_do(name: str, folder: Path, has_none: bool) -> None:
     """Print why a shard has nothing to solve: it has no chunks, or all are in the grid's folder."""
     why = (
-        "no chunk is of this shard"
-        if has_none
-        else f"{folder} has all chunks of this shard already"
+        "this shard has no chunk" if has_none else f"{folder} already has all chunks of this shard"
     )
-    say(f"{name}: {why}; nothing is solved")
+    say(f"{name}: {why}; nothing to solve")
 
 
 def _drop_damaged(dataset: "Dataset") -> None:
@@ -295,7 +293,7 @@ def _drop_damaged(dataset: "Dataset") -> None:
     damaged = {finding.file for finding in verify(dataset.folder).findings}
     for chunk, receipt in list(dataset.receipts.items()):
         if damaged & set(receipt.files):
-            say(f"vibro: chunk {chunk} is damaged and is solved again", "warning", chunk=chunk)
+            say(f"vibro: chunk {chunk} is damaged and will be solved again", "warning", chunk=chunk)
             del dataset.receipts[chunk]
 
 
@@ -307,12 +305,12 @@ def _solve(options: GridCommand, dataset: "Dataset", workers: int) -> None:
     if not missing:
         check = f"vibro verify {shlex.quote(printable(str(dataset.folder)))}"
         say(
-            f"{dataset.grid.name}: the folder is complete already; nothing is solved "
+            f"{dataset.grid.name}: the folder is already complete; nothing to solve "
             f"({check} checks its files)"
         )
     if 0 < len(missing) < len(dataset.wanted):
         done = len(dataset.wanted) - len(missing)
-        say(f"vibro: going on after {done:,} of {len(dataset.wanted):,} chunks")
+        say(f"vibro: continuing after {done:,} of {len(dataset.wanted):,} chunks")
     sizes = dataset.chunks.sizes
     progress = Progress(sum(sizes[chunk] for chunk in missing))
     given = dataset.grid, dataset.chunks, missing, dataset.folder
@@ -329,7 +327,7 @@ def _solve(options: GridCommand, dataset: "Dataset", workers: int) -> None:
         _keep(dataset)
         progress.end()
         if dataset.receipts:
-            say("vibro: the same command goes on from here", "error")
+            say("vibro: the same command continues from here", "error")
         else:
             end.add_note("no chunk was finished")
         raise
@@ -342,7 +340,7 @@ def _keep(dataset: "Dataset") -> None:
     try:
         dataset.write_manifest()
     except OSError:
-        say("vibro: the manifest could not be written; no part on the disk is lost by that")
+        say("vibro: the manifest could not be written; no finished chunk is lost")
 
 
 def _check_failures(options: GridCommand, dataset: "Dataset") -> None:
@@ -379,12 +377,12 @@ def _print_totals(
     odd = [
         f"{state[word]:,} {word}" for word in ("invalid", "failed", "inadmissible") if state[word]
     ]
-    sound = ", ".join(odd) or "all of them valid and admissible"
+    sound = ", ".join(odd) or "all valid and admissible"
     causes: dict[str, int] = state["end_causes"]
     early = [f"{causes[cause]:,} {words}" for cause, words in EARLY_ENDS.items() if cause in causes]
     items = {"points": "; ".join([sound, *early])}
     if reason is not None:
-        items["such as"] = reason
+        items["example"] = reason
     chunks = count(state["chunks"], "chunk", "chunks")
     items["files"] = f"{printable(str(folder))} ({chunks}, {size(state['bytes'])})"
     if state["complete"] and is_shard:
@@ -410,5 +408,5 @@ def _first_reason(dataset: "Dataset") -> str | None:
             table = read_parquet(part).select(["scenario", "status", "reason"])
             for row in table.to_pylist():
                 if row["status"] != "ok":
-                    return f"scenario {row['scenario']} is {row['status']}: {row['reason']}"
+                    return f"scenario {row['scenario']} ({row['status']}): {row['reason']}"
     return None

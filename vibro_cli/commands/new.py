@@ -58,7 +58,9 @@ class NewCommand:
         if asked != 1 or (self.whole and self.output == "-"):
             raise typer.BadParameter("expected the NAME of a scenario, or --list, or --all")
         if self.listing and (self.output is not None or self.force):
-            raise typer.BadParameter("--list writes no file; it goes with neither -o nor --force")
+            raise typer.BadParameter(
+                "--list writes no file; it cannot be combined with -o or --force"
+            )
         if self.as_json and self.output == "-":
             raise typer.BadParameter("--json and a printed scenario both need standard output")
 
@@ -97,14 +99,16 @@ def _write(name: str, output: str | None, force: bool, as_json: bool) -> int:
     try:
         content = text(name)
     except ScenarioError as error:
-        raise CommandError(f"{error} (a name of your own: vibro new TEMPLATE -o FILE)") from error
+        raise CommandError(
+            f"{error} (to choose your own name: vibro new TEMPLATE -o FILE)"
+        ) from error
     if output == "-":
         sys.stdout.write(content)
         return DONE
     path = Path(f"{name}.toml" if output is None else output)
     check_no_folder(path)
     if path.suffix.lower() != ".toml":
-        raise CommandError(f"vibro: --output: found {output!r}, expected a file .toml")
+        raise CommandError(f"vibro: --output: found {output!r}, expected a .toml file")
     if path.exists() and not force:
         raise CommandError(f"vibro: {path} exists; --force replaces it")
     make_folder(path.parent)
@@ -178,11 +182,11 @@ class SchemaCommand:
 
     def __post_init__(self) -> None:
         if self.system != NAMES[0] and self.subject == "tables":
-            raise typer.BadParameter("--system is of scenarios and grids; expected one of these")
+            raise typer.BadParameter("--system applies to scenarios and grids only")
         if self.markdown and self.as_json:
             raise typer.BadParameter("expected one of --markdown and --json")
         if self.markdown and self.subject != "tables":
-            raise typer.BadParameter("--markdown describes the tables; expected `schema tables`")
+            raise typer.BadParameter("--markdown applies to `schema tables` only")
 
     def __call__(self) -> int:
         """Print the schema, or the tables."""

@@ -91,7 +91,7 @@ class OrbitCommand:
         from vibro_cli.storage.files import check_replaceable
         from vibro_cli.storage.folders import write_results
 
-        scenario = _on_a_trace(self.scenario, self.overrides, "orbits are")
+        scenario = _on_a_trace(self.scenario, self.overrides, "orbits are found")
         span = None if self.vary is None else parsed_span(self.vary)
         folder = None
         if span is not None or self.output is not None:
@@ -123,7 +123,7 @@ def _on_a_trace(source: str, overrides: Sequence[str], what: str) -> Scenario:
 
     scenario, _ = load_any(source, overrides)
     if not system_named(scenario.system).has_orbits:
-        raise CommandError(f"vibro: {scenario.name}: {what} of bodies on a trace")
+        raise CommandError(f"vibro: {scenario.name}: {what} only for bodies on a trace")
     return cast("Scenario", scenario)
 
 
@@ -173,9 +173,9 @@ def _plain(one: Orbit) -> dict[str, Any]:
 
 def _lines(name: str, found: Orbit, branch: Branch | None) -> Iterator[str]:
     """Yield the results as lines of text."""
-    yield f"{name}: period {found.period:.15g} s, closed to {found.residual:.1e}"
+    yield f"{name}: period {found.period:.15g} s, closes to within {found.residual:.1e}"
     yield f"  events       {' '.join(found.shot.word)}"
-    yield f"  energy       {found.energy:.12g} J above the trace's left end"
+    yield f"  energy       {found.energy:.12g} J relative to the trace's left end"
     yield f"  multipliers  {_multipliers(found)}: {found.verdict}"
     for body, state in enumerate(found.system.initial, 1):
         unit = "m" if found.system.trace.pieces[state.piece].is_line else "rad"
@@ -190,7 +190,7 @@ def _lines(name: str, found: Orbit, branch: Branch | None) -> Iterator[str]:
             words = f"period {orbit.period:.9g} s; {_multipliers(orbit)}"
             yield f"  {one.kind:11}  at {one.point.value:.12g}: {words}"
             if one.fault:
-                yield f"  warning      that is the nearest orbit found: {one.fault}"
+                yield f"  warning      this is the nearest orbit found: {one.fault}"
 
 
 def _multipliers(found: Orbit) -> str:
@@ -266,7 +266,7 @@ class FitCommand:
         from vibro_cli.storage.files import check_replaceable
         from vibro_cli.storage.folders import write_results
 
-        scenario = _on_a_trace(self.scenario, self.overrides, "numbers are fitted")
+        scenario = _on_a_trace(self.scenario, self.overrides, "parameters are fitted")
         folder = None if self.output is None else Path(self.output)
         free = parsed_free(self.free)
         if folder is not None:
@@ -353,8 +353,8 @@ def _lines_of_fit(found: Fit) -> Iterator[str]:
             _rounded(number, one["error"]) for number in (one["value"], *one["interval"])
         )
         yield (
-            f"  {one['path']:20} {value} ± {one['error']:.2g}, 95 % within {low} to {high}; "
-            f"it was {one['start']:.10g}"
+            f"  {one['path']:20} {value} ± {one['error']:.2g}, 95 % interval {low} to {high}; "
+            f"initially {one['start']:.10g}"
         )
     yield from _lines_of_bounds(found)
     names = [one.name for one in found.free]
@@ -363,27 +363,27 @@ def _lines_of_fit(found: Fit) -> Iterator[str]:
             yield f"  correlation          {other}, {name}: {found.correlation[row, column]:.4f}"
     yield f"  residuals            {record['residual']:.3g} s, root mean square"
     if found.likelihood is None:
-        yield "  noise                not given: the errors are those the residuals tell"
+        yield "  noise                not given: errors are estimated from the residuals"
         if found.misplaced:
             yield (
                 f"  warning              {found.misplaced} of {record['impacts']} computed impacts "
-                "are nearer to another measured one than to their own: the minimum is a wrong one, "
-                "or impacts were missed or doubled (give n)"
+                "are nearer to another measured one than to their own: this is a wrong minimum, or "
+                "impacts were missed or repeated (give n)"
             )
     else:
         yield (
-            f"  chi square           {found.chi_square:.4g} of {found.freedom} degrees of freedom: "
-            f"as large or larger in {100.0 * found.likelihood:.3g} % of such measurements"
+            f"  chi square           {found.chi_square:.4g} with {found.freedom} degrees of "
+            f"freedom: as large or larger in {100.0 * found.likelihood:.3g} % of such measurements"
         )
         if found.likelihood < DOUBTFUL:
             yield (
-                "  warning              model or noise are wrong, impacts were missed or doubled "
-                "(give n), or it is not the lowest minimum (fit fewer, then all from there)"
+                "  warning              model or noise is wrong, impacts were missed or repeated "
+                "(give n), or this is not the lowest minimum (fit fewer first, then all from there)"
             )
     if not found.same_events:
         yield (
-            "  events               change within the 95 % region: the errors are those of the "
-            "order of events found"
+            "  events               their order changes within the 95 % region: the errors hold "
+            "for the order found"
         )
 
 
@@ -393,8 +393,8 @@ def _lines_of_bounds(found: Fit) -> Iterator[str]:
         for bound in one.bounds:
             if low < bound < high:
                 yield (
-                    f"  bounds               {one.name} may not pass {bound:.10g}, which its 95 % "
-                    "do: error and interval are those without the bound"
+                    f"  bounds               {one.name} is bounded by {bound:.10g}, within its 95 "
+                    "% interval: error and interval ignore the bound"
                 )
 
 

@@ -84,7 +84,7 @@ def varied(options: "PortraitCommand", vary: str, kind: "System") -> tuple[dict[
     reasons = {value: one for value, one in found.items() if isinstance(one, str)}
     members = {value: one for value, one in found.items() if value not in reasons}
     if not members:
-        raise CommandError(f"vibro: --vary: no member is possible: {reasons[values[0]]}")
+        raise CommandError(f"vibro: --vary: no portrait is possible: {reasons[values[0]]}")
 
     @cache
     def type_of(value: float) -> str:
@@ -125,7 +125,7 @@ def _numbers(path: str, texts: Sequence[str], model: Any) -> tuple[list[float], 
     try:
         kind = kind_of(path_of(path), model)
         if not isinstance(kind, Quantity):
-            expected = "a number of the scenario that may be a fraction"
+            expected = "a number of the scenario that need not be whole"
             raise CommandError(f"vibro: --vary: found {path}, expected {expected}")
         return [read_number(kind, parse_value(text)) for text in texts], kind.unit
     except Fault as error:
@@ -168,7 +168,7 @@ def compared(options: "PortraitCommand", compare: str) -> tuple[dict[str, Any], 
     members = {value: portrait_of(Landscape.of(one, ball)) for value, one in systems.items()}
     traces = [one.landscape.trace for one in members.values()]
     if any(trace != traces[0] for trace in traces):
-        raise CommandError(f"vibro: --compare: {path} changes the trace; expected one")
+        raise CommandError(f"vibro: --compare: {path} changes the trace; expected the same trace")
     record = {
         "path": path,
         "ball": ball,
@@ -284,10 +284,10 @@ def _analysed(
     kind = system_named(scenario.system)
     if options.compare and not kind.has_comparisons:
         fit = _those(lambda one: one.has_comparisons)
-        raise CommandError(f"vibro: {scenario.name}: --compare is of {fit}")
+        raise CommandError(f"vibro: {scenario.name}: --compare is for {fit} only")
     if options.vary and not kind.has_families:
         fit = _those(lambda one: one.has_families)
-        raise CommandError(f"vibro: {scenario.name}: --vary is of {fit}")
+        raise CommandError(f"vibro: {scenario.name}: --vary is for {fit} only")
     try:
         drawn = range(1, len(system.bodies) + 1) if options.figures else ()
         table, figures = kind.portrait(system, options.width, drawn)

@@ -108,28 +108,30 @@ class ReportCommand:
             if len(self.folders) > 1:
                 raise typer.BadParameter("--animate: found several runs, expected one")
         elif (self.span, self.pace, self.fps) != (None, type(self).pace, type(self).fps):
-            raise typer.BadParameter("--span, --pace and --fps go with --animate FILE")
+            raise typer.BadParameter("--span, --pace and --fps require --animate FILE")
         if self.as_json and self.output == "-":
             raise typer.BadParameter("--json and a printed page both need standard output")
         if self.width != type(self).width and self.pdf is None and self.figures is None:
-            raise typer.BadParameter("--width goes with --pdf FILE and --figures FOLDER")
+            raise typer.BadParameter("--width requires --pdf FILE or --figures FOLDER")
         written = [path for path in (self.page, self.pdf, self.figures, self.animate) if path]
         places = [os.path.realpath(path) for path in written]
         for path, place in zip(written, places, strict=True):
             if places.count(place) > 1:
-                raise typer.BadParameter(f"found {path} for two results, expected a file for each")
+                raise typer.BadParameter(f"found {path} for two results, expected different files")
 
     def _check_film(self, target: Path) -> None:
         form = target.suffix.lower()
         if form not in FORMS:
+            from vibro_cli.scenario.problems import listing
+
             raise typer.BadParameter(
-                f"--animate: found {target.name!r}, expected a file {', '.join(FORMS)}"
+                f"--animate: found {target.name!r}, expected a {listing(FORMS)} file"
             )
         if not math.isfinite(self.pace):
             raise typer.BadParameter(f"--pace: found {self.pace}, expected a finite number")
         if form == ".gif" and 100 % self.fps:  # it counts in hundredths of a second
             raise typer.BadParameter(
-                f"--fps: found {self.fps}, expected a divisor of 100 for a GIF, as 10, 20, 25, 50"
+                f"--fps: found {self.fps}, expected a divisor of 100 for a GIF: 10, 20, 25, 50"
             )
         try:
             self.bounds(float("inf"))
@@ -211,7 +213,7 @@ def _subject(options: ReportCommand) -> "Subject":
     if not grids:
         return _runs(options)
     if len(options.folders) > 1:
-        raise CommandError(f"vibro: {grids[0]} holds a grid, which is reported alone")
+        raise CommandError(f"vibro: {grids[0]} holds a grid; a report is on runs or on one grid")
     if options.animate is not None:
         raise CommandError(f"vibro: {grids[0]} holds a grid; --animate takes a run")
     return open_grid(grids[0])
@@ -225,8 +227,9 @@ def _runs(options: ReportCommand) -> "Runs":
     systems = [run.scenario.system for run in found]
     for folder, system in zip(options.folders, systems, strict=True):
         if system != systems[0]:
-            first = f"{options.folders[0]} of {systems[0]}"
-            raise CommandError(f"vibro: {folder} is of {system} and {first}; expected one system")
+            first = f"{options.folders[0]} one of {systems[0]}"
+            text = f"vibro: {folder} holds a run of system {system}, {first}; expected one system"
+            raise CommandError(text)
     if options.animate is not None:
         _check_film(found[0], options.animate, options)
     return found
@@ -278,9 +281,9 @@ def _check(options: ReportCommand) -> None:
         if path is not None:
             check_place(path)
     if options.page and target.exists() and not is_report(first_bytes(target, _HEAD)):
-        raise CommandError(f"vibro: {target} exists and is no vibro report; it is left as it is")
+        raise CommandError(f"vibro: {target} exists and is not a vibro report; it is left as it is")
     if pdf is not None and pdf.exists() and first_bytes(pdf, 5) != b"%PDF-":
-        raise CommandError(f"vibro: {pdf} exists and is no PDF; it is left as it is")
+        raise CommandError(f"vibro: {pdf} exists and is not a PDF; it is left as it is")
     if options.figures is not None:
         check_replaceable(options.figures, "figures")
 
@@ -351,7 +354,7 @@ def _check_film(run: "StoredRun", target: Path, options: ReportCommand) -> None:
         "html": is_report(head, "film"),
     }
     if not ours[form]:
-        raise CommandError(f"vibro: {target} exists and is no film; it is left as it is")
+        raise CommandError(f"vibro: {target} exists and is not a film; it is left as it is")
 
 
 def _write_film(run: "StoredRun", target: Path, options: ReportCommand) -> None:
@@ -364,4 +367,4 @@ def _write_film(run: "StoredRun", target: Path, options: ReportCommand) -> None:
         write_film(run, run.scenario.name, target, (start, stop), options.pace, options.fps)
     say(f"film of {start:g} s to {stop:g} s (the run ends at {end:g} s) in {target}")
     if (stop - start) / options.pace * options.fps < 1.0:
-        say("vibro: warning: the film has one frame; a smaller --pace has more", "warning")
+        say("vibro: warning: the film has one frame; a smaller --pace gives more", "warning")

@@ -126,7 +126,7 @@ class RunCommand:
             raise typer.BadParameter("--json and a streamed table both need standard output")
         if self.stream is not None and self.output in (None, "-") and (drawn or self.force):
             raise typer.BadParameter(
-                "a streamed table alone has no folder; --figures and --force go with --format and "
+                "a streamed table alone has no folder; --figures and --force require --format and "
                 "-o DIR"
             )
 
@@ -183,7 +183,7 @@ class RunCommand:
     def unwritten(self, name: str) -> str:
         """Return the message for a run that is interrupted before its folder is written."""
         if len(self.scenarios) > 1:
-            return f"nothing of {name} was written, what was finished is kept"
+            return f"nothing of {name} was written, finished results are kept"
         return NOTHING_WRITTEN
 
     def may_replace(self, folder: Path) -> bool:
@@ -334,7 +334,7 @@ class Interruption:
 
     def __init__(self) -> None:
         self.number: int | None = None
-        self.left = "what was finished is kept"
+        self.left = "finished results are kept"
         """Message on what is left on the disk."""
 
     def __bool__(self) -> bool:
@@ -382,7 +382,7 @@ def stream_run(
             undrawn = names if interruption else []
             folder.finish(result, figures, undrawn)
             if undrawn:
-                interruption.left = f"what was finished is kept, {scenario.name} without figures"
+                interruption.left = f"finished results are kept, {scenario.name} without figures"
     interruption.passed_on()
     if refusal:
         raise CommandError(f"{refusal}; the run until then, without figures, is kept in {target}")

@@ -86,7 +86,7 @@ class ShowCommand:
             width = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
             for line in _blocks(parts, names, chosen, width):
                 print(line)
-            shown = f"rows {chosen.start + 1} to {chosen.stop}" if chosen else "no row"
+            shown = f"rows {chosen.start + 1} to {chosen.stop}" if chosen else "no rows"
             say(f"{shown} of {total}")
         return DONE
 
@@ -167,7 +167,9 @@ def _readable(file: Path, columns: Sequence[str] | None) -> Iterator[None]:
     except OSError as error:
         raise CommandError(f"{file}: cannot be read: {reason(error)}", FAILED) from error
     except pyarrow.ArrowException as error:
-        raise CommandError(f"{file}: no parquet table: {' '.join(str(error).split())}") from error
+        raise CommandError(
+            f"{file}: not a parquet table: {' '.join(str(error).split())}"
+        ) from error
 
 
 def _check_columns(file: Path, wanted: Sequence[str], known: Sequence[str]) -> None:
@@ -190,7 +192,7 @@ def _file_like(folder: Path) -> str:
     """Suggest a parquet file in a folder, preferably a summary, or say that there is none."""
     found = sorted(folder.glob("*.parquet")) + sorted(folder.glob("*/*.parquet"))
     if not found:
-        return "a parquet file, and it holds none"
+        return "a parquet file; the folder holds none"
     first = min(found, key=lambda path: "summary" not in path.relative_to(folder).parts[0])
     return f"a file like {printable(str(first))}"
 

@@ -52,7 +52,7 @@ def library() -> ctypes.CDLL:
 def _path() -> Path:
     record = _record()
     if not record or record["digest"] != digest_of(record["sources"]):
-        _make("changed" if record else "are not there yet")
+        _make("have changed" if record else "are not built yet")
         record = _record()
     names: list[str] = record["libraries"]
     if len(names) == 1:
@@ -72,7 +72,7 @@ def _record() -> Any:
 
 def _make(why: str) -> None:
     """Build the library in a separate process, which imports only what the build needs."""
-    print(f"vibro: the kernels {why}; they are compiled now, which takes seconds", file=sys.stderr)
+    print(f"vibro: compiling the kernels, which {why}; this takes some seconds", file=sys.stderr)
     command = [sys.executable, "-m", _MODULE]
     environment = {**os.environ, "PYTHONPATH": str(FOLDER.parents[2])}
     done = subprocess.run(

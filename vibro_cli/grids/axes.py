@@ -110,8 +110,8 @@ class AxisTable(Table):
 _WITHOUT_EFFECT = ("name", "output")
 # Keys that must be the same for all points, as the columns of the tables depend on them.
 _IN_COMMON: dict[KeyPath, str] = {
-    ("system",): "those of a grid are of one system",
-    ("analysis", "lyapunov"): "exponents are told of every point or of none",
+    ("system",): "all points of a grid are of one system",
+    ("analysis", "lyapunov"): "exponents are computed for all points or for none",
 }
 
 
@@ -303,7 +303,7 @@ def _digest(columns: list[Array]) -> str:
 def _numbers(of: tuple[kinds.Kind, ...], given: Any, loc: KeyPath) -> list[Any]:
     """Return two ends in SI units and, if given, a count."""
     if not all(isinstance(kind, kinds.Quantity) for kind in of):
-        raise Fault(loc, str(loc[-1]), "values: this path has no real numbers", on_key=True)
+        raise Fault(loc, str(loc[-1]), "values, as this path takes no real numbers", on_key=True)
     if len({kind.dimension for kind in of if isinstance(kind, kinds.Quantity)}) > 1:
         raise Fault(loc, "paths of different dimensions", "paths of one dimension, or values")
     numbers = [_value(of[0], value, (*loc, i)) for i, value in enumerate(given[:2])]
@@ -321,7 +321,7 @@ def _spaced(low: float, high: float, count: int, loc: KeyPath) -> Array:
     if loc[-1] == "linspace":
         return np.linspace(low, high, count)
     if not (low != 0.0 and high != 0.0 and (low > 0.0) == (high > 0.0)):
-        raise Fault(loc, f"{low!r} to {high!r}", "two ends of one sign, neither of them 0")
+        raise Fault(loc, f"{low!r} to {high!r}", "two ends of the same sign, neither of them 0")
     # numpy's logarithms differ in the last bit between processors.
     ratio = math.log(high / low)
     steps = [low * math.exp(ratio * i / (count - 1)) for i in range(1, count - 1)]

@@ -152,7 +152,7 @@ def check_grid_folder(folder: Path) -> None:
     if (folder / GRID_NAME).exists():
         ours = str((read_manifest(folder) or {}).get("schema")).startswith("vibro-grid/")
         if _stored_grid(folder) is None and not ours:
-            raise FolderRefused(f"{folder / GRID_NAME} is no grid of vibro; it is left as it is")
+            raise FolderRefused(f"{folder / GRID_NAME} is not a vibro grid; it is left as it is")
         return
     if folder.is_dir():
         names = {one.name for one in folder.iterdir() if not SHARD.fullmatch(one.name)}
@@ -170,7 +170,7 @@ def check_same(
     folder: Path,
     grid: Grid,
     chunks: Chunks,
-    remedy: str = "--force starts anew, -o names another folder",
+    remedy: str = "--force starts over, -o names another folder",
 ) -> None:
     """Raise `GridChanged`, with a `remedy`, if the folder holds a different grid."""
     stored = _stored_grid(folder)
@@ -180,7 +180,7 @@ def check_same(
     if stored is None or (stored == wanted and version == __version__):
         return
     found = differences({**stored, "version": version}, {**wanted, "version": __version__})
-    raise GridChanged(*refusal(f"{folder} holds another grid", found, remedy))
+    raise GridChanged(*refusal(f"{folder} holds a different grid", found, remedy))
 
 
 @contextlib.contextmanager
@@ -191,7 +191,7 @@ def locked(folder: Path) -> Iterator[None]:
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
-            raise FolderInUse(f"another process works on {folder}") from error
+            raise FolderInUse(f"another process is using {folder}") from error
         yield
     finally:
         os.close(handle)
@@ -398,7 +398,7 @@ def merge(dataset: Dataset) -> Iterator[Receipt]:
             if not (folder / GRID_NAME).exists():
                 continue
             stack.enter_context(locked(folder))
-            check_same(folder, dataset.grid, dataset.chunks, "--shard … --force starts it anew")
+            check_same(folder, dataset.grid, dataset.chunks, "--shard … --force starts it over")
             found = found_receipts(folder, dataset.grid, dataset.chunks)
             places |= {chunk: (folder, receipt) for chunk, receipt in found.items()}
         missing = [chunk for chunk in dataset.missing if chunk not in places]
@@ -411,7 +411,7 @@ def merge(dataset: Dataset) -> Iterator[Receipt]:
         for folder, receipt in map(places.__getitem__, wanted):
             for damage in check_files(folder, receipt.files):
                 raise MergeRefused(
-                    f"{folder / damage.file} is not as it was written (SHA-256); "
+                    f"{folder / damage.file} has changed since it was written (SHA-256); "
                     "vibro grid --shard … --repair solves it again"
                 )
         for chunk in wanted:

@@ -99,7 +99,7 @@ def _faults_between(data: Data) -> Iterator[Fault]:
     if mode in SAMPLED and "n" not in data:
         yield Fault((), "nothing", f"n, the number of points of mode {mode}")
     if mode in MODES and mode not in SAMPLED and "n" in data:
-        expected = f"no n in mode {mode}: the axes tell"
+        expected = f"no n in mode {mode}: the axes set the number"
         yield Fault(("n",), shown(data["n"]), expected, on_key=True)
     for i, axis in rows(data, "axes"):
         yield from one_of(axis, GENERATORS, ("axes", i), needed=True)
@@ -249,7 +249,7 @@ def _keep(given: Keep, system: str, faults: list[Fault]) -> Keep:
         if name not in known:
             expected = f"a column of collisions{suggestion(name, known)}"
             if name in [column.name for column in GROWTH]:
-                expected = "a column that grids have: of growth they keep the exponents only"
+                expected = "a column that grids have: of growth they keep only the exponents"
             faults.append(Fault(("keep", "columns", i), shown(name), expected))
     if given.columns is None:
         return given

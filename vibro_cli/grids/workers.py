@@ -346,7 +346,7 @@ def _solved(
         except (CommClosedError, CancelledError) as error:
             # A receipt is lost if its worker is; the chunk is solved again.
             if client.status != "running" or tries[chunk] >= _TRIES:
-                raise ClusterError(f"the Dask scheduler is lost: {_line(error)}") from error
+                raise ClusterError(f"lost the Dask scheduler: {_line(error)}") from error
             stream.add(submit(chunk))
             continue
         except Exception as error:

@@ -171,7 +171,7 @@ def orbit_family(
     _system_of_trace(scenario)
     low, high = checked("low", low, Quantity()), checked("high", high, Quantity())
     if not low < high:
-        raise ValueError(f"{vary}: found {low!r} to {high!r}, expected a range that grows")
+        raise ValueError(f"{vary}: found {low!r} to {high!r}, expected an ascending range")
     of_trace = cast("Scenario", scenario)
     branch = family_of(of_trace, found, vary, low, high)
     return OrbitFamily(branch.points, branch.special, found.as_start(of_trace), vary)

@@ -301,7 +301,7 @@ def _grid_of(source: AnyScenario | str | Path, **settings: Any) -> GridDocument:
     if isinstance(source, str | Path):
         if given:
             found = ", ".join(f"{name}=" for name in given)
-            raise TypeError(f"found {found} beside a grid file, which says this; expected none")
+            raise TypeError(f"found {found} beside a grid file, which has its own; expected none")
         return load_grid(checked_path("source", source))
     check_scenario(source)
     axes = checked("axes", given.pop("axes", {}), Dictionary("values by their paths"))

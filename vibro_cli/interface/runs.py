@@ -189,7 +189,7 @@ class Run:
             if str(path).partition(".")[0] not in CHANGEABLE:
                 raise CannotContinue(
                     f"found a value for {path}, expected one of {' or '.join(CHANGEABLE)} (the "
-                    "rest of the scenario of a run that goes on stays as it was)"
+                    "rest of the scenario of a continued run stays as it was)"
                 )
         before = self.solved.checkpoint(), self.solved.history()
         return _solved(self.scenario.replace(changes), engine, *before)

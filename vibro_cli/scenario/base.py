@@ -347,7 +347,7 @@ def checked_page(name: str, value: Any) -> Path:
     """
     path = checked_path(name, value)
     if path.suffix.lower() not in ("", ".htm", ".html"):
-        raise ValueError(f"{name}: found {str(value)!r}, expected a file .html")
+        raise ValueError(f"{name}: found {str(value)!r}, expected a .html file")
     return path
 
 

@@ -48,7 +48,7 @@ def write_file(path: Path, content: bytes | memoryview) -> None:
     partial = path.with_name(f".{path.name}.partial-{secrets.token_hex(6)}")
     with _errors_name(path):
         if path.exists() and not path.is_file():
-            raise OSError(errno.EINVAL, "no regular file; it is left as it is")
+            raise OSError(errno.EINVAL, "not a regular file; it is left as it is")
         try:
             _write_new(partial, content)
             os.replace(partial, path)
@@ -370,7 +370,7 @@ def differences(before: Any, now: Any, path: str = "") -> list[str]:
 
 def refusal(holds: str, found: Sequence[str], hint: str) -> list[str]:
     """Return the message about a folder with other content: `differences`, and a `hint`."""
-    return [f"{holds}; found there and wanted now:", *(f"  {line}" for line in found), f"({hint})"]
+    return [f"{holds} (found -> requested):", *(f"  {line}" for line in found), f"({hint})"]
 
 
 def _short(value: Any) -> str:
@@ -386,14 +386,15 @@ def check_replaceable(folder: Path, kind: str) -> None:
     if not folder.exists():
         return
     if not folder.is_dir():
-        raise FolderRefused(f"{folder} is a file; expected a folder or nothing")
+        raise FolderRefused(f"{folder} is a file; expected a folder name")
     names = {entry.name for entry in folder.iterdir() if not entry.name.startswith(".")}
     if not names:
         return
     found = read_manifest(folder)
     if found is None or not found["schema"].startswith(f"vibro-{kind}/"):
         raise FolderRefused(
-            f"{folder} exists and is no vibro {kind}; it is left as it is (choose another folder)"
+            f"{folder} exists and is not a vibro {kind} folder; it is left as it is "
+            "(choose another folder)"
         )
     foreign = sorted(names - set(found["files"]) - {MANIFEST_NAME})
     if foreign:
@@ -413,8 +414,9 @@ class Finding:
     detail: str
 
     def __str__(self) -> str:
-        what = "missing" if self.state == "missing" else f"not as it was written ({self.detail})"
-        return f"{self.file} is {what}"
+        if self.state == "missing":
+            return f"{self.file} is missing"
+        return f"{self.file} has changed since it was written ({self.detail})"
 
 
 def check_files(folder: Path, described: Mapping[str, Mapping[str, Any]]) -> Iterator[Finding]:
@@ -427,7 +429,7 @@ def check_files(folder: Path, described: Mapping[str, Mapping[str, Any]]) -> Ite
         try:
             size = (folder / name).stat().st_size
         except FileNotFoundError:
-            yield Finding(name, "missing", "not there")
+            yield Finding(name, "missing", "no such file")
             continue
         if size != wanted["bytes"]:
             yield Finding(name, "damaged", f"{size} bytes, expected {wanted['bytes']}")

@@ -71,7 +71,9 @@ def check_run_folder(
         json_of(folder / SCENARIO_NAME), json.loads(json_bytes(scenario.resolved()))
     )
     if found:
-        raise FolderRefused(*refusal(f"{folder} holds a run with other parameters", found, hint))
+        raise FolderRefused(
+            *refusal(f"{folder} holds a run with different parameters", found, hint)
+        )
 
 
 def goes_as_far(folder: Path, scenario: AnyScenario, end_time: float) -> bool:
@@ -233,7 +235,9 @@ def read_earlier_run(folder: Path) -> EarlierRun:
             f"{folder} does not exist{hint}; expected a folder that `vibro run` wrote"
         )
     if found is None or not found["schema"].startswith("vibro-run/"):
-        raise NotContinuable(f"{folder} is no vibro run; expected a folder that `vibro run` wrote")
+        raise NotContinuable(
+            f"{folder} is not a vibro run; expected a folder that `vibro run` wrote"
+        )
     version = found.get("program", {}).get("version")
     if version != __version__:
         raise NotContinuable(
@@ -243,7 +247,7 @@ def read_earlier_run(folder: Path) -> EarlierRun:
     for name in (SCENARIO_NAME, CHECKPOINT_NAME):
         content[name] = (folder / name).read_bytes()
         if entry(content[name])["sha256"] != found["files"].get(name, {}).get("sha256"):
-            raise NotContinuable(f"{folder / name} is not as it was written (SHA-256)")
+            raise NotContinuable(f"{folder / name} has changed since it was written (SHA-256)")
     return EarlierRun(folder / SCENARIO_NAME, json.loads(content[CHECKPOINT_NAME]), found)
 
 

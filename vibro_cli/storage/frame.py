@@ -128,7 +128,7 @@ class Table:
         """Return a column; raises ``KeyError`` with the known names."""
         if name not in self:
             names = ", ".join(self)
-            raise KeyError(f"{self.name} has no column {name!r}, but {names}")
+            raise KeyError(f"{self.name} has no column {name!r}, only {names}")
         return _as_array(self._data.select([name])[name])
 
     # Not a collections.abc.Mapping: polars would use its arrays, which lose missing values.
@@ -153,7 +153,7 @@ class Table:
 
     def __array__(self, *_: object, **__: object) -> NDArray[Any]:
         # Otherwise pandas and numpy would read it as the sequence of its column names.
-        raise TypeError(f"{self.name} is no array: expected a column, or to_pandas()")
+        raise TypeError(f"{self.name} is not an array: expected a column, or to_pandas()")
 
     def __len__(self) -> int:
         """Return the number of columns, as for a dictionary; ``rows`` is the number of rows."""

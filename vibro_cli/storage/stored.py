@@ -353,7 +353,7 @@ class StoredGrid:
         """Return the files of a table, none if the grid did not keep it."""
         parts = _parts(self.place, self.manifest, name)
         if not all(part.exists() for part in parts):
-            raise FileNotFoundError(ENOENT, "the table is gone", str(self.folder / name))
+            raise FileNotFoundError(ENOENT, "the table no longer exists", str(self.folder / name))
         return parts
 
 

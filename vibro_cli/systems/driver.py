@@ -432,7 +432,7 @@ def _write_back(value: Any, copy: Any) -> None:
 
 CHECKPOINT_FORMAT = 6
 # Nouns for what stops count.
-COUNTED = {"collisions": "impacts", "bounces": "bounces on the wall"}
+COUNTED = {"collisions": "impacts", "bounces": "impacts on the wall"}
 
 
 class CannotContinue(VibroError, ValueError):

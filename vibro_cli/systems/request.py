@@ -15,9 +15,9 @@ UNLIMITED = 2**62
 """Count that stands for a stop that is not set."""
 
 EARLY_ENDS = {
-    "end_of_trace": "came to an end of the trace",
+    "end_of_trace": "reached an end of the trace",
     "lift_off": "left the trace",
-    "wall_contact": "came to roll along the wall",
+    "wall_contact": "began to roll along the wall",
     "accumulation": "ended where impacts accumulate",
 }
 """Causes other than an inadmissible impact that end a run for good, as predicates."""
@@ -56,7 +56,7 @@ def within_run(times: Any, end: float, extrapolate: bool) -> Instants:
         raise ValueError(f"{found} finite time")
     raise ValueError(
         f"{found} time from 0 to {end!r} s "
-        "(extrapolate=True goes on with the first and last flights, as if nothing happened)"
+        "(extrapolate=True continues the first and last flights, as if nothing happened)"
     )
 
 
@@ -107,7 +107,7 @@ class OutputRequest:
     def left_out(self, end: float) -> tuple[str, ...]:
         """Return which sampled motion a run with this end (s) lacks, and why."""
         if not self.motion:
-            return ("sampled motion: not asked for (output.step or output.times)",)
+            return ("sampled motion: not requested (output.step or output.times)",)
         asked = len(self.times or ())
         missing = asked - int(np.sum(_reached(np.array(self.times), end))) if asked else 0
         if not missing:

@@ -34,12 +34,12 @@ HUNG_UP, INTERRUPTED, TERMINATED = 129, 130, 143
 
 EXIT_CODES = {
     DONE: "done (also when a run ended `inadmissible`: the cause is in the summary)",
-    FAILED: "failed: a file could not be written, memory ran out, or a fault of the program",
+    FAILED: "failed: a file could not be written, memory ran out, or an internal error",
     MISUSED: "wrong usage or invalid scenario",
-    NOT_STRICT: "with `--strict`: done, but some run was inadmissible or invalid",
-    HUNG_UP: "hung up (SIGHUP); what was finished is kept",
-    INTERRUPTED: "interrupted (SIGINT); what was finished is kept",
-    TERMINATED: "terminated (SIGTERM); what was finished is kept",
+    NOT_STRICT: "with `--strict`: done, but a run was inadmissible or invalid",
+    HUNG_UP: "hung up (SIGHUP); finished results are kept",
+    INTERRUPTED: "interrupted (SIGINT); finished results are kept",
+    TERMINATED: "terminated (SIGTERM); finished results are kept",
 }
 
 NOTHING_WRITTEN = "nothing was written"
@@ -109,7 +109,7 @@ def _lack(fault: Exception) -> str:
         return "out of memory"
     threads = ("can't start new thread", "Failed to launch worker thread")
     if any(words in str(fault) for words in threads):
-        return "no thread can be started: the limit of processes is reached (ulimit -u)"
+        return "no thread can be started: the process limit is reached (ulimit -u)"
     return ""
 
 
@@ -172,13 +172,13 @@ def leaving(text: str = NOTHING_WRITTEN) -> Iterator[None]:
 
 def _left(end: BaseException) -> str:
     """Return the note of `leaving` on what is left on the disk, or the default text."""
-    return next(iter(getattr(end, "__notes__", ())), "what was finished is kept")
+    return next(iter(getattr(end, "__notes__", ())), "finished results are kept")
 
 
 def check_no_folder(path: Path) -> None:
     """Raise `CommandError` if the path of an output file is a folder."""
     if path.is_dir():
-        raise CommandError(f"vibro: {path} is a folder; expected a file or nothing")
+        raise CommandError(f"vibro: {path} is a folder; expected a file name")
 
 
 def check_place(path: Path) -> None:
@@ -270,8 +270,8 @@ def _report_fault(fault: Exception) -> tuple[str, str]:
         with open(handle, "w", encoding="utf-8") as file:
             file.writelines(traceback.format_exception(fault))
     except OSError:
-        path = "nowhere: the temporary folder cannot be written"
-    return f"vibro: fault of the program, please report it: {text} (traceback: {path})", "error"
+        path = "not saved, as the temporary folder cannot be written"
+    return f"vibro: internal error, please report it: {text} (traceback: {path})", "error"
 
 
 def suggestion(word: str, known: Iterable[str]) -> str:

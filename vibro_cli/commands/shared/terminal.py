@@ -109,7 +109,7 @@ COLUMNS = 80
 
 _COPIED = ("files", "next")
 INADMISSIBLE_HINT = (
-    "--set collision.inadmissible=normal-impulse goes on, with Newton's law for such impacts"
+    "--set collision.inadmissible=normal-impulse continues, with Newton's law for such impacts"
 )
 
 
