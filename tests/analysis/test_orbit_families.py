@@ -598,4 +598,4 @@ def test_a_motion_without_impacts_is_told() -> None:
 def test_a_family_over_its_start_is_refused(path: str, capsys: pytest.CaptureFixture[str]) -> None:
     vary = f"--vary={path}={'0.5:0.7' if 'position' in path else '-2:2'}"
     assert run_command_line(["orbit", str(FALLING), "--impacts", "1", vary]) == 2
-    assert f"{path}: found a number on which no orbit depends" in capsys.readouterr().err
+    assert f"{path}: found a parameter on which no orbit depends" in capsys.readouterr().err

@@ -22,11 +22,11 @@ def test_trace_bodies_pairs_and_law_are_shown(vibro: Vibro, scenario: Path) -> N
         "  ball 1  ball, r = 0.1 m, m = 2 kg, κ = 1.4, J_P = 0.028 kg m²; "
         "arc 1, angle -57.2958°, speed 0 m/s",
         "          ω² = 2g/κρ = 15.5714286 1/s², elliptic modulus 2.08582964; "
-        "period of small swings 2.25180426 s, of this one 2.401176 s",
+        "period of small oscillations 2.25180426 s, of this motion 2.401176 s",
         "  ball 2  disk, r = 0.1 m, m = 1 kg, κ = 1.5, J_P = 0.015 kg m²; "
         "arc 1, angle 28.6479°, speed 0 m/s",
         "          ω² = 2g/κρ = 14.5333333 1/s², elliptic modulus 4.0419725; "
-        "period of small swings 2.33083885 s, of this one 2.36778855 s",
+        "period of small oscillations 2.33083885 s, of this motion 2.36778855 s",
         "  pair 1-2  k = 0.9",
         "          arc 1  β = 0.222682029 rad, λ₁ = R/r₁ = 10, λ₂ = r₂/r₁ = 1",
         "  law hedrih; inadmissible impacts: stop",

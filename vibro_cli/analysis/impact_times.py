@@ -93,7 +93,7 @@ def number_at(scenario: Scenario, path: KeyPath) -> float:
         found = found[0]
     if isinstance(found, bool) or not isinstance(found, float):
         raise NoDerivative(
-            f"{path_text(path)}: found no number there, expected one that the scenario gives"
+            f"{path_text(path)}: found no number, expected one given in the scenario"
         )
     return found
 

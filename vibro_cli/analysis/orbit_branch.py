@@ -80,8 +80,8 @@ _NEARING = (0.2, 0.4, 0.6, 0.8)
 _APPROACH = (1.0 / 64.0, 1.0 / 16.0, 1.0 / 4.0)
 # Number of orbits tried to locate a fold.
 _TRIED = 9
-_JUMP = "the multipliers jump, as where an impact passes a junction"
-_NOT_ONE = "no multiplier comes to 1"
+_JUMP = "the multipliers jump, as when an impact passes a junction"
+_NOT_ONE = "no multiplier reaches 1"
 # Orbits that close worse, such as motions nearly at rest, have meaningless multipliers.
 _CLOSED_WELL = 10.0 * CLOSED
 
@@ -153,11 +153,11 @@ def family_of(scenario: Scenario, found: Orbit, path: str, low: float, high: flo
         raise NoOrbit(f"{path}: found {here:.6g}{unit}, expected {expected}")
     # Report faults at the ends of the range first.
     if path != ENERGY and _restitutions(at(low)) != _restitutions(at(high)):
-        expected = "another number: periodic orbits have 1"
+        expected = "another parameter: periodic orbits need 1"
         raise NoOrbit(f"{path}: found a coefficient of restitution, expected {expected}")
     if path != ENERGY and replace(at(low), initial=()) == replace(at(high), initial=()):
         expected = "one of the trace, the bodies or the impacts"
-        raise NoOrbit(f"{path}: found a number on which no orbit depends, expected {expected}")
+        raise NoOrbit(f"{path}: found a parameter on which no orbit depends, expected {expected}")
     return Family(None if path == ENERGY else at, found, here, low, high).follow()
 
 

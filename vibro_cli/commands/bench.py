@@ -163,7 +163,7 @@ class StressCommand:
         bool,
         typer.Option("--full", help="Run the long suite: under half an hour instead of a minute."),
     ] = False
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the random cases.")] = 1
+    seed: Annotated[int, typer.Option(min=0, metavar="N", help="Seed of the random cases.")] = 1
     only: Annotated[list[str], repeatable(metavar="NAME", help="Run only this check; repeatable.")]
     cases: Annotated[
         int | None,

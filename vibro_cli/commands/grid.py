@@ -67,7 +67,10 @@ class GridCommand:
     workers: Annotated[
         int,
         typer.Option(
-            min=0, help="Number of solver threads; 0 uses one per core.", envvar="VIBRO_WORKERS"
+            min=0,
+            metavar="N",
+            help="Number of solver threads; 0 uses one per core.",
+            envvar="VIBRO_WORKERS",
         ),
     ] = 0
     engine: Engine = "compiled"

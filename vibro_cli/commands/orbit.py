@@ -40,7 +40,9 @@ class OrbitCommand:
     ]
     impacts: Annotated[
         int | None,
-        typer.Option(min=1, help="Impacts per period [default: those of the nearest return]."),
+        typer.Option(
+            min=1, metavar="N", help="Impacts per period [default: those of the nearest return]."
+        ),
     ] = None
     period: Annotated[
         float | None,

@@ -87,13 +87,17 @@ class ReportCommand:
         ),
     ] = None
     pace: Annotated[
-        float, typer.Option(min=1e-6, help="Seconds of motion per second of film (--animate).")
+        float,
+        typer.Option(
+            min=1e-6, metavar="SECONDS", help="Seconds of motion per second of film (--animate)."
+        ),
     ] = 1.0
     fps: Annotated[
         int,
         typer.Option(
             min=1,
             max=100,
+            metavar="N",
             help="Frames per second of film (--animate); for a GIF 1, 2, 4, 5, 10, 20, 25, 50 or "
             "100.",
         ),

@@ -256,10 +256,12 @@ RESIDUALS = Table(
     "one measured impact",
     (
         count("n", "number of the impact in the motion, from 1"),
-        number("t", "s", "measured instant"),
-        number("noise", "s", "its standard deviation, given or from the residuals"),
-        number("residual", "s", "measured less computed instant"),
-        number("first", "s", "the same before the fit (null: no such impact)", True),
+        number("t", "s", "measured time"),
+        number(
+            "noise", "s", "standard deviation of the time, given or estimated from the residuals"
+        ),
+        number("residual", "s", "measured minus computed time"),
+        number("first", "s", "residual before the fit (null: no such impact)", True),
     ),
 )
 
@@ -278,18 +280,18 @@ def orbits(balls: int) -> Table:
         )
     ]
     columns = (
-        number("value", "", "number of the scenario that was varied (null for one orbit)", True),
+        number("value", "", "value of the varied parameter (null for one orbit)", True),
         word(
             "special",
-            "doubling, fold, exchange, torus, or how it ends: bound, halving, grazing, …",
+            "doubling, fold, exchange, torus, or how the family ends: bound, halving, grazing, …",
             nullable=True,
         ),
         number("period", "s", "period"),
-        number("energy", "J", "energy, potential from the level of the trace's left end"),
-        number("residual", "", "distance of end and start as a share of the state"),
-        number("multiplier", "", "size of the largest multiplier"),
-        flag("stable", "whether no multiplier is larger than one"),
-        number("least_speed", "m/s", "least speed of approach of an impact or at a wall"),
+        number("energy", "J", "energy, relative to the level of the trace's left end"),
+        number("residual", "", "distance between start and end, relative to the size of the state"),
+        number("multiplier", "", "largest modulus of a multiplier"),
+        flag("stable", "whether no multiplier has a modulus above 1"),
+        number("least_speed", "m/s", "least speed of approach at an impact or a wall"),
         word("word", "events of a period, in order"),
         *states,
     )

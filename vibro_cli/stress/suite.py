@@ -109,7 +109,7 @@ TABLE = Table(
 
 def line_of(finding: Finding) -> str:
     """Return a finding as one line of text."""
-    verdict = "told" if finding.mark is None else ("met" if finding.met else "MISSED")
+    verdict = "info" if finding.mark is None else ("met" if finding.met else "MISSED")
     mark = "" if finding.mark is None else f" (mark {finding.mark:.3g})"
     return (
         f"{verdict:6}  {finding.check:12}  {finding.quantity}: {finding.worst:.3g}{mark}; "

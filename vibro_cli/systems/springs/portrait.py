@@ -390,8 +390,8 @@ def swing_line(swing: dict[str, float | None]) -> str:
         for key in ("small_period", "period")
     )
     return (
-        f"          ω₀ = {swing['omega_0']:.9g} 1/s; period of small swings {small}, "
-        f"of this one {own}"
+        f"          ω₀ = {swing['omega_0']:.9g} 1/s; period of small oscillations {small}, "
+        f"of this motion {own}"
     )
 
 

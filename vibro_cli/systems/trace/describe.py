@@ -148,11 +148,11 @@ def _moving_line(body: dict[str, Any]) -> str:
 def _swing_line(swing: dict[str, float | None]) -> str:
     """Return the constants of a swing as text: B (50)-(51), small and actual period."""
     modulus, period = swing["modulus"], swing["period"]
-    own = "none, it leaves its arc" if period is None else f"{period:.9g} s"
+    own = "none, as it leaves its arc" if period is None else f"{period:.9g} s"
     shown = "∞" if modulus is None else f"{modulus:.9g}"
     return (
         f"          ω² = 2g/κρ = {swing['omega_squared']:.9g} 1/s², elliptic modulus {shown}; "
-        f"period of small swings {swing['small_period']:.9g} s, of this one {own}"
+        f"period of small oscillations {swing['small_period']:.9g} s, of this motion {own}"
     )
 
 

@@ -457,7 +457,7 @@ def skipped(clock: Mapping[str, Any], wanted: OutputRequest, end: float) -> tupl
     if clock["quiet_from"] < NEVER:
         notes.append(f"no search after t = {clock['quiet_from']:.6g} s: no impact is possible")
     if not wanted.turning_points:
-        notes.append("turning points: not asked for (output.turning_points)")
+        notes.append("turning points: not requested (output.turning_points)")
     if wanted.friction is None:
         notes.append("slip events: no coefficient of friction given (output.friction)")
     return (*notes, *wanted.left_out(end))
