@@ -152,7 +152,9 @@ def _sides(*places: float) -> Coordinate:
 
 def test_axes_that_cannot_be_measured_are_told(tmp_path: Path) -> None:
     grid = sweep(example("one_circle"), {"collision.k": [0.5, 0.6, 0.8]})
-    with pytest.raises(NoBasins, match=r"at least 32 numbers .* collision\.k \(3, uneven\)"):
+    with pytest.raises(
+        NoBasins, match=r"at least 32 evenly spaced numbers, found collision\.k \(3, uneven\)"
+    ):
         grid.basins()
 
 

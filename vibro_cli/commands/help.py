@@ -128,9 +128,9 @@ _GRID = """A grid file (TOML, JSON or YAML) names a scenario, or has one inline,
 change it. Any scalar of the scenario, number or word, may be on an axis; numbers may have units.
 
 ```toml
-base = "three_arcs.toml"   # from the folder of this file
+base = "three_arcs.toml"   # relative to the folder of this file
 
-[[axes]]                   # of a product, the last axis changes fastest
+[[axes]]                   # in a product, the last axis changes fastest
 path = "balls[1].angle"
 linspace = ["-80 deg", "-50 deg", 61]
 

@@ -278,6 +278,6 @@ def _evenly(grid: StoredGrid) -> ParameterMap:
         for one in (maps[0].coordinates if maps else ())
     ]
     raise NoBasins(
-        f"expected an axis of at least {FEWEST} numbers at even distances, found "
+        f"expected an axis of at least {FEWEST} evenly spaced numbers, found "
         f"{' and '.join(axes) or 'no axis that changes'}"
     )

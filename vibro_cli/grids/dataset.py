@@ -315,7 +315,7 @@ def verify(folder: Path) -> Verdict:
     """
     found = read_manifest(folder)
     if found is None:
-        raise NoManifest(f"{folder} has no {MANIFEST_NAME} of vibro, or a damaged one")
+        raise NoManifest(f"{folder} has no valid {MANIFEST_NAME} of vibro")
     findings = list(check_files(folder, found["files"]))
     known = {*found["files"], MANIFEST_NAME}
     for path in sorted(folder.rglob("*")):

@@ -219,7 +219,7 @@ def portrait(
     if wall is None or not has_wall_portrait(wall):
         raise NoPortrait(
             f"found {_described(system)}, expected an ellipse or a circle around "
-            "the balls: only the bounces on these have singular points and a portrait"
+            "the balls: only bounces off these have singular points and a portrait"
         )
     bodies: list[dict[str, Any]] = []
     figures: dict[str, Figure] = {}
@@ -238,7 +238,7 @@ def _described(system: TableSystem) -> str:
     if wall is None:
         return "no wall"
     side = "around" if wall.inside else "among"
-    return f"a wall of the shape {wall.named or wall.shape} {side} the balls"
+    return f"a wall of shape {wall.named or wall.shape} {side} the balls"
 
 
 def point_lines(body: dict[str, Any]) -> Iterator[str]:
