@@ -152,7 +152,7 @@ def _draw_axis(axes: Axes, turning: Turning) -> Array:
     if first + (wide + _BESIDE) * each > high:
         first = turning.x - (_BESIDE + wide) * each
     level = top - _UNDER * each
-    look = SAY | {"color": style.BLACK, "path_effects": HALO, "zorder": 3.0}
+    look = SMALL_TEXT | {"color": style.BLACK, "path_effects": HALO, "zorder": 3.0}
     axes.text(first, level, words, va="center", **look)
     along = first + np.arange(0.0, wide, 1.0) * each
     return np.column_stack([along, np.full(len(along), level)])
