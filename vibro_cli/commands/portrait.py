@@ -283,11 +283,11 @@ def _analysed(
 
     kind = system_named(scenario.system)
     if options.compare and not kind.has_comparisons:
-        fit = _those(lambda one: one.has_comparisons)
-        raise CommandError(f"vibro: {scenario.name}: --compare is for {fit} only")
+        capable = _systems_with(lambda one: one.has_comparisons)
+        raise CommandError(f"vibro: {scenario.name}: --compare is for {capable} only")
     if options.vary and not kind.has_families:
-        fit = _those(lambda one: one.has_families)
-        raise CommandError(f"vibro: {scenario.name}: --vary is for {fit} only")
+        capable = _systems_with(lambda one: one.has_families)
+        raise CommandError(f"vibro: {scenario.name}: --vary is for {capable} only")
     try:
         drawn = range(1, len(system.bodies) + 1) if options.figures else ()
         table, figures = kind.portrait(system, options.width, drawn)
@@ -303,11 +303,11 @@ def _analysed(
     return found, pictures(figures)
 
 
-def _those(fit: "Callable[[System], bool]") -> str:
-    """Return the names of the systems that `fit` accepts, joined by "and"."""
+def _systems_with(capable: "Callable[[System], bool]") -> str:
+    """Return the names of the systems that `capable` accepts, joined by "and"."""
     from vibro_cli.systems import PLURALS, system_named
 
-    return " and ".join(word for name, word in PLURALS.items() if fit(system_named(name)))
+    return " and ".join(word for name, word in PLURALS.items() if capable(system_named(name)))
 
 
 def _lines(scenario: "AnyScenario", found: dict[str, Any]) -> Iterator[str]:

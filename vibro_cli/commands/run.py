@@ -435,8 +435,8 @@ def _streamed(
     of_system = [table.file for table in system_named(scenario.system).tables()]
     names = of_system if len(sinks) > (options.stream is not None) else ["collisions"]
     # A reader of the stream may be slow or stopped: then a signal must end the wait at once.
-    heard = upon_signals(interruption.note) if len(names) > 1 else contextlib.nullcontext()
-    with followed(options, scenario), heard:
+    signals = upon_signals(interruption.note) if len(names) > 1 else contextlib.nullcontext()
+    with followed(options, scenario), signals:
         return simulate_streamed(
             scenario, add, options.engine, checkpoint, names=names,
             interrupted=interruption.__bool__, in_background=options.stream is None,

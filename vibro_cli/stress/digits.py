@@ -65,7 +65,7 @@ class Uncertainty(NamedTuple):
     """When the uncertainty ends (s): that of relative speeds does not outlast a closing contact."""
 
 
-def begun(history: History) -> list[Event]:
+def contact_beginnings(history: History) -> list[Event]:
     """Return the beginnings of lasting contact."""
     return [event for event in history.events if event.kind == "contact_closed"]
 
@@ -123,7 +123,7 @@ def _uncertain_bounces(history: History, size: float, gravity: float) -> list[Un
     """
     height = CONTACT_ROUNDING * size
     lasting = _lasting(history)
-    ends = begun(history)
+    ends = contact_beginnings(history)
     for bounce, lasts in lasting:
         if _is_low(bounce.after, lasts, height) and bounce.after > STILL:
             ends.append(Event(bounce.t, "impact", bounce.bodies[0], bounce.bodies[-1]))
@@ -156,7 +156,9 @@ def _uncertain_impacts(history: History, size: float) -> list[Uncertainty]:
             time = float(EPSILON * size / -bounce.before)
             lost = min(float(abs(drawn)) * time, float(-bounce.before))
             closes = [
-                e.t for e in begun(history) if (e.a, e.b) == bounce.bodies and e.t >= bounce.t
+                e.t
+                for e in contact_beginnings(history)
+                if (e.a, e.b) == bounce.bodies and e.t >= bounce.t
             ]
             until = float(min(closes, default=mp.inf))
             if not bounce.along and _is_low(speed, bounce.t - t, CONTACT_ROUNDING * size):
@@ -223,7 +225,7 @@ def _is_low(speed: Any, lasts: Any, height: float) -> bool:
 
 def _lasting(history: History) -> Lasting:
     """Return all bounces, each with the time to the next one, as `Lasting` describes."""
-    closed = {(event.t, event.a, event.b) for event in begun(history)}
+    closed = {(event.t, event.a, event.b) for event in contact_beginnings(history)}
     following: dict[tuple[int, ...], Any] = {}
     found = []
     for bounce in reversed(history.bounces):
@@ -353,8 +355,8 @@ def parted_documents(document: Document, run: Run, gap: float = GAP) -> Iterator
     No other change separates bodies. Those that are pressed together are left out: rounding of
     their places does not turn a contact into bounces.
     """
-    begun = run.events["t"] == 0.0
-    held = set(np.ma.filled(run.events["other"][begun], 0).tolist())  # crossings have no other
+    at_start = run.events["t"] == 0.0
+    held = set(np.ma.filled(run.events["other"][at_start], 0).tolist())  # crossings have no other
     for number, state in enumerate(run.system.initial):
         if "touching" not in document["balls"][number] or number + 1 in held:
             continue
@@ -408,7 +410,7 @@ def _verdict(run: Run, history: History, ours: Floats, grown: Floats, times: Flo
     if len(history.samples) < len(times):
         ended = f"the oracle ends {history.end_cause} at {float(history.end_time):.9g}"
         return Verdict(motion=np.inf, why=ended)
-    closings = [float(event.t) for event in begun(history)]
+    closings = [float(event.t) for event in contact_beginnings(history)]
     ours_closed = run.events["t"][run.events["event"] == "contact_closed"]
     first = min([*closings, *ours_closed.tolist()], default=np.inf)
     motion, after = 0.0, None
