@@ -416,7 +416,7 @@ WRONG: dict[str, tuple[Callable[[Run], object], str]] = {
     "data": (lambda run: Scenario.from_dict(cast("Any", None)), "data: found null, expected"),
     "override": (
         lambda run: load_scenario(SOURCE, cast("Any", [5])),
-        "overrides: found 5, expected a list of texts path=value, each a text",
+        "overrides: found 5, expected a list of overrides path=value, each a text",
     ),
     "bounds of none": (
         lambda run: _fitted(run, {"collision.k": None}),

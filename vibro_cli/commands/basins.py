@@ -29,7 +29,7 @@ _LISTED = 20
 
 @dataclass(frozen=True, kw_only=True)
 class BasinsCommand:
-    """Map how the runs of a grid end: its basins. Print basin entropy, uncertainty exponent."""
+    """Map the basins of a grid: how its runs end. Print basin entropy and uncertainty exponent."""
 
     grid: Annotated[
         Path, typer.Argument(metavar="DIR", help="Folder of a grid over one or two axes.")

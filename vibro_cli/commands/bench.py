@@ -43,7 +43,7 @@ class BenchCommand:
         ),
     ] = None
     as_json: Annotated[
-        bool, json_option(help="Print one JSON object per line for each row of the table.")
+        bool, json_option(help="Print a JSON object for each row of the table, one per line.")
     ] = False
 
     def __post_init__(self) -> None:
@@ -175,7 +175,7 @@ class StressCommand:
         ),
     ] = None
     as_json: Annotated[
-        bool, json_option(help="Print one JSON object per line for each finding.")
+        bool, json_option(help="Print a JSON object for each finding, one per line.")
     ] = False
     output: Annotated[
         str | None,

@@ -27,9 +27,9 @@ class CheckCommand:
 
     scenarios: Annotated[list[str], scenario_argument()]
     overrides: Overrides
-    as_json: Annotated[bool, json_option(help="Print one JSON object per line for each file.")] = (
-        False
-    )
+    as_json: Annotated[
+        bool, json_option(help="Print a JSON object for each file, one per line.")
+    ] = False
     fail_fast: FailFast = False
 
     def __call__(self) -> int:
@@ -152,7 +152,7 @@ class VerifyCommand:
         typer.Argument(metavar="DIR", help="Folders of results.", show_default=False),
     ]
     as_json: Annotated[
-        bool, json_option(help="Print one JSON object per line for each folder.")
+        bool, json_option(help="Print a JSON object for each folder, one per line.")
     ] = False
 
     def __call__(self) -> int:

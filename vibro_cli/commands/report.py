@@ -135,7 +135,7 @@ class ReportCommand:
             raise typer.BadParameter(f"--pace: found {self.pace}, expected a finite number")
         if form == ".gif" and 100 % self.fps:  # it counts in hundredths of a second
             raise typer.BadParameter(
-                f"--fps: found {self.fps}, expected a divisor of 100 for a GIF: 10, 20, 25, 50"
+                f"--fps: found {self.fps}, expected a divisor of 100 for a GIF, such as 20 or 25"
             )
         try:
             self.bounds(float("inf"))

@@ -100,8 +100,8 @@ class RunCommand:
         bool,
         typer.Option(
             "--json",
-            help="Print one JSON object per line for each run: scenario, overrides, folder and the "
-            "columns of its summary, all at one level.",
+            help="Print a JSON object for each run, one per line: scenario, overrides, folder and "
+            "the columns of its summary, all at one level.",
         ),
     ] = False
     strict: Strict = False

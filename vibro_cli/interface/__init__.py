@@ -80,7 +80,7 @@ def load_scenario(source: str | Path, overrides: Sequence[str] = ()) -> AnyScena
     OSError
         If the file cannot be read.
     """
-    texts = checked("overrides", overrides, Texts("texts path=value"))
+    texts = checked("overrides", overrides, Texts("overrides path=value"))
     return load_any(checked_path("source", source), texts)
 
 
