@@ -88,8 +88,11 @@ _EIGHT = (
     "position of {} relative to the first figure eight from the left that encloses it: left loop, "
     "right loop, on it, or outside all of them (none: there is no figure eight)"
 )
-_OMEGA = "angular velocity of {} about the contact point (null for a particle, which slides)"
-SIDE = count("side", "side of body 1 on which the bodies meet: 1 ahead of it, −1 behind it")
+_OMEGA = "angular velocity of {}, about its contact point (null for a particle, which slides)"
+SIDE = count(
+    "side",
+    "side of body 1 on which the bodies meet: 1 ahead of it, towards greater s, −1 behind it",
+)
 
 
 def collisions(sided: bool = False) -> Table:
