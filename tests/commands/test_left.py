@@ -19,6 +19,8 @@ COMPUTING = {
     f"portrait {FALLING}": "vibro_cli.interface.pictures",
     f"orbit {FALLING} -o out": "vibro_cli.interface.analyses.orbit",
     f"fit {FALLING} run/collisions.parquet --free gravity": "vibro_cli.analysis.fit.fit_impacts",
+    f"fit {FALLING} run/collisions.parquet --free gravity -o out": "vibro_cli.interface.pictures",
+    "report ./run": "vibro_cli.storage.stored.open_run",
 }
 """Commands, and what they call before they write."""
 LISTING = {

@@ -53,8 +53,8 @@ class OrbitCommand:
         typer.Option(
             metavar="PATH=LOW:HIGH",
             help="Follow the orbit at constant energy while a parameter of the scenario varies (SI "
-            "units, radians), e.g. --vary balls[2].mass=0.9:1.1, or while the energy (J) does: "
-            "--vary energy=5:20.",
+            "units, radians), e.g. --vary balls[2].mass=0.9:1.1, or while the energy (J) above the "
+            "trace's left end does: --vary energy=5:20.",
         ),
     ] = None
     output: Annotated[
@@ -273,14 +273,16 @@ class FitCommand:
         free = parsed_free(self.free)
         if folder is not None:
             check_replaceable(folder, "fit")
-        measured = _measured(self.measured)
-        try:
-            with leaving():
+        drawn = {}
+        with leaving():
+            measured = _measured(self.measured)
+            try:
                 found = Fit.of(fit_impacts(scenario, measured, free, self.noise))
-        except NoFit as error:
-            raise CommandError(f"vibro: {scenario.name}: no fit: {error}") from error
+            except NoFit as error:
+                raise CommandError(f"vibro: {scenario.name}: no fit: {error}") from error
+            if folder is not None and self.figures:
+                drawn = pictures({"residuals": found.figure().figure})
         if folder is not None:
-            drawn = pictures({"residuals": found.figure().figure}) if self.figures else {}
             write_results("fit", folder, drawn, found.scenario, record_of_fit(found), found.table)
         print_found(record_of_fit(found), _lines_of_fit(found), self.as_json)
         if folder is not None:

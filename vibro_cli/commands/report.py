@@ -178,10 +178,11 @@ class ReportCommand:
         """Check, draw and write; print the page, or the paths of the files written."""
         from vibro_cli.storage.files import write_file
 
-        _check(self)
         target = self.target
-        subject = _subject(self)
-        _check_maps(subject, self.maps)
+        with leaving():
+            _check(self)
+            subject = _subject(self)
+            _check_maps(subject, self.maps)
         # Drawing triggers many garbage collections: exempt the objects that exist by now.
         gc.freeze()
         gc.set_threshold(50_000, 4, 2)
