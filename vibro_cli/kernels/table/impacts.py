@@ -36,7 +36,7 @@ from vibro_cli.kernels.impact.laws import (
 from vibro_cli.kernels.numerics.constants import EPSILON, NEVER
 from vibro_cli.kernels.numerics.double_double import dd_add, dd_multiply
 from vibro_cli.kernels.table.walls import RESOLVED, bend_at, present_place, touching_distance
-from vibro_cli.kernels.table.world import POLYGON, BounceRow, PairRow, World
+from vibro_cli.kernels.table.world import BounceRow, PairRow, World
 from vibro_cli.kernels.world import END_INADMISSIBLE, END_WALL_CONTACT, RUNNING
 
 # Below this share of the speed a bounce cannot be told from rolling along the wall: the rounding of
@@ -205,7 +205,7 @@ def bounce(world: World, ball: int) -> int:
     row.vx_pre, row.vy_pre = state.vx, state.vy
     closing = max(state.vx * to.normal_x + state.vy * to.normal_y, 0.0)
     speed = math.sqrt(state.square)
-    concave = wall.kind != POLYGON and wall.side > 0.0
+    concave = to.other < 0 and wall.side > 0.0  # inside a curve
     row.grazing = 1 if _grazes(world, row, closing, concave) else 0
     k = wall.restitution
     # The normal's length is 1 only up to rounding, which would add up over the bounces. So would

@@ -38,7 +38,7 @@ def meet_wall(world: World, body: BodyData, ball: Ball, x: float, y: float, to: 
     """Return the time (s) until a ball at (x, y) meets the wall, or NEVER.
 
     ``ball`` has the velocity; ``to`` receives the centre at the contact, the normal, and the side,
-    or -1 on a conic.
+    or -1 on a curve.
     """
     to.other = -1
     wall = world.wall[0]
@@ -178,7 +178,7 @@ def bend_at(world: World, row: BounceRow) -> float:
     """
     wall = world.wall[0]
     radius = world.bodies[row.ball].radius
-    if wall.kind != POLYGON:
+    if row.edge < 0:
         fx, fy = wall.side * row.normal_x, wall.side * row.normal_y
         _, _, _, _, curvature_radius = touch_curve(wall, wall.side * radius, fx, fy, 0.0)
         return wall.side / curvature_radius

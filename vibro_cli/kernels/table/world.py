@@ -37,7 +37,7 @@ class Meeting(Instant):
     """The next meeting of a ball: with the wall, or with a ball of greater index."""
 
     kind: int
-    other: int  # the other ball, or the side of a polygon
+    other: int  # the other ball, or the side of the wall, negative on a curve
     x: float  # centre of the ball at the wall, m
     y: float
     normal_x: float  # from the ball to the wall
@@ -176,7 +176,7 @@ class BounceRow(Instant):
 
     event: int
     ball: int
-    edge: int  # side of the wall, from 0; -1 on a conic
+    edge: int  # side of the wall, from 0; negative on a curve
     x: float
     y: float
     normal_x: float

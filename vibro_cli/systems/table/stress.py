@@ -17,7 +17,7 @@ from vibro_cli.stress.oracles.scene import mp, speed_changes
 from vibro_cli.stress.oracles.sensitivity import check_maps
 from vibro_cli.stress.scenes import Document, Finding, Plan, solve_any
 from vibro_cli.systems.run import Run, Stretch
-from vibro_cli.systems.table.system import POLYGON, TableSystem, on_left
+from vibro_cli.systems.table.system import TableSystem, on_left
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,8 @@ class SolverEvent:
     normal: float
     """Direction of the normal (rad), from the first ball to the other or to the wall."""
     law: str = ""
-    edge: int = 0
+    edge: int = -1
+    """Index of the side of the wall, negative on a curve."""
 
 
 def solver_events(pairs: Any, bounces: Any) -> list[SolverEvent]:
@@ -92,7 +93,7 @@ class ReferenceSolver:
         ball = one.balls[0]
         wall = self.system.wall
         assert wall is not None
-        if wall.shape != POLYGON:
+        if one.edge < 0:
             return self._curved(state[ball], self.radii[ball], mp.mpf(one.t) - now, one)
         corners = [[mp.mpf(v) for v in corner] for corner in wall.corners]
         (x, y), (ex, ey) = corners[one.edge], corners[(one.edge + 1) % len(corners)]

@@ -182,7 +182,7 @@ def _impact_columns() -> Iterator[Column]:
 def _bounce_columns() -> Iterator[Column]:
     yield from impact_head()
     yield count("ball", "the ball, from 1", value=_from_1("ball"))
-    text = "side of the polygon or rectangle, from 1 (null on a curve)"
+    text = "straight side of the wall, from 1 (null on a curve)"
     yield count("edge", text, True, attrgetter("edge"))
     for axis in _AXES:
         yield number(axis, "m", f"{axis} coordinate of the centre", value=of_log(axis))
