@@ -211,17 +211,17 @@ def faults_in_row(
 ) -> Iterator[Fault]:
     """Check a body in a row of bodies; the last key of `start` is `touching`."""
     loc = ("balls", index)
-    yield from one_of(ball, MASS, loc, needed=True)
+    yield from body_faults(ball, loc, lone=len(data["balls"]) == 1)
     yield from one_of(ball, start, loc, needed=True)
     yield from one_of(ball, motion, loc, needed=False)
-    yield from body_faults(ball, loc, lone=len(data["balls"]) == 1)
     if index == 0 and "touching" in ball:
         expected = f"{listing(start[:-1])}: the first body has none to its left"
         yield Fault((*loc, "touching"), shown(ball["touching"]), expected, on_key=True)
 
 
 def body_faults(ball: Data, loc: tuple[str | int, ...], lone: bool) -> Iterator[Fault]:
-    """Check the properties of a body: mass, thickness if needed, and a radius of 0."""
+    """Check the properties of a body: mass or density, thickness if needed, a radius of 0."""
+    yield from one_of(ball, MASS, loc, needed=True)
     if "inertia_ratio" in ball:
         yield from one_of(ball, KIND, loc, needed=False)
         if "density" in ball and "mass" not in ball:

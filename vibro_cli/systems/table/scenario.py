@@ -30,7 +30,6 @@ from vibro_cli.scenario.models import (
     Law,
     Stop,
     body_faults,
-    one_of,
     output_faults,
     rows,
     section,
@@ -203,7 +202,6 @@ def _wall_faults(data: Data) -> Iterator[Fault]:
 def _ball_faults(data: Data) -> Iterator[Fault]:
     for index, ball in rows(data, "balls"):
         loc = ("balls", index)
-        yield from one_of(ball, MASS, loc, needed=True)
         yield from body_faults(ball, loc, lone=len(data["balls"]) == 1)
         polar, cartesian = ([k for k in keys if k in ball] for keys in (_POLAR, _CARTESIAN))
         if polar and cartesian:
