@@ -785,6 +785,17 @@ def test_distances_from_an_ellipse_on_its_long_axis_are_the_closed_form(turned: 
             assert found == pytest.approx(exact, rel=1e-15, abs=0.0)
 
 
+@pytest.mark.parametrize("turned", [False, True])
+def test_distances_from_an_ellipse_beside_its_centre_are_the_closed_form(turned: bool) -> None:
+    """On the short axis the nearest point is its end, at b - y, however close to the centre."""
+    for a in (1.0 + 1e-9, 1.2, 20.0):
+        for y in (1e-300, 1e-16, 1e-14, 2e-13, 1e-12, 3e-12, 1e-9, 1e-4, 0.9):
+            axes, place = (a, 1.0), (0.0, y)
+            wall = Wall(ELLIPSE, True, 1.0, semi_axes=axes[::-1] if turned else axes)
+            found = distance_to_wall(wall, place[::-1] if turned else place)
+            assert found == pytest.approx(1.0 - y, rel=0.0, abs=5e-16)
+
+
 def last_that_meets(scene: Callable[[float], Document], low: float, high: float) -> float:
     """The last double from one with a contact to one without, by bisection; the next has none."""
     while low < (middle := 0.5 * (low + high)) < high:

@@ -247,6 +247,8 @@ class AnyScenario(Table):
 
 def plain(value: Any) -> Any:
     """Return data in which models are dictionaries, and sequences and arrays are lists."""
+    if type(value) in (str, int, float, bool):  # most values; the checks below take longer
+        return value
     if isinstance(value, BaseModel):
         return value.model_dump(exclude_none=True)
     if isinstance(value, Mapping):

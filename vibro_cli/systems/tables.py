@@ -14,7 +14,7 @@ from vibro_cli.kernels.world import END_NAMES, RUNNING
 from vibro_cli.mechanics.system import Body, ImpactSystem
 from vibro_cli.systems.contract import Columns, ImpactLog, Sink, System
 from vibro_cli.systems.driver import record_array
-from vibro_cli.systems.request import NO_LIMITS, OutputRequest, Sampling
+from vibro_cli.systems.request import OutputRequest, Sampling
 from vibro_cli.systems.run import Gathered, Stretch
 from vibro_cli.systems.tangents import exponent_table, grown_columns
 
@@ -23,7 +23,7 @@ class SystemTables:
     """Makes the tables of a run, stretch by stretch, see ``System.table_maker``.
 
     ``states_at`` in the system's ``tables.py`` gives the states of the bodies at the start and at
-    the end, from the state records of the run.
+    the end, from ``initial_records`` in its ``system.py`` and from the state records of the run.
     """
 
     def __init__(
@@ -41,11 +41,11 @@ class SystemTables:
         self._begun = False
         self._tangents = kind.tangents(system) if wanted.lyapunov else None
         self._converging = "exponents" in names
-        world, records = kind.world(system, NO_LIMITS), kind.loop.records
-        started = {
-            name: record_array(getattr(world, name), records[name]) for name in kind.loop.state
+        start = kind.part("system").initial_records(system)
+        records = {
+            name: record_array(rows, kind.loop.records[name]) for name, rows in start.items()
         }
-        self._totals = Totals(float(np.sum(self._states(started, 0.0)["energy"])))
+        self._totals = Totals(float(np.sum(self._states(records, 0.0)["energy"])))
 
     def take(self, stretch: Stretch) -> None:
         """Pass the rows of a stretch to the sink."""

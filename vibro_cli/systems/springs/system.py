@@ -134,13 +134,18 @@ def make_world(system: SpringsSystem, limits: Limits = NO_LIMITS) -> World:
         clock=[Clock()],
         settings=[settings],
         bodies=[body_record(body) for body in system.bodies],
-        springs=[_spring(system, index) for index in range(count)],
+        springs=initial_records(system)["springs"],
         pairs=[_pair(system, index) for index in range(max(count - 1, 1))],
         series=[0.0] * (BODY_ROWS * count),
         gaps=[0.0] * (ROW * max(count - 1, 1)),
         impacts=[],
         states=[],
     )
+
+
+def initial_records(system: SpringsSystem) -> dict[str, Any]:
+    """Return the records of the world that contain the initial state."""
+    return {"springs": [_spring(system, index) for index in range(len(system.bodies))]}
 
 
 def _spring(system: SpringsSystem, index: int) -> SpringBody:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from functools import cached_property, partial
+from functools import cache, cached_property, partial
 from operator import methodcaller
 from typing import Any
 
@@ -228,14 +228,18 @@ SUMMARY = Table(
 )
 
 
-def final_state(body: int | str) -> Iterator[Column]:
-    """Yield the summary's columns of a body, counted from 1."""
-    for name, unit, text in (
+@cache  # every point of a grid asks for them
+def final_state(body: int | str) -> tuple[Column, ...]:
+    """Return the summary's columns of a body, counted from 1."""
+    kinds = (
         ("x", "m", f"final position of body {body} along the line"),
         ("displacement", "m", f"final displacement of body {body} from the foot of its spring"),
         ("speed", "m/s", f"final signed speed of the centre of body {body}"),
-    ):
-        yield number(f"{name}_{body}", unit, text, True, of_last(name, body))
+    )
+    return tuple(
+        number(f"{name}_{body}", unit, text, True, of_last(name, body))
+        for name, unit, text in kinds
+    )
 
 
 class Motion:

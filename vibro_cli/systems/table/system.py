@@ -117,7 +117,7 @@ def make_world(system: TableSystem, limits: Limits) -> World:
         wall=[wall],
         edges=edges,
         bodies=[body_record(body) for body in system.bodies],
-        balls=[_ball(state) for state in system.initial],
+        balls=initial_records(system)["balls"],
         meetings=[Meeting() for _ in system.bodies],
         tree=[leaves] * leaves,  # `leaves` stands for no ball
         partners=[-1] * len(system.bodies),
@@ -130,6 +130,11 @@ def make_world(system: TableSystem, limits: Limits) -> World:
         pair_log=[],
         bounce_log=[],
     )
+
+
+def initial_records(system: TableSystem) -> dict[str, Any]:
+    """Return the records of the world that contain the initial state."""
+    return {"balls": [_ball(state) for state in system.initial]}
 
 
 def time_scale(system: TableSystem) -> float:
@@ -252,30 +257,27 @@ def _is_within(wall: Wall, place: Point) -> bool:
 def _into_ellipse(a: float, b: float, x: float, y: float) -> float:
     """Return the distance of a point in the first quadrant from an ellipse, positive inside.
 
-    The nearest point ``(a^2 x/(s + a^2), b^2 y/(s + b^2))`` has the greatest root s of
-    ``(a x/(s + a^2))^2 + (b y/(s + b^2))^2 = 1``, found by bisection.
+    For a >= b the nearest point ``(a^2 x/(t + a^2 - b^2), b^2 y/t)`` has the greatest root t of
+    ``(a x/(t + a^2 - b^2))^2 + (b y/t)^2 = 1``. The left side falls and is convex, so Newton's
+    method increases t to the root from where one term alone is 1.
     """
     if a < b:
         a, b, x, y = b, a, y, x
-    if x == 0.0 and y == 0.0:
-        return b
-    low, high = -b * b, a * math.hypot(x, y) + b * math.hypot(x, y)
-    for _ in range(200):
-        s = 0.5 * (low + high)
-        if not low < s < high:
-            break
-        value = _term(a, x, s) + _term(b, y, s)
-        low, high = (s, high) if value > 1.0 else (low, s)
-    nearest_x, nearest_y = a * a * x / (high + a * a), b * b * y / (high + b * b)
-    if high + b * b <= 1e-12 * b * b:  # the point is on the long axis, near the centre
-        nearest_x = a * a * x / (a * a - b * b) if a > b else 0.0
-        nearest_y = b * math.sqrt(max(1.0 - (nearest_x / a) ** 2, 0.0))
+    focal_square = (a - b) * (a + b)
+    t = max(a * x - focal_square, b * y)
+    if t > 0.0:
+        step = t
+        while t + step > t:
+            across, up = a * x / (t + focal_square), b * y / t
+            fall = 2.0 * (across * across / (t + focal_square) + up * up / t)
+            step = (across * across + up * up - 1.0) / fall
+            t += step
+        nearest_x, nearest_y = a * a * x / (t + focal_square), b * b * y / t
+    else:  # the point is on the long axis, near the centre
+        share = a * x / focal_square if focal_square > 0.0 else 0.0
+        nearest_x, nearest_y = a * share, b * math.sqrt((1.0 - share) * (1.0 + share))
     distance = math.hypot(nearest_x - x, nearest_y - y)
     return distance if (x / a) ** 2 + (y / b) ** 2 <= 1.0 else -distance
-
-
-def _term(axis: float, place: float, s: float) -> float:
-    return 0.0 if place == 0.0 else (axis * place / (s + axis * axis)) ** 2
 
 
 def on_left(wall: Wall) -> float:

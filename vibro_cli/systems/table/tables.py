@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import cache
 from itertools import pairwise
 from operator import attrgetter, methodcaller
 from typing import Any
@@ -253,14 +254,21 @@ SUMMARY = Table(
 )
 
 
-def final_state(ball: int | str) -> Iterator[Column]:
-    """Yield the summary's columns of a ball, counted from 1."""
-    for axis in _AXES:
-        text = f"final {axis} coordinate of the centre of ball {ball}"
-        yield number(f"{axis}_{ball}", "m", text, True, of_last(axis, ball))
-    for axis in _AXES:
-        name, text = f"velocity_{axis}", f"final {axis} component of the velocity of ball {ball}"
-        yield number(f"{name}_{ball}", "m/s", text, True, of_last(name, ball))
+@cache  # every point of a grid asks for them
+def final_state(ball: int | str) -> tuple[Column, ...]:
+    """Return the summary's columns of a ball, counted from 1."""
+    kinds = [(axis, "m", "coordinate of the centre") for axis in _AXES]
+    kinds += [(f"velocity_{axis}", "m/s", "component of the velocity") for axis in _AXES]
+    return tuple(
+        number(
+            f"{name}_{ball}",
+            unit,
+            f"final {name[-1]} {text} of ball {ball}",
+            True,
+            of_last(name, ball),
+        )
+        for name, unit, text in kinds
+    )
 
 
 _NAMES = ("t", "t_low", "x", "y", "vx", "vy")
