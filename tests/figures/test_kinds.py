@@ -18,8 +18,8 @@ from vibro_cli.figures.portraits.energies import energy_portrait
 from vibro_cli.figures.portraits.portrait import phase_portrait
 from vibro_cli.figures.portraits.trajectory import trajectory
 from vibro_cli.figures.runs.contact_points import contact_points
-from vibro_cli.figures.runs.over_impacts import accuracy, impact_map
-from vibro_cli.figures.runs.over_time import energy_course, energy_residuals, timeline
+from vibro_cli.figures.runs.over_impacts import accuracy, impact_map, intervals
+from vibro_cli.figures.runs.over_time import energy_course, energy_residuals, space_time, timeline
 from vibro_cli.figures.runs.scene import WALL, configurations, plan, scene
 from vibro_cli.figures.style import render
 from vibro_cli.scenario import any_scenario_of
@@ -208,6 +208,15 @@ def test_kinds_with_nothing_to_show_are_left_out() -> None:
     ]
 
 
+def test_impacts_at_one_instant_alone_have_no_figure_of_intervals() -> None:
+    """The middle one of three equal balls is struck from both sides at once."""
+    balls = [scenes.ball(angle) for angle in (-1.0, 0.0, 1.0)]
+    run = scenes.solve_any(scenes.scene(scenes.VALLEY, balls, k=0.5, time=0.6))
+    assert len(run.collisions["n"]) > 1
+    assert not np.any(run.collisions["dt"] > 0.0)
+    assert intervals(run) is None
+
+
 def test_the_same_run_gives_the_same_bytes() -> None:
     run = run_of("one_circle")
     first, second = (
@@ -220,6 +229,25 @@ def test_the_same_run_gives_the_same_bytes() -> None:
 def test_an_unknown_kind_is_refused() -> None:
     with pytest.raises(ValueError, match="expected some of scene, portrait, energy_portrait"):
         list(draw_all(run_of("lone_particle"), ["painting"]))
+
+
+def test_a_body_that_oscillates_alone_while_others_collide_is_drawn_where_it_is() -> None:
+    """Its one flight lasts for the whole run, of which charts and plans show instants."""
+    balls = [scenes.ball(-0.6), scenes.ball(0.4, mass=2.0), scenes.ball(0.5, 3)]
+    run = scenes.solve_any(scenes.scene(scenes.THREE_ARCS, balls, time=2000.0))
+    flights = run.flights()
+    assert np.count_nonzero(flights["ball"] == 3) == 1
+    times = [0.0, *run.collisions["t"][:6].tolist(), float(run.collisions["t"][-1])]
+    for shown, time in zip(configurations(run, 8), times, strict=True):
+        there = run.sample([time])
+        np.testing.assert_allclose(shown.centres, np.column_stack([there["x"], there["y"]]))
+    axes = space_time(run).axes[0]  # type: ignore[union-attr]
+    time, s = (np.asarray(one) for one in axes.lines[-3].get_data())
+    assert time[-1] == axes.get_xlim()[1] < 200.0
+    middles = 0.5 * (time[1:] + time[:-1])
+    sample = run.sample(middles)
+    exact = sample["s"][sample["ball"] == 3]
+    assert np.max(np.abs(0.5 * (s[1:] + s[:-1]) - exact)) < 0.01 * np.ptp(s)
 
 
 def test_a_long_run_is_drawn_in_short_time_and_says_where_it_ends() -> None:

@@ -130,14 +130,13 @@ def _dot(number: int) -> float:
 def intervals(run: Recorded, width: str = "single") -> Figure | None:
     """Draw the intervals between impacts against their number: a straight line if they accumulate.
 
-    Returns None if there are fewer than two impacts. Simultaneous impacts, whose interval is 0, are
-    not shown.
+    Simultaneous impacts, whose interval is 0, are not shown. Returns None if there are no others.
     """
     table = run.collisions
     number = np.asarray(table["n"])
-    if len(number) < 2:
-        return None
     between = np.array(table["dt"], dtype=np.float64)
+    if not np.any(between > 0.0):
+        return None
     together = int(np.sum(between == 0.0))
     without = f" ({together} of length 0 not shown)" if together else ""
     entries: list[Entry] = [(f"time since the previous impact{without}", DOT)]

@@ -67,16 +67,18 @@ def timeline(run: Recorded, ball: int, until: float) -> tuple[Array, Array]:
     """
     flights = run.flights()
     mine = flights_of(flights, ball, until)
-    lengths = flights["t_end"][mine] - flights["t_start"][mine]
+    starts, ends = flights["t_start"][mine], flights["t_end"][mine]
+    lengths = np.minimum(ends, until) - starts
+    parts = np.where(ends > until, lengths, math.inf)
     total = max(float(np.sum(lengths)), float(np.finfo(np.float64).tiny))
     run.look_at(mine)
     wanted = np.maximum(_least(len(mine)), _POINTS / 20 * lengths / total)
     times, places = [], []
     seam = 0.5 * run.system.trace.length
     last = math.nan
-    for row, number in zip(mine.tolist(), wanted.tolist(), strict=True):
+    for row, number, part in zip(mine.tolist(), wanted.tolist(), parts.tolist(), strict=True):
         piece = run.system.trace.pieces[int(flights["arc"][row]) - 1]
-        time, position, _ = run.flight_curve(row, math.ceil(number) + 1)
+        time, position, _ = run.flight_curve(row, math.ceil(number) + 1, part)
         s = piece.arc_length(position)
         if abs(s[0] - last) > seam:
             times.append(time[:1])

@@ -429,9 +429,8 @@ def _centres_at(run: Recorded, time: float, row: int, pair: tuple[int, ...]) -> 
     flights = run.flights()
     for index, last in _flights_at(run, time, pair).items():
         piece = run.system.trace.pieces[int(flights["arc"][last]) - 1]
-        times, position, _ = run.flight_curve(last, 257)
-        place = float(np.interp(time, times, position))
-        centres[index] = piece.body_centre(place, run.system.bodies[index].radius)
+        _, position, _ = run.flight_curve(last, 2, time - float(flights["t_start"][last]))
+        centres[index] = piece.body_centre(float(position[-1]), run.system.bodies[index].radius)
     for index, side in zip(pair, "ab", strict=True):
         centres[index] = run.collisions[f"x_{side}"][row], run.collisions[f"y_{side}"][row]
     return centres
