@@ -205,7 +205,7 @@ def _check_trace(trace: Trace, problems: Problems) -> bool:
         if not turns_once or distance > _CLOSING_TOLERANCE * trace.length:
             found = f"ends {distance:.3g} m apart and a turn of {math.degrees(turn):.9g} deg"
             expected = (
-                "a trace that ends at its start and in its direction, after a turn of 360 deg"
+                "a trace that ends at its start, in its initial direction, after a turn of 360 deg"
             )
             problems.add("trace.closed", found, expected)
             return False

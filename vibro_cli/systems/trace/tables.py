@@ -120,7 +120,11 @@ def collisions(sided: bool = False) -> Table:
             "whether other impacts were solved jointly with it, one preceded it at the same "
             "instant, or the row stands for all impacts that would follow",
         ),
-        flag("contact", "whether lasting contact of the pair begins here"),
+        flag(
+            "contact",
+            "whether the bodies are in contact after it; contact may have begun before, or may be "
+            "broken again at the same instant",
+        ),
         *before_and_after("kinetic_energy", "J", KINETIC),
         impulse(),
         *phases("regime", _REGIME, REGIMES),
