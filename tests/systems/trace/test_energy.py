@@ -16,6 +16,7 @@ from vibro_cli.stress.scenes import CIRCLE, Document, ball, scene, solve_any, th
 from vibro_cli.systems.run import Run
 
 FOLDER = Path(__file__).parents[3] / "scenarios"
+HARD_CASES = Path(__file__).parents[2] / "hard_cases"
 IMPACTS = 100_000
 EPSILON = 2.0**-52
 
@@ -144,6 +145,24 @@ def test_each_impact_takes_what_the_law_says(name: str) -> None:
         )
         checked += 1
     assert checked >= 3
+
+
+def test_impacts_that_follow_one_another_at_one_instant_have_the_energies_between_them() -> None:
+    """A ball strikes two that touch: each impact changes the energies by its own speeds alone."""
+    run = simulate(load_scenario(HARD_CASES / "cradle_of_three.toml", ["stop.collisions=3"]))
+    table = run.collisions
+    pairs = [(int(a), int(b)) for a, b in zip(table["ball_a"], table["ball_b"], strict=True)]
+    assert pairs == [(1, 2), (2, 3), (1, 2)]
+    assert len(set(table["t"].tolist())) == 1
+    energies: dict[int, float] = {}
+    for row, pair in enumerate(pairs):
+        for body, end in zip(pair, "ab", strict=True):
+            before, after = (float(table[f"energy_{end}_{when}"][row]) for when in ("pre", "post"))
+            u, v = (float(table[f"speed_{end}_{when}"][row]) for when in ("pre", "post"))
+            # 1 kg, 7/5 of it rolling.
+            assert after - before == pytest.approx(0.7 * (v**2 - u**2), rel=1e-12)
+            assert before == pytest.approx(energies.get(body, before), rel=1e-12)
+            energies[body] = after
 
 
 def law_loss(scene: Scene, run: Run, row: int) -> tuple[Real, float]:
