@@ -380,9 +380,9 @@ class _Differentiation:
             piece = self._moving.trace.pieces[self._states[body].piece]
             rate = arrival["speed"] / value_of(piece.path_scale(radius))
             moving: Any = Dual(place.value, np.append(place.change, rate))
-            centres.append(piece.body_centre(moving, radius))
-            sine, cosine = sine_cosine(piece.slope(moving))
-            tangents.append((cosine, sine))
+            centre, tangent = piece.centre_and_tangent(moving, radius)
+            centres.append(centre)
+            tangents.append(tangent)
         x, y = centres[1][0] - centres[0][0], centres[1][1] - centres[0][1]
         distance = elementwise.square_root(x * x + y * y)
         normals = [(x * along + y * up) / distance for along, up in tangents]

@@ -120,15 +120,20 @@ class Piece:
         Valley O + ρ(sin φ, −cos φ), hump O + ρ(sin ψ, cos ψ), line P + r n; radius 0 gives the
         contact point.
         """
+        return self.centre_and_tangent(position, body_radius)[0]
+
+    def centre_and_tangent(self, position: float, body_radius: float) -> tuple[Point, Point]:
+        """Return the centre (m) of a body, see `body_centre`, and the tangent of its path."""
+        sine, cosine = sine_cosine(self.slope(position))
         if self.is_line:
-            sine, cosine = sine_cosine(self.start_slope)
-            return (
+            centre = (
                 elementwise.exact_sum((self.start[0], position * cosine, -body_radius * sine)),
                 elementwise.exact_sum((self.start[1], position * sine, body_radius * cosine)),
             )
-        sine, cosine = sine_cosine(position)
-        rho = self.path_radius(body_radius)
-        return (self.centre[0] + rho * sine, self.centre[1] - self.sign * rho * cosine)
+        else:  # a slope of sign φ or sign ψ
+            rho = self.sign * self.path_radius(body_radius)
+            centre = (self.centre[0] + rho * sine, self.centre[1] - rho * cosine)
+        return centre, (cosine, sine)
 
     def contact_point(self, position: float) -> Point:
         """Return the point (m) of the trace at a position on this piece."""

@@ -237,37 +237,40 @@ class Dual:
         self.value = float(value)
         self.change = change
 
-    def _joined(self, other: Any, value: float, mine: float, its: float) -> Dual:
-        change = mine * self.change
-        return Dual(value, change + its * other.change if isinstance(other, Dual) else change)
-
     def __add__(self, other: Any) -> Dual:
-        change = self.change + other.change if isinstance(other, Dual) else self.change
-        return Dual(self.value + value_of(other), change)
+        if isinstance(other, Dual):
+            return Dual(self.value + other.value, self.change + other.change)
+        return Dual(self.value + float(other), self.change)
 
     __radd__ = __add__
 
     def __sub__(self, other: Any) -> Dual:
-        change = self.change - other.change if isinstance(other, Dual) else self.change
-        return Dual(self.value - value_of(other), change)
+        if isinstance(other, Dual):
+            return Dual(self.value - other.value, self.change - other.change)
+        return Dual(self.value - float(other), self.change)
 
     def __rsub__(self, other: Any) -> Dual:
-        return Dual(value_of(other) - self.value, -self.change)
+        return Dual(float(other) - self.value, -self.change)
 
     def __mul__(self, other: Any) -> Dual:
-        its = value_of(other)
-        return self._joined(other, self.value * its, its, self.value)
+        if isinstance(other, Dual):
+            change = other.value * self.change + self.value * other.change
+            return Dual(self.value * other.value, change)
+        its = float(other)
+        return Dual(self.value * its, its * self.change)
 
     __rmul__ = __mul__
 
     def __truediv__(self, other: Any) -> Dual:
         its = value_of(other)
-        ratio = self.value / its
-        return self._joined(other, ratio, 1.0 / its, -ratio / its)
+        ratio, change = self.value / its, 1.0 / its * self.change
+        if isinstance(other, Dual):
+            change = change - ratio / its * other.change
+        return Dual(ratio, change)
 
     def __rtruediv__(self, other: Any) -> Dual:
-        ratio = value_of(other) / self.value
-        return self._joined(other, ratio, -ratio / self.value, 1.0 / self.value)
+        ratio = float(other) / self.value
+        return Dual(ratio, -ratio / self.value * self.change)
 
     def __neg__(self) -> Dual:
         return Dual(-self.value, -self.change)
