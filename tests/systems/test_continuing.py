@@ -143,7 +143,7 @@ def test_what_cannot_go_on_is_refused() -> None:
     run = solved(document, {"bounces": 3, "time": 4.0})
     for stop, message in (
         ({"time": 0.1}, "expected a later stop.time"),
-        ({"bounces": 3}, "has 3 bounces on the wall; expected a greater stop.bounces"),
+        ({"bounces": 3}, "has 3 impacts on the wall; expected a greater stop.bounces"),
     ):
         with pytest.raises(CannotContinue, match=message):
             solved(document, stop, run.checkpoint(), run.history())
