@@ -684,7 +684,7 @@ def test_an_interrupted_run_does_not_replace_one_that_goes_further(
     """A continuation begins again at the start, and may be interrupted before the earlier end."""
 
     def interrupted(self: Interruption) -> None:
-        self.number, self.left = signal.SIGINT, "what was finished is kept"
+        self.number, self.left = signal.SIGINT, "finished results are kept"
 
     falling = ("run", GALLERY / "falling_balls.toml", "--set", "stop.collisions=500")
     plain = ("-q", "--no-figures")
@@ -704,5 +704,5 @@ def test_an_interrupted_run_does_not_replace_one_that_goes_further(
         assert content(tmp_path / "run") == before
     assert sorted(entry.name for entry in tmp_path.iterdir()) == ["run", "short"]
     outcome = vibro("run", "--continue", "short", *on)
-    assert (outcome.code, outcome.err) == (130, "vibro: interrupted; what was finished is kept\n")
+    assert (outcome.code, outcome.err) == (130, "vibro: interrupted; finished results are kept\n")
     assert 3 < read_parquet(Path("short/collisions.parquet")).num_rows < 500

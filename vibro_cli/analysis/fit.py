@@ -89,8 +89,8 @@ def read_measured(file: str | Path) -> Measured:
         raise NotMeasured(f"{path}: cannot be read as a table: {why}") from error
     if "t" not in table.column_names:
         names = listing(map(shown, table.column_names[:_NAMED]), "and") or "none"
-        told = f"found no column 't' but {names}, expected the instants of impacts (s)"
-        raise NotMeasured(f"{path}: {told}")
+        expected = "expected the times of impacts (s)"
+        raise NotMeasured(f"{path}: found no column 't' but {names}, {expected}")
     read = cell if path.suffix.lower() == ".csv" else lambda value: value
     try:
         return measured_of(

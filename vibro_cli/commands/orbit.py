@@ -1,4 +1,4 @@
-"""`vibro orbit` and `vibro fit`: periodic orbits; fits to measured instants of impacts."""
+"""`vibro orbit` and `vibro fit`: periodic orbits; fits to measured impact times."""
 
 from __future__ import annotations
 

@@ -36,7 +36,7 @@ _C: tuple[PaperRow, ...] = (
      "vibro run scenarios/five_balls.toml --figures space_time", "`space_time`"),
     ("C abstract", "bodies of different forms: ball, disk, hoop, hollow ball, i_C²/r²",
      "vibro check scenarios/particle_on_arcs.toml --set balls[1].body=hoop", "κ, J_P"),
-    ("C introduction", "experimental k, from measured instants of impacts",
+    ("C introduction", "experimental k, from measured impact times",
      "vibro fit scenarios/three_arcs.toml outputs/eight/collisions.parquet "
      "--free collision.k --set collision.k=0.88", "k = 0.9"),
     ("C fig. 3a–d", "possible contact points of two balls that meet skew",
