@@ -216,8 +216,11 @@ def test_json_tells_what_was_changed_and_where_it_is(
         (["--json", "--format", "csv"], "both need standard output"),
         (["b.toml", "-o", "-"], "one table is streamed at a time"),
         (["--figures", "portrait", "--no-figures"], "found --figures and --no-figures"),
-        (["--format", "csv", "--figures", "all"], "a streamed table alone has no folder; "),
-        (["-o", "-", "--force"], "--figures and --force require --format and -o DIR"),
+        (
+            ["--format", "csv", "--figures", "all"],
+            "a streamed table alone has no folder, which --figures and --force need; ",
+        ),
+        (["-o", "-", "--force"], "which --figures and --force need; expected --format and -o DIR"),
         (["--set"], "requires an argument. (see vibro run --help)"),
     ],
 )
@@ -676,6 +679,24 @@ def test_a_run_that_never_has_an_impact_leaves_no_folder(
     outcome = vibro("run", "round.toml", "-q", "-o", "part")
     assert (outcome.code, Path("part").exists()) == (2, False)
     assert "no impact among the last 100 flights" in outcome.err
+
+
+def test_figures_that_are_interrupted_do_not_replace_those_of_the_same_run(
+    vibro: Vibro, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def figures_of(*_: object) -> dict[str, bytes]:
+        os.kill(os.getpid(), signal.SIGINT)
+        return {}
+
+    command = ("run", GALLERY / "one_circle.toml", "--set", "stop.collisions=2", "-q", "-o", "run")
+    assert vibro(*command).code == 0
+    before = content(tmp_path / "run")
+    assert "portrait_1.pdf" in before
+    monkeypatch.setattr(interface, "figures_of", figures_of)
+    outcome = vibro(*command)
+    assert outcome.code == 130
+    assert outcome.err.endswith("the results in run, which go as far or further, are kept\n")
+    assert content(tmp_path / "run") == before
 
 
 def test_an_interrupted_run_does_not_replace_one_that_goes_further(

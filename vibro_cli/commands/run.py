@@ -126,8 +126,8 @@ class RunCommand:
             raise typer.BadParameter("--json and a streamed table both need standard output")
         if self.stream is not None and self.output in (None, "-") and (drawn or self.force):
             raise typer.BadParameter(
-                "a streamed table alone has no folder; --figures and --force require --format and "
-                "-o DIR"
+                "a streamed table alone has no folder, which --figures and --force need; expected "
+                "--format and -o DIR"
             )
 
     def __call__(self) -> int:
@@ -373,12 +373,12 @@ def stream_run(
             folder = open_ones.enter_context(made)
         result, refusal = _solved(options, scenario, earlier, folder, interruption)
         if folder is not None and target is not None:
+            names = [] if refusal else options.kinds_of(scenario.system)
+            figures = _figures(options, scenario, result, folder, names, interruption)
             end: float = result.summary_record()["end_time"]
             if interruption and goes_as_far(target, scenario, end):
                 interruption.left = f"the results in {target}, which go as far or further, are kept"
                 interruption.passed_on()  # which discards the unfinished folder
-            names = [] if refusal else options.kinds_of(scenario.system)
-            figures = _figures(options, scenario, result, folder, names, interruption)
             undrawn = names if interruption else []
             folder.finish(result, figures, undrawn)
             if undrawn:
