@@ -134,8 +134,8 @@ def body_of(ball: BodyTable) -> Body:
 
 
 _CLOSING_TOLERANCE = 1e-12
-_SURELY_DEGREES = 4.0 * math.pi
-"""Angle of an arc (rad) above which its slopes were probably meant in degrees."""
+_PROBABLY_DEGREES = 4.0 * math.pi
+"""Angle of an arc (rad) above which its slopes were probably given in degrees."""
 
 # Magnitudes of the rate of a rotating trace (rad/s).
 _RATES = (1e-10, 1e10)
@@ -223,7 +223,7 @@ def check_turns(trace: Trace, problems: Problems) -> bool:
     before = len(problems.found)
     for piece in problems.refused(trace.pieces, reachability.overlapping_pieces(trace)):
         expected = "less than a full turn (a full turn of one arc only if the trace is closed)"
-        if abs(piece.angle_end - piece.angle_start) > _SURELY_DEGREES:
+        if abs(piece.angle_end - piece.angle_start) > _PROBABLY_DEGREES:
             expected += "; a number without a unit is in rad"
         problems.add(f"trace.arcs[{piece.index + 1}].end_slope", _arc(piece), expected)
     return len(problems.found) == before
@@ -322,7 +322,7 @@ def _next_position(
         settled = math.nan if given is None else initial_conditions.snap_to_piece(piece, given)
         if problems.refuse(elementwise.is_nan(settled)):
             limits = f"{piece.angle_start!r} to {piece.angle_end!r}"
-            problems.add(f"{path}.{key}", repr(given), f"a place on arc {ball.arc}, {limits}")
+            problems.add(f"{path}.{key}", repr(given), f"a position on arc {ball.arc}, {limits}")
             return None
         return settled
     if (previous := states[-1]) is None:
@@ -415,7 +415,7 @@ def check_walls(
         if problems.refuse(within):
             found = f"body {index + 1} reaching into the {side} wall"
             expected = (
-                f"a place clear of it: {touch!r} or further {'left' if at_right else 'right'}"
+                f"a position clear of it: {touch!r} or further {'left' if at_right else 'right'}"
             )
             problems.add(_path_of_place(scenario, index), found, expected)
 

@@ -370,7 +370,7 @@ def test_where_the_method_does_not_arrive_the_numbers_are_told() -> None:
         ({"collision.k": (0.9, 0.2)}, "collision.k: found 0.9 to 0.2, expected ascending bounds"),
         (
             {"collision.k": (1.0, 2.0)},
-            "collision.k: found 1.0 to 2.0, expected bounds within 0 to 1",
+            "collision.k: found 1.0 to 2.0, expected bounds that overlap the range 0 to 1",
         ),
     ],
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 import time
 from collections.abc import Iterator
 from itertools import islice
@@ -202,16 +203,18 @@ def test_more_shards_than_chunks_are_warned_of(vibro: Vibro, grid: Path) -> None
     assert "warning: 1 chunk for 2 shards; a lower chunk_points" in first.err
     second = vibro("grid", grid, "--shard", "2/2")
     assert second.code == 0
-    assert "this shard has no chunk; nothing to solve" in second.err
+    assert "this shard has no chunks; nothing to solve" in second.err
 
 
 def test_a_shard_names_the_merge_as_the_next_step(vibro: Vibro, grid: Path) -> None:
     words = vibro("grid", in_three_chunks(grid), "--shard", "1/2").err
-    assert words.splitlines()[-1] == (
-        "  next       when all shards are finished: the same command with --merge, not --shard"
-    )
+    command = f"vibro grid {grid} --merge"
+    assert words.splitlines()[-2:] == [
+        f"  next       {command}",
+        "  hint       merge once all shards are finished",
+    ]
     assert vibro("grid", grid, "--shard", "2/2").code == 0
-    merged = vibro("grid", grid, "--merge").err
+    merged = vibro(*shlex.split(command)[1:]).err
     assert merged.splitlines()[-1] == "  next       vibro report outputs/sweep"
 
 

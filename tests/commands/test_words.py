@@ -56,16 +56,16 @@ def test_what_an_inadmissible_run_can_do_is_said() -> None:
         "name", {**FakeRun().summary_record(), "end_cause": "inadmissible"}, None
     ).splitlines()
     assert text[-2:] == [
-        "  hint       --set collision.inadmissible=normal-impulse continues, with",
-        "             Newton's law for such impacts",
+        "  hint       --set collision.inadmissible=normal-impulse continues the run, with",
+        "             the normal-impulse law for such impacts",
     ]
 
 
 @pytest.mark.parametrize(
     ("name", "words"),
     [
-        ("inadmissible", "2, at t = 0 s, the last 2 inadmissible and not made; 0"),
-        ("lift_off", "1, at t = 0.243703 s, the last one not made; 0"),
+        ("inadmissible", "2, at t = 0 s, the last 2 inadmissible and not carried out; 0"),
+        ("lift_off", "1, at t = 0.243703 s, the last one prevented; 0"),
     ],
 )
 def test_impacts_at_the_end_that_are_not_made_are_told(
@@ -118,7 +118,11 @@ def test_every_end_cause_has_its_words(cause: str) -> None:
             4,
             "rolling is not possible everywhere",
         ),
-        ({"end_cause": "inadmissible"}, 1, "59.5 s, the last one inadmissible and not made; 1"),
+        (
+            {"end_cause": "inadmissible"},
+            1,
+            "59.5 s, the last one inadmissible and not carried out; 1",
+        ),
         ({"crossings": 2, "contacts": 1}, 1, "2 crossings, 1 lasting contact"),
     ],
 )

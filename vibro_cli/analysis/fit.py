@@ -1,9 +1,9 @@
-"""Fit numbers of a scenario to measured times of impacts: least squares with exact derivatives.
+"""Fit parameters of a scenario to measured times of impacts: least squares with exact derivatives.
 
 The sum of squares of ``(T_n(p) - t_n)/sigma_n`` over the measured impacts is minimised by the
 trust-region method of ``scipy.optimize.least_squares``, with the derivatives of
 ``analysis.impact_times``. Fits use the first impacts, then twice as many and so on, so that the
-initial values need to be good for the first impacts only. The covariance of the numbers is
+initial values need to be good for the first impacts only. The covariance of the parameters is
 ``(J^T J)^-1`` at the solution, times the variance of the residuals if the noise is unknown.
 
 Measured times come from a file or from a table in Python.
@@ -213,7 +213,9 @@ class Free:
             raise ValueError(f"{path}: found {low!r} to {high!r}, expected ascending bounds")
         found = Free(parsed_path(path), low, high)
         if not found.bounds[0] < found.bounds[1]:
-            raise ValueError(f"{path}: found {low!r} to {high!r}, expected bounds within 0 to 1")
+            raise ValueError(
+                f"{path}: found {low!r} to {high!r}, expected bounds that overlap 0 to 1"
+            )
         return found
 
     @property
@@ -231,13 +233,13 @@ class Free:
 
 @dataclass(frozen=True)
 class Fit:
-    """Fitted numbers and their uncertainty."""
+    """Fitted parameters and their uncertainty."""
 
     scenario: Scenario
-    """Scenario with the fitted numbers."""
+    """Scenario with the fitted parameters."""
     free: tuple[Free, ...]
     start: Floats
-    """Initial values of the numbers."""
+    """Initial values of the parameters."""
     values: Floats
     """Fitted values, in SI units."""
     covariance: Floats
@@ -268,13 +270,13 @@ class Fit:
 
     @property
     def correlation(self) -> Floats:
-        """Correlation matrix of the numbers."""
+        """Correlation matrix of the parameters."""
         found: Floats = self.covariance / np.outer(self.errors, self.errors)
         return found
 
     @property
     def freedom(self) -> int:
-        """Degrees of freedom: number of times minus number of fitted numbers."""
+        """Degrees of freedom: number of times minus number of fitted parameters."""
         return len(self.residuals) - len(self.free)
 
     @property
@@ -308,7 +310,7 @@ class Fit:
 def fit_impacts(
     scenario: Scenario, measured: Measured, free: Sequence[Free], noise: float | None = None
 ) -> Fit:
-    """Fit numbers of a scenario of a trace at rest to measured times of its impacts.
+    """Fit parameters of a scenario of a trace at rest to measured times of its impacts.
 
     Parameters
     ----------
@@ -325,8 +327,8 @@ def fit_impacts(
     Raises
     ------
     NoFit
-        If there are fewer times than numbers, if the motion lacks a measured impact, if the times
-        do not determine a number or all numbers independently, or without convergence.
+        If there are fewer times than parameters, if the motion lacks a measured impact, if the
+        times do not determine a parameter or all parameters independently, or without convergence.
     ValueError
         If the noise is not greater than 0.
     """
@@ -348,7 +350,7 @@ def check_noise(name: str, noise: Any) -> None:
 
 
 def _independent(jacobian: Floats) -> NDArray[np.int64]:
-    """Return the indices of numbers that the times determine independently, by pivoted QR."""
+    """Return the indices of parameters that the times determine independently, by pivoted QR."""
     sizes = np.linalg.norm(jacobian, axis=0)
     shown = np.flatnonzero(sizes > 0.0)
     if not len(shown):
@@ -392,7 +394,7 @@ class _Problem:
             raise NoFit(f"found {rows} measured times for {free} free parameters, expected {least}")
 
     def values_at_start(self) -> Floats:
-        """Return the values of the numbers in the scenario."""
+        """Return the values of the parameters in the scenario."""
         try:
             found = np.array([number_at(self._scenario, one.path) for one in self._free])
         except NoDerivative as error:
@@ -501,7 +503,7 @@ class _Problem:
                 rows = max(rows // 2, least)
 
     def solved(self, values: Floats, rows: int) -> Floats:
-        """Return the numbers fitted to the first rows; undetermined ones keep their values."""
+        """Return the parameters fitted to the first rows; undetermined ones keep their values."""
         try:
             jacobian = self._jacobian(values, rows)
         except NoFit as error:
@@ -528,7 +530,7 @@ class _Problem:
         return ", ".join(f"{one.name} = {value:.4g}" for one, value in pairs)
 
     def _least(self, values: Floats, shown: NDArray[np.int64], rows: int, tolerance: float) -> Any:
-        """Minimise the sum of squares of the first rows over the numbers `shown`."""
+        """Minimise the sum of squares of the first rows over the parameters `shown`."""
         free = [self._free[n] for n in shown]
         ends = np.array([one.bounds for one in free]).T
         beyond = False
@@ -561,13 +563,13 @@ class _Problem:
     def _covariance(self, jacobian: Floats) -> Floats:
         """Return ``(J^T J)^-1``, computed from ``J`` as the product would lose twice the digits.
 
-        Raises ``NoFit`` if the times do not determine a number or a combination of numbers.
+        Raises ``NoFit`` if the times do not determine a parameter or a combination of parameters.
         """
         sizes = np.linalg.norm(jacobian, axis=0)
         for one, size in zip(self._free, sizes, strict=True):
             if size == 0.0:
                 raise NoFit(f"{one.name}: the measured times do not depend on it")
-        # With fewer times than numbers some directions have no singular value.
+        # With fewer times than parameters some directions have no singular value.
         few = len(jacobian) < len(sizes)
         _, shares, directions = np.linalg.svd(jacobian / sizes, full_matrices=few)
         if len(shares) < len(sizes) or shares[-1] < LEAST_INDEPENDENT * shares[0]:

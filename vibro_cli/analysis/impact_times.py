@@ -65,7 +65,7 @@ class ImpactTimes:
 
     @cached_property
     def derivative(self) -> Floats:
-        """[impact, number] of their instants (s) to the numbers, in SI units."""
+        """[impact, number] of their times (s) with respect to the numbers, in SI units."""
         return self._differentiation.derivative()
 
 

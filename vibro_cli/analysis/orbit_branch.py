@@ -148,7 +148,7 @@ def family_of(scenario: Scenario, found: Orbit, path: str, low: float, high: flo
     except NoDerivative as error:
         raise NoOrbit(str(error)) from error
     if not low <= here <= high:
-        unit = " J above the trace's left end" if path == ENERGY else ""
+        unit = " J relative to the trace's left end" if path == ENERGY else ""
         expected = f"a number in the range {low:g}:{high:g}"
         raise NoOrbit(f"{path}: found {here:.6g}{unit}, expected {expected}")
     # Report faults at the ends of the range first.

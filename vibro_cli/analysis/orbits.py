@@ -634,5 +634,7 @@ def find_orbit(
     # Bodies at rest also return, and within the tolerance of an orbit may have impacts as well.
     slow = NEARLY_CLOSED * size_of(system, orbit.state) / float(time_scale(system))
     if orbit.shot.approach < slow:
-        raise NoOrbit("the orbit next to this start has an impact or a bounce of no speed")
+        raise NoOrbit(
+            "the orbit next to this start has an impact, with a body or a wall, of no speed"
+        )
     return begun_between(orbit, longest=True)

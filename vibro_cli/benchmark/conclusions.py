@@ -188,7 +188,7 @@ def _of_memory(rows: Sequence[Row]) -> Iterator[str]:
     own = [row for row in rows if row.part == "memory" and row.memory and row.status == "ok"]
     if own:
         listed = ", ".join(f"{(row.memory or 0) / 2**20:.0f} MiB for {row.size:,}" for row in own)
-        yield f"Greatest memory of vibro grid with every impact kept: {listed} scenarios."
+        yield f"Peak memory of vibro grid with every impact kept: {listed} scenarios."
 
 
 def _of_skips(rows: Sequence[Row]) -> Iterator[str]:

@@ -24,7 +24,7 @@ _STOPS = ("time", "collisions", "bounces")
 _MANY = 0.05
 """Share of runs ended by a stop above which the command warns."""
 _LISTED = 20
-"""Number of the most frequent outcomes that are printed; basins.json has all."""
+"""Number of outcomes that are printed if there are at least two more; basins.json has all."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -130,7 +130,7 @@ def _lines(name: str, mapped: Mapped) -> Iterator[str]:
     if mapped.shown.held:
         yield f"  held      {mapped.shown.held}"
     listed = _LISTED if len(found.outcomes) > _LISTED + 1 else len(found.outcomes)
-    for outcome, share in zip(found.outcomes[:listed], found.shares, strict=False):
+    for outcome, share in zip(found.outcomes[:listed], found.shares[:listed], strict=True):
         yield f"  {100.0 * share:6.2f} %  {outcome}"
     if listed < len(found.outcomes):
         rest = 100.0 * sum(found.shares[listed:])
@@ -158,7 +158,7 @@ FORMS = (".png", ".pdf", ".svg")
 
 @dataclass(frozen=True, kw_only=True)
 class SectionCommand:
-    """Draw the Poincaré section of a run or bifurcations of a grid."""
+    """Draw the Poincaré section of a run or the bifurcation diagram of a grid."""
 
     folder: Annotated[
         Path,

@@ -145,7 +145,7 @@ def _shown(value: Any) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class VerifyCommand:
-    """Check folders of results against their checksums. Exit code 1: missing or damaged files."""
+    """Check folders of results against their checksums. Exit code 1: some file is not intact."""
 
     folders: Annotated[
         list[Path],

@@ -84,7 +84,7 @@ class GridCommand:
     ] = None
     strict: Strict = False
     force: Annotated[
-        bool, typer.Option("--force", help="Start over if DIR holds a different grid.")
+        bool, typer.Option("--force", help="Start afresh if DIR holds a different grid.")
     ] = False
     repair: Annotated[
         bool,
@@ -135,6 +135,13 @@ class GridCommand:
     def folder_of(self, grid: "Grid") -> Path:
         """Return the folder of the dataset."""
         return Path(self.output) if self.output is not None else Path("outputs") / grid.name
+
+    def merge_command(self) -> str:
+        """Return the command that merges the shards once all are finished, quoted for the shell."""
+        words = ["vibro", "grid", self.source, "--merge"]
+        words += [word for text in self.overrides for word in ("--set", text)]
+        words += [] if self.output is None else ["-o", self.output]
+        return shlex.join(map(printable, words))
 
 
 def _read_shard(text: str) -> "Shard":
@@ -254,7 +261,10 @@ def sweep(options: GridCommand, grid: "Grid", workers: int) -> dict[str, Any]:
                 _drop_damaged(dataset)
             _solve(options, dataset, workers)
     state = _state(grid.name, folder, dataset.receipts.values(), not dataset.missing)
-    _print_totals(grid.name, state, folder, _first_reason(dataset), shard is not None)
+    following = {"next": report_command(folder)}
+    if shard is not None:
+        following = {"next": options.merge_command(), "hint": "merge once all shards are finished"}
+    _print_totals(grid.name, state, folder, _first_reason(dataset), following)
     return state
 
 
@@ -284,7 +294,7 @@ def _warn_of_few_chunks(name: str, chunks: int, shards: int) -> None:
 def _print_nothing_to_do(name: str, folder: Path, has_none: bool) -> None:
     """Print why a shard has nothing to solve: it has no chunks, or all are in the grid's folder."""
     why = (
-        "this shard has no chunk" if has_none else f"{folder} already has all chunks of this shard"
+        "this shard has no chunks" if has_none else f"{folder} already has all chunks of this shard"
     )
     say(f"{name}: {why}; nothing to solve")
 
@@ -373,7 +383,7 @@ def _state(
 
 
 def _print_totals(
-    name: str, state: dict[str, Any], folder: Path, reason: str | None, is_shard: bool
+    name: str, state: dict[str, Any], folder: Path, reason: str | None, following: dict[str, str]
 ) -> None:
     from vibro_cli.systems.request import EARLY_ENDS
 
@@ -388,10 +398,8 @@ def _print_totals(
         items["example"] = reason
     chunks = count(state["chunks"], "chunk", "chunks")
     items["files"] = f"{printable(str(folder))} ({chunks}, {size(state['bytes'])})"
-    if state["complete"] and is_shard:
-        items["next"] = "when all shards are finished: the same command with --merge, not --shard"
-    elif state["complete"]:
-        items["next"] = report_command(folder)
+    if state["complete"]:
+        items |= following
     if state["inadmissible"]:
         items["hint"] = INADMISSIBLE_HINT
     say(

@@ -161,9 +161,9 @@ def laws() -> str:
     from vibro_cli.mechanics.system import LAWS
 
     rows = [(f"`{name}`", law.statement) for name, law in LAWS.items()]
-    return f"""Two neighbours collide when their centres are r_a + r_b apart and approaching.
-`collision.law` is one of these, `collision.k` the coefficient of restitution from 0 to 1; ⁻ is
-before the impact, ⁺ after it, ω the angular velocity of rolling, v the speed of the centre,
+    return f"""Two neighbours collide when their centres are r_a + r_b apart and approach each
+other. `collision.law` is one of these, `collision.k` the coefficient of restitution from 0 to 1;
+⁻ is before the impact, ⁺ after it, ω the angular velocity of rolling, v the speed of the centre,
 κ = 1 + J_C/(m r²).
 
 {markdown_table(("law", "what it says"), rows)}

@@ -53,8 +53,8 @@ class OrbitCommand:
         typer.Option(
             metavar="PATH=LOW:HIGH",
             help="Follow the orbit at constant energy while a parameter of the scenario varies (SI "
-            "units, radians), e.g. --vary balls[2].mass=0.9:1.1, or while the energy (J) above the "
-            "trace's left end does: --vary energy=5:20.",
+            "units, radians), e.g. --vary balls[2].mass=0.9:1.1, or while the energy (J, relative "
+            "to the trace's left end) does: --vary energy=5:20.",
         ),
     ] = None
     output: Annotated[
@@ -291,7 +291,7 @@ class FitCommand:
 
 
 def _measured(file: Path) -> Measured:
-    """Read the measured instants from a file; raise `CommandError` if it cannot be read."""
+    """Read the measured times from a file; raise `CommandError` if it cannot be read."""
     from vibro_cli.analysis.fit import read_measured
 
     try:
@@ -310,12 +310,15 @@ def parsed_free(texts: Sequence[str]) -> list[Free]:
         path, equals, values = text.partition("=")
         try:
             low, high = map(float, values.split(":")) if equals else (-math.inf, math.inf)
-            found.append(Free.of(path, low, high))
-        except (TypeError, ValueError) as error:
+        except ValueError as error:
             raise CommandError(
                 f"vibro: --free: found {text!r}, expected PATH or PATH=LOW:HIGH with LOW < HIGH, "
                 "both in SI units and radians"
             ) from error
+        try:
+            found.append(Free.of(path, low, high))
+        except ValueError as error:
+            raise CommandError(f"vibro: --free: {error}") from error
     return found
 
 
@@ -372,7 +375,7 @@ def _lines_of_fit(found: Fit) -> Iterator[str]:
             yield (
                 f"  warning              {found.misplaced} of {record['impacts']} computed impacts "
                 "are nearer to another measured one than to their own: this is a wrong minimum, or "
-                "impacts were missed or repeated (give n)"
+                "impacts were missed or counted twice (give n)"
             )
     else:
         yield (
@@ -381,13 +384,13 @@ def _lines_of_fit(found: Fit) -> Iterator[str]:
         )
         if found.likelihood < DOUBTFUL:
             yield (
-                "  warning              model or noise is wrong, impacts were missed or repeated "
-                "(give n), or this is not the lowest minimum (fit fewer first, then all from there)"
+                "  warning              model or noise is wrong, impacts missed or counted twice "
+                "(give n), or this is not the lowest minimum (fit fewer, then all from there)"
             )
     if not found.same_events:
         yield (
-            "  events               their order changes within the 95 % region: the errors hold "
-            "for the order found"
+            "  events               change within the 95 % region: the errors hold for the "
+            "events found"
         )
 
 

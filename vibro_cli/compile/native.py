@@ -72,7 +72,7 @@ def _record() -> Any:
 
 def _make(why: str) -> None:
     """Build the library in a separate process, which imports only what the build needs."""
-    print(f"vibro: compiling the kernels, which {why}; this takes some seconds", file=sys.stderr)
+    print(f"vibro: compiling the kernels, which {why}; this takes a few seconds", file=sys.stderr)
     command = [sys.executable, "-m", _MODULE]
     environment = {**os.environ, "PYTHONPATH": str(FOLDER.parents[2])}
     done = subprocess.run(

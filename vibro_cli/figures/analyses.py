@@ -104,7 +104,7 @@ _OTHER = ("o", "end")
 _ROUNDING = 1e-9
 """Values whose relative differences are smaller than this are drawn as equal.
 
-So are multipliers that do not count as passing 1.
+So are multipliers that all lie within `PARTED` of 1.
 """
 
 
@@ -210,7 +210,9 @@ class Mapped:
         return category_map(self.shown, width, coloured(self.outcomes))
 
     def scaling(self, width: str) -> Figure | None:
-        """Draw the share of uncertain starts over distance; return None without an exponent.
+        """Draw the fraction of points with another outcome within a distance, over the distance.
+
+        Returns None without an exponent.
 
         Raises as :meth:`map` does.
         """

@@ -13,7 +13,6 @@ from matplotlib.figure import Figure
 from vibro_cli.figures.chart import MANY
 from vibro_cli.figures.maps import ending_map, parameter_map, quantity_map
 from vibro_cli.figures.over_axis import (
-    COUNTED,
     ENERGY_LEFT,
     FIRST,
     LAST,
@@ -25,11 +24,13 @@ from vibro_cli.figures.over_axis import (
     first_times,
 )
 from vibro_cli.figures.runs.over_impacts import exponents, intervals
+from vibro_cli.figures.runs.over_time import MOST_PERIODS
 from vibro_cli.figures.style import width_of
 from vibro_cli.figures.ticks import symbol_of
 from vibro_cli.progress import WORK
 from vibro_cli.scenario.base import checked
 from vibro_cli.scenario.quantities import Count
+from vibro_cli.systems.columns import COUNTED
 
 if TYPE_CHECKING:
     from vibro_cli.storage.stored import StoredGrid
@@ -101,16 +102,16 @@ INTERVALS: Kind[Any] = Kind(
 )
 ENERGY_CAPTION = (
     "Energy of each body and total energy against time; below, the energy lost or gained at each "
-    "impact. Lasting contact at the end is shown for a few periods only. If the energies of "
-    "several bodies jump very often, their means over equal intervals are drawn, and the energies "
-    "themselves are faint. If no body ever has a hundredth of the greatest total energy, only the "
-    "total is drawn."
+    f"impact. Of lasting contact at the end, at most {MOST_PERIODS} periods of the slowest small "
+    "oscillation are shown. If the energies of several bodies jump very often, their means over "
+    "equal intervals are drawn, and the energies themselves are faint. If no body ever has a "
+    "hundredth of the greatest total energy, only the total is drawn."
 )
 EXPONENTS: Kind[Any] = Kind(
     exponents,
     "Lyapunov exponents",
-    "Exponents of the run up to each of its impacts, the greatest first, with a band of two "
-    "standard errors about the greatest. The first tenth of the run, where they fluctuate most, is "
+    "Exponents of the run up to its impacts, the greatest first, with a band of ±2 standard "
+    "errors about the greatest. The first tenth of the run, where they fluctuate most, is "
     "omitted.",
 )
 
@@ -233,8 +234,9 @@ GRID_KINDS: dict[str, Kind[StoredGrid]] = {
     "contact": Kind(
         _contact,
         "Last impact before contact",
-        f"{_OVER_TWO}: the time of the last impact of each run with lasting contact, which is when "
-        "the contact began unless the bodies part again; white where there is no such contact.",
+        f"{_OVER_TWO}: the time of the last impact of each run in which lasting contact begins. Of "
+        "two bodies that then stay together, contact begins at this impact or after the bounces "
+        "that follow it. White where it never begins.",
         needs="two axes change, and lasting contact begins",
     ),
     "curves": Kind(
@@ -257,7 +259,7 @@ GRID_KINDS: dict[str, Kind[StoredGrid]] = {
         first_times,
         "Times of the first impacts",
         f"Times of the first {FIRST} impacts of each run, over one axis, coloured by the number of "
-        "the impact; crosses mark the ends of runs that ended before as many impacts, at an "
+        "the impact; crosses mark the ends of runs that ended before that many impacts, at an "
         "inadmissible one, an end of the trace, lift-off, rolling along a wall or an accumulation.",
         needs="an axis of numbers changes, and impacts were kept with their times",
         dimensions=1,

@@ -115,7 +115,7 @@ def text_width(text: str) -> float:
 def draw_legend(figure: Figure, rows: Rows, bar: Bar | None = None, scale: bool = False) -> None:
     """Draw the rows of a legend above the panels, and the bar to the right of the first row.
 
-    With `scale`, there is something else instead of the bar.
+    With `scale`, the first row leaves the same room for a scale that the caller draws.
     """
     width, height = figure.get_size_inches() / MM
     for number, row in enumerate(rows):
@@ -327,7 +327,8 @@ def write_names(
     """Write names beside their points, where they cover least of `obstacles`, shape (n, 2).
 
     Points are in the units of the axes. Names far from their points get lines; names without room
-    are left out. `figures` are the centres of single digits that are already written.
+    are left out. `figures` are points of texts that are already written, each
+    taken as one character.
     """
     size = panel_size(axes)
     (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()

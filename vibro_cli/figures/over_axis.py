@@ -42,6 +42,7 @@ from vibro_cli.mechanics.trace import HUMP, VALLEY
 from vibro_cli.scenario.base import Listed, Texts, checked
 from vibro_cli.scenario.problems import suggestion
 from vibro_cli.scenario.quantities import Count
+from vibro_cli.systems.columns import COUNTED
 from vibro_cli.systems.request import FINAL
 
 if TYPE_CHECKING:
@@ -51,8 +52,6 @@ _ROW = {"single": 26.0, "double": 34.0}
 _ROUNDING = 1e-12
 """Relative range below which values count as equal, such as a conserved energy."""
 _DIAGRAM = {"single": 58.0, "double": 80.0}
-COUNTED = {"collisions": "impacts", "bounces": "impacts on the wall"}
-"""Columns of the summary that are counts, and what they count."""
 FIRST = 20
 """Number of impacts of each run whose times are shown."""
 ENDED = mark("x", 3.0, style.VERMILLION) | {"markeredgewidth": 0.7, "zorder": 2.5}

@@ -102,7 +102,7 @@ class AxisTable(Table):
     """[low, high]: the interval that a latin-hypercube or sobol design covers; [low, high, count]:
     that many random values from the interval."""
     table: Annotated[str | None, kinds.Text("the name of a .parquet or .csv file")] = None
-    """A .parquet or .csv file whose columns are named by paths; each row is one point of the axis.
+    """A .parquet or .csv file whose columns are named by paths; each row is one value of the axis.
     If path or paths is given, only those columns are used."""
 
 

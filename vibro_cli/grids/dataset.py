@@ -170,7 +170,7 @@ def check_same(
     folder: Path,
     grid: Grid,
     chunks: Chunks,
-    remedy: str = "--force starts over, -o names another folder",
+    remedy: str = "--force starts afresh, -o names another folder",
 ) -> None:
     """Raise `GridChanged`, with a `remedy`, if the folder holds a different grid."""
     stored = _stored_grid(folder)
@@ -302,7 +302,8 @@ class Verdict:
 
     @property
     def sound(self) -> bool:
-        """Whether all files are present and unchanged."""
+        """Whether all files are present and unchanged, there is no other file, and no chunk is
+        missing."""
         return not self.findings and self.complete
 
 
@@ -398,7 +399,7 @@ def merge(dataset: Dataset) -> Iterator[Receipt]:
             if not (folder / GRID_NAME).exists():
                 continue
             stack.enter_context(locked(folder))
-            check_same(folder, dataset.grid, dataset.chunks, "--shard … --force starts it over")
+            check_same(folder, dataset.grid, dataset.chunks, "--shard … --force solves it afresh")
             found = found_receipts(folder, dataset.grid, dataset.chunks)
             places |= {chunk: (folder, receipt) for chunk, receipt in found.items()}
         missing = [chunk for chunk in dataset.missing if chunk not in places]

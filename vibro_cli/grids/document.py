@@ -55,7 +55,7 @@ class Keep(Table):
     collisions: Annotated[bool, kinds.FLAG] = False
     """Whether every impact is stored, in addition to the summaries."""
     columns: Annotated[tuple[str, ...] | None, Texts("columns", 1)] = None
-    """Columns of the tables of impacts to store; by default all of them."""
+    """Which columns of the tables of impacts are stored; by default all of them."""
 
 
 class GridFile(Table):

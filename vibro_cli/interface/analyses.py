@@ -67,7 +67,7 @@ class OrbitFamily(Branch):
 
 @dataclass(frozen=True, repr=False)
 class Fit(fits.Fit):
-    """Fitted numbers and their uncertainty, from :func:`fit`."""
+    """Fitted parameters and their uncertainty, from :func:`fit`."""
 
     @classmethod
     def of(cls, found: fits.Fit) -> Fit:
@@ -111,7 +111,7 @@ class GridBasins:
         return None if drawn is None else Drawing("basins", drawn)
 
     def scaling(self, width: str = "single") -> Drawing | None:
-        """Draw the fraction of uncertain starts over the distance, None without any.
+        """Draw the fraction of points with another outcome within a distance; None without any.
 
         Raises ``ValueError`` for an invalid width.
         """
@@ -193,7 +193,7 @@ def fit(
     free: Sequence[str] | Mapping[str, tuple[float, float]],
     noise: float | None = None,
 ) -> Fit:
-    """Fit numbers of a scenario of a trace at rest to measured times of impacts.
+    """Fit parameters of a scenario of a trace at rest to measured times of impacts.
 
     Parameters
     ----------
@@ -204,7 +204,7 @@ def fit(
         ``ball_b``, such as that of a run, a pyarrow table or a data frame; or a CSV or Parquet
         file, as for ``vibro fit``.
     free
-        Paths of the numbers, such as ``"collision.k"``, or their bounds by path (SI units,
+        Paths of the parameters, such as ``"collision.k"``, or their bounds by path (SI units,
         radians).
     noise
         Standard deviation of the times (s), if known and not in the table.
@@ -212,7 +212,7 @@ def fit(
     Raises
     ------
     NoFit
-        If the numbers cannot be fitted to these times.
+        If the parameters cannot be fitted to these times.
     NotMeasured
         If the table has no valid times.
     ScenarioError, ValueError

@@ -130,7 +130,7 @@ class Piece:
                 elementwise.exact_sum((self.start[0], position * cosine, -body_radius * sine)),
                 elementwise.exact_sum((self.start[1], position * sine, body_radius * cosine)),
             )
-        else:  # a slope of sign φ or sign ψ
+        else:  # its slope is sign · φ or sign · ψ
             rho = self.sign * self.path_radius(body_radius)
             centre = (self.centre[0] + rho * sine, self.centre[1] - rho * cosine)
         return centre, (cosine, sine)

@@ -117,7 +117,7 @@ _LINE: dict[str, Any] = {"linewidth": 0.7, "markersize": 3.6, "markeredgewidth":
 _MARK = 0.12
 _GROWTH = {
     "bodies": "number of bodies",
-    "arcs": "number of arcs (3 are reached)",
+    "arcs": "number of arcs (the bodies reach 3)",
     "scenarios": "number of scenarios",
     "cores": "number of threads",
 }

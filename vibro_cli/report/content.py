@@ -289,7 +289,7 @@ def body_cells(index: int, body: Body) -> list[str]:
 def energy_balance(run: StoredRun) -> list[tuple[str, str]]:
     """Return the energy balance: start, losses in tabulated impacts and elsewhere, end."""
     tables = {name: log.words for name, log in run.kind.impact_logs.items()}
-    elsewhere, digits = "Rounding, and ends of accumulations", 6
+    elsewhere, digits = "Lost elsewhere (ends of accumulations), and rounding", 6
     if not tables:  # on a trace impacts on walls have no table
         tables = {"collisions": "tabulated impacts"}
         elsewhere, digits = "Lost elsewhere (walls, ends of accumulations), and rounding", 3

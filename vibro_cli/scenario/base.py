@@ -390,8 +390,8 @@ class BodyTable(Table):
     mass: Annotated[float | None, kinds.MASS] = None
     """Mass in kg; give either mass or density."""
     thickness: Annotated[float | None, kinds.LENGTH] = None
-    """Thickness in m of a disk, of the wall of a thin hollow ball, or of a hoop of square section;
-    required with density."""
+    """Thickness in m of a disk, of the wall of a thin hollow ball, or of a hoop of square section,
+    which these require if density is given."""
 
 
 class Sampling(Table):

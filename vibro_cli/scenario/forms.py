@@ -451,7 +451,7 @@ class _Builder:
         while type(event := next(self.events)).__name__ != "MappingEndEvent":
             at = event.start_mark.index
             if type(event).__name__ != "ScalarEvent":
-                raise FormError(at, "a key that is no word", "a word as key", path)
+                raise FormError(at, "a key that is not a word", "a word as key", path)
             key = str(event.value)
             self.keys += 1
             self._check(event, path)

@@ -225,7 +225,7 @@ def body_faults(ball: Data, loc: tuple[str | int, ...], lone: bool) -> Iterator[
     if "inertia_ratio" in ball:
         yield from one_of(ball, KIND, loc, needed=False)
         if "density" in ball and "mass" not in ball:
-            expected = "mass: the inertia_ratio tells no volume"
+            expected = "mass, as inertia_ratio does not determine the volume"
             yield Fault((*loc, "density"), "density with inertia_ratio", expected, on_key=True)
     body = ball.get("body")
     if body in _NEEDS_THICKNESS and "density" in ball and "thickness" not in ball:
@@ -439,8 +439,8 @@ class Ball(BodyTable):
     rate: Annotated[float | None, kinds.ANGULAR_RATE] = Field(
         default=None, json_schema_extra={"default": 0.0}
     )
-    """Initial rate of change of the angle in rad/s, 0 if neither rate, omega nor speed is given;
-    on a line give omega or speed."""
+    """Initial rate of change of the angle in rad/s, 0 if none of rate, omega and speed is given;
+    on a line, give omega or speed."""
     omega: Annotated[float | None, kinds.ANGULAR_RATE] = None
     """Initial angular velocity of rolling in rad/s: speed of the centre divided by the radius."""
     speed: Annotated[float | None, kinds.SPEED] = None

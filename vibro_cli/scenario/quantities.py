@@ -209,7 +209,7 @@ class Count(Kind):
         bounds = f"of at least {self.least}"
         if self.most is not None:
             bounds = f"from {self.least} to {self.most}"
-        elif isinstance(value, int) and value >= 2**63:
+        elif isinstance(value, (int, float)) and value >= 2**63:
             bounds = "below 2^63"
         if isinstance(value, float) and value.is_integer() and self.allows(int(value)):
             bounds += f", written {int(value)}"  # 1e6 is a number with a point in TOML and YAML

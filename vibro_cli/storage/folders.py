@@ -87,8 +87,9 @@ def goes_as_far(folder: Path, scenario: AnyScenario, end_time: float) -> bool:
     found = differences(
         json_of(folder / SCENARIO_NAME), json.loads(json_bytes(scenario.resolved()))
     )
-    there: float = summary["end_time"]
-    return all(line.startswith(CHANGEABLE) for line in found) and there >= end_time
+    there = summary.get("end_time")
+    is_same = all(line.startswith(CHANGEABLE) for line in found)
+    return is_same and isinstance(there, float) and there >= end_time
 
 
 def arrow_table(name: str, columns: Columns, scenario: AnyScenario) -> pyarrow.Table:
@@ -287,7 +288,7 @@ def orbits(balls: int) -> Table:
             nullable=True,
         ),
         number("period", "s", "period"),
-        number("energy", "J", "energy, relative to the level of the trace's left end"),
+        number("energy", "J", "energy, relative to the trace's left end"),
         number("residual", "", "distance between start and end, relative to the size of the state"),
         number("multiplier", "", "largest modulus of a multiplier"),
         flag("stable", "whether no multiplier has a modulus above 1"),

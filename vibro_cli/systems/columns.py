@@ -15,6 +15,10 @@ from vibro_cli.systems.contract import Columns
 
 SCHEMA_VERSION = "1"
 
+COUNTED = {"collisions": "impacts", "bounces": "impacts on the wall"}
+"""Counts of impacts in a run's clock and summary, with their nouns."""
+MOST_EXPONENTS = 256
+"""Greatest number of impacts of a run up to which exponents are stored."""
 END_CAUSES = {
     "time": "the stop time was reached",
     "collisions": "the requested number of impacts was reached",
@@ -180,10 +184,14 @@ def impact_tail(
     yield number("gap", "m", gap, value=of_log("gap"))
     yield LAW
     text = (
-        "whether the law of the scenario is admissible here: the bodies separate after the impact"
+        "whether the law of the scenario is admissible here: the bodies separate after the impact "
+        "(false also for impacts that another one, or lift-off, prevents)"
     )
     yield flag("admissible", text, is_one("admissible"))
-    text = "whether the normal-impulse law replaced the law of the scenario, which is inadmissible"
+    text = (
+        "whether the normal-impulse law replaced the law of the scenario, which is inadmissible "
+        "here"
+    )
     yield flag("substituted", text, is_one("substituted"))
     yield flag("simultaneous", simultaneous, is_one("simultaneous"))
     yield grazing()
@@ -238,12 +246,11 @@ def of_clock(name: str) -> Value:
 
 def summary_balance(
     impact: str = "impact of two bodies",
-    drift: str = "relative change in energy, where it should be conserved (otherwise null)",
     gap: str = "largest distance left between two bodies at an impact",
 ) -> Iterator[Column]:
     """Yield the times, energies and gaps of every summary.
 
-    `drift` and `gap` describe two columns; `impact` names the impacts.
+    `gap` describes a column; `impact` names the impacts.
     """
     text = f"time of the first {impact}"
     yield number("first_collision_time", "s", text, True, lambda totals: totals.first_time)
@@ -253,7 +260,8 @@ def summary_balance(
     yield number("energy_start", "J", text, True, lambda totals: totals.energy_start)
     text = "energy of all bodies at the end"
     yield number("energy_end", "J", text, True, lambda totals: totals.energy_end)
-    yield number("energy_drift", "", drift, True, lambda totals: totals.energy_drift)
+    text = "relative change in energy, where it should be conserved (otherwise null)"
+    yield number("energy_drift", "", text, True, lambda totals: totals.energy_drift)
     text = "sum of the absolute values of the corrections that keep the energy constant"
     yield number("energy_correction", "J", text, True, lambda t: t.clock["energy_correction"])
     yield number("max_gap", "m", gap, True, lambda totals: totals.largest_gap)
@@ -276,7 +284,7 @@ GROWTH = (
     ),
     flag("smooth", "whether the motion depends differentiably on the initial state here"),
 )
-"""Columns of impacts on the growth of small perturbations of the start."""
+"""Columns of impacts on the growth of small perturbations of the initial state."""
 
 
 def with_columns(table: Table, *more: Column) -> Table:
@@ -307,4 +315,5 @@ def converging(numbers: int | str) -> Table:
         *exponents(numbers, " of the run up to this impact"),
         number("lyapunov_error", "1/s", "standard error of the greatest exponent", True),
     )
-    return Table("exponents", "one impact, with the exponents of the run up to it", columns)
+    row = f"one of at most {MOST_EXPONENTS} evenly chosen impacts, with the exponents up to it"
+    return Table("exponents", row, columns)

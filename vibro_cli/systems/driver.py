@@ -21,6 +21,7 @@ from vibro_cli.kernels.numerics.elliptic import fill_angles
 from vibro_cli.kernels.world import LOG_FULL, ROWS_OF_EVENT, BodyData
 from vibro_cli.mechanics.system import Body
 from vibro_cli.progress import RUN
+from vibro_cli.systems.columns import COUNTED
 from vibro_cli.systems.request import FINAL, UNLIMITED, Limits
 
 # The interpreted kernels are the bit-for-bit reference; the compiled ones are faster.
@@ -431,8 +432,6 @@ def _write_back(value: Any, copy: Any) -> None:
 
 
 CHECKPOINT_FORMAT = 6
-# Nouns for what stops count.
-COUNTED = {"collisions": "impacts", "bounces": "impacts on the wall"}
 
 
 class CannotContinue(VibroError, ValueError):

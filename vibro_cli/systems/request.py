@@ -16,7 +16,7 @@ UNLIMITED = 2**62
 
 EARLY_ENDS = {
     "end_of_trace": "reached an end of the trace",
-    "lift_off": "left the trace",
+    "lift_off": "lifted off the trace",
     "wall_contact": "began to roll along the wall",
     "accumulation": "ended where impacts accumulate",
 }

@@ -16,6 +16,7 @@ from vibro_cli.kernels.tangent.frame import SCALE, SERIES_ROWS, TERMS, WIDTH, Ta
 from vibro_cli.kernels.world import RUNNING
 from vibro_cli.numerics import elementwise
 from vibro_cli.numerics.elementwise import Floats
+from vibro_cli.systems.columns import MOST_EXPONENTS
 from vibro_cli.systems.contract import Columns, System
 from vibro_cli.systems.driver import called, with_logs, zeros
 from vibro_cli.systems.request import NO_LIMITS, Limits
@@ -60,7 +61,7 @@ class Growth:
     At most ``MOST`` rows are kept; beyond that, n doubles and every second row is dropped.
     """
 
-    MOST = 256
+    MOST = MOST_EXPONENTS
     begin: float = 0.0
     """Start of the run (s)."""
     rows: list[tuple[int, float, Floats]] = field(default_factory=list)

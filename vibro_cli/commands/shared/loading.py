@@ -61,7 +61,7 @@ def _file_meant(source: str) -> str:
 
     name = Path(source).stem
     if name in (*names(), *grid_names()):
-        return f" (vibro new {name} writes it from the gallery, vibro new --all the whole gallery)"
+        return f" (vibro new {name} writes that of the gallery, vibro new --all the whole gallery)"
     beside = scenario_files(str(Path(source).parent / "_")[:-1])
     stems = {Path(name).stem: name for name in beside if Path(name).is_file()}
     close = similar(name, stems)

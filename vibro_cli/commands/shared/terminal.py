@@ -109,7 +109,8 @@ COLUMNS = 80
 
 _COPIED = ("files", "next")
 INADMISSIBLE_HINT = (
-    "--set collision.inadmissible=normal-impulse continues, with Newton's law for such impacts"
+    "--set collision.inadmissible=normal-impulse continues the run, with the normal-impulse law "
+    "for such impacts"
 )
 
 
@@ -228,9 +229,9 @@ def _impacts(record: Mapping[str, Any], not_made: int) -> str:
         impacts += f", {'from' if until else 'at'} t = {quantity(first, 's')}{until}"
     last_ones = "one" if not_made < 2 else str(not_made)
     if record["end_cause"] == "inadmissible":
-        impacts += f", the last {last_ones} inadmissible and not made"
+        impacts += f", the last {last_ones} inadmissible and not carried out"
     elif not_made:
-        impacts += f", the last {last_ones} not made"
+        impacts += f", the last {last_ones} prevented"
     parts = [count(record[name], *words) for name, words in _ALSO_COUNTED.items() if name in record]
     quiet = record.get("quiet_from")
     ending = "" if quiet is None else f"; none possible after t = {quantity(quiet, 's')}"

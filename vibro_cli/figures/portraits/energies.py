@@ -211,8 +211,8 @@ def _potential_at(landscape: Landscape, s: Array) -> Array:
 def energy_limits(energies: Array, potential: Array, least: float = 0.0) -> tuple[float, float]:
     """Return the upper and the lower end of the axis of energies (J) of a motion.
 
-    The axis begins at 0 and reaches `least` at least. For a motion high above the lowest place of
-    the trace, it begins just below the least potential energy of the motion.
+    The axis begins at 0 and reaches `least` or higher. For a motion whose potential energy is
+    always large, it begins just below the least of it.
     """
     low, high = float(np.min(potential)), float(np.max(energies))
     if low > _HIGH_UP * high:

@@ -141,9 +141,9 @@ def _obstacles(run: Recorded, surface: Array, scale: float) -> Array:
 def _draw_axis(axes: Axes, turning: Turning) -> Array:
     """Draw the vertical axis about which the trace rotates, with the rate where there is room.
 
-    Returns the places of the characters of the rate (m), shape (n, 2).
+    Returns points along the rate (m), 1 mm apart, shape (n, 2).
     """
-    axes.axvline(turning.x, zorder=1.5, **_AXIS)
+    axes.plot([turning.x] * 2, axes.get_ylim(), zorder=1.5, **_AXIS)
     words = rf"$\Omega = {turning.rate:.4g}$ rad/s"
     (low, high), top = axes.get_xlim(), axes.get_ylim()[1]
     each = (high - low) / panel_size(axes)[0]

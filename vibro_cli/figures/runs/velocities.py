@@ -125,9 +125,9 @@ class Striking:
 
 
 def velocities(run: Recorded, width: str = "single") -> Figure | None:
-    """Draw the velocities of centres and touching points before and after the first impacts.
+    """Draw the velocities of centres and impact points before and after the first impacts.
 
-    Arrows at the centres are the velocities of the centres. Arrows at the touching point are the
+    Arrows at the centres are the velocities of the centres. Arrows at the impact point are the
     velocities there of both bodies, the parts due to rolling, and the components along the line of
     centres. Arcs around the centres are angular velocities. Returns None without an impact. Raises
     ValueError for a width that is neither `single` nor `double`.
@@ -286,7 +286,7 @@ def _draw_turning(axes: Axes, one: Striking, when: int, fastest: float, colour: 
 
 
 def _name_points(axes: Axes, pair: Sequence[Striking], touch: Array, drawn: Array) -> None:
-    """Write the papers' names of centres, contact points and the touching point."""
+    """Write the papers' names of centres, contact points and the impact point."""
     rings = [one.centre + one.body.radius * _RING for one in pair]
     names = [
         Named(f"${letter}_{{{one.number}}}$", point)

@@ -35,8 +35,8 @@ class BodiesOnSprings(System):
 
     def method(self, scenario: Mapping[str, Any]) -> str:
         return (
-            "Between impacts the motion is computed by Taylor series of order 24, whose error has "
-            "proved bounds; impacts are certified first zeros of the distance within each step."
+            "Between impacts the motion is computed by Taylor series of order 24, whose remainder "
+            "has a proved bound; impacts are certified first zeros of the distance within a step."
         )
 
     def understood(self, scenario: Any, system: Any) -> dict[str, Any]:

@@ -44,7 +44,9 @@ def _initial(
             room = position - states[-1].position - touch
             if room < -1e-15 * (abs(position) + abs(states[-1].position)):
                 found = f"{position!r}, {-room:.6g} m too far to the left"
-                expected = f"a place right of body {number - 1}: {position - room!r} m or more"
+                expected = (
+                    f"a position to the right of body {number - 1}: {position - room!r} m or more"
+                )
                 problems.add(f"balls[{number}].position", found, expected)
         speed = ball.speed if ball.speed is not None else (ball.omega or 0.0) * body.radius
         states.append(InitialState(position, speed))

@@ -171,7 +171,7 @@ def _column(run: Run, times: Array, name: str, side: str = "after") -> Array:
 
 
 def _calm(run: Run, every: list[Motions]) -> float:
-    """Return the time (s) up to which energies are drawn: some periods of a final contact."""
+    """Return the time (s) up to which energies are drawn, `MOST_PERIODS` into a final contact."""
     contacts = [float(each.start[-1]) for each in every if each.contact[-1]]
     last = max(float(each.start[-1]) for each in every)
     return min(run.end_time, last + _periods(run)) if contacts else run.end_time

@@ -221,7 +221,7 @@ def springs_portrait(run: Run, ball: int, width: str = "single") -> Figure:
     if stays_at_rest(path) or _is_rounding(branches.position):
         # No range to show: draw the portrait as without a run.
         behind = _at_rest(run.system, ball - 1)
-        window = _whole(behind, path.start[1])
+        window = _whole(behind, path.start[1], rate=greatest_rate(path, [0]))
         spring = run.system.springs[ball - 1]
         ends = (spring.energy(end) for end in (window.low, window.high))
         limits = 1.15 * max(float(np.max(energies)), *ends), 0.0
@@ -350,12 +350,12 @@ def _around(path: Trajectory, behind: Background) -> Window:
     return _window(low, high, reached)
 
 
-def _whole(behind: Background, *places: float) -> Window:
-    """Return a window that holds all level curves and the given displacements."""
+def _whole(behind: Background, *places: float, rate: float = 0.0) -> Window:
+    """Return a window that holds all level curves, the given displacements and a speed."""
     curves = (*behind.levels, *behind.eights)
     low = min([*places, *(float(curve.position[0]) for curve in curves)])
     high = max([*places, *(float(curve.position[-1]) for curve in curves)])
-    return _window(low, high, max(float(np.max(curve.rate)) for curve in curves))
+    return _window(low, high, max([rate, *(float(np.max(curve.rate)) for curve in curves)]))
 
 
 def _window(low: float, high: float, top: float) -> Window:

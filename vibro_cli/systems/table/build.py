@@ -82,7 +82,7 @@ def _check_wall(
         if free < -system.rounding(wall, (ball.x, ball.y)):
             side = "inside" if wall.inside else "outside"
             found = f"ball {number} reaching {-free:.6g} m into the wall"
-            problems.add(f"balls[{number}].x", found, f"a place {side} the wall, clear of it")
+            problems.add(f"balls[{number}].x", found, f"a position {side} the wall, clear of it")
 
 
 def _check_overlaps(scenario: TableScenario, bodies: tuple[Body, ...], problems: Problems) -> None:

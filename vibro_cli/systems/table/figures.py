@@ -390,8 +390,8 @@ FIGURES: dict[str, Kind[Any] | KindOfBody] = {
         "Plan of velocities and angles",
         "The first impacts from above, before and after: velocities and paths of the centres C, "
         "components along the normal, angular velocities along the axes of rolling, the tangent at "
-        "the contact point T, and the angles of arrival α and departure α′ between the paths and "
-        "the normal. As C figs 1, 2b, 2c and 4.",
+        "the impact point T, and the arrival angle α and the outgoing angle α′ between the path "
+        "and the normal. As C figs 1, 2b, 2c and 4.",
     ),
     "contact_points": Kind[Run](
         table_contact_points, POINTS_TITLE, POINTS_CAPTION + " As C figs 2a and 3."

@@ -219,7 +219,7 @@ def portrait(
     if wall is None or not has_wall_portrait(wall):
         raise NoPortrait(
             f"found {_described(system)}, expected an ellipse or a circle around "
-            "the balls: only bounces off these have singular points and a portrait"
+            "the balls: only impacts on these have singular points and a portrait"
         )
     bodies: list[dict[str, Any]] = []
     figures: dict[str, Figure] = {}

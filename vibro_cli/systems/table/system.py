@@ -265,7 +265,7 @@ def _into_ellipse(a: float, b: float, x: float, y: float) -> float:
         a, b, x, y = b, a, y, x
     focal_square = (a - b) * (a + b)
     t = max(a * x - focal_square, b * y)
-    if t > 0.0:
+    if t > 1e-290:  # below, 1/t is infinite
         step = t
         while t + step > t:
             across, up = a * x / (t + focal_square), b * y / t
@@ -274,7 +274,7 @@ def _into_ellipse(a: float, b: float, x: float, y: float) -> float:
             t += step
         nearest_x, nearest_y = a * a * x / (t + focal_square), b * b * y / t
     else:  # the point is on the long axis, near the centre
-        share = a * x / focal_square if focal_square > 0.0 else 0.0
+        share = min(a * x / focal_square, 1.0) if focal_square > 0.0 else 0.0
         nearest_x, nearest_y = a * share, b * math.sqrt((1.0 - share) * (1.0 + share))
     distance = math.hypot(nearest_x - x, nearest_y - y)
     return distance if (x / a) ** 2 + (y / b) ** 2 <= 1.0 else -distance
@@ -294,7 +294,7 @@ def wrong_with_polygon(corners: tuple[Point, ...]) -> str:
     sides = _sides(corners)
     for number, (start, end) in enumerate(sides, 1):
         if start == end:
-            return f"corners {number} and {number % count + 1} at one place"
+            return f"corners {number} and {number % count + 1} at the same point"
     met = min(_meeting(sides), default=None)
     return "" if met is None else f"sides {met[0] + 1} and {met[1] + 1} that meet"
 

@@ -175,7 +175,9 @@ def _impact_columns() -> Iterator[Column]:
         )
         value = methodcaller("angle", ball, when)
         yield number(f"{_ANGLES[when]}_angle_{ball}", "rad", text, True, value)
-    text = "whether the impact is central, with velocities along the line of centres, not skew (C)"
+    text = (
+        "whether the impact is central (velocities along the line of centres) rather than skew (C)"
+    )
     yield flag("central", text, attrgetter("central"))
     yield impulse()
 

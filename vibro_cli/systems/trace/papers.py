@@ -43,7 +43,7 @@ _A: tuple[PaperRow, ...] = (
      "vibro run scenarios/three_arcs.toml --set stop.collisions=8 --figures energy_portrait "
      "-o outputs/eight",
      "`energy_portrait_1`, `energy_portrait_2`"),
-    ("A (1)–(3)", "moments of momentum kept, k on ω, outgoing ω",
+    ("A (1)–(3)", "moments of momentum conserved, k on ω, outgoing ω",
      "vibro show outputs/three_arcs/collisions.parquet --columns "
      "n,omega_a_pre,omega_b_pre,omega_a_post,omega_b_post", "`omega_[ab]_pre`, `omega_[ab]_post`"),
     ("A (4), (6)", "κ, β, λ₁, λ₂", "vibro check scenarios/one_circle.toml",

@@ -81,8 +81,8 @@ _VALUE = (
 )
 _ITS = " (for a lasting contact, the piece of the other body)"
 _REGIME = (
-    "regime of {}: oscillating, or progressive (without further impacts it would reach an end of "
-    "the trace, or go round a closed one)"
+    "regime of {}: oscillating, or progressive (without impacts it would reach an end of the "
+    "trace, or go round a closed one)"
 )
 _EIGHT = (
     "position of {} relative to the first figure eight from the left that encloses it: left loop, "
@@ -116,7 +116,7 @@ def collisions(sided: bool = False) -> Table:
         *before_and_after("energy", "J", _ENERGY),
         *impact_tail(
             "energy lost in the impact; where lasting contact begins, also in all further bounces",
-            "distance left between the surfaces at that time",
+            "distance left between the surfaces at the time t + t_low",
             "whether other impacts were solved jointly with it, one preceded it at the same "
             "instant, or the row stands for all impacts that would follow",
         ),
@@ -203,7 +203,7 @@ SUMMARY = Table(
 def final_state(ball: int | str) -> tuple[Column, ...]:
     """Return the columns of a body's final state; `ball` counts from 1."""
     return (
-        count(f"arc_{ball}", f"final piece of the trace of body {ball}, from 1", True),
+        count(f"arc_{ball}", f"piece of the trace that body {ball} ends on, from 1", True),
         number(f"angle_{ball}", "rad", f"final angle of body {ball} (null on a line)", True),
         number(f"s_{ball}", "m", f"final arc length of the contact point of body {ball}", True),
         number(f"speed_{ball}", "m/s", f"final signed speed of the centre of body {ball}", True),
