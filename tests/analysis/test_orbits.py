@@ -599,7 +599,8 @@ def test_python_finds_what_the_command_finds(
         (["--vary", "balls[2].mass=3:4"], "expected a number in the range"),
         (
             ["--vary", "energy=1:2"],
-            "energy: found 17.5732 J above the trace's left end, expected a number in the range 1",
+            "energy: found 17.5732 J relative to the trace's left end, "
+            "expected a number in the range 1:2",
         ),
         (["--vary", "balls[2].density=3:4"], "found no number, expected one given in the scenario"),
         (["--vary", "balls[2].mas=3:4"], 'did you mean "mass"?'),

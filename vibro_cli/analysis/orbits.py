@@ -471,6 +471,9 @@ def newton(system: TraceSystem, state: Floats, period: float, energy: float | No
             f"{found.residual:.2g} of the size of its state; start nearer to an orbit, or give "
             "another number of impacts or period"
         )
+    if found.residual >= CLOSED:
+        # Newton's steps go far where the rows nearly lose their rank; shorter ones come closer.
+        found = _improved(system, found, energy, _steps_of_marquardt, bent=False)
     if found.period < LEAST_PERIOD * period:
         raise NoOrbit("the period has become zero")
     start, own = started(system, found.state), energy_of(system, found.state)

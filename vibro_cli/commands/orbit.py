@@ -227,7 +227,7 @@ class FitCommand:
         list[str],
         typer.Option(
             metavar="PATH[=LOW:HIGH]",
-            help="Parameter to fit, and its bounds (SI units, radians), e.g. "
+            help="Parameter to fit, and its bounds (SI units, radians), such as "
             "balls[2].mass=0.1:10; repeatable.",
             autocompletion=scenario_keys,
         ),
