@@ -73,7 +73,7 @@ def test_the_whole_gallery_is_written_and_valid(vibro: Vibro) -> None:
     assert vibro("new", "--all", "--force").code == 0
     assert vibro("new", "three_arcs", "--all").code == 2
     missing = vibro("run", "elsewhere/one_circle.toml")
-    assert "vibro new one_circle writes it from the gallery" in missing.err
+    assert "vibro new one_circle writes that of the gallery" in missing.err
 
 
 @pytest.mark.parametrize(

@@ -158,7 +158,7 @@ FORMS = (".png", ".pdf", ".svg")
 
 @dataclass(frozen=True, kw_only=True)
 class SectionCommand:
-    """Draw the Poincaré section of a run or the bifurcation diagram of a grid."""
+    """Draw the Poincaré section of a run or bifurcations of a grid."""
 
     folder: Annotated[
         Path,
