@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PatchCollection
 from matplotlib.colors import to_rgba_array
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 
 from vibro_cli.figures import style
@@ -120,9 +121,18 @@ def scene(run: Recorded, width: str = "single") -> Figure:
 def _points_of(axes: Axes) -> list[Array]:
     """Return points of all lines drawn, 60 of each straight one, as obstacles for names."""
     share = np.linspace(0.0, 1.0, 60)[:, None]
-    lines = [np.asarray(line.get_xydata()) for line in axes.lines]
+    lines = [_points_along(axes, line) for line in axes.lines]
     points = [one[:1] + share * (one[-1:] - one[:1]) if len(one) == 2 else one for one in lines]
     return points * _KEEN
+
+
+def _points_along(axes: Axes, line: Line2D) -> Array:
+    """Return the points of a line (m); the ends of the axis of rotation are given in shares."""
+    points = np.asarray(line.get_xydata())
+    if line.get_transform() == axes.transData:
+        return points
+    shown: Array = axes.transData.inverted().transform(line.get_transform().transform(points))
+    return shown
 
 
 def _obstacles(run: Recorded, surface: Array, scale: float) -> Array:
@@ -143,7 +153,7 @@ def _draw_axis(axes: Axes, turning: Turning) -> Array:
 
     Returns points along the rate (m), 1 mm apart, shape (n, 2).
     """
-    axes.plot([turning.x] * 2, axes.get_ylim(), zorder=1.5, **_AXIS)
+    axes.axvline(turning.x, zorder=1.5, **_AXIS)
     words = rf"$\Omega = {turning.rate:.4g}$ rad/s"
     (low, high), top = axes.get_xlim(), axes.get_ylim()[1]
     each = (high - low) / panel_size(axes)[0]
