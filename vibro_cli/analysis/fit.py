@@ -214,7 +214,7 @@ class Free:
         found = Free(parsed_path(path), low, high)
         if not found.bounds[0] < found.bounds[1]:
             raise ValueError(
-                f"{path}: found {low!r} to {high!r}, expected bounds that overlap 0 to 1"
+                f"{path}: found {low!r} to {high!r}, expected bounds that overlap the range 0 to 1"
             )
         return found
 

@@ -310,6 +310,8 @@ def parsed_free(texts: Sequence[str]) -> list[Free]:
         path, equals, values = text.partition("=")
         try:
             low, high = map(float, values.split(":")) if equals else (-math.inf, math.inf)
+            if not low < high:
+                raise ValueError(text)
         except ValueError as error:
             raise CommandError(
                 f"vibro: --free: found {text!r}, expected PATH or PATH=LOW:HIGH with LOW < HIGH, "
