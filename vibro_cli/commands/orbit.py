@@ -310,13 +310,13 @@ def parsed_free(texts: Sequence[str]) -> list[Free]:
         path, equals, values = text.partition("=")
         try:
             low, high = map(float, values.split(":")) if equals else (-math.inf, math.inf)
-            if not low < high:
-                raise ValueError(text)
-        except ValueError as error:
+        except ValueError:
+            low = high = math.nan
+        if not low < high:
             raise CommandError(
                 f"vibro: --free: found {text!r}, expected PATH or PATH=LOW:HIGH with LOW < HIGH, "
                 "both in SI units and radians"
-            ) from error
+            )
         try:
             found.append(Free.of(path, low, high))
         except ValueError as error:

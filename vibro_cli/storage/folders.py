@@ -67,13 +67,17 @@ def check_run_folder(
     check_replaceable(folder, "run")
     if force or read_manifest(folder) is None:
         return
-    found = differences(
-        json_of(folder / SCENARIO_NAME), json.loads(json_bytes(scenario.resolved()))
-    )
+    found = _changes(folder, scenario)
     if found:
         raise FolderRefused(
             *refusal(f"{folder} holds a run with different parameters", found, hint)
         )
+
+
+def _changes(folder: Path, scenario: AnyScenario) -> list[str]:
+    """Return the differences of a scenario from that of the run in a folder."""
+    there = json_of(folder / SCENARIO_NAME)
+    return differences(there, json.loads(json_bytes(scenario.resolved())))
 
 
 def goes_as_far(folder: Path, scenario: AnyScenario, end_time: float) -> bool:
@@ -84,9 +88,7 @@ def goes_as_far(folder: Path, scenario: AnyScenario, end_time: float) -> bool:
     summary = json_of(folder / "summary.json")
     if read_manifest(folder) is None or not isinstance(summary, dict):
         return False
-    found = differences(
-        json_of(folder / SCENARIO_NAME), json.loads(json_bytes(scenario.resolved()))
-    )
+    found = _changes(folder, scenario)
     there = summary.get("end_time")
     is_same = all(line.startswith(CHANGEABLE) for line in found)
     return is_same and isinstance(there, float) and there >= end_time
