@@ -156,61 +156,6 @@ def collide(
     raise ArithmeticError("the impacts of one instant do not end")
 
 
-def _with_forces(
-    touches: Sequence[Touch],
-    held: Sequence[int],
-    accelerations: Sequence[Real],
-    mobility: Sequence[Real],
-) -> list[Real]:
-    """Return the separation accelerations if forces hold some of the touches together."""
-    if not held:
-        return list(accelerations)
-    rows = [touches[n].row for n in held]
-    changes = [{i: value * mobility[i] for i, value in row.items()} for row in rows]
-    forces = solve_rows(rows, changes, [-accelerations[n] for n in held])
-    found = []
-    for touch, value in zip(touches, accelerations, strict=True):
-        for force, change in zip(forces, changes, strict=True):
-            value += force * mp.fsum(touch.row[i] * change[i] for i in touch.row if i in change)
-        found.append(value)
-    return found
-
-
-def pressing(
-    touches: Sequence[Touch],
-    accelerations: Sequence[Real],
-    mobility: Sequence[Real],
-    size: Real,
-) -> tuple[list[Touch], list[Touch]]:
-    """Return the touches without speed that stay: the pressed ones, and those without any force.
-
-    ``accelerations`` are separation accelerations without contact forces. A touch once pressed
-    stays pressed (its force presses the bodies more against their other neighbours), so that the
-    set only grows. ``size`` is the scale of accelerations for the rounding tolerance.
-    """
-    held: list[int] = []
-    while True:
-        now = _with_forces(touches, held, accelerations, mobility)
-        free = [n for n in range(len(touches)) if n not in held]
-        more = [n for n in free if now[n] < -ZERO * size]
-        if not more:
-            idle = [touches[n] for n in free if now[n] <= ZERO * size]
-            return [touches[n] for n in held], idle
-        held += more
-
-
-def closing_acceleration(
-    touches: Sequence[Touch],
-    accelerations: Sequence[Real],
-    mobility: Sequence[Real],
-    size: Real,
-) -> Real:
-    """Return the acceleration with which the last touch closes; the others have no speed."""
-    held, _ = pressing(touches[:-1], accelerations[:-1], mobility, size)
-    kept = [n for n in range(len(touches) - 1) if touches[n] in held]
-    return -_with_forces(touches, kept, accelerations, mobility)[-1]
-
-
 NEAR = mp.mpf(10) ** -33  # m: greatest gap in contact
 NO_GAP = mp.mpf(10) ** -46  # m: remaining gap of bodies that are put into contact
 # Relative gap up to which the solver assumes contact at the start.
@@ -301,12 +246,8 @@ class Arrangement:
                     found.append(Touch((ball,), {ball: mp.mpf(sign)}, k, wall))
         return found
 
-    def mobility(self) -> list[Real]:
-        """Return 1/M of all bodies."""
-        return [1 / (body.kappa * body.mass) for body in self.scene.bodies]
-
-    def accelerations(self, touches: Sequence[Touch]) -> list[Real]:
-        """Return the separation accelerations of touches without contact forces."""
+    def accelerations(self, touches: Sequence[Touch], held: Sequence[int] = ()) -> list[Real]:
+        """Return the separation accelerations of touches if forces hold some together (indices)."""
         free = [self._free(ball) for ball in range(len(self.states))]
         found = []
         for touch in touches:
@@ -314,7 +255,38 @@ class Arrangement:
             if len(touch.bodies) == 2:
                 value += self._bend(*touch.bodies)
             found.append(value)
+        if not held:
+            return found
+        rows = [touches[n].row for n in held]
+        mobility = [1 / (body.kappa * body.mass) for body in self.scene.bodies]
+        changes = [{i: value * mobility[i] for i, value in row.items()} for row in rows]
+        forces = solve_rows(rows, changes, [-found[n] for n in held])
+        for force, change in zip(forces, changes, strict=True):
+            for n, touch in enumerate(touches):
+                shared = (touch.row[i] * change[i] for i in touch.row if i in change)
+                found[n] += force * mp.fsum(shared)
         return found
+
+    def pressing(self, touches: Sequence[Touch]) -> tuple[list[int], list[int]]:
+        """Return the touches without speed that stay: the pressed ones, and those without a force.
+
+        They are given by their indices. A touch once pressed stays pressed (its force presses the
+        bodies more against their other neighbours), so that the set only grows.
+        """
+        held: list[int] = []
+        rounding = ZERO * self.scene.gravity
+        while True:
+            now = self.accelerations(touches, held)
+            free = [n for n in range(len(touches)) if n not in held]
+            more = [n for n in free if now[n] < -rounding]
+            if not more:
+                return held, [n for n in free if now[n] <= rounding]
+            held += more
+
+    def closing_acceleration(self, touches: Sequence[Touch]) -> Real:
+        """Return the acceleration with which the last touch closes; the others have no speed."""
+        held, _ = self.pressing(touches[:-1])
+        return -self.accelerations(touches, held)[-1]
 
     def _free(self, ball: int) -> Real:
         """Return the acceleration of a body along its path without contact forces."""

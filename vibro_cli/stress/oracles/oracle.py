@@ -20,9 +20,7 @@ from vibro_cli.stress.oracles.arrangement import (
     Inadmissible,
     Laws,
     Touch,
-    closing_acceleration,
     collide,
-    pressing,
     speed_of,
 )
 from vibro_cli.stress.oracles.motion import (
@@ -308,11 +306,9 @@ class Oracle:
             # Remove what is left by a truncated sequence, by bounces at their end, or by rounding.
             law = next((used[t.key] for t in still if t.key in used), self.laws.law)
             self.now.speeds = self.laws.equalise(still, speeds, law)
-        held, idle = pressing(
-            still, self.now.accelerations(still), self.now.mobility(), self.scene.gravity
-        )
-        self.held = {touch.key for touch in held}
-        self._keep_idle(idle)
+        pressed, idle = self.now.pressing(still)
+        self.held = {still[n].key for n in pressed}
+        self._keep_idle({still[n].key for n in idle})
         for touch in touches:
             if touch.key >= 0 and (touch.key in self.held) != (touch.key in held_before):
                 kind = "contact_closed" if touch.key in self.held else "contact_opened"
@@ -326,10 +322,7 @@ class Oracle:
         for touch in touches:
             if touch in still or touch.key not in used:
                 continue
-            accelerations = self.now.accelerations([*still, touch])
-            closing = closing_acceleration(
-                [*still, touch], accelerations, self.now.mobility(), self.scene.gravity
-            )
+            closing = self.now.closing_acceleration([*still, touch])
             if closing > 0:
                 flight = 2 * speed_of(touch.row, self.now.speeds) / closing
                 if flight < REST * (1 - touch.restitution):
@@ -338,12 +331,11 @@ class Oracle:
                     self._guess = min(self._guess, flight * BEYOND)
         return found
 
-    def _keep_idle(self, idle: Sequence[Touch]) -> None:
+    def _keep_idle(self, waiting: set[int]) -> None:
         """Hold touches without a force, except those whose force would immediately become negative.
 
         If there is no force a little later either, the contact is kept.
         """
-        waiting = {touch.key for touch in idle}
         self.held |= waiting
         while waiting:
             groups = self._groups()
