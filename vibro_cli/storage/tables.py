@@ -112,8 +112,7 @@ def _row_schema(table: Table) -> pa.Schema:
 def _arrow_column(column: Column, values: Any) -> pa.Array:
     """Convert a column to Arrow: masked entries, None and NaN in a float column become null."""
     if column.words and values.dtype != object:
-        content = _of_numbers(np.ma.getdata(values), column.words)
-        return pa.Array.from_buffers(pa.string(), len(values), [None, *content])
+        return _words(np.ma.getdata(values), column.words, None)
     array = values if type(values) is np.ndarray else np.ma.getdata(values)
     mask = _missing(column, values, array)
     if mask is not None and not column.nullable:
@@ -121,12 +120,15 @@ def _arrow_column(column: Column, values: Any) -> pa.Array:
         raise ValueError(f"column {column.name!r} has no value in row {row + 1}, and must have one")
     present = None if mask is None else _bits(~mask)
     if column.type == "string":
-        content = _string_buffers(array)
-    elif column.type == "bool":
-        content = [_bits(array.astype(bool, casting="safe", copy=False))]
+        given = array.tolist()
+        codes = {word: code for code, word in enumerate(dict.fromkeys(given))}
+        numbers = np.fromiter(map(codes.__getitem__, given), np.int32, len(given))
+        return _words(numbers, list(codes), present)
+    if column.type == "bool":
+        content = _bits(array.astype(bool, casting="safe", copy=False))
     else:
-        content = [pa.py_buffer(array.astype(column.type, order="C", casting="safe", copy=False))]
-    return pa.Array.from_buffers(_ARROW_TYPES[column.type], array.size, [present, *content])
+        content = pa.py_buffer(array.astype(column.type, order="C", casting="safe", copy=False))
+    return pa.Array.from_buffers(_ARROW_TYPES[column.type], array.size, [present, content])
 
 
 def _missing(column: Column, values: Any, array: Any) -> Any:
@@ -151,37 +153,20 @@ def _bits(flags: np.ndarray[Any, np.dtype[np.bool_]]) -> pa.Buffer:
     return pa.py_buffer(np.packbits(flags, bitorder="little"))
 
 
-def _string_buffers(words: np.ndarray[Any, np.dtype[Any]]) -> list[pa.Buffer]:
-    """Return offsets and bytes of words for Arrow; None takes no bytes."""
-    encoded = {word: b"" if word is None else word.encode() for word in set(words.tolist())}
-    if len(encoded) == 1:  # as in most columns of words
-        (part,) = encoded.values()
-        return _repeated(part, len(words))
-    parts = [encoded[word] for word in words.tolist()]
-    offsets = np.zeros(len(parts) + 1, dtype=np.int32)
-    np.cumsum([len(part) for part in parts], out=offsets[1:])
-    return [pa.py_buffer(offsets), pa.py_buffer(b"".join(parts))]
+def _words(
+    codes: np.ndarray[Any, np.dtype[Any]], words: Sequence[str | None], present: pa.Buffer | None
+) -> pa.Array:
+    """Return words that are given as integer codes, from 0; `present` are flags, None if all are.
 
-
-def _repeated(word: bytes, count: int) -> list[pa.Buffer]:
-    """Return offsets and bytes of a repeated word."""
-    offsets = np.arange(count + 1, dtype=np.int32) * len(word)
-    return [pa.py_buffer(offsets), pa.py_buffer(word * count)]
-
-
-def _of_numbers(numbers: np.ndarray[Any, np.dtype[Any]], words: Sequence[str]) -> list[pa.Buffer]:
-    """Return offsets and bytes of words that are given as integer codes, from 0."""
-    encoded = [word.encode() for word in words]
-    count = len(numbers)
-    if count and np.min(numbers) == np.max(numbers):
-        return _repeated(encoded[int(numbers[0])], count)
-    lengths = np.array([len(word) for word in encoded])
-    offsets = np.zeros(count + 1, dtype=np.int32)
-    np.cumsum(lengths[numbers], out=offsets[1:])
-    padded = np.array(encoded).view(np.uint8).reshape(len(encoded), -1)
-    inside = np.arange(padded.shape[1]) < lengths[:, None]
-    content = padded[numbers][inside[numbers]]
-    return [pa.py_buffer(offsets), pa.py_buffer(content)]
+    None takes no bytes.
+    """
+    encoded = [b"" if word is None else word.encode() for word in words]
+    offsets = np.cumsum([0, *map(len, encoded)], dtype=np.int32)
+    content = [None, pa.py_buffer(offsets), pa.py_buffer(b"".join(encoded))]
+    dictionary = pa.Array.from_buffers(pa.string(), len(words), content)
+    numbers = [present, pa.py_buffer(codes.astype(np.int32))]
+    indices = pa.Array.from_buffers(pa.int32(), len(codes), numbers)
+    return pa.DictionaryArray.from_arrays(indices, dictionary).dictionary_decode()
 
 
 def record_batch(table: Table, columns: Mapping[str, Any]) -> pa.RecordBatch:
@@ -421,9 +406,7 @@ def as_array(column: pa.ChunkedArray) -> np.ndarray[Any, np.dtype[Any]]:
     """Return a column as an array; null becomes NaN in numbers and None in words."""
     if pa.types.is_string(column.type):
         return np.array(column.to_pylist(), dtype=object)
-    whole = column.combine_chunks()
-    chunks = whole.chunks if isinstance(whole, pa.ChunkedArray) else [whole]
-    parts = [_as_array(chunk) for chunk in chunks or [pa.array([], column.type)]]
+    parts = [_as_array(chunk) for chunk in column.chunks or [column.combine_chunks()]]
     return np.concatenate(parts) if len(parts) > 1 else parts[0]
 
 
