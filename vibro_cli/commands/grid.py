@@ -247,15 +247,23 @@ def sweep(options: GridCommand, grid: "Grid", workers: int) -> dict[str, Any]:
         chunks = _chunks(options, grid, folder)
     wanted = None
     if shard is not None:
-        _warn_of_few_chunks(grid.name, chunks.count, shard.count)
+        if chunks.count < shard.count:
+            divided = count(chunks.count, "chunk", "chunks")
+            say(
+                f"{grid.name}: warning: {divided} for {shard.count} shards; a lower chunk_points "
+                "in the grid file gives more",
+                "warning",
+            )
         wanted = shard.wanted_of(whole, grid, chunks)
         if not wanted and not folder.exists():
-            _print_nothing_to_do(grid.name, whole, shard.number > chunks.count)
+            why = f"{whole} already has all chunks of this shard"
+            if shard.number > chunks.count:
+                why = "this shard has no chunks"
+            say(f"{grid.name}: {why}; nothing to solve")
             return _state(grid.name, whole, [], complete=True)
     with opened(folder, grid, chunks, options.force, wanted) as dataset:
         if options.merge:
-            for _ in merge(dataset):
-                pass
+            merge(dataset)
         else:
             if options.repair:
                 _drop_damaged(dataset)
@@ -279,24 +287,6 @@ def _chunks(options: GridCommand, grid: "Grid", folder: Path) -> "Chunks":
     if options.merge and known is None:
         known = division_of_shards(folder)
     return chunks_of(grid, known, options.engine)
-
-
-def _warn_of_few_chunks(name: str, chunks: int, shards: int) -> None:
-    if chunks < shards:
-        divided = count(chunks, "chunk", "chunks")
-        say(
-            f"{name}: warning: {divided} for {shards} shards; a lower chunk_points in the "
-            "grid file gives more",
-            "warning",
-        )
-
-
-def _print_nothing_to_do(name: str, folder: Path, has_none: bool) -> None:
-    """Print why a shard has nothing to solve: it has no chunks, or all are in the grid's folder."""
-    why = (
-        "this shard has no chunks" if has_none else f"{folder} already has all chunks of this shard"
-    )
-    say(f"{name}: {why}; nothing to solve")
 
 
 def _drop_damaged(dataset: "Dataset") -> None:

@@ -384,8 +384,8 @@ def division_of_shards(folder: Path) -> Division | None:
     return next((division for division in found if division is not None), None)
 
 
-def merge(dataset: Dataset) -> Iterator[Receipt]:
-    """Move the parts of all shards into the folder of the grid, and yield their receipts.
+def merge(dataset: Dataset) -> list[Receipt]:
+    """Move the parts of all shards into the folder of the grid, and return their receipts.
 
     The checksums of all parts are verified first, and nothing is moved unless all chunks exist.
 
@@ -408,21 +408,20 @@ def merge(dataset: Dataset) -> Iterator[Receipt]:
                 f"{len(missing)} of {dataset.chunks.count} chunks are in no shard of "
                 f"{dataset.folder}, the first is {missing[0]}; expected all shards to be finished"
             )
-        wanted = dataset.missing
-        for folder, receipt in map(places.__getitem__, wanted):
+        moved = [places[chunk] for chunk in dataset.missing]
+        for folder, receipt in moved:
             for damage in check_files(folder, receipt.files):
                 raise MergeRefused(
                     f"{folder / damage.file} has changed since it was written (SHA-256); "
                     "vibro grid --shard … --repair solves it again"
                 )
-        for chunk in wanted:
-            folder, receipt = places[chunk]
+        for folder, receipt in moved:
             for name in receipt.files:
                 os.replace(folder / name, dataset.folder / name)
             dataset.add(receipt)
-            yield receipt
         for name in {str(Path(name).parent) for r in dataset.receipts.values() for name in r.files}:
             flush_folder(dataset.folder / name)
         dataset.write_manifest()
         for folder in folders:
             shutil.rmtree(folder)
+    return [receipt for _, receipt in moved]
