@@ -21,7 +21,7 @@ from vibro_cli.commands.shared.options import (
 from vibro_cli.commands.shared.terminal import print_found, say
 
 if TYPE_CHECKING:
-    from vibro_cli.analysis.fit import Fit, Free, Measured
+    from vibro_cli.analysis.fit import Fit, Free
     from vibro_cli.analysis.orbit_branch import Branch
     from vibro_cli.analysis.orbits import Orbit
     from vibro_cli.scenario.models import Scenario
@@ -262,7 +262,7 @@ class FitCommand:
 
     def __call__(self) -> int:
         """Read, fit, draw, write and print."""
-        from vibro_cli.analysis.fit import NoFit, fit_impacts
+        from vibro_cli.analysis.fit import NoFit, fit_impacts, read_measured
         from vibro_cli.interface import pictures
         from vibro_cli.interface.analyses import Fit
         from vibro_cli.storage.files import check_replaceable
@@ -275,7 +275,11 @@ class FitCommand:
             check_replaceable(folder, "fit")
         drawn = {}
         with leaving():
-            measured = _measured(self.measured)
+            try:
+                measured = read_measured(self.measured)
+            except OSError as error:
+                text = " ".join(str(error.strerror or error).split())
+                raise CommandError(f"vibro: {self.measured}: cannot be read: {text}") from error
             try:
                 found = Fit.of(fit_impacts(scenario, measured, free, self.noise))
             except NoFit as error:
@@ -288,17 +292,6 @@ class FitCommand:
         if folder is not None:
             say(f"{scenario.name}: files in {folder}")
         return DONE
-
-
-def _measured(file: Path) -> Measured:
-    """Read the measured times from a file; raise `CommandError` if it cannot be read."""
-    from vibro_cli.analysis.fit import read_measured
-
-    try:
-        return read_measured(file)
-    except OSError as error:
-        text = " ".join(str(error.strerror or error).split())
-        raise CommandError(f"vibro: {file}: cannot be read: {text}") from error
 
 
 def parsed_free(texts: Sequence[str]) -> list[Free]:
