@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from decimal import Decimal
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,9 @@ from pyarrow import csv
 from tests.two_balls import SCENARIO
 from vibro_cli.grids.document import load_grid
 from vibro_cli.scenario import ScenarioError
+
+
+AXIS = 'base = "base.toml"\n[[axes]]\n'
 
 
 @pytest.fixture
@@ -48,6 +52,20 @@ def test_zip_and_several_paths_on_one_axis(write: Path) -> None:
     assert columns[("gravity",)].tolist() == [1.0, 100.0]
 
 
+@pytest.mark.parametrize("exponents", [(-200, 200), (200, -200), (-160, 160), (160, -160)])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_ratios_are_equal_even_if_no_double_holds_that_of_the_ends(
+    write: Path, exponents: tuple[int, int], sign: int
+) -> None:
+    low, high = (sign * Decimal(10) ** exponent for exponent in exponents)
+    write.write_text(AXIS + f'path = "balls[1].angle"\nlogspace = [{low:e}, {high:e}, 5]\n')
+    found = load_grid(write).design.columns(np.arange(5))[("balls", 0, "angle")].tolist()
+    assert (found[0], found[4]) == (float(low), float(high))
+    for number, value in enumerate(found):
+        exact = low * Decimal(10) ** ((exponents[1] - exponents[0]) // 4 * number)
+        assert abs(Decimal(value) / exact - 1) < Decimal("1e-12")
+
+
 @pytest.mark.parametrize("mode", ["latin-hypercube", "sobol"])
 def test_designs_fill_every_stratum_and_do_not_depend_on_the_stretch(
     write: Path, mode: str
@@ -79,7 +97,6 @@ def test_a_table_of_scenarios(write: Path, tmp_path: Path, suffix: str) -> None:
     assert columns[("collision", "law")].tolist() == ["hedrih", "translational"]
 
 
-AXIS = 'base = "base.toml"\n[[axes]]\n'
 CELLS = {
     "a word among numbers": ("0.5,-1\nmuch,-1", 'found "much" in row 2 of column collision.k'),
     "no unit": ("0.5,-1\n0.6,2 much", 'unit "much" in "2 much" in row 2 of column balls[1].angle'),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+import sys
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -323,8 +324,12 @@ def _spaced(low: float, high: float, count: int, loc: KeyPath) -> Array:
     if not (low != 0.0 and high != 0.0 and (low > 0.0) == (high > 0.0)):
         raise Fault(loc, f"{low!r} to {high!r}", "two ends of the same sign, neither of them 0")
     # numpy's logarithms differ in the last bit between processors.
-    ratio = math.log(high / low)
-    steps = [low * math.exp(ratio * i / (count - 1)) for i in range(1, count - 1)]
+    if sys.float_info.min <= high / low < math.inf:
+        unit, first, ratio = low, 0.0, math.log(high / low)
+    else:  # a ratio that no double holds
+        unit, first = math.copysign(1.0, low), math.log(abs(low))
+        ratio = math.log(abs(high)) - first
+    steps = [unit * math.exp(first + ratio * i / (count - 1)) for i in range(1, count - 1)]
     return np.array([low, *steps, high][:count] if count > 1 else [low])
 
 
