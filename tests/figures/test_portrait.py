@@ -271,7 +271,6 @@ def test_small_motion_is_shown_close_and_on_the_whole_arc() -> None:
     assert -0.7 < low < -0.4
     assert high < 0.4
     assert whole.get_xlim() == (-math.pi, math.pi)
-    assert [len(phase_portrait(run, 1, focus=focus).axes) for focus in ("trace", "run")] == [1, 1]
 
 
 def test_many_arcs_stand_in_rows() -> None:
@@ -286,12 +285,10 @@ def test_no_text_is_cut_off_or_overlaps_another(name: str, width: str) -> None:
     assert_texts_are_apart(phase_portrait(RUNS[name](), 1, width))
 
 
-def test_unknown_width_focus_and_body_are_refused() -> None:
+def test_unknown_width_and_body_are_refused() -> None:
     run = on_circle(2)
     with pytest.raises(ValueError, match="triple"):
         phase_portrait(run, 1, "triple")
-    with pytest.raises(ValueError, match="far"):
-        phase_portrait(run, 1, focus="far")
     for ball in (0, 2):
         with pytest.raises(IndexError, match=str(ball)):
             phase_portrait(run, ball)
@@ -307,12 +304,6 @@ def test_colours_differ_in_grey_too() -> None:
     colours = style.time_colours()(np.linspace(0.0, 1.0, 64))[:, :3]
     grey = colours @ [0.2126, 0.7152, 0.0722]
     assert np.all(np.diff(grey) > 0.0)
-
-
-def test_run_on_a_line_alone_has_speeds() -> None:
-    run = made(0, valley(1.0, 90))
-    run.fly(1, (0.2, 0.0), (-0.0, -0.6), cause_start="start", cause_end="end")
-    assert len(phase_portrait(run, 1, focus="run").axes) == 1
 
 
 @pytest.mark.parametrize(("start", "seen"), [(-1.5, True), (-1.0, False)])

@@ -21,8 +21,6 @@ from vibro_cli.figures.source import Array, Recorded
 from vibro_cli.figures.style import width_of
 from vibro_cli.mechanics.trace import Piece
 
-FOCUSES = ("auto", "trace", "run")
-
 _FAR = 3.0
 """Multiple of the greatest rate of the motion at which the frame cuts off separatrices."""
 _SMALL = 0.13
@@ -32,31 +30,21 @@ _ROOM = 0.15
 """Room left and right of the motion, as a share of its extent."""
 
 
-def windows(
-    pieces: Sequence[Piece], path: Trajectory, behind: Background, focus: str = "auto"
-) -> tuple[Window, ...]:
-    """Return the windows of a portrait, of the whole trace or only of where the body went.
+def windows(pieces: Sequence[Piece], path: Trajectory, behind: Background) -> tuple[Window, ...]:
+    """Return the windows of a portrait, one for each piece of the trace.
 
-    With `auto`, a motion that would be small on its arc is shown close up, with the whole arc
-    beside it. Raises ValueError for a focus that is not one of `FOCUSES`.
+    A motion that would be small on its arc is shown close up, with the whole arc beside it.
     """
-    if focus not in FOCUSES:
-        raise ValueError(f"unknown focus {focus!r}, expected one of {', '.join(FOCUSES)}")
     tops = {lines: _top(pieces, path, behind, lines) for lines in (False, True)}
     whole = [
         Window(piece, piece.angle_start, piece.angle_end, tops[piece.is_line]) for piece in pieces
     ]
     visited = [piece for piece in pieces if path.branches[piece.index].position.size]
-    if len(visited) == 1 and (focus == "run" or _is_small(visited[0], path, behind)):
-        close = _around(visited[0], path)
-        if focus == "run":
-            return (close,)
-        if focus == "auto":
-            overview = replace(whole[visited[0].index], overview=True)
-            return (close, replace(overview, top=max(overview.top, _full_circle(close, behind))))
-    if focus == "run":
-        return tuple(window for window in whole if window.piece in visited)
-    return tuple(whole)
+    if len(visited) > 1 or not _is_small(visited[0], path, behind):
+        return tuple(whole)
+    close = _around(visited[0], path)
+    overview = replace(whole[visited[0].index], overview=True)
+    return (close, replace(overview, top=max(overview.top, _full_circle(close, behind))))
 
 
 def seen(behind: Background, shown: Sequence[Window]) -> Background:
@@ -98,12 +86,10 @@ def _full_circle(close: Window, behind: Background) -> float:
 
 
 def _around(piece: Piece, path: Trajectory) -> Window:
-    """Return the window around the motion on a piece, or of the whole piece for a body at rest."""
+    """Return the window around the motion on a piece."""
     position = path.branches[piece.index].position
     room = _ROOM * float(np.ptp(position))
     low, high = float(np.min(position)) - room, float(np.max(position)) + room
-    if room == 0.0:
-        low, high = piece.angle_start, piece.angle_end
     top = _MARGIN * (greatest_rate(path, [piece.index]) or 1.0)
     return Window(piece, max(low, piece.angle_start), min(high, piece.angle_end), top)
 
@@ -139,21 +125,20 @@ def _highest(rates: Sequence[Array]) -> float:
     return max((float(np.max(np.abs(rate))) for rate in rates if rate.size), default=0.0)
 
 
-def phase_portrait(run: Recorded, ball: int, width: str = "single", focus: str = "auto") -> Figure:
+def phase_portrait(run: Recorded, ball: int, width: str = "single") -> Figure:
     """Draw the phase portrait of a body (from 1) of a run, with a panel for each piece.
 
     The panels show rate against angle, φ̇ (φ) in valleys and ψ̇ (ψ) on humps, and speed against arc
     length on lines. All arcs share one vertical axis. Separatrices, level curves of energy, centres
-    and saddles are drawn behind the branches. `width` is `single` (85 mm) or `double` (170 mm).
-    `focus` is `trace` (the whole trace), `run` (only where the body went), or `auto`: the trace,
-    but a motion that would be too small is shown close up beside the whole piece. Raises ValueError
-    for another width or focus and IndexError for a body that does not exist.
+    and saddles are drawn behind the branches. A motion that would be too small is shown close up
+    beside the whole piece. `width` is `single` (85 mm) or `double` (170 mm). Raises ValueError for
+    another width and IndexError for a body that does not exist.
     """
     if not 1 <= ball <= len(run.system.bodies):
         raise IndexError(f"no body {ball}: the run has {len(run.system.bodies)}")
     path = trajectory(run, ball)
     behind = _behind(run, ball, path)
-    shown = windows(run.system.trace.pieces, path, behind, focus)
+    shown = windows(run.system.trace.pieces, path, behind)
     with style.journal():
         rows, bar = legend_rows(path, seen(behind, shown), width)
         sheet, panels = lay_out(shown, width, rows)
