@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, NamedTuple, cast
@@ -229,26 +229,20 @@ def place_numbers(
     return places
 
 
-def tied(
-    places: Sequence[tuple[float, float] | None], anchors: Sequence[Array]
-) -> Iterator[tuple[int, tuple[float, float], Array | None]]:
-    """Yield the index and the place of each placed number, and a line to its nearest point.
+def _tie(number: int, place: tuple[float, float], anchors: Sequence[Array]) -> Array | None:
+    """Return a line from a placed text to its nearest point, shape (2, 2), if it needs one.
 
-    The line, shape (2, 2), is None unless the number is far from its point, or nearer to the point
-    of another number.
+    It does if it is far from its point, or nearer to the point of another text.
     """
-    for number, (place, points) in enumerate(zip(places, anchors, strict=True)):
-        if place is None:
-            continue
-        at = np.array([place])
-        nearest = points[np.argmin(np.hypot(*(points - at).T))]
-        reach = nearest - place
-        length = float(np.hypot(*reach))
-        others = _others(anchors, number)
-        others = others[np.hypot(*(others - nearest).T) > _ONE]
-        wanted = length > LEADER or _nearest(at, others)[0] < length
-        tie = np.stack([place + reach * (0.6 * _HIGH / length), nearest])
-        yield number, place, tie if wanted else None
+    points, at = anchors[number], np.array([place])
+    nearest = points[np.argmin(np.hypot(*(points - at).T))]
+    reach = nearest - place
+    length = float(np.hypot(*reach))
+    others = _others(anchors, number)
+    others = others[np.hypot(*(others - nearest).T) > _ONE]
+    if length <= LEADER and length <= _nearest(at, others)[0]:
+        return None
+    return np.stack([place + reach * (0.6 * _HIGH / length), nearest])
 
 
 def _others(anchors: Sequence[Array], number: int) -> Array:
@@ -314,7 +308,7 @@ class Named:
     text: str
     """The name as written; may be a formula."""
     point: ArrayLike
-    """Place in the units of the panel."""
+    """Place in the units of the panel; of several, shape (k, 2), the preferred one first."""
     colour: str = style.BLACK
 
 
@@ -323,32 +317,35 @@ def write_names(
     names: Sequence[Named],
     obstacles: Array,
     figures: Sequence[Array] = (),
+    order: float = 5.0,
 ) -> None:
     """Write names beside their points, where they cover least of `obstacles`, shape (n, 2).
 
     Points are in the units of the axes. Names far from their points get lines; names without room
-    are left out. `figures` are points of texts that are already written, each
-    taken as one character.
+    are left out. `figures` are points of texts that are already written, each taken as one
+    character. `order` is the drawing order of the names; their lines are half a unit below it.
     """
     size = panel_size(axes)
     (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
     corner = np.array([left, low])
     scale = np.array([size[0] / (right - left), size[1] / (high - low)])
-    anchors = [((np.array([name.point]) - corner) * scale) for name in names]
+    anchors = [(np.reshape(name.point, (-1, 2)) - corner) * scale for name in names]
     covered = np.concatenate([(np.reshape(obstacles, (-1, 2)) - corner) * scale, *anchors * 3])
     plain = [_plain(name.text) for name in names]
     written = (np.reshape(figures, (-1, 2)) - corner) * scale
     reserved = [(float(x), float(y), _CHARACTER) for x, y in written]
     places = place_numbers(plain, anchors, covered, size, reserved)
-    for number, place, line in tied(places, anchors):
-        name = names[number]
+    for number, (name, place) in enumerate(zip(names, places, strict=True)):
+        if place is None:
+            continue
+        line = _tie(number, place, anchors)
         if line is not None:
             ends = line / scale + corner
-            axes.plot(ends[:, 0], ends[:, 1], color=name.colour, linewidth=0.35, zorder=4.5)
+            axes.plot(*ends.T, color=name.colour, linewidth=0.35, zorder=order - 0.5)
         at = np.array(place) / scale + corner
         axes.text(
             float(at[0]), float(at[1]), name.text, color=name.colour, path_effects=HALO,
-            fontsize=style.SMALL, ha="center", va="center", zorder=5.0,
+            fontsize=style.SMALL, ha="center", va="center", zorder=order,
         )  # fmt: skip
 
 

@@ -99,9 +99,7 @@ def name_points(panel: Panel, names: Sequence[str], behind: Background) -> None:
     ]
     if not named:
         return
-    axes = panel.axes
-    extent = [np.ptp(axes.get_xlim()), np.ptp(axes.get_ylim())]
-    scale = np.array([panel.width, panel.height]) / extent
+    scale = panel.scale
     dark = (*behind.eights, *behind.separatrices) * _DARK
     lines = [line * scale for one in (*dark, *behind.levels) for line in both_halves(one)]
     rest = [(one.position, one.position + one.extent) for one in behind.points if one.extent]
@@ -109,7 +107,7 @@ def name_points(panel: Panel, names: Sequence[str], behind: Background) -> None:
     marks = np.array([one.point for one in named]) * scale
     on_marks = [marks + _MARK * np.array(step) for step in product((-1.0, 0.0, 1.0), repeat=2)]
     obstacles = np.concatenate([*map(_evenly, lines), *on_marks * _NEVER])
-    write_names(axes, named, obstacles / scale)
+    write_names(panel.axes, named, obstacles / scale)
 
 
 def _evenly(line: Array) -> Array:

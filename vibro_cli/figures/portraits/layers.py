@@ -23,7 +23,7 @@ from vibro_cli.analysis.levels import (
 from vibro_cli.analysis.singular import CENTRE, SADDLE, SingularPoint, singular_points
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import MOST_VECTOR_POINTS
-from vibro_cli.figures.labels import HALO, Entry, place_numbers, ring, tied
+from vibro_cli.figures.labels import Entry, Named, ring, write_names
 from vibro_cli.figures.portraits.panels import Panel, Window
 from vibro_cli.figures.portraits.trajectory import MOST_NUMBERS, Branches, Jumps, Trajectory
 from vibro_cli.figures.source import Array, why_not_made
@@ -224,8 +224,6 @@ BEFORE = mark("o", 2.8, "white", style.VERMILLION)
 AFTER = mark("o", 2.8, style.VERMILLION, style.VERMILLION)
 NOT_MADE = mark("X", 4.0, "white", style.VERMILLION)
 START = mark("s", 3.6, style.GREEN, style.BLACK, 0.5)
-NUMBER: Look = {"fontsize": style.SMALL, "ha": "center", "va": "center_baseline"}
-LEADER = line(style.FRAME_GREY, 0.35)
 WINDOW: Look = {"facecolor": "#ececec", "edgecolor": style.FRAME_GREY, "linewidth": 0.35}
 POINT = mark("+", 3.2, style.SEPARATRIX_GREY) | {"markeredgewidth": 0.6}
 MARKER = {CENTRE: "+", SADDLE: "x"}
@@ -313,14 +311,11 @@ def _thinned(one: Panel, branches: Branches) -> tuple[list[int], list[Array]]:
     the line through these.
     """
     lines = np.stack([branches.position + one.shift, branches.rate], axis=-1)
-    scale = np.array(
-        [one.width / (one.window.high - one.window.low), 0.5 * one.height / one.window.top]
-    )
     intervals = lines.shape[1] - 1
     stride = np.ones(len(lines), dtype=np.int64)
     step = 2
     while step <= intervals and intervals % step == 0:
-        strayed = _stray(lines * scale, step)
+        strayed = _stray(lines * one.scale, step)
         stride = np.where((strayed <= _HAIR) & (stride == step // 2), step, stride)
         step *= 2
     order = np.argsort(branches.time, kind="stable").tolist()
@@ -381,31 +376,26 @@ def draw_window(one: Panel, close: Window) -> None:
 def draw_numbers(one: Panel, branches: Branches, jumps: Jumps, marks: Array) -> None:
     """Write the number of each impact beside its representative points.
 
-    The numbers also keep clear of other `marks` (mm), shape (n, 2).
+    The numbers also keep clear of other `marks`, positions and rates of shape (n, 2).
     """
     here = np.flatnonzero(jumps.piece == one.piece.index)
     if not len(here):
         return
-    before = one.millimetres(jumps.position[here], jumps.before[here])
     arrived = np.where(jumps.made[here], jumps.after[here], jumps.before[here])
-    after = one.millimetres(jumps.position[here], arrived)
-    shares = np.linspace(0.0, 1.0, 25)[None, :, None]
-    segments = (before[:, None, :] * (1.0 - shares) + after[:, None, :] * shares).reshape(-1, 2)
+    before, after = (
+        np.column_stack([jumps.position[here], rate]) for rate in (jumps.before[here], arrived)
+    )
     some = slice(None, None, -(-len(branches.time) // _HINDERING) or 1)
-    curves = one.millimetres(branches.position[some].ravel(), branches.rate[some].ravel())
-    obstacles = np.concatenate([curves, segments, *_around([before, after, marks])])
-    texts = [str(number) for number in jumps.number[here]]
-    anchors = [np.stack(pair) for pair in zip(after, before, strict=True)]
-    places = place_numbers(texts, anchors, obstacles, (one.width, one.height))
-    for number, place, tie in tied(places, anchors):
-        at = one.from_millimetres(place)
-        one.axes.text(*at, texts[number], path_effects=HALO, zorder=3.0, **NUMBER)
-        if tie is not None:
-            ends = np.array([one.from_millimetres((x, y)) for x, y in tie])
-            one.axes.plot(ends[:, 0], ends[:, 1], zorder=2.3, **LEADER)
-
-
-def _around(marks: list[Array]) -> list[Array]:
-    """Return points that cover marks (mm): a number may cross a curve, but not a mark."""
-    around = _MARK * ring(13)[:-1]
-    return [points + offset for points in marks for offset in (*around, *0.5 * around)]
+    curves = np.column_stack([branches.position[some].ravel(), branches.rate[some].ravel()])
+    # A number may cross a curve, but not a mark, which is covered by points.
+    disc = _MARK * ring(13)[:-1] / one.scale
+    around = [
+        points + offset for points in (before, after, marks) for offset in (*disc, *0.5 * disc)
+    ]
+    segments = np.linspace(before, after, 25).reshape(-1, 2)
+    shift = np.array([one.shift, 0.0])
+    named = [
+        Named(str(number), np.stack(pair) + shift)
+        for number, *pair in zip(jumps.number[here], after, before, strict=True)
+    ]
+    write_names(one.axes, named, np.concatenate([curves, segments, *around]) + shift, order=2.8)

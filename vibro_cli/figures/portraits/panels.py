@@ -89,18 +89,11 @@ class Panel:
         """Ends of the horizontal axis."""
         return self.window.low + self.shift, self.window.high + self.shift
 
-    def millimetres(self, position: Array, rate: Array) -> Array:
-        """Convert states to points in mm from the lower left corner of the panel, shape (n, 2)."""
+    @property
+    def scale(self) -> Array:
+        """Lengths of the units of position and rate (mm)."""
         window = self.window
-        across = (position - window.low) / (window.high - window.low) * self.width
-        along = 0.5 * (rate / window.top + 1.0) * self.height
-        return np.column_stack([across, along])
-
-    def from_millimetres(self, place: tuple[float, float]) -> tuple[float, float]:
-        """Convert a point in mm from the lower left corner of the panel to data coordinates."""
-        low, high = self.span
-        across = low + place[0] / self.width * (high - low)
-        return across, (2.0 * place[1] / self.height - 1.0) * self.window.top
+        return np.array([self.width / (window.high - window.low), 0.5 * self.height / window.top])
 
 
 def straight(low: float, high: float, top: float) -> Window:

@@ -193,5 +193,5 @@ def draw_motion(panels: Sequence[Panel], path: Trajectory, behind: Background) -
         if one.window.overview:
             layers.draw_window(one, panels[0].window)
         else:
-            places = one.millimetres(*np.reshape(marks, (-1, 2)).T)
-            layers.draw_numbers(one, path.branches[one.piece.index], path.first, places)
+            branches = path.branches[one.piece.index]
+            layers.draw_numbers(one, branches, path.first, np.reshape(marks, (-1, 2)))
