@@ -1,5 +1,7 @@
 """What a command says is left on disk when a signal ends it while it computes or draws."""
 
+import contextlib
+import signal
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -21,6 +23,13 @@ COMPUTING = {
     f"fit {FALLING} run/collisions.parquet --free gravity": "vibro_cli.analysis.fit.fit_impacts",
     f"fit {FALLING} run/collisions.parquet --free gravity -o out": "vibro_cli.interface.pictures",
     "report ./run": "vibro_cli.storage.stored.open_run",
+    f"run {FALLING} -o out": "vibro_cli.scenario.loading.load_any",
+    "run --continue run": "vibro_cli.storage.folders.read_earlier_run",
+    f"orbit {FALLING}": "vibro_cli.scenario.loading.load_any",
+    f"fit {FALLING} run/collisions.parquet --free k": "vibro_cli.scenario.loading.load_any",
+    f"portrait {FALLING} -o out": "vibro_cli.scenario.loading.load_any",
+    "basins ./grid": "vibro_cli.storage.stored.open_grid",
+    "new --all": "vibro_cli.scenario.gallery.whole",
 }
 """Commands, and what they call before they write."""
 LISTING = {
@@ -54,6 +63,23 @@ def test_nothing_is_kept_of_what_is_written_at_the_end(
     assert outcome.code == 143
     assert outcome.err.splitlines()[-1] == "vibro: terminated; nothing was written"
     assert sorted(tmp_path.rglob("*")) == before
+
+
+@pytest.mark.parametrize("error", [None, SyntaxError("(unicode error)")])
+def test_nothing_is_written_while_the_command_line_is_parsed(
+    vibro: Vibro, monkeypatch: pytest.MonkeyPatch, error: Exception | None
+) -> None:
+    """Typer turns a signal into an exit code, and C code may raise an error in its place."""
+
+    def struck(*_: object) -> None:
+        with contextlib.nullcontext() if error is None else contextlib.suppress(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGTERM)
+        if error is not None:
+            raise error
+
+    monkeypatch.setattr("vibro_cli.analysis.fit.check_noise", struck)
+    outcome = vibro("fit", FALLING, "measured.csv", "--free", "gravity")
+    assert (outcome.code, outcome.err) == (143, "vibro: terminated; nothing was written\n")
 
 
 def test_a_page_that_is_written_is_kept(

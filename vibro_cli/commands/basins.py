@@ -54,17 +54,17 @@ class BasinsCommand:
 
     def __call__(self) -> int:
         """Read, measure, draw, write and print."""
-        from vibro_cli.analysis.basins import NoBasins
-        from vibro_cli.figures.analyses import mapped_basins
-        from vibro_cli.storage.files import check_replaceable
-        from vibro_cli.storage.folders import write_results
-        from vibro_cli.storage.stored import open_grid
-
         source = self.grid
         target = Path(self.output or beside(source, "-basins"))
-        check_replaceable(target, "basins")
-        stored = open_grid(source)
         with leaving():
+            from vibro_cli.analysis.basins import NoBasins
+            from vibro_cli.figures.analyses import mapped_basins
+            from vibro_cli.storage.files import check_replaceable
+            from vibro_cli.storage.folders import write_results
+            from vibro_cli.storage.stored import open_grid
+
+            check_replaceable(target, "basins")
+            stored = open_grid(source)
             try:
                 found = mapped_basins(stored, self.outcome)
             except NoBasins as error:
@@ -223,14 +223,14 @@ class SectionCommand:
 
     def __call__(self) -> int:
         """Open, draw and write."""
-        from vibro_cli.interface.grids import open_grid
-        from vibro_cli.interface.runs import open_run
-        from vibro_cli.storage.stored import is_grid
-
-        check_place(self.target)
         columns = [name for some in self.columns for name in some.split(",")]
         shown: list[str] = []
         with leaving():
+            from vibro_cli.interface.grids import open_grid
+            from vibro_cli.interface.runs import open_run
+            from vibro_cli.storage.stored import is_grid
+
+            check_place(self.target)
             try:
                 if is_grid(self.folder):
                     grid = open_grid(self.folder)

@@ -87,13 +87,14 @@ class OrbitCommand:
 
     def __call__(self) -> int:
         """Find, follow, draw, write and print."""
-        from vibro_cli.analysis.orbits import NoOrbit
-        from vibro_cli.interface import pictures
-        from vibro_cli.interface.analyses import orbit, orbit_family, orbit_table
-        from vibro_cli.storage.files import check_replaceable
-        from vibro_cli.storage.folders import write_results
+        with leaving():
+            from vibro_cli.analysis.orbits import NoOrbit
+            from vibro_cli.interface import pictures
+            from vibro_cli.interface.analyses import orbit, orbit_family, orbit_table
+            from vibro_cli.storage.files import check_replaceable
+            from vibro_cli.storage.folders import write_results
 
-        scenario = _on_a_trace(self.scenario, self.overrides, "orbits are found")
+            scenario = _on_a_trace(self.scenario, self.overrides, "orbits are found")
         span = None if self.vary is None else parsed_span(self.vary)
         folder = None
         if span is not None or self.output is not None:
@@ -262,13 +263,14 @@ class FitCommand:
 
     def __call__(self) -> int:
         """Read, fit, draw, write and print."""
-        from vibro_cli.analysis.fit import NoFit, fit_impacts, read_measured
-        from vibro_cli.interface import pictures
-        from vibro_cli.interface.analyses import Fit
-        from vibro_cli.storage.files import check_replaceable
-        from vibro_cli.storage.folders import write_results
+        with leaving():
+            from vibro_cli.analysis.fit import NoFit, fit_impacts, read_measured
+            from vibro_cli.interface import pictures
+            from vibro_cli.interface.analyses import Fit
+            from vibro_cli.storage.files import check_replaceable
+            from vibro_cli.storage.folders import write_results
 
-        scenario = _on_a_trace(self.scenario, self.overrides, "parameters are fitted")
+            scenario = _on_a_trace(self.scenario, self.overrides, "parameters are fitted")
         folder = None if self.output is None else Path(self.output)
         free = parsed_free(self.free)
         if folder is not None:

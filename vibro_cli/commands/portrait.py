@@ -249,11 +249,12 @@ class PortraitCommand:
 
     def __call__(self) -> int:
         """Analyse, draw, write and print."""
-        from vibro_cli.commands.shared.loading import load_any
-        from vibro_cli.storage.files import check_replaceable
-        from vibro_cli.storage.folders import write_results
+        with leaving():
+            from vibro_cli.commands.shared.loading import load_any
+            from vibro_cli.storage.files import check_replaceable
+            from vibro_cli.storage.folders import write_results
 
-        scenario, system = load_any(self.scenario, self.overrides)
+            scenario, system = load_any(self.scenario, self.overrides)
         if (self.vary or self.compare) and self.scenario == "-":
             raise CommandError(
                 "vibro: --vary and --compare read the scenario several times; expected a file, "

@@ -195,16 +195,8 @@ class RunCommand:
 
 def _run_all(options: RunCommand) -> int:
     """Check all scenarios and folders, then run the scenarios one after the other."""
-    from vibro_cli.commands.shared.loading import check_names, load_each, together
-
-    loaded, refused = load_each(options.scenarios, options.overrides)
-    for scenario, _ in loaded:
-        options.kinds_of(scenario.system)
-    check_names([scenario for scenario, _ in loaded])
-    if refused and (options.fail_fast or not loaded):
-        _print_refused(options, refused)
-        raise together(refused)
-    _check_folders(options, [scenario for scenario, _ in loaded])
+    with leaving():
+        loaded, refused = _checked(options)
     for _, error in refused:
         say(error.lines, "error", problems=error.problems)
     _print_refused(options, refused)
@@ -217,16 +209,32 @@ def _run_all(options: RunCommand) -> int:
     return _worst(codes)
 
 
+def _checked(options: RunCommand) -> "tuple[list[tuple[AnyScenario, Any]], list[Refused]]":
+    """Load the scenarios as `load_each` does, and check that their runs can be written."""
+    from vibro_cli.commands.shared.loading import check_names, load_each, together
+
+    loaded, refused = load_each(options.scenarios, options.overrides)
+    for scenario, _ in loaded:
+        options.kinds_of(scenario.system)
+    check_names([scenario for scenario, _ in loaded])
+    if refused and (options.fail_fast or not loaded):
+        _print_refused(options, refused)
+        raise together(refused)
+    _check_folders(options, [scenario for scenario, _ in loaded])
+    return loaded, refused
+
+
 def _continue(options: RunCommand, folder: Path) -> int:
     """Continue an earlier run."""
     from vibro_cli.commands.shared.loading import read_earlier, refusals_reported
     from vibro_cli.scenario.loading import load_stored
 
-    source, found = read_earlier(folder, options.overrides)
-    with refusals_reported(str(source)):
-        scenario = load_stored(source, options.overrides)
-    options.kinds_of(scenario.system)
-    _check_folders(options, [scenario])
+    with leaving():
+        source, found = read_earlier(folder, options.overrides)
+        with refusals_reported(str(source)):
+            scenario = load_stored(source, options.overrides)
+        options.kinds_of(scenario.system)
+        _check_folders(options, [scenario])
     return solve(options, scenario, found)
 
 

@@ -133,7 +133,7 @@ def perform(parse: Callable[[], Task], log_format: str) -> int:
     warnings.showwarning = _say_warning
     logging.getLogger("matplotlib").setLevel(logging.ERROR)  # hides where its cache is
     try:
-        return attempt(lambda: _done(parse()))
+        return attempt(lambda: _done(parse))
     except BrokenPipeError:  # the reader has closed the pipe
         return DONE
     except KeyboardInterrupt as end:
@@ -165,8 +165,10 @@ def leaving(text: str = NOTHING_WRITTEN) -> Iterator[None]:
     """Add a note on what is left on the disk if a signal ends the block."""
     try:
         yield
-    except KeyboardInterrupt as end:
-        end.add_note(text)
+    except BaseException as fault:
+        end = fault if isinstance(fault, KeyboardInterrupt) else _signalled(fault)
+        if end is not None:
+            end.add_note(text)
         raise
 
 
@@ -200,13 +202,16 @@ def reason(error: OSError) -> str:
     return " ".join((f"{error.filename}: {text}" if error.filename else text).split())
 
 
-def _done(task: Task) -> int:
-    """Run a task, flush standard output and return the exit code.
+def _done(parse: Callable[[], Task]) -> int:
+    """Parse a command line, run its task, flush standard output and return the exit code.
 
-    An error of flushing is not raised after a failure. Signals are handled only here: parsing the
-    command line leaves nothing to unwind.
+    An error of flushing is not raised after a failure.
     """
     with upon_signals(terminate), _signals_not_lost():
+        with leaving():
+            task = parse()
+            if _struck:  # Typer returns an exit code in place of the task
+                raise _struck[0]
         code = task()
         try:
             sys.stdout.flush()
