@@ -35,6 +35,14 @@ def printable(text: str) -> str:
     return "".join(char if char.isprintable() else "�" for char in text)
 
 
+def counted(number: int, one: str, several: str = "") -> str:
+    """Return a count with its noun: `1 impact`, `3 impacts`, `24,000 impacts`.
+
+    The default of `several` adds an s to `one`.
+    """
+    return f"{number:,} {one if number == 1 else several or one + 's'}"
+
+
 def similar(word: str, known: Iterable[str]) -> str | None:
     """Return the known word that is most similar to a mistyped one, or None."""
     from difflib import get_close_matches

@@ -313,7 +313,7 @@ def test_a_number_that_only_later_impacts_show_is_fitted() -> None:
 @pytest.mark.parametrize(
     ("change", "measured", "free", "words"),
     [
-        ({}, [0.5], PATHS, r"found 1 measured times for 2 free parameters, expected 3|expected 2"),
+        ({}, [0.5], PATHS, r"found 1 measured time for 2 free parameters, expected 3|expected 2"),
         ({}, None, ["balls[1].mass", "balls[2].mass"], "determine only a combination"),
         ({}, None, ["stop.time"], "found no number"),
         ({}, None, ["balls[2].density"], "found no number"),

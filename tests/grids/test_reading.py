@@ -177,7 +177,7 @@ WRONG = {
         'base = "base.toml"\nmode = "zip"\n'
         '[[axes]]\npath = "gravity"\nvalues = [1, 2]\n'
         '[[axes]]\npath = "collision.k"\nvalues = [1]\n',
-        ["axes[2]: found 1 values, expected 2 values"],
+        ["axes[2]: found 1 value, expected 2 values"],
     ),
     "columns": (
         AXIS + 'path = "gravity"\nvalues = [1]\n[keep]\ncollisions = true\ncolumns = ["speed"]\n',

@@ -26,7 +26,7 @@ from scipy.special import chdtrc, chdtri, stdtrit
 
 from vibro_cli.analysis.impact_times import ImpactTimes, NoDerivative, impact_times, number_at
 from vibro_cli.assemble import build_system
-from vibro_cli.errors import VibroError
+from vibro_cli.errors import VibroError, counted
 from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.numerics.elementwise import Floats, outside
 from vibro_cli.scenario.models import Scenario
@@ -391,7 +391,8 @@ class _Problem:
                 raise NoFit(f"{name}: found {names.count(name)} times among the free parameters")
         if rows < free + (not self._known):
             least = f"{free + 1} or more, as their noise is not known" if rows == free else free
-            raise NoFit(f"found {rows} measured times for {free} free parameters, expected {least}")
+            times, parameters = counted(rows, "measured time"), counted(free, "free parameter")
+            raise NoFit(f"found {times} for {parameters}, expected {least}")
 
     def values_at_start(self) -> Floats:
         """Return the values of the parameters in the scenario."""
@@ -439,7 +440,7 @@ class _Problem:
             raise NoFit(str(error)) from error
         if len(found.t) < count:
             raise NoFit(
-                f"found {len(found.t)} impacts in the motion, which then ends "
+                f"found {counted(len(found.t), 'impact')} in the motion, which then ends "
                 f"({found.end_cause.replace('_', ' ')}), expected {count}, as measured"
             )
         self._check_pairs(found, rows)

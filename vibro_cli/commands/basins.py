@@ -12,7 +12,8 @@ import typer
 
 from vibro_cli.commands.shared.error_handling import DONE, CommandError, check_place, leaving
 from vibro_cli.commands.shared.options import beside, json_option, output_option, repeatable
-from vibro_cli.commands.shared.terminal import count, json_text, print_found, say
+from vibro_cli.commands.shared.terminal import json_text, print_found, say
+from vibro_cli.errors import counted
 
 if TYPE_CHECKING:
     from vibro_cli.analysis.basins import Basins, Estimate
@@ -124,7 +125,7 @@ def _lines(name: str, mapped: Mapped) -> Iterator[str]:
     """Yield the results as lines of text."""
     found = mapped.basins
     axes = " x ".join(
-        f"{len(one.different)} values of {one.path}" for one in mapped.shown.coordinates
+        f"{counted(len(one.different), 'value')} of {one.path}" for one in mapped.shown.coordinates
     )
     yield f"{name}: {axes}"
     if mapped.shown.held:
@@ -262,6 +263,6 @@ def _runs_shown(grid: Grid, pair: tuple[int, int] | None, transient: int | None)
     if least == 0 or shown == len(impacts):
         return
     have = "has" if shown == 1 else "have"
-    most = count(least, "impact", "impacts")
+    most = counted(least, "impact")
     more = f"{shown:,} of {len(impacts):,} runs {have} more than {most}"
     yield f"{more}; --transient 0 shows every impact"

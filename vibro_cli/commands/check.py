@@ -14,7 +14,8 @@ from vibro_cli.commands.shared.options import (
     json_option,
     scenario_argument,
 )
-from vibro_cli.commands.shared.terminal import count, json_text, print_found, say, size
+from vibro_cli.commands.shared.terminal import json_text, print_found, say, size
+from vibro_cli.errors import counted
 
 if TYPE_CHECKING:
     from vibro_cli.grids.document import Grid
@@ -123,10 +124,10 @@ def _point(grid: "Grid", index: int) -> str | None:
 def lines_of_grid(found: dict[str, Any]) -> Iterator[str]:
     """Yield the interpretation of a grid as lines of text."""
     grid = found["grid"]
-    yield f"{found['name']}: valid grid of {count(found['points'], 'point', 'points')}"
+    yield f"{found['name']}: valid grid of {counted(found['points'], 'point')}"
     yield f"  mode {grid['mode']}"
     for axis in found["axes"]:
-        values = "random" if axis["values"] is None else count(axis["values"], "value", "values")
+        values = "random" if axis["values"] is None else counted(axis["values"], "value")
         ends = " to ".join(_shown(axis[key]) for key in ("from", "to"))
         yield f"  axis {', '.join(axis['paths'])}: {values}, {ends} {axis['unit']}".rstrip()
     kept = grid["keep"]
@@ -177,10 +178,10 @@ class VerifyCommand:
                 text = f"{folder / finding.file}: {finding.state}: {finding.detail}"
                 say(text, "error", file=finding.file, state=finding.state)
             if verdict.missing_chunks:
-                chunks = count(verdict.missing_chunks, "chunk", "chunks")
+                chunks = counted(verdict.missing_chunks, "chunk")
                 say(f"{folder}: {chunks} not finished; vibro grid continues with them", "error")
             state = "intact" if verdict.sound else "not intact"
-            files = count(verdict.files, "file", "files")
+            files = counted(verdict.files, "file")
             say(f"{folder}: {state} ({verdict.kind}, {files}, {size(verdict.bytes)})")
         if not ours:
             return MISUSED

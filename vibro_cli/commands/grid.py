@@ -27,7 +27,6 @@ from vibro_cli.commands.shared.options import (
 from vibro_cli.commands.shared.terminal import (
     INADMISSIBLE_HINT,
     Progress,
-    count,
     duration,
     json_text,
     lines_of,
@@ -35,7 +34,7 @@ from vibro_cli.commands.shared.terminal import (
     say,
     size,
 )
-from vibro_cli.errors import printable
+from vibro_cli.errors import counted, printable
 
 if TYPE_CHECKING:
     from vibro_cli.grids.chunks import Chunks, Receipt
@@ -204,17 +203,18 @@ def _estimate(options: GridCommand) -> int:
 
 def _print_estimate(record: dict[str, Any], sizes: list[int]) -> None:
     """Print the estimated cost of a grid with chunks of these sizes."""
-    chunks = count(record["chunks"], "chunk", "chunks")
-    workers = count(record["workers"], "worker", "workers")
+    chunks = counted(record["chunks"], "chunk")
+    workers = counted(record["workers"], "worker")
     items = {
         "impacts": f"about {record['impacts']:,}",
         "disk": f"about {size(record['bytes'])}",
         "time": f"about {duration(record['seconds'])} with {workers} "
-        f"(from {record['sampled']:,} points)",
+        f"(from {counted(record['sampled'], 'point')})",
     }
     least, most = min(sizes), max(sizes)
     each = f"{least:,}" if least == most else f"{least:,} to {most:,}"
-    say(lines_of(f"{record['name']}: {record['points']:,} points in {chunks} of {each}", items))
+    points = counted(record["points"], "point")
+    say(lines_of(f"{record['name']}: {points} in {chunks} of {each}", items))
 
 
 def _sweep(options: GridCommand) -> int:
@@ -248,7 +248,7 @@ def sweep(options: GridCommand, grid: "Grid", workers: int) -> dict[str, Any]:
     wanted = None
     if shard is not None:
         if chunks.count < shard.count:
-            divided = count(chunks.count, "chunk", "chunks")
+            divided = counted(chunks.count, "chunk")
             say(
                 f"{grid.name}: warning: {divided} for {shard.count} shards; a lower chunk_points "
                 "in the grid file gives more",
@@ -350,7 +350,8 @@ def _check_failures(options: GridCommand, dataset: "Dataset") -> None:
     most = options.max_failures
     found = sum(one.invalid + one.failed for one in dataset.receipts.values())
     if most is not None and found > most:
-        text = f"vibro: {found} points are invalid or failed, --max-failures allows {most}"
+        points = counted(found, "point is", "points are")
+        text = f"vibro: {points} invalid or failed, --max-failures allows {most}"
         raise CommandError(text, FAILED)
 
 
@@ -386,16 +387,14 @@ def _print_totals(
     items = {"points": "; ".join([sound, *early])}
     if reason is not None:
         items["example"] = reason
-    chunks = count(state["chunks"], "chunk", "chunks")
+    chunks = counted(state["chunks"], "chunk")
     items["files"] = f"{printable(str(folder))} ({chunks}, {size(state['bytes'])})"
     if state["complete"]:
         items |= following
     if state["inadmissible"]:
         items["hint"] = INADMISSIBLE_HINT
-    say(
-        lines_of(f"{name}: {state['points']:,} points, {state['impacts']:,} impacts", items),
-        name=name,
-    )
+    points, impacts = counted(state["points"], "point"), counted(state["impacts"], "impact")
+    say(lines_of(f"{name}: {points}, {impacts}", items), name=name)
 
 
 def _first_reason(dataset: "Dataset") -> str | None:

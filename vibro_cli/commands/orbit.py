@@ -19,6 +19,7 @@ from vibro_cli.commands.shared.options import (
     set_option,
 )
 from vibro_cli.commands.shared.terminal import print_found, say
+from vibro_cli.errors import counted
 
 if TYPE_CHECKING:
     from vibro_cli.analysis.fit import Fit, Free
@@ -187,7 +188,7 @@ def _lines(name: str, found: Orbit, branch: Branch | None) -> Iterator[str]:
             f"{state.speed:.15g} m/s"
         )
     if branch is not None:
-        yield f"  family       {len(branch.points)} orbits"
+        yield f"  family       {counted(len(branch.points), 'orbit')}"
         for one in branch.special:
             orbit = one.point.orbit
             words = f"period {orbit.period:.9g} s; {_multipliers(orbit)}"
@@ -348,23 +349,27 @@ def record_of_fit(found: Fit) -> dict[str, Any]:
     }
 
 
+def _line_of_number(one: dict[str, Any]) -> str:
+    """Return a fitted number, its error and its interval as a line of text."""
+    numbers = (one["value"], *one["interval"])
+    value, low, high = (_rounded(number, one["error"]) for number in numbers)
+    return (
+        f"  {one['path']:20} {value} ± {one['error']:.2g}, 95 % interval {low} to {high}; "
+        f"initially {one['start']:.10g}"
+    )
+
+
 def _lines_of_fit(found: Fit) -> Iterator[str]:
     """Yield the results as lines of text."""
     record = record_of_fit(found)
-    yield f"{found.scenario.name}: {record['impacts']} impacts, {found.evaluations} motions solved"
-    for one in record["numbers"]:
-        value, low, high = (
-            _rounded(number, one["error"]) for number in (one["value"], *one["interval"])
-        )
-        yield (
-            f"  {one['path']:20} {value} ± {one['error']:.2g}, 95 % interval {low} to {high}; "
-            f"initially {one['start']:.10g}"
-        )
+    impacts, motions = counted(record["impacts"], "impact"), counted(found.evaluations, "motion")
+    yield f"{found.scenario.name}: {impacts}, {motions} solved"
+    yield from map(_line_of_number, record["numbers"])
     yield from _lines_of_bounds(found)
-    names = [one.name for one in found.free]
-    for row, name in enumerate(names):
-        for column, other in enumerate(names[:row]):
-            yield f"  correlation          {other}, {name}: {found.correlation[row, column]:.4f}"
+    for row, one in enumerate(found.free):
+        for column, other in enumerate(found.free[:row]):
+            value = found.correlation[row, column]
+            yield f"  correlation          {other.name}, {one.name}: {value:.4f}"
     yield f"  residuals            {record['residual']:.3g} s, root mean square"
     if found.likelihood is None:
         yield "  noise                not given: errors are estimated from the residuals"

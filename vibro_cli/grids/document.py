@@ -10,6 +10,7 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic import Field, ValidationError
 
+from vibro_cli.errors import counted
 from vibro_cli.grids.axes import GENERATORS, PATHS, Axis, AxisTable, Design, read_axis
 from vibro_cli.scenario import fields, loading
 from vibro_cli.scenario import quantities as kinds
@@ -300,8 +301,9 @@ def _points(mode: str, count: int | None, axes: list[Axis]) -> int:
     if mode == "zip":
         for i, length in enumerate(lengths):
             if length != lengths[0]:
-                expected = f"{lengths[0]} values, as many as the first axis has (mode zip)"
-                raise Fault(("axes", i), f"{length} values", expected)
+                wanted = counted(lengths[0], "value")
+                expected = f"{wanted}, as many as the first axis has (mode zip)"
+                raise Fault(("axes", i), counted(length, "value"), expected)
         return lengths[0] if lengths else 0
     total = math.prod(lengths)
     if total >= 2**53:

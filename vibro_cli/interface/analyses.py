@@ -15,6 +15,7 @@ from vibro_cli.analysis import fit as fits
 from vibro_cli.analysis.orbit_branch import Branch, family_of
 from vibro_cli.analysis.orbits import Orbit, find_orbit
 from vibro_cli.assemble import build_any
+from vibro_cli.errors import counted
 from vibro_cli.interface import Drawing
 from vibro_cli.scenario.base import Listed, checked, checked_path, plain
 from vibro_cli.scenario.problems import shown
@@ -61,7 +62,7 @@ class OrbitFamily(Branch):
 
     def __repr__(self) -> str:
         special = ", ".join(one.kind for one in self.special)
-        orbits_of = f"{len(self.points)} orbits over {self.vary}"
+        orbits_of = f"{counted(len(self.points), 'orbit')} over {self.vary}"
         return f"<OrbitFamily of {self.scenario.name}: {orbits_of}; {special}>"
 
 

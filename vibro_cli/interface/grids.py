@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, NoReturn, TypedDict, Unpack
 
 import numpy as np
 
+from vibro_cli.errors import counted
 from vibro_cli.grids.document import grid_of, load_grid
 from vibro_cli.grids.workers import solve_into
 from vibro_cli.interface import Drawing
@@ -214,7 +215,7 @@ class Grid:
 
     def __repr__(self) -> str:
         unsolved = f"; {self.stored.unsolved}" if self.stored.unsolved else ""
-        points = f"{self.stored.points:,} points over {', '.join(self.axes)}"
+        points = f"{counted(self.stored.points, 'point')} over {', '.join(self.axes)}"
         return f"<Grid {self.name}: {points}{unsolved}>"
 
     def _repr_html_(self) -> str:

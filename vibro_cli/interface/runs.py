@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from vibro_cli import api
+from vibro_cli.errors import counted
 from vibro_cli.grids.dataset import verify as verify_folder
 from vibro_cli.interface import Drawing, figures_of, nothing_shown
 from vibro_cli.scenario.base import (
@@ -410,8 +411,7 @@ def write_film(
 
 def _in_words(run: Run) -> str:
     summary = run.summary
-    count, end = summary["collisions"], summary["end_cause"].replace("_", " ")
-    impacts = f"{count:,} {'impact' if count == 1 else 'impacts'}"
+    impacts, end = counted(summary["collisions"], "impact"), summary["end_cause"].replace("_", " ")
     return f"{run.name}: {impacts}, ended at t = {summary['end_time']:.6g} s ({end})"
 
 

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from vibro_cli.errors import counted
 from vibro_cli.figures.kinds import draw_all
 from vibro_cli.figures.source import first_of, made
 from vibro_cli.mechanics.system import LAWS, Body, TraceSystem, mechanics_warnings
@@ -174,7 +175,7 @@ def _setting_of_trace(run: StoredRun) -> list[tuple[str, str]]:
     stop = scenario.stop
     limits = [
         number(stop.time, "s"),
-        "" if stop.collisions is None else f"{stop.collisions} impacts",
+        "" if stop.collisions is None else counted(stop.collisions, "impact"),
     ]
     found = [
         ("Trace", f"{kind}, {system.surface}, length {number(system.trace.length, 'm')}"),

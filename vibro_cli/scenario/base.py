@@ -25,6 +25,7 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, InitErrorDetails, PydanticCustomError, core_schema
 
+from vibro_cli.errors import counted
 from vibro_cli.scenario import quantities as kinds
 from vibro_cli.scenario.forms import Source
 from vibro_cli.scenario.problems import Fault, KeyPath, Place, shown
@@ -227,8 +228,8 @@ class AnyScenario(Table):
         data = self.resolved()
         pieces = len(data.get("trace", {}).get("arcs", ()))
         where = f"{pieces} pieces of a trace, " if pieces > 1 else ""
-        bodies = len(data.get("balls", ()))
-        return f"{self.name}: {where}{bodies} {'body' if bodies == 1 else 'bodies'}"
+        bodies = counted(len(data.get("balls", ())), "body", "bodies")
+        return f"{self.name}: {where}{bodies}"
 
     def place(self, key_path: str | KeyPath) -> Place:
         """Return the place of a key such as `balls[2].radius`, or of the nearest table above it."""

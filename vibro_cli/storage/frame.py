@@ -13,6 +13,8 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
+from vibro_cli.errors import counted
+
 if TYPE_CHECKING:
     import pandas
     import polars
@@ -109,7 +111,7 @@ class Table:
 
     @property
     def _rows_text(self) -> str:
-        return f"{self.rows} {'row' if self.rows == 1 else 'rows'}"
+        return counted(self.rows, "row")
 
     @property
     def units(self) -> dict[str, str]:
@@ -182,7 +184,7 @@ class Table:
         return polars.DataFrame(self.to_arrow())
 
     def __repr__(self) -> str:
-        return f"<Table {self.name}: {self._rows_text}, {len(self)} columns>"
+        return f"<Table {self.name}: {self._rows_text}, {counted(len(self), 'column')}>"
 
     def _repr_html_(self) -> str:
         """Return the first rows as HTML, for notebooks."""

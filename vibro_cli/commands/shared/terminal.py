@@ -16,7 +16,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TextIO, TypeVar
 
-from vibro_cli.errors import printable
+from vibro_cli.errors import counted, printable
 
 _Result = TypeVar("_Result")
 
@@ -119,11 +119,6 @@ def quantity(value: float | None, unit: str = "", digits: int = 6) -> str:
     if value is None:
         return "none"
     return f"{value:.{digits}g} {unit}".rstrip()
-
-
-def count(number: int, one: str, several: str) -> str:
-    """Return a count with its noun: `1 impact`, `3 impacts`, `24,000 impacts`."""
-    return f"{number:,} {one if number == 1 else several}"
 
 
 def size(number: float) -> str:
@@ -232,7 +227,9 @@ def _impacts(record: Mapping[str, Any], not_made: int) -> str:
         impacts += f", the last {last_ones} inadmissible and not carried out"
     elif not_made:
         impacts += f", the last {last_ones} prevented"
-    parts = [count(record[name], *words) for name, words in _ALSO_COUNTED.items() if name in record]
+    parts = [
+        counted(record[name], *words) for name, words in _ALSO_COUNTED.items() if name in record
+    ]
     quiet = record.get("quiet_from")
     ending = "" if quiet is None else f"; none possible after t = {quantity(quiet, 's')}"
     return f"{'; '.join(filter(None, (impacts, ', '.join(parts))))}{ending}"
@@ -260,7 +257,7 @@ def _exponents(record: Mapping[str, Any]) -> str:
     lost = rates.count(None)
     text = f"the greatest {quantity(rates[0], '1/s', digits=4)}"
     if lost:
-        return f"{text}; {count(lost, 'direction', 'directions')} lost in lasting contact"
+        return f"{text}; {counted(lost, 'direction')} lost in lasting contact"
     return f"{text}, the sum {quantity(sum(rates), '1/s', digits=2)}"
 
 
