@@ -923,6 +923,26 @@ def test_what_a_notebook_shows(run: Run) -> None:
     assert "collision.k[1]" in run.scenario._repr_html_() or "0.9" in run.scenario._repr_html_()
 
 
+@pytest.mark.parametrize(
+    ("name", "heads"),
+    {
+        "three_arcs": ("gravity [m/s^2]", "trace.arcs[2].end_slope [rad]", "balls[1].angle [rad]"),
+        "falling_balls": ("balls[2].mass [kg]", "balls[2].position [m]", "ends.left.wall"),
+        "two_disks": ("balls[2].spring.stiffness [N/m]", "collision.k"),
+        "elliptic_wall": ("wall.semi_axis_x [m]", "balls[1].direction [rad]", "wall.shape"),
+    }.items(),
+)
+def test_a_notebook_shows_the_units_of_a_scenario(name: str, heads: tuple[str, ...]) -> None:
+    shown = example(name)._repr_html_()
+    for head in heads:
+        assert f"<th>{head}</th>" in shown
+
+
+def test_a_notebook_completes_the_columns_of_a_table(run: Run) -> None:
+    table = run.collisions
+    assert table._ipython_key_completions_() == table.keys() == list(table)
+
+
 def test_what_a_file_says_of_its_columns_is_no_markup_in_a_notebook() -> None:
     field = pa.field("<i>t", pa.float64(), metadata={"unit": "<script>", "description": "<b>"})
     shown = vibro_cli.Table("<u>", pa.table([[1.0]], schema=pa.schema([field])))._repr_html_()

@@ -101,6 +101,12 @@ def test_a_particle_leaves_the_trace_beyond_the_separatrix_through_its_end() -> 
     assert found.basins.exponent.value == pytest.approx(1.0, abs=0.1)
     assert found.map("double") is not None
     assert found.scaling("single") is not None
+    form = r"(\d+) outcomes, basin entropy (\S+) ± \S+, uncertainty exponent (\S+) ± \S+"
+    words = re.fullmatch(f"<GridBasins: {form}>", repr(found))
+    assert words is not None
+    assert int(words[1]) == len(found.basins.outcomes)
+    assert float(words[2]) == pytest.approx(found.basins.entropy.value, abs=6e-5)
+    assert float(words[3]) == pytest.approx(found.basins.exponent.value, abs=6e-5)
 
 
 def test_outcomes_are_words_and_whole_numbers_together() -> None:

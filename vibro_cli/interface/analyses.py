@@ -119,6 +119,12 @@ class GridBasins:
         drawn = self.mapped.scaling(width)
         return None if drawn is None else Drawing("uncertainty", drawn)
 
+    def __repr__(self) -> str:
+        found = self.basins
+        outcomes = "1 outcome" if len(found.outcomes) == 1 else f"{len(found.outcomes)} outcomes"
+        exponent = "" if found.exponent is None else f", uncertainty exponent {found.exponent}"
+        return f"<GridBasins: {outcomes}, basin entropy {found.entropy}{exponent}>"
+
 
 def orbit(scenario: AnyScenario, impacts: int | None = None, period: float | None = None) -> Orbit:
     """Find the periodic orbit of impacts near the start of a scenario, as ``vibro orbit`` does.

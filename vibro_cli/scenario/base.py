@@ -28,7 +28,7 @@ from pydantic_core import CoreSchema, InitErrorDetails, PydanticCustomError, cor
 from vibro_cli.errors import counted
 from vibro_cli.scenario import quantities as kinds
 from vibro_cli.scenario.forms import Source
-from vibro_cli.scenario.problems import Fault, KeyPath, Place, shown
+from vibro_cli.scenario.problems import Fault, KeyPath, Place, parsed_path, shown
 from vibro_cli.systems import NAMES, system_named
 
 # Keys of one table of which at most one may be given.
@@ -212,13 +212,16 @@ class AnyScenario(Table):
         return replaced(self, changes)
 
     def _repr_html_(self) -> str:
-        """Return the resolved scenario as a table of paths and values, for notebooks."""
+        """Return the resolved scenario as a table of paths with units and values, for notebooks."""
         from html import escape
 
-        rows = "".join(
-            f"<tr><th>{escape(path)}</th><td>{escape(str(value))}</td></tr>"
-            for path, value in _flat(self.resolved())
-        )
+        from vibro_cli.scenario.fields import unit_at
+
+        rows = ""
+        for path, value in _flat(self.resolved()):
+            unit = unit_at(parsed_path(path), type(self))
+            head = escape(f"{path} [{unit}]" if unit else path)
+            rows += f"<tr><th>{head}</th><td>{escape(str(value))}</td></tr>"
         return f"<table><caption>{escape(str(self))}</caption>{rows}</table>"
 
     def __repr__(self) -> str:

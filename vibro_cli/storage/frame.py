@@ -183,6 +183,10 @@ class Table:
 
         return polars.DataFrame(self.to_arrow())
 
+    def _ipython_key_completions_(self) -> list[str]:
+        """Return what IPython and notebooks complete within ``table["``."""
+        return self.keys()
+
     def __repr__(self) -> str:
         return f"<Table {self.name}: {self._rows_text}, {counted(len(self), 'column')}>"
 
