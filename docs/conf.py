@@ -25,6 +25,10 @@ html_theme = "furo"
 html_title = f"vibro {release}"
 html_copy_source = False
 html_show_copyright = False
+html_static_path = ["site.css"]
+html_css_files = ["site.css"]
+# Quotation marks and ellipses, but no dashes: the tables of options have `--set` outside backticks.
+smartquotes_action = "qe"
 
 
 def setup(app: Sphinx) -> None:

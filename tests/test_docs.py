@@ -2,7 +2,10 @@
 
 import re
 import shlex
+import subprocess
+import sys
 from collections.abc import Iterator
+from html import unescape
 from itertools import pairwise
 from pathlib import Path
 
@@ -106,6 +109,23 @@ def test_every_page_can_be_reached() -> None:
     index = (ROOT / "docs/index.md").read_text(encoding="utf-8")
     linked |= {f"docs/{name}.md" for name in re.findall(r"^([\w/-]+)$", index, re.MULTILINE)}
     assert {str(page.relative_to(ROOT)) for page in PAGES} <= linked | {"docs/index.md"}
+
+
+@pytest.mark.long
+def test_the_site_shows_every_option_with_its_two_hyphens(tmp_path: Path) -> None:
+    """Typographers' quotation marks must not turn the hyphens of a table of options to a dash."""
+    for library in ("sphinx", "myst_nb", "furo"):
+        pytest.importorskip(library)
+    page = (ROOT / "docs/reference-commands.md").read_text(encoding="utf-8")
+    (tmp_path / "pages").mkdir()
+    (tmp_path / "pages/index.md").write_text(page, encoding="utf-8")
+    build = [sys.executable, "-m", "sphinx", "-q", "-c", str(ROOT / "docs")]
+    subprocess.run([*build, "pages", "site"], cwd=tmp_path, check=True, capture_output=True)
+    _, _, site = (tmp_path / "site/index.html").read_text(encoding="utf-8").partition("<article")
+    shown = unescape(re.sub(r"<[^>]*>", "", site.partition("</article>")[0]))
+    written = re.findall(r"--[a-z][a-z-]*", re.sub(r"<!--.*?-->", "", page))
+    assert len(written) > 100
+    assert re.findall(r"--[a-z][a-z-]*", shown) == written
 
 
 def runs_written(text: str) -> Iterator[tuple[str, tuple[str, ...]]]:
