@@ -124,6 +124,18 @@ def test_a_run_shows_one_column_over_another(
     assert run_command_line([*arguments, "-o", "x.jpg"]) == 2
 
 
+@pytest.mark.parametrize("pair", [(1, 3), (3, 1), (2, 1)])
+def test_the_bodies_of_a_pair_may_be_named_in_either_order(pair: tuple[int, int]) -> None:
+    """The seam of a closed trace is between bodies 3 and 1, with 3 on the left."""
+    run = simulate(example("closed_three_balls"))
+    figure = run.section(["s_a", "speed_a_pre"], pair=pair).figure
+    points = np.vstack([np.asarray(c.get_offsets()) for c in figure.axes[0].collections])
+    bodies = zip(run.collisions["ball_a"].tolist(), run.collisions["ball_b"].tolist(), strict=True)
+    mine = [set(two) == set(pair) for two in bodies]
+    assert points[:, 0].tolist() == np.asarray(run.collisions["s_a"])[mine].tolist()
+    assert 0 < len(points) < len(mine)
+
+
 def test_a_grid_says_why_it_has_nothing_to_show() -> None:
     axes = {"collision.k": np.linspace(0.8, 0.9, 3)}
     kept = sweep(example("one_circle"), axes, collisions=["n", "t", "angle_a"])

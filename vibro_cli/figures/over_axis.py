@@ -275,7 +275,7 @@ class Section:
     """Selects the impacts that are shown."""
 
     pair: tuple[int, int] | None = None
-    """The bodies whose impacts are shown (from 1, the left one first), None for all bodies."""
+    """The bodies whose impacts are shown (from 1, in either order), None for all bodies."""
     transient: int | None = None
     """Number of impacts left out at the beginning of a run. None: show the last 20 of each run
     that has more."""
@@ -316,8 +316,12 @@ class Section:
     def _of_pair(self, impacts: Impacts, run: Integers) -> Flags:
         if self.pair is None:
             return np.ones(len(run), dtype=np.bool_)
-        shown = (impacts["ball_a"] == self.pair[0]) & (impacts["ball_b"] == self.pair[1])
-        return np.asarray(shown)
+        # Across the seam of a closed trace the last body is the left one.
+        one, other = (
+            (impacts["ball_a"] == left) & (impacts["ball_b"] == right)
+            for left, right in (self.pair, self.pair[::-1])
+        )
+        return np.asarray(one | other)
 
     def counts(self, impacts: Impacts, run: Integers, runs: int = 0) -> Integers:
         """Return the number of impacts of each run, with the transient, of `runs` runs at least."""

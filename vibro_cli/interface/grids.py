@@ -150,7 +150,7 @@ class Grid:
         columns
             One or two numeric columns of the impacts; by default position and speed.
         pair
-            Restrict to impacts of these bodies, from 1, the left one first.
+            Restrict to impacts of these two bodies, from 1, in either order.
         transient
             Number of impacts to omit at the beginning of each run; by default all but the last 20.
         width

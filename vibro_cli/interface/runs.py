@@ -255,7 +255,7 @@ class Run:
             position and speed of the left body. For a table they may be columns of the impacts on
             the wall, which are the default if no two balls collide.
         pair
-            Restrict to impacts of these bodies, from 1, the left one first.
+            Restrict to impacts of these two bodies, from 1, in either order.
         transient
             Number of impacts to omit at the beginning.
         width
