@@ -40,7 +40,7 @@ def windows(pieces: Sequence[Piece], path: Trajectory, behind: Background) -> tu
         Window(piece, piece.angle_start, piece.angle_end, tops[piece.is_line]) for piece in pieces
     ]
     visited = [piece for piece in pieces if path.branches[piece.index].position.size]
-    if len(visited) > 1 or not _is_small(visited[0], path, behind):
+    if len(visited) != 1 or not _is_small(visited[0], path, behind):
         return tuple(whole)
     close = _around(visited[0], path)
     overview = replace(whole[visited[0].index], overview=True)
