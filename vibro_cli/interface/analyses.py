@@ -121,7 +121,7 @@ class GridBasins:
 
     def __repr__(self) -> str:
         found = self.basins
-        outcomes = "1 outcome" if len(found.outcomes) == 1 else f"{len(found.outcomes)} outcomes"
+        outcomes = counted(len(found.outcomes), "outcome")
         exponent = "" if found.exponent is None else f", uncertainty exponent {found.exponent}"
         return f"<GridBasins: {outcomes}, basin entropy {found.entropy}{exponent}>"
 
