@@ -35,7 +35,7 @@ from vibro_cli.kernels.impact.laws import (
 )
 from vibro_cli.kernels.numerics.constants import EPSILON, NEVER
 from vibro_cli.kernels.numerics.double_double import dd_add, dd_multiply
-from vibro_cli.kernels.table.walls import RESOLVED, bend_at, present_place, touching_distance
+from vibro_cli.kernels.table.walls import RESOLVED, bend_at, touching_distance
 from vibro_cli.kernels.table.world import BounceRow, PairRow, World
 from vibro_cli.kernels.world import END_INADMISSIBLE, END_WALL_CONTACT, RUNNING
 
@@ -51,9 +51,8 @@ def bring(world: World, ball: int) -> None:
     """Move a ball to the present instant."""
     clock = world.clock[0]
     state = world.balls[ball]
-    state.x, state.y = present_place(world, ball)
-    state.t = clock.t
-    state.t_low = clock.t_low
+    state.x, state.y = world.x[ball], world.y[ball]
+    state.t, state.t_low = clock.t, clock.t_low
 
 
 @kernel

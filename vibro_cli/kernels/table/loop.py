@@ -15,7 +15,6 @@ from vibro_cli.kernels.table.impacts import bounce, collide, collide_jointly, fi
 from vibro_cli.kernels.table.walls import (
     RESOLVED,
     meet_wall,
-    present_place,
     time_to_distance,
     touching_distance,
 )
@@ -34,10 +33,10 @@ from vibro_cli.kernels.world import (
 
 @kernel
 def note_motion(world: World, ball: int) -> None:
-    """Store the present position and velocity of a ball in the plain arrays."""
-    world.x[ball], world.y[ball] = present_place(world, ball)
-    world.vx[ball] = world.balls[ball].vx
-    world.vy[ball] = world.balls[ball].vy
+    """Copy the position and velocity of a ball at its last event to the plain arrays."""
+    state = world.balls[ball]
+    world.x[ball], world.y[ball] = state.x, state.y
+    world.vx[ball], world.vy[ball] = state.vx, state.vy
 
 
 @kernel
@@ -227,7 +226,10 @@ def _event(world: World) -> int:
     if clock.stalled > MOST_AT_ONCE * len(world.balls):
         return END_ACCUMULATION
     for number in range(len(world.balls)):
-        world.x[number], world.y[number] = present_place(world, number)
+        state = world.balls[number]
+        past = time_between(clock.t, clock.t_low, state.t, state.t_low)
+        world.x[number] = state.x + state.vx * past
+        world.y[number] = state.y + state.vy * past
     if meeting.kind == MEETS_BALL:
         return _meet(world, ball, meeting.other, instant)
     cause = bounce(world, ball)

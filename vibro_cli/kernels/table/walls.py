@@ -17,7 +17,7 @@ import math
 
 from vibro_cli.compile.kernel import kernel
 from vibro_cli.kernels.numerics.constants import EPSILON, NEVER
-from vibro_cli.kernels.numerics.double_double import difference_of_products, time_between
+from vibro_cli.kernels.numerics.double_double import difference_of_products
 from vibro_cli.kernels.table.world import POLYGON, Ball, BounceRow, Edge, Meeting, WallData, World
 from vibro_cli.kernels.world import BodyData
 
@@ -29,8 +29,8 @@ STRAIGHT = 1.0e-10
 # A velocity component across a wall below this share of the speed is rounding, not approach. The
 # speed is the greatest in the last impact, since at k = 0 little of it may be left.
 RESOLVED = 4.0 * EPSILON
-# A slower ball (m/s) counts as at rest: the square of its speed has no digits left.
-SLOWEST = 1.0e-145
+# Below this square of its speed (m^2/s^2) a ball counts as at rest: lesser ones lose digits.
+SLOWEST = 1.0e-290
 
 
 @kernel
@@ -42,10 +42,11 @@ def meet_wall(world: World, body: BodyData, ball: Ball, x: float, y: float, to: 
     """
     to.other = -1
     wall = world.wall[0]
-    speed = math.sqrt(ball.vx * ball.vx + ball.vy * ball.vy)
-    if speed < SLOWEST:
+    square = ball.vx * ball.vx + ball.vy * ball.vy
+    if square < SLOWEST:
         return NEVER
     if wall.kind != POLYGON:
+        speed = math.sqrt(square)
         least = RESOLVED * ball.fastest / speed
         way = _meet_curve(wall, body.radius, x, y, ball.vx / speed, ball.vy / speed, least, to)
         return way / speed if way < NEVER else NEVER
@@ -383,12 +384,3 @@ def touching_distance(world: World, a: int, b: int) -> float:
     if radius_a == radius_b:
         return 2.0 * radius_a
     return 2.0 * math.sqrt(radius_a * radius_b)
-
-
-@kernel
-def present_place(world: World, ball: int) -> tuple[float, float]:
-    """Return the position (m) of a ball's centre at the present instant."""
-    clock = world.clock[0]
-    state = world.balls[ball]
-    past = time_between(clock.t, clock.t_low, state.t, state.t_low)
-    return state.x + state.vx * past, state.y + state.vy * past
