@@ -126,9 +126,9 @@ def _set_time(world: World, ball: int, time: float) -> None:
 @kernel
 def renew(world: World, ball: int) -> None:
     """Search again for all meetings that depend on the motion of one ball."""
-    search_row(world, ball)
     clock = world.clock[0]
-    stale = 0
+    world.stale[0] = ball
+    stale = 1
     sift(world, ball, 0, ball)
     for earlier in range(ball):
         if world.partners[earlier] == ball:
