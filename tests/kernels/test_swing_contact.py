@@ -14,9 +14,10 @@ from tests.kernels.kernel_records import ball, flight_on_arc
 from vibro_cli.kernels.contact import arc_contact
 from vibro_cli.kernels.flow.flow import flow, flow_of_two
 from vibro_cli.kernels.numerics.elliptic import (
+    PARAMETER_SPLIT,
     ThetaConstants,
+    set_libration,
     set_theta_constants,
-    set_two_theta_constants,
 )
 from vibro_cli.kernels.world import Flight
 from vibro_cli.mechanics.system import Body, InitialState, TraceSystem
@@ -93,17 +94,15 @@ def test_two_flows_taking_turns_are_the_flows_to_the_bit(
 
 
 @SETTINGS
-@given(st.floats(0.0, 1.5), st.floats(0.0, 1.5))
-def test_constants_set_by_turns_are_the_constants_to_the_bit(m: float, other: float) -> None:
+@given(st.floats(0.0, PARAMETER_SPLIT), st.floats(0.0, PARAMETER_SPLIT))
+def test_constants_of_librations_are_the_constants_to_the_bit(m: float, other: float) -> None:
     def fields(theta: ThetaConstants) -> list[float]:
         return [getattr(theta, name) for name in ThetaConstants.fields]  # type: ignore[attr-defined]
 
-    def root(m: float) -> float:
-        return math.copysign(math.sqrt(abs(1.0 - m)), 1.0 - m)
-
     a, b, c, d = (ThetaConstants() for _ in range(4))
-    set_two_theta_constants(a, m, root(m), b, other, root(other))
-    set_theta_constants(c, m, root(m))
-    set_theta_constants(d, other, root(other))
+    set_libration(a, m, math.sqrt(1.0 - m))
+    set_libration(b, other, math.sqrt(1.0 - other))
+    set_theta_constants(c, m, math.sqrt(1.0 - m))
+    set_theta_constants(d, other, math.sqrt(1.0 - other))
     assert fields(a) == fields(c)
     assert fields(b) == fields(d)

@@ -24,7 +24,6 @@ from vibro_cli.kernels.numerics.weierstrass_motion import squared_rate
 from vibro_cli.kernels.statistics import rotating_forces, run_statistics
 from vibro_cli.kernels.tangent import flight_jacobian, rotating_jacobian
 from vibro_cli.kernels.world import (
-    COLLISION,
     Flight,
     FlightRow,
     PairTrack,
@@ -53,26 +52,7 @@ def project(flight: Flight, s: float, c: float, p: float) -> tuple[float, float,
 
 @kernel
 def begin_rotating_flight(world: World, ball: int, cause: int, from_state: int) -> None:
-    """Set the constants of a flight from its start, then launch and log it."""
-    _take_start(world, ball, from_state)
-    launch_and_log(world, ball, cause)
-
-
-@kernel
-def begin_two_flights(world: World, ball: int, other: int, from_state: int) -> None:
-    """Launch two bodies after an impact, as :func:`begin_rotating_flight` does for one.
-
-    The second body keeps the energy that it carries.
-    """
-    _take_start(world, ball, from_state)
-    _take_start(world, other, 0)
-    launch_and_log(world, ball, COLLISION)
-    launch_and_log(world, other, COLLISION)
-
-
-@kernel
-def _take_start(world: World, ball: int, from_state: int) -> None:
-    """Set the constants of the flow that starts from the state of a flight.
+    """Set the constants of a flight from its start, then launch and log it.
 
     With ``from_state`` 1 the energy follows from the state. Otherwise ``P`` follows from the
     carried energy: the energy of the state differs from it by a rounding that would add up from
@@ -87,6 +67,7 @@ def _take_start(world: World, ball: int, from_state: int) -> None:
         flight.p = rate_by_energy(world, ball, flight, track)
     start_from_state(flight)
     set_track(flight, track)
+    launch_and_log(world, ball, cause)
 
 
 @kernel
@@ -182,7 +163,6 @@ TURNING = Overrides(
         arc_contact.guessed_frequency: arc_contact.rotating_guessed_frequency,
         arc_contact.uneven_torque: arc_contact.rotating_uneven_torque,
         flight.begin_flight: begin_rotating_flight,
-        flight.begin_two_flights: begin_two_flights,
         flight.project: project,
         event_loop.rate_by_energy: rate_by_energy,
         contact_kinematics.free_acceleration: free_acceleration,

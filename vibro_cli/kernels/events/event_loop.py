@@ -34,7 +34,6 @@ from vibro_cli.kernels.flow.flight import (
     SLOW,
     arc_energy,
     begin_flight,
-    begin_two_flights,
     bring_to,
     is_same_instant,
     place_at,
@@ -60,6 +59,7 @@ from vibro_cli.kernels.impact.laws import (
 from vibro_cli.kernels.numerics.constants import EPSILON, NEVER
 from vibro_cli.kernels.numerics.double_double import add_to_time, time_between
 from vibro_cli.kernels.world import (
+    COLLISION,
     CROSSING,
     END_ACCUMULATION,
     END_COLLISIONS,
@@ -237,17 +237,24 @@ def _share_energy(world: World, pair: PairData, loss: float) -> None:
     if energy_a > energy_b:
         a.specific_energy = (total - energy_b) / body_a.weight
         refer_to_separatrix(a, track_a)
-        begin_two_flights(world, pair.b, pair.a, 1)
+        _begin_both(world, pair.b, pair.a, 1)
     elif energy_b > energy_a:
         b.specific_energy = (total - energy_a) / body_b.weight
         refer_to_separatrix(b, track_b)
-        begin_two_flights(world, pair.a, pair.b, 1)
+        _begin_both(world, pair.a, pair.b, 1)
     else:
         a.specific_energy = (energy_a + 0.5 * excess) / body_a.weight
         b.specific_energy = (energy_b + 0.5 * excess) / body_b.weight
         refer_to_separatrix(a, track_a)
         refer_to_separatrix(b, track_b)
-        begin_two_flights(world, pair.a, pair.b, 0)
+        _begin_both(world, pair.a, pair.b, 0)
+
+
+@kernel
+def _begin_both(world: World, ball: int, other: int, from_state: int) -> None:
+    """Begin the flights of two bodies after an impact; the second keeps the energy it carries."""
+    begin_flight(world, ball, COLLISION, from_state)
+    begin_flight(world, other, COLLISION, 0)
 
 
 @kernel

@@ -15,9 +15,8 @@ from vibro_cli.compile.kernel import (
 from vibro_cli.kernels.flow.flow import LINE, flow, time_ahead, time_of_flight
 from vibro_cli.kernels.numerics.constants import EPSILON, NEVER
 from vibro_cli.kernels.numerics.double_double import add_to_time, time_between
-from vibro_cli.kernels.numerics.elliptic import set_theta_constants, set_two_theta_constants
+from vibro_cli.kernels.numerics.elliptic import set_theta_constants
 from vibro_cli.kernels.world import (
-    COLLISION,
     BodyData,
     Flight,
     FlightRow,
@@ -423,25 +422,6 @@ def begin_flight(world: World, ball: int, cause: int, from_state: int) -> None:
     elif from_state == 1:
         take_energy(world, ball)
     launch_and_log(world, ball, cause)
-
-
-@kernel
-def begin_two_flights(world: World, ball: int, other: int, from_state: int) -> None:
-    """Launch two bodies after an impact, as :func:`begin_flight` does for one.
-
-    The second body keeps the energy that it carries.
-    """
-    flight = world.flights[ball]
-    other_flight = world.flights[other]
-    if world.pieces[flight.piece].sign == 0.0 or world.pieces[other_flight.piece].sign == 0.0:
-        begin_flight(world, ball, COLLISION, from_state)
-        begin_flight(world, other, COLLISION, 0)
-        return
-    m, root = arc_energy(world, ball, from_state)
-    other_m, other_root = arc_energy(world, other, 0)
-    set_two_theta_constants(flight, m, root, other_flight, other_m, other_root)
-    launch_and_log(world, ball, COLLISION)
-    launch_and_log(world, other, COLLISION)
 
 
 @kernel

@@ -195,44 +195,13 @@ def set_theta_constants(theta: ThetaConstants, m: float, complementary_modulus: 
 
 
 @kernel
-def set_two_theta_constants(
-    a: ThetaConstants,
-    a_m: float,
-    a_root_complement: float,
-    b: ThetaConstants,
-    b_m: float,
-    b_root_complement: float,
-) -> None:
-    """Call :func:`set_theta_constants` for two parameters.
-
-    For two librations the operations alternate, so that the processor can overlap them.
-    """
-    least = min(a_root_complement, b_root_complement)
-    if least < 0.0 or max(a_m, b_m) > PARAMETER_SPLIT:
-        set_theta_constants(a, a_m, a_root_complement)
-        set_theta_constants(b, b_m, b_root_complement)
-        return
-    a_nome = _direct_nome(a_m, a_root_complement)
-    b_nome = _direct_nome(b_m, b_root_complement)
-    _set_with_nome(a, a_m, a_root_complement, a_nome)
-    _set_with_nome(b, b_m, b_root_complement, b_nome)
-
-
-@kernel
 def set_libration(theta: ThetaConstants, m: float, complementary_modulus: float) -> None:
     """Fill ``theta`` for a parameter ``m`` up to ``PARAMETER_SPLIT``."""
-    _set_with_nome(theta, m, complementary_modulus, _direct_nome(m, complementary_modulus))
-
-
-@kernel
-def _set_with_nome(
-    theta: ThetaConstants, m: float, complementary_modulus: float, nome: float
-) -> None:
     theta.parameter = m
     theta.complementary_modulus = complementary_modulus
     theta.reciprocal = 0
     theta.form = TRIGONOMETRIC
-    _set_series(theta, nome, 1.0, 0.0)
+    _set_series(theta, _direct_nome(m, complementary_modulus), 1.0, 0.0)
 
 
 @kernel
