@@ -16,7 +16,6 @@ from tests.two_balls import SCENARIO
 from vibro_cli.grids.document import load_grid
 from vibro_cli.scenario import ScenarioError
 
-
 AXIS = 'base = "base.toml"\n[[axes]]\n'
 
 
