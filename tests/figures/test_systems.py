@@ -345,6 +345,24 @@ def test_names_stand_beside_the_tangent_planes_at_any_angle(beside: float) -> No
     assert _planes_beside_names(simulate(any_scenario_of(data))) == 6
 
 
+def test_contact_points_are_those_of_the_first_impact_also_on_the_wall() -> None:
+    """The ball meets the wall, then the other ball: the figure is that of a run to the wall."""
+    balls = [
+        {"radius": 0.1, "mass": 1.0, "x": x, "y": y, "velocity_x": speed}
+        for x, y, speed in ((0.7, 0.05, 1.0), (0.2, 0.0, 0.0))
+    ]
+    wall = {"shape": "rectangle", "width": 2.0, "depth": 2.0, "k": 1.0}
+    data = {"system": "table", "wall": wall, "balls": balls, "collision": {"k": 0.5}}
+    first, both = (
+        table_contact_points(simulate(any_scenario_of({**data, "stop": stop})))
+        for stop in ({"bounces": 1}, {"collisions": 1})
+    )
+    assert first is not None
+    assert both is not None
+    assert shown_texts(both) == shown_texts(first)
+    assert len(both.axes) == len(first.axes)
+
+
 def _planes_beside_names(run: Any) -> int:
     """Return the number of tangent planes in a figure; fail if a name is over one of them."""
     figure = table_contact_points(run)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -125,8 +126,7 @@ def table_velocities(run: Run, width: str = "single") -> Figure | None:
     Raises ValueError for a width that is neither `single` nor `double`.
     """
     wide = width_of(width)
-    most = _IMPACTS[width]
-    impacts = sorted(_first_met(run, most), key=lambda one: one.time)[:most]
+    impacts = _first_met(run, _IMPACTS[width])
     if not impacts:
         return None
     with style.journal():
@@ -144,15 +144,16 @@ def table_velocities(run: Run, width: str = "single") -> Figure | None:
 
 
 def _first_met(run: Run, most: int) -> list[Met]:
-    """Return the first impacts of two balls, followed by the first on the wall."""
+    """Return the first impacts, of two balls or on the wall, in order of time."""
     pairs, walls = first_of(run.collisions, most), first_of(run.bounces, most)
-    return [
+    found = [
         *(
             _met(run, pairs, "impact", ("_a", "_b"), row, there)
             for row, there in enumerate(made(pairs).tolist())
         ),
         *(_met(run, walls, "wall", ("",), row) for row in range(len(walls["n"]))),
     ]
+    return sorted(found, key=attrgetter("time"))[:most]
 
 
 def _met(
