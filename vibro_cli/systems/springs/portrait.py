@@ -124,17 +124,9 @@ def _motions_of(run: Run, body: int, final: Integers, times: Array, held: Any) -
 
 def _groups(held: Any, body: int) -> tuple[Integers, Integers]:
     """Return the outermost bodies of the group that moves as one with a body, after each event."""
-    first = np.full(len(held), body)
-    last = first.copy()
-    together = np.ones(len(held), dtype=np.bool_)
-    for left in range(body - 1, -1, -1):
-        together = together & (held[:, left] == 1)
-        first = np.where(together, left, first)
-    together = np.ones(len(held), dtype=np.bool_)
-    for right in range(body + 1, held.shape[1]):
-        together = together & (held[:, right - 1] == 1)
-        last = np.where(together, right, last)
-    return first, last
+    left = np.logical_and.accumulate(held[:, :body][:, ::-1] == 1, axis=1)
+    right = np.logical_and.accumulate(held[:, body:-1] == 1, axis=1)
+    return body - left.sum(axis=1), body + right.sum(axis=1)
 
 
 def _arriving(run: Run, times: Array, first: Integers, last: Integers) -> Array:
