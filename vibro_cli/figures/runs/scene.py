@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -35,7 +34,7 @@ from vibro_cli.figures.labels import (
     text_width,
     write_names,
 )
-from vibro_cli.figures.source import Array, Recorded, flights_of
+from vibro_cli.figures.source import Array, Recorded
 from vibro_cli.figures.style import Look, line, mark, panel_size, width_of
 from vibro_cli.figures.ticks import round_below
 from vibro_cli.mechanics.potential import Turning
@@ -407,43 +406,20 @@ def visited(system: TraceSystem, centres: Array, low: Array, high: Array) -> tup
     return np.maximum(first, low), np.minimum(last, high)
 
 
-def configurations(run: Recorded, most: int) -> list[Configuration]:
+def configurations(run: Any, most: int) -> list[Configuration]:
     """Return the start, the first impacts and the last one; at most `most` configurations."""
-    found = [Configuration("start", _centres(run), ())]
     times = np.asarray(run.collisions["t"], dtype=np.float64)
     rows = list(range(min(len(times), most - 1)))
     if len(times) > most - 1:
         rows = [*rows[:-1], len(times) - 1]
-    pairs = {
-        row: tuple(int(run.collisions[f"ball_{side}"][row]) - 1 for side in "ab") for row in rows
-    }
-    # Load all flights at once: each call of `look_at` solves a long run again.
-    others = (_flights_at(run, float(times[row]), pair).values() for row, pair in pairs.items())
-    run.look_at(np.concatenate([list(each) for each in others]).astype(np.int64))
-    for row, pair in pairs.items():
+    motion = run.sample(times[rows])
+    centres = np.column_stack([motion["x"], motion["y"]]).reshape(len(rows), -1, 2)
+    found = [Configuration("start", _centres(run), ())]
+    for row, places in zip(rows, centres, strict=True):
         title = f"impact {int(run.collisions['n'][row])}, {short_number(float(times[row]))} s"
-        found.append(Configuration(title, _centres_at(run, float(times[row]), row, pair), pair))
+        pair = tuple(int(run.collisions[f"ball_{side}"][row]) - 1 for side in "ab")
+        found.append(Configuration(title, places, pair))
     return found
-
-
-def _flights_at(run: Recorded, time: float, pair: tuple[int, ...]) -> dict[int, int]:
-    """Return the rows of the flights, at a time, of the bodies that are not in a pair."""
-    flights = run.flights()
-    others = [n for n in range(len(run.system.bodies)) if n not in pair]
-    return {n: int(flights_of(flights, n + 1, time)[-1]) for n in others}
-
-
-def _centres_at(run: Recorded, time: float, row: int, pair: tuple[int, ...]) -> Array:
-    """Return the places of all bodies at an impact (m); those of the pair are from the table."""
-    centres = np.full((len(run.system.bodies), 2), math.nan)
-    flights = run.flights()
-    for index, last in _flights_at(run, time, pair).items():
-        piece = run.system.trace.pieces[int(flights["arc"][last]) - 1]
-        _, position, _ = run.flight_curve(last, 2, time - float(flights["t_start"][last]))
-        centres[index] = piece.body_centre(float(position[-1]), run.system.bodies[index].radius)
-    for index, side in zip(pair, "ab", strict=True):
-        centres[index] = run.collisions[f"x_{side}"][row], run.collisions[f"y_{side}"][row]
-    return centres
 
 
 def _plan_sheet(
