@@ -36,7 +36,8 @@ MOST_FLIGHTS = 3000
 """Number of flights, of all bodies together, that are drawn over time; later ones are left out."""
 MOST_PERIODS = 60
 """Number of small oscillations that are drawn over time; later ones are left out."""
-_POINTS = 40000
+_POINTS = 4000
+"""Points of a line over time, besides those at events."""
 _PER_PERIOD = 64
 """Points of an energy per period of lasting contact, ..."""
 _MOST_POINTS = 200 * 2500
@@ -60,38 +61,26 @@ def _end(run: Recorded) -> float:
     return float(np.max(run.flights()["t_end"]))
 
 
-def timeline(run: Recorded, ball: int, until: float) -> tuple[Array, Array]:
+@kept
+def _places(run: Any, until: float) -> tuple[Array, Array]:
+    """Return times (s) up to `until`, with those of all events, and the arc lengths (m) then.
+
+    Arc lengths have the shape (times, bodies).
+    """
+    starts = run.flights()["t_start"]
+    times = np.unique(np.append(np.linspace(0.0, until, _POINTS), starts[starts <= until]))
+    return times, np.asarray(run.sample(times)["s"]).reshape(len(times), -1)
+
+
+def timeline(run: Any, ball: int, until: float) -> tuple[Array, Array]:
     """Return non-decreasing times (s) up to `until`, and the arc length (m) of a body (from 1).
 
     NaN marks the breaks of the line at the seam of a closed trace.
     """
-    flights = run.flights()
-    mine = flights_of(flights, ball, until)
-    starts, ends = flights["t_start"][mine], flights["t_end"][mine]
-    lengths = np.minimum(ends, until) - starts
-    parts = np.where(ends > until, lengths, math.inf)
-    total = max(float(np.sum(lengths)), float(np.finfo(np.float64).tiny))
-    run.look_at(mine)
-    wanted = np.maximum(_least(len(mine)), _POINTS / 20 * lengths / total)
-    times, places = [], []
-    seam = 0.5 * run.system.trace.length
-    last = math.nan
-    for row, number, part in zip(mine.tolist(), wanted.tolist(), parts.tolist(), strict=True):
-        piece = run.system.trace.pieces[int(flights["arc"][row]) - 1]
-        time, position, _ = run.flight_curve(row, math.ceil(number) + 1, part)
-        s = piece.arc_length(position)
-        if abs(s[0] - last) > seam:
-            times.append(time[:1])
-            places.append(np.array([math.nan]))
-        times.append(time)
-        places.append(s)
-        last = float(s[-1])
-    return np.maximum.accumulate(np.concatenate(times)), np.concatenate(places)
-
-
-def _least(flights: int) -> float:
-    """Return the least number of points of a flight; it falls with the number of flights."""
-    return float(np.clip(_POINTS / 4 / max(flights, 1), 2.0, 16.0))
+    times, places = _places(run, until)
+    s = places[:, ball - 1]
+    seams = np.flatnonzero(np.abs(np.diff(s)) > 0.5 * run.system.trace.length) + 1
+    return np.insert(times, seams, times[seams]), np.insert(s, seams, math.nan)
 
 
 def calm_until(run: Recorded) -> float:
