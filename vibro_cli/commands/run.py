@@ -180,12 +180,6 @@ class RunCommand:
             "folder": None if folder is None else str(folder),
         }
 
-    def unwritten(self, name: str) -> str:
-        """Return the message for a run that is interrupted before its folder is written."""
-        if len(self.scenarios) > 1:
-            return f"nothing of {name} was written, finished results are kept"
-        return NOTHING_WRITTEN
-
     def may_replace(self, folder: Path) -> bool:
         """Return whether a run with other parameters may be replaced; a continued run may be."""
         return self.force or (
@@ -195,6 +189,8 @@ class RunCommand:
 
 def _run_all(options: RunCommand) -> int:
     """Check all scenarios and folders, then run the scenarios one after the other."""
+    from vibro_cli.systems import system_named
+
     with leaving():
         loaded, refused = _checked(options)
     for _, error in refused:
@@ -202,11 +198,13 @@ def _run_all(options: RunCommand) -> int:
     _print_refused(options, refused)
     codes = [MISUSED] * len(refused)
     for scenario, system in loaded:
-        _warn(scenario, system)
+        for warning in system_named(scenario.system).warnings(scenario, system):
+            say(f"{scenario.name}: warning: {warning}", "warning", scenario=scenario.name)
         codes.append(attempt(partial(solve, options, scenario, None)))
         if options.fail_fast and codes[-1] in (FAILED, MISUSED):
             break
-    return _worst(codes)
+    worst_first = (FAILED, MISUSED, NOT_STRICT)
+    return next((code for code in worst_first if code in codes), DONE)
 
 
 def _checked(options: RunCommand) -> "tuple[list[tuple[AnyScenario, Any]], list[Refused]]":
@@ -238,11 +236,6 @@ def _continue(options: RunCommand, folder: Path) -> int:
     return solve(options, scenario, found)
 
 
-def _worst(codes: list[int]) -> int:
-    """Return the worst exit code: failed, then invalid, then not strict, then done."""
-    return next((code for code in (FAILED, MISUSED) if code in codes), max(codes, default=DONE))
-
-
 def _check_folders(options: RunCommand, scenarios: "Sequence[AnyScenario]") -> None:
     """Raise `FolderRefused`, before any run, if some results could not be put in their folder."""
     from vibro_cli.storage.folders import check_run_folder
@@ -264,14 +257,6 @@ def _print_refused(options: RunCommand, refused: "list[Refused]") -> None:
                 "problems": error.problems,
             }
             print(json_text(line), flush=True)
-
-
-def _warn(scenario: "AnyScenario", system: Any) -> None:
-    """Print the warnings about a scenario."""
-    from vibro_cli.systems import system_named
-
-    for warning in system_named(scenario.system).warnings(scenario, system):
-        say(f"{scenario.name}: warning: {warning}", "warning", scenario=scenario.name)
 
 
 def _kinds_drawn(earlier: Path | None) -> str:
@@ -374,7 +359,9 @@ def stream_run(
 
     interruption = Interruption()
     with contextlib.ExitStack() as open_ones:
-        open_ones.enter_context(leaving(options.unwritten(scenario.name)))
+        unwritten = f"nothing of {scenario.name} was written, finished results are kept"
+        several = len(options.scenarios) > 1
+        open_ones.enter_context(leaving(unwritten if several else NOTHING_WRITTEN))
         folder = None
         if target is not None:
             made = streamed_folder(scenario, target, options.may_replace(target))
@@ -409,47 +396,38 @@ def _solved(
     Also returns why a run with impacts had none for too long, else an empty text. Without a folder
     that keeps these impacts, this is raised as a `CommandError`.
     """
-    from vibro_cli.systems.driver import TooQuiet
-
-    with contextlib.ExitStack() as open_ones:
-        sinks: list[Sink] = [] if folder is None else [folder.add]
-        if options.stream is not None:
-            sinks.append(open_ones.enter_context(_standard_output(options.stream, scenario)))
-        try:
-            return _streamed(options, scenario, earlier, sinks, interruption), ""
-        except TooQuiet as error:
-            refusal = f"vibro: {scenario.name}: {error}"
-            if folder is None or not error.streamed.summary_record()["collisions"]:
-                raise CommandError(refusal) from error
-            return error.streamed, refusal
-
-
-def _streamed(
-    options: RunCommand,
-    scenario: "AnyScenario",
-    earlier: "EarlierRun | None",
-    sinks: "list[Sink]",
-    interruption: Interruption,
-) -> "Streamed":
-    """Run a scenario and pass its rows to the sinks as they are computed."""
     from vibro_cli.api import simulate_streamed
     from vibro_cli.systems import system_named
+    from vibro_cli.systems.driver import TooQuiet
+
+    sinks: list[Sink] = [] if folder is None else [folder.add]
 
     def add(name: str, rows: Any) -> None:
         for sink in sinks:
             sink(name, rows)
 
+    names, has_figures = ["collisions"], False
     checkpoint = None if earlier is None else earlier.checkpoint
-    of_system = [table.file for table in system_named(scenario.system).tables()]
-    names = of_system if len(sinks) > (options.stream is not None) else ["collisions"]
-    # A reader of the stream may be slow or stopped: then a signal must end the wait at once.
-    signals = upon_signals(interruption.note) if len(names) > 1 else contextlib.nullcontext()
-    with followed(options, scenario), signals:
-        return simulate_streamed(
-            scenario, add, options.engine, checkpoint, names=names,
-            interrupted=interruption.__bool__, in_background=options.stream is None,
-            figures=len(names) > 1 and bool(options.kinds_of(scenario.system)),
-        )  # fmt: skip
+    with contextlib.ExitStack() as open_ones:
+        if options.stream is not None:
+            sinks.append(open_ones.enter_context(_standard_output(options.stream, scenario)))
+        open_ones.enter_context(followed(options, scenario))
+        # A reader of the stream may be slow or stopped: then a signal must end the wait at once.
+        if folder is not None:
+            open_ones.enter_context(upon_signals(interruption.note))
+            names = [table.file for table in system_named(scenario.system).tables()]
+            has_figures = bool(options.kinds_of(scenario.system))
+        try:
+            return simulate_streamed(
+                scenario, add, options.engine, checkpoint, names=names,
+                interrupted=interruption.__bool__, in_background=options.stream is None,
+                figures=has_figures,
+            ), ""  # fmt: skip
+        except TooQuiet as error:
+            refusal = f"vibro: {scenario.name}: {error}"
+            if folder is None or not error.streamed.summary_record()["collisions"]:
+                raise CommandError(refusal) from error
+            return error.streamed, refusal
 
 
 @contextlib.contextmanager

@@ -140,7 +140,8 @@ def perform(parse: Callable[[], Task], log_format: str) -> int:
         silence(sys.stdout)  # do not wait for a reader that no longer reads
         code: int = getattr(end, "exit_code", INTERRUPTED)
         how = EXIT_CODES[code].partition(" (")[0]
-        say(f"vibro: {how}; {_note_of(end)}", "error")
+        left = next(iter(getattr(end, "__notes__", ())), "finished results are kept")
+        say(f"vibro: {how}; {left}", "error")
         return code
     finally:
         drain_standard_output()
@@ -170,11 +171,6 @@ def leaving(text: str = NOTHING_WRITTEN) -> Iterator[None]:
         if end is not None:
             end.add_note(text)
         raise
-
-
-def _note_of(end: BaseException) -> str:
-    """Return the note of `leaving` on what is left on the disk, or the default text."""
-    return next(iter(getattr(end, "__notes__", ())), "finished results are kept")
 
 
 def check_no_folder(path: Path) -> None:
