@@ -40,7 +40,7 @@ from vibro_cli.grids.axes import Array
 from vibro_cli.grids.chunks import Chunks
 from vibro_cli.grids.document import Grid, load_grid
 from vibro_cli.grids.solving import impact_table_of
-from vibro_cli.grids.workers import expected_impacts, impact_density, solve_in_threads
+from vibro_cli.grids.workers import chunks_of, solve_in_threads
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.progress import WORK
 from vibro_cli.scenario.loading import any_scenario_of, scenario_of
@@ -64,8 +64,7 @@ def measure_grid(plan: Plan) -> list[Row]:
     jobs: list[tuple[Row, Job]] = []
     with _grid(_SIDE[plan.form]) as grid:
         for setting, one in ((ROWS, grid), (SUMMARIES, grid.without_collisions())):
-            expected = expected_impacts(one)
-            chunks = Chunks.of(one, expected, impact_density(one, expected, "compiled"))
+            chunks = chunks_of(one, None, "compiled")
             kernels, whole = _Kernels(one, chunks), _Whole(one, chunks)
             for method, job in ((KERNEL, Job(kernels.go)), (GRID, Job(whole.go, whole.ready))):
                 row = Row(GRID_PART, _SCENE, method, setting, size=chunks.points)
@@ -121,19 +120,16 @@ class _Kernels:
 
     def __init__(self, grid: Grid, chunks: Chunks) -> None:
         scenario = scenario_of(grid.base.data)
-        self._template = SystemTemplate(scenario, build_system(scenario))
-        self._work = [
-            (points, self._planned(grid, points))
-            for chunk in range(chunks.count)
-            for points in (np.arange(*stretch) for stretch in chunks.stretches(chunk))
-        ]
+        template = SystemTemplate(scenario, build_system(scenario))
+        self._work = []
+        for stretch in (one for n in range(chunks.count) for one in chunks.stretches(n)):
+            points = np.arange(*stretch)
+            values = grid.design.columns(points)
+            systems = template.systems(values, len(points))
+            task = Task.of(template.starts(values, systems), systems, points)
+            self._work.append((points, task))
         table = impact_table_of(grid) if grid.keep.collisions else None
-        self._solvers = [_Solver(self._template.system, table) for _ in range(available_cores())]
-
-    def _planned(self, grid: Grid, points: Array) -> Task:
-        values = grid.design.columns(points)
-        systems = self._template.systems(values, len(points))
-        return Task.of(self._template.starts(values, systems), systems, points)
+        self._solvers = [_Solver(template.system, table) for _ in range(available_cores())]
 
     def go(self) -> int:
         """Solve all points; return the number of impacts."""

@@ -129,11 +129,6 @@ class ReferenceOutdated(Failure):
     """Raised if a reference is missing or of another scene; the message says how to renew it."""
 
 
-def reference_file(scene: Scene) -> str:
-    """Return the name of the reference file of a scene."""
-    return f"{scene.name}.json"
-
-
 def reference_times(scene: Scene) -> list[str]:
     """Return the times (s) of the first impacts of a scene as decimals of ``DIGITS`` digits.
 
@@ -142,7 +137,7 @@ def reference_times(scene: Scene) -> list[str]:
     ReferenceOutdated
         If there is no reference of exactly this scene.
     """
-    path = files("vibro_cli.benchmark") / "references" / reference_file(scene)
+    path = files("vibro_cli.benchmark") / "references" / f"{scene.name}.json"
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:

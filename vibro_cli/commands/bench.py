@@ -133,7 +133,6 @@ def _renew(target: Path, names: Sequence[str]) -> int:
         SCENES,
         computed_reference,
         reference_difference,
-        reference_file,
     )
     from vibro_cli.storage.files import check_replaceable, json_bytes, write_folder
 
@@ -145,7 +144,7 @@ def _renew(target: Path, names: Sequence[str]) -> int:
             if names and scene.name not in names:
                 continue
             content = computed_reference(scene)
-            files[reference_file(scene)] = json_bytes(content)
+            files[f"{scene.name}.json"] = json_bytes(content)
             print_found(content, [f"{scene.name}: {reference_difference(scene, content)}"], False)
     except ModuleNotFoundError as error:
         raise CommandError(

@@ -173,13 +173,11 @@ def _estimate(options: GridCommand) -> int:
     """Print the estimated cost of the grid: the start, timed here, and the solving."""
     import time
 
-    from vibro_cli.grids.chunks import Chunks
-    from vibro_cli.grids.workers import estimate, expected_impacts, impact_density
+    from vibro_cli.grids.workers import chunks_of, estimate
 
     begin = time.perf_counter()
     found = load(options)
-    expected = expected_impacts(found)
-    chunks = Chunks.of(found, expected, impact_density(found, expected, options.engine))
+    chunks = chunks_of(found, None, options.engine)
     start = time.perf_counter() - begin
     one = estimate(found, options.engine, chunks.stretch)
     workers = _workers(options)
