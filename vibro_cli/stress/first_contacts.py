@@ -15,6 +15,8 @@ import math
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
+from functools import partial
+from itertools import count
 from operator import mul
 from typing import Any, NamedTuple
 
@@ -450,10 +452,9 @@ class Sample(NamedTuple):
 class Tally:
     """The results of many flights."""
 
-    flights: int = 0
     contacts: int = 0
     kinds: Counter[str] = field(default_factory=Counter)
-    """Numbers of flights: missed, invented, undecided or agreed."""
+    """Numbers of flights: missed, invented, undecided or agreed; their total is that of all."""
     displacement: float = 0.0
     """Greatest distance (relative to the largest radius) by which a contact is displaced."""
     wrong: Document | None = None
@@ -462,7 +463,6 @@ class Tally:
 
     def add(self, other: Tally) -> None:
         """Add the results of other flights."""
-        self.flights += other.flights
         self.contacts += other.contacts
         self.kinds += other.kinds
         if other.displacement >= self.displacement:
@@ -478,7 +478,7 @@ def compare(family: Family, states: States, keep: int) -> Tally:
     answers, states = answers[on_the_way], states.part(on_the_way)
     flights, bodies = for_judge(family, states, answers["horizon"])
     verdicts = judge_all(flights, bodies)
-    tally = Tally(flights=len(flights))
+    tally = Tally()
     size = max(family.sizes)
     for number, (answer, verdict) in enumerate(zip(answers, verdicts, strict=True)):
         kind, displacement = _classify(answer, verdict, size)
@@ -528,16 +528,11 @@ def _portion(seed: np.random.SeedSequence, kind: int, grazing: bool, keep: int) 
 def run_flights(seed: int, wanted: int, grazing: bool, keep: int) -> Tally:
     """Judge family after family, on two cores, until `wanted` flights are judged."""
     seeds = np.random.SeedSequence([seed, int(grazing)])
-    total, kind = Tally(), 0
+    total, kinds = Tally(), count()
+    portion = partial(_portion, grazing=grazing, keep=keep)
     with ThreadPoolExecutor(WORKERS) as workers:
-        while total.flights < wanted:
-            some = seeds.spawn(2 * WORKERS)
-            kinds = range(kind, kind + len(some))
-            kind += len(some)
-            parts = workers.map(
-                lambda one, number: _portion(one, number, grazing, keep), some, kinds
-            )
-            for part in parts:
+        while total.kinds.total() < wanted:
+            for part in workers.map(portion, seeds.spawn(2 * WORKERS), kinds):
                 total.add(part)
     return total
 
@@ -560,7 +555,7 @@ def check_contacts(plan: Plan) -> list[Finding]:
 def _findings_of(tally: Tally, name: str) -> list[Finding]:
     tried = f"{name}, {tally.contacts} with contact, judged by interval bounds"
     return [
-        Finding(quantity, tried, mark, cases=tally.flights, worst=worst, scenario=scenario)
+        Finding(quantity, tried, mark, cases=tally.kinds.total(), worst=worst, scenario=scenario)
         for quantity, mark, worst, scenario in (
             ("missed first contacts", 0.0, tally.kinds["missed"], tally.wrong),
             ("invented contacts", 0.0, tally.kinds["invented"], tally.wrong),

@@ -140,7 +140,10 @@ def _scenes(
         joint = bool(run.collisions["simultaneous"].any())
         if len(run.collisions["n"]) < FIRST or joint or "contact_closed" in kinds:
             continue
-        grown = _amplified(run)
+        try:
+            grown = amplification(run.system, lambda changed: columns(_solve(changed)))
+        except ArithmeticError:
+            continue
         if max(grown["t"]) > MOST_AMPLIFIED:
             continue
         found += 1
@@ -173,13 +176,6 @@ KINDS = ("ball", "disk", "hollow_ball", "hoop")
 
 def _solve(system: TraceSystem) -> Run:
     return simulate_system(system, LONGEST, FIRST, "python")
-
-
-def _amplified(run: Run) -> dict[str, list[float]]:
-    try:
-        return amplification(run.system, lambda changed: columns(_solve(changed)))
-    except ArithmeticError:
-        return {"t": [np.inf]}
 
 
 def _error(run: Run, grown: dict[str, list[float]], exact: list[Impact]) -> float:
@@ -286,12 +282,6 @@ def time_from_rest(w: Any, offset: Any, angle: Any) -> Any:
     return mp.elliprf((y * two / span) ** 2, (x * two / span) ** 2, (one * y / span) ** 2) / w
 
 
-def _start_off_crest(offset: float) -> Document:
-    """Return a ball at rest off the crest, and one at rest at the bottom of the right valley."""
-    balls = [ball(offset, arc=2), ball(0.0, arc=3)]
-    return scene(THREE_ARCS, balls, 1.0, collisions=1, time=1.0e6)
-
-
 def _exact(offset: float) -> tuple[Any, Any]:
     """Return the exact instants of the departure from the hump and of the first impact (s)."""
     junction = mp.mpf(5) / 18 * mp.pi
@@ -319,7 +309,9 @@ def _times(offsets: list[float]) -> list[Finding]:
         for name in ("departure", "the first impact")
     )
     for offset in offsets:
-        document = _start_off_crest(offset)
+        # The second ball is at rest at the bottom of the right valley.
+        balls = [ball(offset, arc=2), ball(0.0, arc=3)]
+        document = scene(THREE_ARCS, balls, 1.0, collisions=1, time=1.0e6)
         run = solve(document)
         exact = _exact(offset)
         crossings = run.events["t"][run.events["event"] == "crossing"]

@@ -349,10 +349,6 @@ def without_leading_zeros(series: Series) -> Series:
     return []
 
 
-def _derivative(series: Series) -> Series:
-    return [k * value for k, value in enumerate(series)][1:]
-
-
 def first_zero(series: Series, end: Whole) -> Whole | None:
     """Return the first zero up to ``end`` of a polynomial that is positive at 0, or None.
 
@@ -363,7 +359,7 @@ def first_zero(series: Series, end: Whole) -> Whole | None:
     """
     if series[0] <= 0:
         raise Undecided("a distance is not positive at the start of a step")
-    slope = _derivative(series)
+    slope = [k * value for k, value in enumerate(series)][1:]
     second = SLOPPY * float(sum(k * abs(value) for k, value in enumerate(slope)))
     stack = [(0, end)]
     negative = None  # a place where it is negative

@@ -167,17 +167,15 @@ class Oracle:
         end = until if u == rest else self.t + real(u) * step
         while waiting and waiting[0] <= end:
             share = whole((waiting.pop(0) - self.t) / step)
-            self.history.samples.append(self._sample(_states(groups, share)))
+            sample = [
+                (state, *Path(self.scene, ball, state.piece).centre(state.place))
+                for ball, state in enumerate(_states(groups, share))
+            ]
+            self.history.samples.append(sample)
         self.now.states = _states(groups, u)
         self.t = end
         if happening:
             self._happen(happening)
-
-    def _sample(self, states: Sequence[State]) -> list[tuple[State, Real, Real]]:
-        return [
-            (state, *Path(self.scene, ball, state.piece).centre(state.place))
-            for ball, state in enumerate(states)
-        ]
 
     # -- possible events of a step ------------------------------------------------------------
 

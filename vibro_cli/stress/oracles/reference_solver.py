@@ -143,10 +143,9 @@ class ReferenceSolver:
         self.scene = scene
         self.crossings = 0
         self.t = mp.zero
-        self._motions: list[tuple[int, Path, Real, Any]] = []
-        for ball, (piece, place, speed) in enumerate(scene.starts):
-            path = Path(scene, ball, piece)
-            self._motions.append((piece, path, mp.zero, self._motion(path, place, speed)))
+        self._motions: dict[int, tuple[int, Path, Real, Any]] = {}
+        for ball, start in enumerate(scene.starts):
+            self._begin(ball, *start)
 
     def _frequency(self, path: Path) -> Real:
         return mp.sqrt(self.scene.gravity / (path.body.kappa * path.rho))
@@ -209,8 +208,8 @@ class ReferenceSolver:
         path = Path(self.scene, ball, piece)
         self._motions[ball] = (piece, path, self.t, self._motion(path, place, speed))
 
-    def cross(self, ball: int, to_right: bool, guess: float) -> Real:
-        """Move a body across the end of its piece to the next one; return the instant."""
+    def cross(self, ball: int, to_right: bool, guess: float) -> None:
+        """Move a body across the end of its piece to the next one."""
         piece = self._motions[ball][0]
         shape = self.scene.pieces[piece]
         self.t = self._reach(ball, shape.high if to_right else shape.low, guess)
@@ -219,17 +218,15 @@ class ReferenceSolver:
         entered = self.scene.pieces[target]
         self._begin(ball, target, entered.low if to_right else entered.high, speed)
         self.crossings += 1
-        return self.t
 
-    def rebound(self, ball: int, guess: float) -> Real:
-        """Let a body rebound from the wall that it approaches; return the instant."""
+    def rebound(self, ball: int, guess: float) -> None:
+        """Let a body rebound from the wall that it approaches."""
         piece, path, *_ = self._motions[ball]
         right = self.at(ball, mp.mpf(guess)).speed > 0
         goal = path.at_wall(right)
         self.t = self._reach(ball, goal, guess)
         restitution: Real = self.scene.walls[1 if right else 0]
         self._begin(ball, piece, goal, -restitution * self.at(ball, self.t).speed)
-        return self.t
 
     def meet(self, a: int, b: int, guess: float) -> Real:
         """Return the instant at which two bodies touch."""
@@ -245,10 +242,6 @@ class ReferenceSolver:
             if abs(change) < ENOUGH * (1 + abs(t)):
                 return t
         raise ArithmeticError(f"bodies {a + 1}, {b + 1} do not touch near t = {guess}")
-
-    def _restitution(self, a: int, b: int) -> Real:
-        across_seam = abs(a - b) > 1
-        return self.scene.restitution[-1 if across_seam else min(a, b)]
 
     def hit(self, happening: SolverEvent) -> Impact:
         """Carry out an impact; one that is not `carried_out` leaves the motion unchanged."""
@@ -276,7 +269,8 @@ class ReferenceSolver:
         """
         one, two = self.scene.bodies[a], self.scene.bodies[b]
         va, vb = speeds
-        k = self._restitution(a, b)
+        across_seam = abs(a - b) > 1
+        k = self.scene.restitution[-1 if across_seam else min(a, b)]
         if law == "normal-impulse":
             ca, cb = along
             ma, mb = one.kappa * one.mass, two.kappa * two.mass
