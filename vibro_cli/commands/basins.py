@@ -60,6 +60,7 @@ class BasinsCommand:
         with leaving():
             from vibro_cli.analysis.basins import NoBasins
             from vibro_cli.figures.analyses import mapped_basins
+            from vibro_cli.interface import pictures
             from vibro_cli.storage.files import check_replaceable
             from vibro_cli.storage.folders import write_results
             from vibro_cli.storage.stored import open_grid
@@ -70,7 +71,10 @@ class BasinsCommand:
                 found = mapped_basins(stored, self.outcome)
             except NoBasins as error:
                 raise CommandError(f"vibro: {source}: no basins: {error}") from error
-            drawn = _drawn(found) if self.figures else {}
+            drawn = {}
+            if self.figures:
+                shown = {"basins": found.map("double"), "uncertainty": found.scaling("single")}
+                drawn = pictures({name: one for name, one in shown.items() if one is not None})
         record = record_of(found.basins, [one.path for one in found.shown.coordinates])
         write_results("basins", target, drawn, record=record)
         print_found(record, _lines(stored.name, found), self.as_json)
@@ -144,14 +148,6 @@ def _lines(name: str, mapped: Mapped) -> Iterator[str]:
         number = f"; from {len(found.distances)} distances"
         yield f"  uncertainty exponent    {found.exponent}{number}"
         yield f"  boundary dimension      {found.boundary_dimension:.4f}"
-
-
-def _drawn(found: Mapped) -> dict[str, bytes]:
-    """Return the files of the map and of the scaling, as far as they can be drawn."""
-    from vibro_cli.interface import pictures
-
-    drawn = {"basins": found.map("double"), "uncertainty": found.scaling("single")}
-    return pictures({name: figure for name, figure in drawn.items() if figure is not None})
 
 
 FORMS = (".png", ".pdf", ".svg")

@@ -132,15 +132,11 @@ def kind_of(path: KeyPath, root: Model = Scenario) -> kinds.Kind:
     if kind is not None:
         return kind
     if fields.field_at(path, root) is None:
-        raise _unknown(path, root)
+        if isinstance(path[-1], int) or fields.model_at(path[:-1], root) is None:
+            raise Fault(path, path_text(path), "a value of a scenario, such as balls[1].angle")
+        raise unknown_key(path, root)
     expected = "one value: a number, a word, true or false"
     raise Fault(path, f"{path_text(path)} as a whole", expected)
-
-
-def _unknown(path: KeyPath, root: Model) -> Fault:
-    if isinstance(path[-1], int) or fields.model_at(path[:-1], root) is None:
-        return Fault(path, path_text(path), "a value of a scenario, such as balls[1].angle")
-    return unknown_key(path, root)
 
 
 def type_of(kind: kinds.Kind) -> Any:

@@ -180,7 +180,7 @@ def grid_of(document: Document, folder: Path, overrides: Sequence[str] = ()) -> 
 
     Raises `ScenarioError` with all faults of the grid and their places.
     """
-    if _is_scenario(document.data):
+    if "balls" in document.data and not {"base", "scenario", "axes"} & set(document.data):
         place = document.source.place((next(iter(document.data)),), on_key=True)
         expected = "a grid: base (or scenario) and axes; vibro run solves a scenario"
         raise ScenarioError([Problem.at(place, "", "a scenario", expected)])
@@ -205,11 +205,6 @@ def _keys_of(document: Document) -> GridFile:
     if faults:
         raise ScenarioError(located(faults, document.source))
     return given
-
-
-def _is_scenario(data: dict[str, Any]) -> bool:
-    """Return whether data describe a scenario, without keys of a grid."""
-    return bool(data) and "balls" in data and not {"base", "scenario", "axes"} & set(data)
 
 
 def _base(

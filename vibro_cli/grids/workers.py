@@ -280,7 +280,11 @@ def solve_on_cluster(
     except (TimeoutError, OSError, ValueError) as error:
         raise ClusterError(f"no Dask scheduler at {address}: {_line(error)}") from error
     with client:
-        _wait_for_workers(client, address)
+        try:
+            client.wait_for_workers(1, timeout=_CONNECT)
+        except TimeoutError as error:
+            text = f"the Dask scheduler at {address} has had no worker for {_CONNECT}"
+            raise ClusterError(text) from error
         lost: dict[int, str] = {}
         for chunk, found in _solved(client, grid, chunks, wanted, folder, engine):
             if isinstance(found, Receipt):
@@ -303,14 +307,6 @@ def _silence() -> None:
     for name in list(logging.root.manager.loggerDict):
         if name.partition(".")[0] in ("distributed", "tornado", "asyncio"):
             logging.getLogger(name).setLevel(logging.CRITICAL + 1)
-
-
-def _wait_for_workers(client: Any, address: str) -> None:
-    try:
-        client.wait_for_workers(1, timeout=_CONNECT)
-    except TimeoutError as error:
-        text = f"the Dask scheduler at {address} has had no worker for {_CONNECT}"
-        raise ClusterError(text) from error
 
 
 def _solved(

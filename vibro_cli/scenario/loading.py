@@ -58,14 +58,6 @@ def parse(text: str) -> Override:
     return path_of(path), None if value in ("", "null") else parse_value(value)
 
 
-def given(path: str, value: Any) -> Override:
-    """Return the override of a path by a Python value: a number, string, list or dictionary.
-
-    Numbers and arrays of numpy are converted. Raises `Fault` if `path` is not a path.
-    """
-    return path_of(str(path)), plain(value)
-
-
 def path_of(text: str) -> KeyPath:
     """Return the parts of a path, counted from 0; raises `Fault` if the text is not a path."""
     try:
@@ -234,6 +226,10 @@ def any_scenario_of(
 def replaced(scenario: Changed, changes: Mapping[str, Any]) -> Changed:
     """Return a scenario with changed values, given by path; raises as :func:`any_scenario_of`."""
     source = scenario._source
+
+    def given(path: str, value: Any) -> Override:
+        return path_of(str(path)), plain(value)
+
     made = [
         (f"replace {shortened(f'{path}={value!r}')}", partial(given, path, value))
         for path, value in changes.items()
