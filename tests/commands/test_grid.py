@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shlex
+import shutil
 import time
 from collections.abc import Iterator
 from itertools import islice
@@ -345,6 +346,19 @@ def test_runs_are_verified_too(vibro: Vibro, scenario: Path) -> None:
         ("one", False), ("other", False), ("none", False)
     ]  # fmt: skip
     assert told.lines[2]["reason"] == "none: no such folder"
+
+
+def test_files_whose_folder_is_a_file_are_missing(vibro: Vibro, grid: Path) -> None:
+    for folder in ("one", "other"):
+        assert vibro("grid", grid, "-o", folder).code == 0
+    shutil.rmtree("one/summary")
+    Path("one/summary").touch()
+    told = vibro("verify", "one", "other", "--json")
+    assert told.code == 1
+    assert [line["sound"] for line in told.lines] == [False, True]
+    states = {found["file"]: found["state"] for found in told.lines[0]["findings"]}
+    parts = sorted(path.name for path in Path("other/summary").iterdir())
+    assert states == {"summary": "unknown"} | {f"summary/{part}": "missing" for part in parts}
 
 
 def test_what_was_asked_wrong_and_what_failed_have_exit_codes_of_their_own(

@@ -428,7 +428,7 @@ def check_files(folder: Path, described: Mapping[str, Mapping[str, Any]]) -> Ite
     for name, wanted in described.items():
         try:
             size = (folder / name).stat().st_size
-        except FileNotFoundError:
+        except (FileNotFoundError, NotADirectoryError):
             yield Finding(name, "missing", "no such file")
             continue
         if size != wanted["bytes"]:
