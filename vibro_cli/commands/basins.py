@@ -6,12 +6,18 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from vibro_cli.commands.shared.error_handling import DONE, CommandError, check_place, leaving
-from vibro_cli.commands.shared.options import beside, json_option, output_option, repeatable
+from vibro_cli.commands.shared.options import (
+    Width,
+    beside,
+    json_option,
+    output_option,
+    repeatable,
+)
 from vibro_cli.commands.shared.terminal import json_text, print_found, say
 from vibro_cli.errors import counted
 
@@ -191,10 +197,7 @@ class SectionCommand:
             help="File of the figure: .png, .pdf or .svg [default: DIR-section.png].",
         ),
     ] = None
-    width: Annotated[
-        Literal["single", "double"],
-        typer.Option(help="Width: one journal column (85 mm) or two (170 mm)."),
-    ] = "double"
+    width: Width = "double"
     as_json: Annotated[bool, json_option(help="Print the path of the file as JSON.")] = False
 
     def __post_init__(self) -> None:

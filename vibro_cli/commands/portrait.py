@@ -7,13 +7,14 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from vibro_cli.commands.shared.error_handling import DONE, CommandError, leaving
 from vibro_cli.commands.shared.options import (
     Overrides,
+    Width,
     json_option,
     output_option,
     scenario_argument,
@@ -230,10 +231,7 @@ class PortraitCommand:
             metavar="DIR", help="Folder for the results [default: outputs/<name>-portrait]."
         ),
     ] = None
-    width: Annotated[
-        Literal["single", "double"],
-        typer.Option(help="Width: one journal column (85 mm) or two (170 mm)."),
-    ] = "double"
+    width: Width = "double"
     figures: Annotated[bool, typer.Option("--figures/--no-figures", help="Draw the portraits.")] = (
         True
     )

@@ -135,6 +135,10 @@ Strict = Annotated[
         help="Exit with 3 if a run was inadmissible or invalid.",
     ),
 ]
+Width = Annotated[
+    Literal["single", "double"],
+    typer.Option(help="Width: one journal column (85 mm) or two (170 mm)."),
+]
 FailFast = Annotated[
     bool,
     typer.Option("--fail-fast", help="Stop at the first scenario that is invalid or fails."),
