@@ -190,7 +190,10 @@ def open_run(folder: Path) -> StoredRun:
     program or has changed since, and `OSError` if a file is missing or cannot be read.
     """
     earlier = read_earlier_run(folder)
-    _check_tables(folder, earlier.manifest)
+    described = earlier.manifest["files"].items()
+    tables = {n: wanted for n, wanted in described if n.endswith((".parquet", ".json"))}
+    for damage in check_files(folder, tables):
+        raise NotContinuable(f"{folder}/{damage}")
     summary = json.loads((folder / "summary.json").read_bytes())
     scenario = load_stored(earlier.scenario)
     run = StoredRun(folder, scenario, earlier.manifest, summary, earlier.checkpoint)
@@ -248,14 +251,6 @@ class StoredColumns(Mapping[str, Column]):
 
     def __len__(self) -> int:
         return len(self.schema.names)
-
-
-def _check_tables(folder: Path, manifest: Mapping[str, Any]) -> None:
-    """Raise `NotContinuable` if a table or the summary is missing or has changed."""
-    described = manifest["files"].items()
-    tables = {n: wanted for n, wanted in described if n.endswith((".parquet", ".json"))}
-    for damage in check_files(folder, tables):
-        raise NotContinuable(f"{folder}/{damage}")
 
 
 class NotAGrid(VibroError):

@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from copy import deepcopy
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -331,14 +331,16 @@ def motion_at(run: Run, times: Floats) -> Floats:
 
 def changed_documents(document: Document) -> Iterator[Document]:
     """Yield the document with each of its numbers slightly changed, one at a time."""
-    places: list[tuple[tuple[Any, ...], str]] = [((), "gravity")]
-    for number in range(len(document["balls"])):
-        places += [(("balls", number), key) for key in ("radius", "mass", "angle", "position")]
-        places.append((("balls", number), "speed"))
-    for number in range(len(document["trace"]["arcs"])):
-        for key in ("radius", "length", "end_slope"):
-            places.append((("trace", "arcs", number), key))
-    for way, key in (*places, (("trace",), "start_slope"), (("collision",), "k")):
+    of_balls = ("radius", "mass", "angle", "position", "speed")
+    of_arcs = ("radius", "length", "end_slope")
+    places: list[tuple[Any, ...]] = [
+        ("gravity",),
+        *product(["balls"], range(len(document["balls"])), of_balls),
+        *product(["trace"], ["arcs"], range(len(document["trace"]["arcs"])), of_arcs),
+        ("trace", "start_slope"),
+        ("collision", "k"),
+    ]
+    for *way, key in places:
         changed = deepcopy(document)
         holder: Any = changed
         for step in way:

@@ -20,7 +20,7 @@ from vibro_cli.storage.tables import parquet_bytes, to_arrow
 from vibro_cli.stress.scenes import Finding, Plan
 from vibro_cli.systems import NAMES as SYSTEMS
 from vibro_cli.systems import system_named
-from vibro_cli.systems.columns import Column, Table
+from vibro_cli.systems.columns import Table, count, flag, number, word
 
 # Module of the function ``check_NAME`` of each check, the quick checks first. The check of a system
 # is ``check`` in the module ``stress`` of the system's folder, if there is one.
@@ -95,20 +95,14 @@ TABLE = Table(
     "stress",
     "one quantity on one set of cases",
     (
-        Column("check", "string", "", "name of the check (--only)"),
-        Column("quantity", "string", "", "what is measured, with its unit"),
-        Column("tried", "string", "", "what it was measured on"),
-        Column("cases", "int64", "", "number of cases"),
-        Column("worst", "float64", "", "the greatest value found"),
-        Column(
-            "mark",
-            "float64",
-            "",
-            "greatest value allowed (null: the worst value is only reported)",
-            True,
-        ),
-        Column("met", "bool", "", "whether the mark is met"),
-        Column("scenario", "string", "", "file of the scenario of the worst case", True),
+        word("check", "name of the check (--only)"),
+        word("quantity", "what is measured, with its unit"),
+        word("tried", "what it was measured on"),
+        count("cases", "number of cases"),
+        number("worst", "", "the greatest value found"),
+        number("mark", "", "greatest value allowed (null: the worst value is only reported)", True),
+        flag("met", "whether the mark is met"),
+        word("scenario", "file of the scenario of the worst case", nullable=True),
     ),
 )
 
@@ -137,8 +131,8 @@ def write(findings: Sequence[Finding], plan: Plan, target: Path) -> None:
     it cannot be written.
     """
     names = [
-        f"{finding.check}_{number}.json" if finding.scenario is not None else None
-        for number, finding in enumerate(findings, 1)
+        f"{finding.check}_{row}.json" if finding.scenario is not None else None
+        for row, finding in enumerate(findings, 1)
     ]
     records = [
         asdict(finding) | {"met": finding.met, "scenario": name}

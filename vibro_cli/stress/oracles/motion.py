@@ -130,13 +130,15 @@ class Group:
             self._begin(path, state) for path, state in zip(self.paths, self.states, strict=True)
         ]
         constants = [self._constants(path, h) for path in self.paths]
-        contacts = [_Contact(self, one) for one in self.constraints]
-        inverse = _inverse(self, contacts)
+        contacts = [] if self.still else [_Contact(self, one) for one in self.constraints]
+        inverse: list[list[Whole]] = []
         for k in range(order):
             for course, constant in zip(self.courses, constants, strict=True):
                 _force_free(course, constant, k, self.still)
-            if contacts and not self.still:
-                _add_forces(self, contacts, inverse, k)
+            if contacts:
+                balances = [one.extend(k) for one in contacts]
+                inverse = inverse or _inverse(self, contacts)
+                _add_forces(self, contacts, inverse, balances, k)
             for course, constant in zip(self.courses, constants, strict=True):
                 _advance(course, constant, k)
 
@@ -254,17 +256,7 @@ class _Contact:
 
 def _inverse(group: Group, contacts: list[_Contact]) -> list[list[Whole]]:
     """Return the inverse of the matrix from forces to accelerations of the distances."""
-    if not contacts or group.still:
-        return []
-    normals = []
-    for one in contacts:
-        pair = [group.courses[one.a], group.courses[one.b]]
-        dx, dy = (
-            scaled(after[0] - before[0], one.inverse_distance)
-            for before, after in ((pair[0].x, pair[1].x), (pair[0].y, pair[1].y))
-        )
-        along = [scaled(dx, course.c[0]) + scaled(dy, course.s[0]) for course in pair]
-        normals.append({one.a: -real(along[0]), one.b: real(along[1])})
+    normals = [{one.a: -real(one.along[0][0]), one.b: real(one.along[1][0])} for one in contacts]
     mobility = [1 / (path.body.kappa * path.body.mass) for path in group.paths]
     size = len(contacts)
     matrix = mp.matrix(size, size)
@@ -277,12 +269,17 @@ def _inverse(group: Group, contacts: list[_Contact]) -> list[list[Whole]]:
     return [[whole(solution[row, column]) for column in range(size)] for row in range(size)]
 
 
-def _add_forces(group: Group, contacts: list[_Contact], inverse: list[list[Whole]], k: int) -> None:
+def _add_forces(
+    group: Group,
+    contacts: list[_Contact],
+    inverse: list[list[Whole]],
+    balances: list[Whole],
+    k: int,
+) -> None:
     """Append coefficient k of the contact forces, and add their part of ``v'``.
 
     The known parts of order k are added first, with the forces' coefficient k set to zero.
     """
-    balances = [one.extend(k) for one in contacts]
     for one, force in zip(contacts, group.forces, strict=True):
         force.append(0)
         for side, sign in ((0, -1), (1, 1)):
