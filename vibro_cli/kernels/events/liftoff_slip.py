@@ -50,7 +50,7 @@ class Span:
     row: int  # of the log
     duration: float  # s
     ended: int  # 0: the flight continues
-    told: Series  # passages of each kind found by earlier searches
+    found: Series  # number of passages of each kind that earlier searches found
     begun: int  # 1: its start was examined by one of them
     lift_start: int  # 1: the normal force is negative at the start
     lift_end: int  # and at the end
@@ -222,7 +222,7 @@ def _add(search: Search, count: int, kind: int) -> bool:
     """
     now = search.progress[0]
     span = search.spans[now.span]
-    before = span.told[kind]
+    before = span.found[kind]
     found = 0
     while count > 0:
         least = 0
@@ -247,7 +247,7 @@ def _add(search: Search, count: int, kind: int) -> bool:
         row.after = after
         row.s, row.c, row.p = flow(search.flights[0], after)
         now.filled += 1
-        span.told[kind] += 1.0
+        span.found[kind] += 1.0
     return True
 
 

@@ -50,10 +50,10 @@ from vibro_cli.kernels.tangent.frame import (
     change_force,
     orthogonalise,
     spoil,
-    tell_event,
-    tell_growth,
-    tell_nothing,
-    tell_smooth,
+    store_amplification,
+    store_growth,
+    store_no_impact,
+    store_smooth,
 )
 from vibro_cli.kernels.world import RUNNING
 
@@ -197,17 +197,17 @@ def follow_bodies(
     if known == 0:
         begin_frame(tangents)
     impact = 0
-    told = 0
+    first = 0
     for row in range(0, clock.state_rows, len(world.bodies)):
         if world.states[row].t != clock.t or world.states[row].t_low != clock.t_low:
-            told = _tell(tangents, told, impact)
+            first = _end_instant(tangents, first, impact)
         count = world.states[row].event - clock.collisions
         clock.collisions = world.states[row].event
         _happen(world, tangents, row, impact, count)
         impact += count
     for number in range(impact, clock.impact_rows):
-        tell_nothing(tangents, number)
-    _tell(tangents, told, clock.impact_rows)
+        store_no_impact(tangents, number)
+    _end_instant(tangents, first, clock.impact_rows)
     if cause != RUNNING:
         _carry(world, tangents, end_t, end_t_low)
         orthogonalise(tangents)
@@ -215,14 +215,14 @@ def follow_bodies(
 
 
 @kernel
-def _tell(tangents: Tangents, told: int, impact: int) -> int:
+def _end_instant(tangents: Tangents, first: int, impact: int) -> int:
     """Fill in the growth at the impacts of an instant that is over; return the next impact.
 
     This orthogonalises the frame, which must not happen sooner: all delays of one instant refer to
     the same vectors.
     """
-    if impact > told:
-        tell_event(tangents, told, impact - told)
+    if impact > first:
+        store_growth(tangents, first, impact - first)
     return impact
 
 
@@ -249,7 +249,7 @@ def _happen(world: World, tangents: Tangents, row: int, impact: int, count: int)
         spoil(tangents, world.impacts, impact, world.clock[0].t, world.clock[0].t_low)
     for number in range(impact, impact + count):
         pair = world.impacts[number].pair
-        tell_growth(tangents, number, pair, pair + 1, NUMBERS)
+        store_amplification(tangents, number, pair, pair + 1, NUMBERS)
 
 
 @kernel
@@ -263,7 +263,7 @@ def _judge(world: World, tangents: Tangents, impact: int, count: int, closed: bo
         fine = fine and lawful and world.pairs[row.pair].restitution == 0.0
     if row.simultaneous == 1:
         spoil(tangents, world.impacts, impact, row.t, row.t_low)
-    tell_smooth(tangents, impact, count, fine)
+    store_smooth(tangents, impact, count, fine)
     tangents.state[0].rough = 0
 
 

@@ -25,10 +25,10 @@ from vibro_cli.kernels.tangent.frame import (
     Tangents,
     begin_frame,
     orthogonalise,
-    tell_event,
-    tell_growth,
-    tell_nothing,
-    tell_smooth,
+    store_amplification,
+    store_growth,
+    store_no_impact,
+    store_smooth,
 )
 from vibro_cli.kernels.world import RUNNING
 
@@ -133,9 +133,9 @@ def _rebound(world: World, tangents: Tangents, bounce: int, impact: int) -> None
         tangents.state[0].lost = 1
     if closing > 0.0:
         _reflect(world, tangents, row, closing)
-    tell_event(tangents, impact, 1)
-    tell_smooth(tangents, impact, 1, closing > 0.0)
-    tell_growth(tangents, impact, row.ball, row.ball, NUMBERS)
+    store_growth(tangents, impact, 1)
+    store_smooth(tangents, impact, 1, closing > 0.0)
+    store_amplification(tangents, impact, row.ball, row.ball, NUMBERS)
 
 
 @kernel
@@ -177,14 +177,14 @@ def _meet(world: World, tangents: Tangents, first: int, count: int, impact: int)
             _arrive(world, tangents, row.b, row.t, row.t_low, impact)
     if fine:
         _strike(world, tangents, first, count)
-    tell_event(tangents, impact, count)
-    tell_smooth(tangents, impact, count, fine)
+    store_growth(tangents, impact, count)
+    store_smooth(tangents, impact, count, fine)
     for number in range(count):
         row = world.pair_log[first + number]
         if row.admissible == 0 and row.substituted == 0:
-            tell_nothing(tangents, impact + number)
+            store_no_impact(tangents, impact + number)
         else:
-            tell_growth(tangents, impact + number, row.a, row.b, NUMBERS)
+            store_amplification(tangents, impact + number, row.a, row.b, NUMBERS)
 
 
 @kernel

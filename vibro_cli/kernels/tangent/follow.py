@@ -47,10 +47,10 @@ from vibro_cli.kernels.tangent.frame import (
     orthogonalise,
     scaled_back,
     spoil,
-    tell_event,
-    tell_growth,
-    tell_nothing,
-    tell_smooth,
+    store_amplification,
+    store_growth,
+    store_no_impact,
+    store_smooth,
 )
 from vibro_cli.kernels.world import (
     COLLISION,
@@ -285,7 +285,7 @@ def follow_tangents(
         impact = _happen(world, tangents, row, count, impact, scratch)
         row += count
     for number in range(impact, world.clock[0].impact_rows):
-        tell_nothing(tangents, number)
+        store_no_impact(tangents, number)
     if cause != RUNNING:
         for ball in range(world.settings[0].bodies):
             _carry(world, tangents, ball, end_t, end_t_low, scratch)
@@ -358,7 +358,7 @@ def _happen(
             _change_force(world, tangents, first + step, scratch[0])
     _constrain(world, tangents, first, count)
     if impact > begin:
-        _tell(world, tangents, begin, impact)
+        _store_derivatives(world, tangents, begin, impact)
     return impact
 
 
@@ -667,7 +667,7 @@ def _ratio(world: World, tangents: Tangents, b: int) -> float:
 
 
 @kernel
-def _tell(world: World, tangents: Tangents, begin: int, end: int) -> None:
+def _store_derivatives(world: World, tangents: Tangents, begin: int, end: int) -> None:
     """Fill in the derivatives of time, the growth and the smoothness at the impacts of an event."""
     if len(tangents.times) > begin:
         for column in range(len(tangents.frame)):
@@ -675,12 +675,12 @@ def _tell(world: World, tangents: Tangents, begin: int, end: int) -> None:
                 ball = world.impacts[impact].a
                 value = from_start(tangents, tangents.delay, ball, column)
                 tangents.times[impact, column] = scaled_back(tangents, value)
-    tell_event(tangents, begin, end - begin)
+    store_growth(tangents, begin, end - begin)
     for impact in range(begin, end):
         row = world.impacts[impact]
-        tell_growth(tangents, impact, row.a, row.b, 2)
+        store_amplification(tangents, impact, row.a, row.b, 2)
         fine = end == begin + 1 and row.simultaneous == 0 and row.contact == 0
-        tell_smooth(tangents, impact, 1, fine)
+        store_smooth(tangents, impact, 1, fine)
         if row.simultaneous == 1:
             spoil(tangents, world.impacts, impact, row.t, row.t_low)
     tangents.state[0].rough = 0

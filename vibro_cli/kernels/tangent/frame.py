@@ -210,39 +210,39 @@ def from_start(tangents: Tangents, rows: FloatMatrix, row: int, column: int) -> 
 
 
 @kernel
-def tell_event(tangents: Tangents, impact: int, count: int) -> None:
+def store_growth(tangents: Tangents, impact: int, count: int) -> None:
     """Make the frame orthonormal after an event, and fill in the growth at its impacts."""
     orthogonalise(tangents)
     for number in range(impact, impact + count):
-        _tell_sums(tangents, number)
+        _store_sums(tangents, number)
 
 
 @kernel
-def _tell_sums(tangents: Tangents, impact: int) -> None:
+def _store_sums(tangents: Tangents, impact: int) -> None:
     for column in range(len(tangents.frame)):
         tangents.growth[impact, column] = tangents.sums[0, column]
 
 
 @kernel
-def tell_smooth(tangents: Tangents, impact: int, count: int, fine: bool) -> None:
+def store_smooth(tangents: Tangents, impact: int, count: int, fine: bool) -> None:
     """Fill in whether the motion is differentiable at the impacts of an event."""
     for number in range(impact, impact + count):
         tangents.smooth[0, number] = 1 if fine and tangents.state[0].rough == 0 else 0
 
 
 @kernel
-def tell_growth(tangents: Tangents, impact: int, a: int, b: int, numbers: int) -> None:
+def store_amplification(tangents: Tangents, impact: int, a: int, b: int, numbers: int) -> None:
     """Fill in the amplification at an impact of two bodies, or of a single body (``a == b``)."""
     if len(tangents.product) > 0:
         tangents.amplification[0, impact] = growth_of_pair(tangents, a, b, numbers)
 
 
 @kernel
-def tell_nothing(tangents: Tangents, impact: int) -> None:
+def store_no_impact(tangents: Tangents, impact: int) -> None:
     """Fill in the results at an impact that was not carried out: no amplification, not smooth."""
     tangents.amplification[0, impact] = math.nan
     tangents.smooth[0, impact] = 0
-    _tell_sums(tangents, impact)
+    _store_sums(tangents, impact)
 
 
 @kernel

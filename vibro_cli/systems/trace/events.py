@@ -42,7 +42,7 @@ ROW = np.dtype(
 """Row of the table; a ball or arc of 0 and a value of nan stand for null."""
 OPEN = np.dtype(
     [
-        ("told", dtype(Span)["told"]),
+        ("found", dtype(Span)["found"]),
         *((name, np.int64) for name in ("begun", "lift_end", "slip_end")),
     ]
 )
@@ -133,7 +133,7 @@ class Events:
         spans["row"], spans["duration"] = paths.number, paths.duration
         spans["ended"] = np.where(paths.last, ended, 1)
         before = np.flatnonzero(paths.number < paths.stretch.known)
-        for name in ("told", "begun"):
+        for name in ("found", "begun"):
             spans[name][before] = self._open[name][paths.body[before]]
         return spans
 
@@ -164,7 +164,7 @@ class Events:
         for name in ("lift_end", "slip_end"):
             self._open[name][paths.body[over]] = spans[name][over]
         last = np.flatnonzero(paths.last)
-        self._open["told"][paths.body[last]] = spans["told"][last]
+        self._open["found"][paths.body[last]] = spans["found"][last]
         self._open["begun"][paths.body[last]] = counted[last]
 
 
