@@ -205,3 +205,34 @@ def test_the_last_point_of_a_grid_is_tried(vibro: Vibro, grid: Path) -> None:
     )
     found = "the last point is invalid: collision.k: found 1.5, expected a number from 0 to 1"
     assert vibro("check", grid).text.splitlines()[-1] == f"  warning: {found}"
+
+
+@pytest.mark.parametrize(
+    ("stop", "axis", "hinted"),
+    [
+        ("collisions = 1000", "path = 'collision.k'\nlinspace = [0.7, 1.0, 4]", True),
+        ("collisions = 1000", "path = 'collision.k'\nvalues = [1.0]", False),
+        ("collisions = 1000", "path = 'collision.k[1]'\nvalues = [0.5]", True),
+        ("collisions = 1000\ntime = 60", "path = 'collision.k'\nvalues = [0.9]", False),
+        ("collisions = 1000", "path = 'stop.time'\nvalues = [9.0]", False),
+        ("collisions = 3", "path = 'gravity'\nvalues = [9.0]", False),
+        ("collisions = 3", "path = 'stop.collisions'\nvalues = [9, 900]", True),
+        ("time = 60", "path = 'gravity'\nvalues = [9.0]", False),
+        ("collisions = 1000", "path = 'gravity'\nvalues = [9.0]", True),
+    ],
+)
+def test_a_grid_whose_impacts_may_die_out_before_its_stop_is_told_of(
+    vibro: Vibro, tmp_path: Path, stop: str, axis: str, hinted: bool
+) -> None:
+    """Each such point is solved for two million flights after its last impact, and then fails."""
+    (tmp_path / "small.toml").write_text(SCENARIO.replace("collisions = 3", stop))
+    grid = tmp_path / "sweep.toml"
+    grid.write_text(f"base = 'small.toml'\n[[axes]]\n{axis}\n")
+    hint = (
+        "without stop.time, points whose impacts die out (k < 1) are solved far beyond their last "
+        "impact, and may fail: set stop.time, not far beyond the last impact"
+    )
+    outcome = vibro("check", grid)
+    assert (outcome.code, outcome.err) == (0, "")
+    assert (outcome.text.splitlines()[-1] == f"  hint: {hint}") == hinted
+    assert vibro("check", grid, "--json").lines[0]["hint"] == (hint if hinted else None)

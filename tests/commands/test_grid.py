@@ -369,3 +369,15 @@ def test_what_was_asked_wrong_and_what_failed_have_exit_codes_of_their_own(
     assert vibro("grid", grid, "--shard", "1/2", "-o", "parts").code == 0
     unfinished = vibro("grid", grid, "--merge", "-o", "parts")
     assert (unfinished.code, "expected all shards to be finished" in unfinished.err) == (1, True)
+
+
+def test_a_grid_without_a_stop_by_time_gives_a_hint_before_it_is_solved(
+    vibro: Vibro, grid: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(*_: Any) -> None:
+        raise Terminated(15)
+
+    monkeypatch.setattr(workers, "solve_in_threads", interrupted)
+    first = vibro("grid", grid, "--set", "stop.collisions=1000").err.splitlines()[0]
+    assert first.startswith("sweep: hint: without stop.time, points whose impacts die out (k < 1) ")
+    assert "hint" not in vibro("grid", grid, "-o", "other").err

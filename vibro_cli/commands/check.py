@@ -72,6 +72,7 @@ def _understood(
 
 def understood_grid(grid: "Grid") -> dict[str, Any]:
     """Return the interpretation of a grid as plain values; validate its first and last points."""
+    from vibro_cli.grids.document import NO_END, may_lack_an_end
     from vibro_cli.scenario.problems import path_text
 
     axes = [
@@ -91,6 +92,7 @@ def understood_grid(grid: "Grid") -> dict[str, Any]:
         "axes": axes,
         "first_point": _point(grid, 0),
         "last_point": _point(grid, grid.design.points - 1),
+        "hint": NO_END if may_lack_an_end(grid) else None,
     }
 
 
@@ -138,6 +140,8 @@ def lines_of_grid(found: dict[str, Any]) -> Iterator[str]:
     for which in ("first", "last"):
         if found[f"{which}_point"] is not None:
             yield f"  warning: the {which} point is invalid: {found[f'{which}_point']}"
+    if found["hint"] is not None:
+        yield f"  hint: {found['hint']}"
 
 
 def _shown(value: Any) -> str:

@@ -177,6 +177,7 @@ def _estimate(options: GridCommand) -> int:
 
     begin = time.perf_counter()
     found = load(options)
+    _hint_at_stop(found)
     chunks = chunks_of(found, None, options.engine)
     start = time.perf_counter() - begin
     one = estimate(found, options.engine, chunks.stretch)
@@ -197,6 +198,14 @@ def _estimate(options: GridCommand) -> int:
         print(json_text(record))
     _print_estimate(record, chunks.sizes)
     return DONE
+
+
+def _hint_at_stop(grid: "Grid") -> None:
+    """Say, before points are solved, if some may lack a stop after their last impact."""
+    from vibro_cli.grids.document import NO_END, may_lack_an_end
+
+    if may_lack_an_end(grid):
+        say(f"{grid.name}: hint: {NO_END}")
 
 
 def _print_estimate(record: dict[str, Any], sizes: list[int]) -> None:
@@ -309,6 +318,8 @@ def _solve(options: GridCommand, dataset: "Dataset", workers: int) -> None:
             f"{dataset.grid.name}: the folder is already complete; nothing to solve "
             f"({check} checks its files)"
         )
+    else:
+        _hint_at_stop(dataset.grid)
     if 0 < len(missing) < len(dataset.wanted):
         done = len(dataset.wanted) - len(missing)
         say(f"vibro: continuing after {done:,} of {len(dataset.wanted):,} chunks")

@@ -143,6 +143,23 @@ class Grid:
         """Names of the tables of impacts to keep."""
         return system_named(self.system).impact_tables if self.keep.collisions else ()
 
+    @property
+    def varied(self) -> set[KeyPath]:
+        """Paths of the values that the axes change."""
+        return {path for axis in self.design.axes for path in axis.paths}
+
+    def numbers(self, path: KeyPath) -> Iterator[float]:
+        """Yield the numbers at a path, or in the list there: of the axes, else of the base."""
+        table, key = path
+        given = section(self.base.data, str(table)).get(str(key))
+        for one in given if isinstance(given, list) else [given]:
+            if path not in self.varied and isinstance(one, int | float):
+                yield one
+        for axis in self.design.axes:
+            for i, changed in enumerate(axis.paths):
+                if changed[: len(path)] == path:
+                    yield from axis.interval or axis.at(slice(None))[i].tolist()
+
     def resolved(self) -> dict[str, Any]:
         """Return the grid as plain data; equal data give equal tables."""
         columns = None if self.keep.columns is None else list(self.keep.columns)
@@ -161,6 +178,29 @@ class Grid:
     def without_collisions(self) -> Grid:
         """Return the same grid with summaries only."""
         return replace(self, keep=Keep())
+
+
+NO_END = (
+    "without stop.time, points whose impacts die out (k < 1) are solved far beyond their last "
+    "impact, and may fail: set stop.time, not far beyond the last impact"
+)
+
+
+# Bodies that take fewer impacts usually still collide: no hint then.
+_MANY = 100
+
+
+def may_lack_an_end(grid: Grid) -> bool:
+    """Return whether the impacts of some points may die out before their only stop, by impacts.
+
+    Only the values of the base and the axes are read; no point is built.
+    """
+    stop, k = ("stop", "collisions"), ("collision", "k")
+    if ("stop", "time") in grid.varied or "time" in section(grid.base.data, "stop"):
+        return False
+    return any(most >= _MANY for most in grid.numbers(stop)) and any(
+        value < 1.0 for value in grid.numbers(k)
+    )
 
 
 def load_grid(source: str | Path, overrides: Sequence[str] = ()) -> Grid:
