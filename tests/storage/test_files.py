@@ -180,16 +180,39 @@ def test_a_failure_leaves_the_old_folder_and_nothing_else(
     assert entries(tmp_path) == ["run"]
 
 
-def test_a_folder_refused_at_the_end_is_left_as_it_is(tmp_path: Path) -> None:
+def test_a_folder_refused_at_the_end_is_left_as_it_is_and_the_new_one_kept(tmp_path: Path) -> None:
     def check(folder: Path) -> None:
         if folder.exists():
-            raise FolderRefused(str(folder))
+            raise FolderRefused(str(folder), "(move it)")
 
-    with pytest.raises(FolderRefused), new_folder(tmp_path / "run", check) as folder:
-        folder.write("new", b"")
-        (tmp_path / "run").mkdir()
-        (tmp_path / "run" / "foreign").touch()
-    assert entries(tmp_path / "run") == ["foreign"]
+    for kept in ("run-2", "run-3"):
+        with pytest.raises(FolderRefused) as refused, new_folder(tmp_path / "run", check) as folder:
+            folder.write("new", b"")
+            (tmp_path / "run").mkdir()
+            (tmp_path / "run" / "foreign").touch()
+        assert refused.value.lines == [
+            str(tmp_path / "run"), "(move it)", f"the new results are kept in {tmp_path / kept}"
+        ]  # fmt: skip
+        assert entries(tmp_path / "run") == ["foreign"]
+        assert entries(tmp_path / kept) == ["new"]
+        (tmp_path / "run" / "foreign").unlink()
+        (tmp_path / "run").rmdir()
+    assert entries(tmp_path) == ["run-2", "run-3"]
+
+
+@pytest.mark.parametrize("exchange", [True, False], ids=["one-step", "two-renames"])
+def test_a_process_stays_in_the_folder_that_it_replaces(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, exchange: bool
+) -> None:
+    if not exchange:
+        monkeypatch.setattr(files, "_exchange", lambda one, other: False)
+    (tmp_path / "run").mkdir()
+    monkeypatch.chdir(tmp_path / "run")
+    for name in ("first", "second"):
+        with new_folder(Path(), allow) as folder:
+            folder.write(name, b"")
+        assert os.getcwd() == str(tmp_path / "run")
+        assert entries(Path()) == [name]
     assert entries(tmp_path) == ["run"]
 
 

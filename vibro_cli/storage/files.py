@@ -16,6 +16,7 @@ import errno
 import fcntl
 import glob
 import hashlib
+import itertools
 import json
 import os
 import platform
@@ -176,8 +177,10 @@ def new_folder(
     """Create a folder atomically: the block fills it, then it replaces `target`.
 
     `check(target)` raises if an existing `target` must not be replaced; it is called again at the
-    end. If the block or the replacement fails, `target` is unchanged and nothing is left behind. A
-    killed process leaves its unfinished folder (see :func:`abandoned_parts`), which the next call
+    end. If it raises `FolderRefused` then, the finished folder is kept under another name, which
+    the error tells. If the block or the replacement fails, `target` is unchanged and nothing is
+    left behind. A process whose working directory is `target` is in the new folder then. A killed
+    process leaves its unfinished folder (see :func:`abandoned_parts`), which the next call
     removes after writing the files of `first`, names and contents.
     """
     shown, target = target, Path(os.path.realpath(target))
@@ -194,7 +197,12 @@ def new_folder(
         yield made
         with _errors_name(shown):
             flush_folder(partial)
-        check(target)
+        try:
+            check(target)
+        except FolderRefused as error:  # filled by another process in the meantime
+            kept = _free_name(target)
+            os.rename(partial, kept)
+            raise FolderRefused(*error.lines, f"the new results are kept in {kept}") from error
         with _errors_name(shown):
             _put_in_place(partial, target)
     finally:
@@ -255,11 +263,21 @@ def _put_in_place(partial: Path, target: Path) -> None:
     """Rename a finished folder to `target`; an old folder there is moved to `partial`."""
     if not target.exists():
         os.rename(partial, target)
-    elif not _exchange(partial, target):
+        return
+    is_working_directory = target.samefile(".")
+    if not _exchange(partial, target):
         aside = target.with_name(f".{target.name}.partial-{secrets.token_hex(6)}")
         os.rename(target, aside)
         os.rename(partial, target)
         os.rename(aside, partial)
+    if is_working_directory:  # the process would be left in the old folder, which is removed
+        os.chdir(target)
+
+
+def _free_name(target: Path) -> Path:
+    """Return the first path beside `target` that does not exist: `run-2`, `run-3`, …"""
+    paths = (target.with_name(f"{target.name}-{number}") for number in itertools.count(2))
+    return next(path for path in paths if not path.exists())
 
 
 def _exchange(one: Path, other: Path) -> bool:
