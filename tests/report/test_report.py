@@ -123,6 +123,24 @@ def test_every_kind_of_figure_is_there(page: Page) -> None:
         assert int(image.attributes["width"]) > 300
 
 
+def test_letters_are_as_large_in_every_figure(tmp_path: Path) -> None:
+    """A plan of velocities of one impact is half as wide as the others, and is shown so."""
+    one = stored(tmp_path / "one", "horizontal_line_2_3")
+    images = Page(report_html([one], tmp_path)).all("img")
+    style = (files("vibro_cli.report") / "templates/report.css").read_text(encoding="utf-8")
+    wide, half = (
+        float(re.findall(rf"figure img{form} {{[^}}]*\bwidth: ([\d.]+)rem", style)[0])
+        for form in ("", r"\.half")
+    )
+    scales = [
+        (half if image.attributes.get("class") == "half" else wide)
+        / float(image.attributes["width"])
+        for image in images
+    ]
+    assert len({round(int(image.attributes["width"])) for image in images}) == 2
+    assert max(scales) < 1.01 * min(scales)
+
+
 def test_the_table_has_the_first_impacts_with_units(run: StoredRun, page: Page) -> None:
     heads = [head.text for head in page.all("button")]
     assert heads[:3] == ["n", "t [s]", "dt [s]"]

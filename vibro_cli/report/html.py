@@ -54,6 +54,8 @@ def shown(title: str, caption: str, name: str, wide: Figure, narrow: Figure) -> 
         "alternative": f"{name}. {caption}",
         "wide": _image(wide),
         "narrow": _image(narrow),
+        # With little to show it fills one column: stretched, its letters would be twice as large.
+        "half": wide.get_size_inches()[0] < 1.5 * narrow.get_size_inches()[0],
     }
 
 
