@@ -126,7 +126,7 @@ def make_world(system: TableSystem, limits: Limits) -> World:
         **{name: [0.0] * len(system.bodies) for name in ("x", "y", "vx", "vy", "sifted")},
         touches=[Touch() for _ in range(most_touches(len(system.bodies)))],
         shares=[Share() for _ in system.bodies],
-        group=[0] * max(len(system.bodies), 2),
+        group=[0] * len(system.bodies),
         pair_log=[],
         bounce_log=[],
     )
@@ -160,7 +160,7 @@ def most_touches(balls: int) -> int:
     In a packing of spheres of any radii the mean number of contacts of a sphere is below
     8 + 4 sqrt(3) (Kuperberg and Schramm 1994), so there are fewer than 7.5 pairs per ball.
     """
-    return max(1, min(balls * (balls - 1) // 2, 8 * balls))
+    return min(balls * (balls - 1) // 2, 8 * balls)
 
 
 def _ball(start: InitialState) -> Ball:
