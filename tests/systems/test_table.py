@@ -846,3 +846,21 @@ def test_energy_is_kept_until_something_takes_it() -> None:
     assert solve(document).summary_record()["energy_drift"] == 0.0
     document["stop"] = {"time": 9.0}
     assert solve(document).summary_record()["energy_drift"] is None
+
+
+WALLS_1_AWAY = [box(2.0, 3.0), ellipse(1.0, 1.5), {"shape": "circle", "radius": 1.0, "k": 1.0}]
+"""Walls that the x axis meets at right angles 1 m from the origin."""
+
+
+@pytest.mark.parametrize("engine", ["python", "compiled"])
+@pytest.mark.parametrize("wall", WALLS_1_AWAY, ids=["rectangle", "ellipse", "circle"])
+def test_a_ball_moves_at_any_speed_whose_square_has_all_its_digits(
+    wall: Document, engine: str
+) -> None:
+    """Slower ones count as at rest: before squares lose digits, at 1e-154 m/s."""
+    for speed in (1e-140, 1.1e-145):
+        run = solve(table([ball(0.25, 0.0, speed, 0.0)], wall, bounces=1), engine)
+        assert run.end_cause == "bounces"
+        assert float(run.bounces["t"][0]) == pytest.approx(0.65 / speed, rel=1e-14)
+    run = solve(table([ball(0.25, 0.0, 0.9e-145, 0.0)], wall, bounces=1), engine)
+    assert run.end_cause == "no_more_collisions"
