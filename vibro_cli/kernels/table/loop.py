@@ -182,6 +182,7 @@ def advance(world: World) -> int:
     """Run until the end, or until a log is full; return the cause."""
     clock = world.clock[0]
     settings = world.settings[0]
+    # Positions are needed now only at the start, where no ball has moved; an event renews them all.
     for ball in range(len(world.balls)):
         note_motion(world, ball)
     if clock.begun == 0:
