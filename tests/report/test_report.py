@@ -181,6 +181,21 @@ def test_the_jump_across_the_figure_eight_is_told(page: Page) -> None:
     assert "figure eight" in text
 
 
+def test_an_impact_that_did_not_take_place_is_no_jump(beside: Path) -> None:
+    """The run ends at an inadmissible impact whose row says "outside" for a body in a loop."""
+    overrides = ("balls[1].angle=-1.223", "balls[2].radius=0.06")
+    ended = stored(beside / "refused", "three_arcs", *overrides)
+    table = ended.collisions
+    assert ended.summary["end_cause"] == "inadmissible"
+    assert len(table["n"]) == 1
+    assert (table["eight_b_pre"][0], table["eight_b_post"][0]) == ("right loop", "outside")
+    final = ended.sample([ended.summary["end_time"]])
+    before = [table["speed_a_pre"][0], table["speed_b_pre"][0]]
+    assert final["speed"].tolist() == pytest.approx(before, rel=1e-13)
+    page = Page(report_html([ended], beside))
+    assert not [one for one in page.elements if one.attributes.get("id") == "run1-sides"]
+
+
 def test_the_energies_balance(run: StoredRun) -> None:
     start, lost, rest, end = (float(text.split(" ")[0]) for _, text in _plain(run))
     assert start - lost - rest == pytest.approx(end, rel=1e-5)

@@ -307,14 +307,14 @@ def energy_balance(run: StoredRun) -> list[tuple[str, str]]:
 
 
 def _jumps(run: StoredRun, column: str) -> list[list[str]]:
-    """Return the first impacts at which a column of words changes for a body."""
+    """Return the first impacts that took place and changed a column of words for a body."""
     table, found = run.collisions, []
     before, after = (
         [np.asarray(table[f"{column}_{end}_{when}"], dtype=object) for end in "ab"]
         for when in ("pre", "post")
     )
     leaps = [one != other for one, other in zip(before, after, strict=True)]
-    for row in np.flatnonzero(leaps[0] | leaps[1]).tolist():
+    for row in np.flatnonzero((leaps[0] | leaps[1]) & made(table)).tolist():
         for place, end in enumerate("ab"):
             if leaps[place][row]:
                 time = number(float(table["t"][row]), "s")
