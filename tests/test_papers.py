@@ -438,7 +438,7 @@ def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
     """Make figures without rendering them: the rendering is tested elsewhere."""
     picture = b"\x89PNG"
     monkeypatch.setattr(style, "render", lambda *_, **__: picture)
-    monkeypatch.setattr(report_content, "pictured", lambda *_: [])
+    monkeypatch.setattr(report_content, "pictures_of", lambda runs, _: [[] for _ in runs])
 
 
 def test_every_command_of_the_page_runs(

@@ -80,11 +80,6 @@ class KindOfBody:
     """Title, to which the number of the body is appended."""
     caption: str
 
-    def drawn(self, name: str, run: Any, width: str) -> Iterator[Drawn]:
-        """Yield the figure of every body."""
-        for ball in range(1, len(run.system.bodies) + 1):
-            yield self.of(name, run, ball, width)
-
     def of(self, name: str, run: Any, ball: int, width: str) -> Drawn:
         """Return the figure of one body (from 1)."""
         title = f"{self.title} {ball}"
@@ -116,6 +111,21 @@ EXPONENTS: Kind[Any] = Kind(
 )
 
 
+def listed(run: Any, names: Sequence[str] | None = None) -> list[tuple[str, int]]:
+    """Return kind and body (from 1) of every figure of a run, of all kinds or of those named.
+
+    The body of a figure of the whole run is 1. Raises ValueError for an unknown kind.
+    """
+    kinds, found = run.kind.figures, []
+    for name in kinds if names is None else names:
+        if name not in kinds:
+            known = ", ".join(kinds)
+            raise ValueError(f"unknown kind of figure {name!r}, expected some of {known}")
+        bodies = 1 if isinstance(kinds[name], Kind) else len(run.system.bodies)
+        found += [(name, body) for body in range(1, bodies + 1)]
+    return found
+
+
 def draw_all(
     run: Any, names: Sequence[str] | None = None, width: str = "double"
 ) -> Iterator[Drawn]:
@@ -123,13 +133,10 @@ def draw_all(
 
     Raises ValueError for an unknown kind.
     """
-    kinds = run.kind.figures
-    width_of(width)
-    for name in kinds if names is None else names:
-        if name not in kinds:
-            known = ", ".join(kinds)
-            raise ValueError(f"unknown kind of figure {name!r}, expected some of {known}")
-        yield from kinds[name].drawn(name, run, width)
+    for name, body in listed(run, names):
+        drawn = draw_one(run, name, body, width)
+        if drawn is not None:
+            yield drawn
 
 
 def draw_one(run: Any, name: str, body: int = 1, width: str = "double") -> Drawn | None:

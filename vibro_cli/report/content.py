@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from vibro_cli.errors import counted
-from vibro_cli.figures.kinds import draw_all
+from vibro_cli.figures.kinds import draw_one, listed
+from vibro_cli.figures.processes import each_drawn
 from vibro_cli.figures.source import first_of, made
 from vibro_cli.mechanics.system import LAWS, Body, TraceSystem, mechanics_warnings
 from vibro_cli.report.html import pictured, rendered
@@ -76,6 +76,7 @@ def report_html(runs: Sequence[StoredRun], beside: Path) -> bytes:
         line for run in runs for line in method_of(run.kind, run.scenario.resolved())
     )
     names = names_of(runs)
+    figures = pictures_of(runs, names)
     sections = [run.kind.report(run, name, beside) for run, name in zip(runs, names, strict=True)]
     values = {
         "title": names[0] if len(names) == 1 else f"{len(names)} runs compared",
@@ -87,9 +88,12 @@ def report_html(runs: Sequence[StoredRun], beside: Path) -> bytes:
                 "folder": run.folder and str(run.folder),
                 "ending": ending(run.summary["end_cause"]),
                 "versions": versions(run.manifest),
+                "figures": shown,
                 **section,
             }
-            for place, (run, name, section) in enumerate(zip(runs, names, sections, strict=True), 1)
+            for place, (run, name, shown, section) in enumerate(
+                zip(runs, names, figures, sections, strict=True), 1
+            )
         ],
         "comparison": compared(runs, names, sections) if len(runs) > 1 else None,
     }
@@ -102,6 +106,25 @@ def names_of(runs: Sequence[StoredRun]) -> list[str]:
     if len(set(names)) == len(names):
         return names
     return [f"{name} in {run.folder}" for name, run in zip(names, runs, strict=True)]
+
+
+def pictures_of(runs: Sequence[StoredRun], names: Sequence[str]) -> list[list[dict[str, Any]]]:
+    """Return the figures of each run as values for the page; empty figures are left out."""
+    jobs = [
+        (place, (kind, body, f"run {name}"))
+        for place, (run, name) in enumerate(zip(runs, names, strict=True))
+        for kind, body in listed(run)
+    ]
+    found: list[list[dict[str, Any]]] = [[] for _ in runs]
+    for (place, _), picture in zip(jobs, each_drawn(_picture, runs, jobs), strict=True):
+        found[place] += [] if picture is None else [picture]
+    return found
+
+
+def _picture(run: StoredRun, kind: str, body: int, of: str) -> dict[str, Any] | None:
+    """Return one figure as values for the page, None if it is empty; `of` names the run."""
+    wide, narrow = (draw_one(run, kind, body, width) for width in ("double", "single"))
+    return None if wide is None or narrow is None else pictured(wide, narrow, of)
 
 
 def section_of_trace(run: StoredRun, name: str, beside: Path) -> dict[str, Any]:
@@ -138,7 +161,6 @@ def _section(run: StoredRun, name: str, notes: Sequence[str], gap: str) -> dict[
     refused = int(np.sum(~run.collisions["admissible"]))
     return {
         "key_figures": key_figures(run),
-        "figures": pictured(partial(draw_all, run, None), f"run {name}"),
         # The comparison is that of paper B, with its speeds and one k for each pair.
         "analogy": analogy(run.system, run.collisions) if "B" in run.kind.papers else None,
         "energy": energy_balance(run),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -44,6 +43,8 @@ def grid_html(grid: StoredGrid, beside: Path, columns: Sequence[str] = ()) -> by
 
     Maps of `columns` of the summary are shown, too.
     """
+    wide, narrow = (draw_grid(grid, width, columns) for width in ("double", "single"))
+    both = zip(wide, narrow, strict=True)
     values = {
         "title": grid.name,
         "folder": str(grid.folder),
@@ -52,7 +53,7 @@ def grid_html(grid: StoredGrid, beside: Path, columns: Sequence[str] = ()) -> by
         "setting": _setting(grid),
         "axes": [_axis(grid, path) for path in grid.axes],
         "common": _common(grid),
-        "figures": pictured(partial(draw_grid, grid, columns=columns), f"grid {grid.name}"),
+        "figures": [pictured(*widths, f"grid {grid.name}") for widths in both],
         "quantities": [
             row for name in _QUANTITIES if name in grid.summary for row in _quantity(grid, name)
         ],

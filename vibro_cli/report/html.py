@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import base64
 import hashlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Mapping
 from importlib.resources import files
 from typing import Any
 
@@ -35,15 +35,12 @@ _FILM_DPI = 100.0
 _TYPES = {"png": "png", "svg": "svg+xml"}
 
 
-def pictured(draw: Callable[[str], Iterator[Drawn]], of: str) -> list[dict[str, Any]]:
-    """Return figures as values for the page: texts, and images for wide and narrow screens.
+def pictured(wide: Drawn, narrow: Drawn, of: str) -> dict[str, Any]:
+    """Return a figure drawn for wide and for narrow screens as values for the page.
 
-    `draw` draws the figures in a given width; `of` names their subject.
+    `of` names its subject.
     """
-    return [
-        shown(wide.title, wide.caption, f"{wide.title}, {of}", wide.figure, narrow.figure)
-        for wide, narrow in zip(draw("double"), draw("single"), strict=True)
-    ]
+    return shown(wide.title, wide.caption, f"{wide.title}, {of}", wide.figure, narrow.figure)
 
 
 def shown(title: str, caption: str, name: str, wide: Figure, narrow: Figure) -> dict[str, Any]:
