@@ -76,6 +76,16 @@ def multiplier(orbit: TwoBounce) -> float | None:
     return half + math.sqrt(half * half - 1.0)
 
 
+def _bounce(wall: Wall, normal: Any, share: Any) -> tuple[tuple[Any, Any], tuple[Any, Any]]:
+    """Return a point of the wall (m, from its centre) and a unit velocity; see `focal_product`."""
+    a, b = wall.semi_axes
+    nx, ny = np.cos(normal), np.sin(normal)
+    height = np.hypot(a * nx, b * ny)
+    inward = np.sqrt(1.0 - np.square(share))
+    velocity = (-share * ny - inward * nx, share * nx - inward * ny)
+    return (a * a * nx / height, b * b * ny / height), velocity
+
+
 def focal_product(wall: Wall, normal: Any, share: Any) -> Floats:
     """Return the product of the angular momenta about the foci divided by v^2 (m^2), at r = 0.
 
@@ -83,11 +93,7 @@ def focal_product(wall: Wall, normal: Any, share: Any) -> Floats:
     velocity along the wall, anticlockwise.
     """
     a, b = wall.semi_axes
-    nx, ny = np.cos(normal), np.sin(normal)
-    height = np.sqrt((a * nx) ** 2 + (b * ny) ** 2)
-    x, y = a * a * nx / height, b * b * ny / height
-    inward = np.sqrt(1.0 - np.square(share))
-    vx, vy = -share * ny - inward * nx, share * nx - inward * ny
+    (x, y), (vx, vy) = _bounce(wall, normal, share)
     focus = math.sqrt(abs(a * a - b * b))
     fx, fy = (focus, 0.0) if a >= b else (0.0, focus)
     one = (x - fx) * vy - (y - fy) * vx
@@ -164,17 +170,13 @@ def _start(system: TableSystem, index: int, normal: float, share: float) -> Tabl
     """Return a system of the ball alone, at the wall, with a unit velocity."""
     wall, body = system.wall, system.bodies[index]
     assert wall is not None
-    nx, ny = math.cos(normal), math.sin(normal)
-    a, b = wall.semi_axes
-    height = math.hypot(a * nx, b * ny)
+    (x, y), velocity = _bounce(wall, normal, share)
     # Slightly off the wall, so that rounding cannot make the ball overlap it.
-    away = body.radius + 1e-9 * min(a, b)
+    away = body.radius + 1e-9 * min(wall.semi_axes)
     place = (
-        wall.centre[0] + a * a * nx / height - away * nx,
-        wall.centre[1] + b * b * ny / height - away * ny,
+        wall.centre[0] + x - away * math.cos(normal),
+        wall.centre[1] + y - away * math.sin(normal),
     )
-    inward = math.sqrt(1.0 - share * share)
-    velocity = (-share * ny - inward * nx, share * nx - inward * ny)
     state = InitialState(place, velocity)
     lossless = replace(wall, restitution=1.0)
     return replace(system, bodies=(body,), initial=(state,), wall=lossless)
