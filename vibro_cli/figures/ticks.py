@@ -53,6 +53,8 @@ CHARACTER = 1.15
 """Mean width of a character of a tick label (mm)."""
 _BETWEEN = 1.6
 """Least room between two tick labels (mm)."""
+_APART = 1.2
+"""The same between labels of neighbouring panels (mm)."""
 _INTERVAL = 17.0
 """Usual distance between the ticks of a long horizontal axis (mm)."""
 _LINE = 7.0
@@ -333,33 +335,18 @@ def without_overlaps(
     `rows` holds, for each panel, its left edge (mm), its width (mm) and its ticks, `span` the ends
     of its axis. Of two overlapping labels, the one nearer to the edge of its panel is dropped.
     """
-    marks = []
-    for panel, ((left, width, ticks), (low, high)) in enumerate(zip(rows, span, strict=True)):
+    shown = [list(ticks.labels) for _, _, ticks in rows]
+    last: tuple[float, float, float, list[str], int] | None = None
+    for labels, (left, width, ticks), (low, high) in zip(shown, rows, span, strict=True):
         for number, place in enumerate(ticks.places):
-            share = (place - low) / (high - low)
-            marks.append((left + width * share, min(share, 1.0 - share) * width, panel, number))
-    dropped: set[tuple[int, int]] = set()
-    last: tuple[float, float, int, int] | None = None
-    for mark in marks:
-        if last is not None and _touch(rows, last, mark):
-            out = mark if mark[1] < last[1] else last
-            dropped.add(out[2:])
-            last = last if out is mark else mark
-        else:
-            last = mark
+            share, half = (place - low) / (high - low), 0.5 * CHARACTER * len(labels[number])
+            mark = left + width * share, min(share, 1.0 - share) * width, half, labels, number
+            if last is None or mark[0] - last[0] >= half + last[2] + _APART:
+                last = mark
+            else:
+                (*_, out, dropped), last = (mark, last) if mark[1] < last[1] else (last, mark)
+                out[dropped] = ""
     return [
-        replace(
-            ticks,
-            labels=tuple("" if (n, k) in dropped else text for k, text in enumerate(ticks.labels)),
-        )
-        for n, (_, _, ticks) in enumerate(rows)
+        replace(ticks, labels=tuple(labels))
+        for labels, (_, _, ticks) in zip(shown, rows, strict=True)
     ]
-
-
-def _touch(
-    rows: Sequence[tuple[float, float, Ticks]],
-    one: tuple[float, float, int, int],
-    other: tuple[float, float, int, int],
-) -> bool:
-    lengths = [len(rows[mark[2]][2].labels[mark[3]]) for mark in (one, other)]
-    return other[0] - one[0] < 0.5 * CHARACTER * sum(lengths) + 1.2
