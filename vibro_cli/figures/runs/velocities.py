@@ -234,7 +234,7 @@ def _draw(axes: Axes, surface: Array, pair: Sequence[Striking], when: int, scale
     touch, normal = touching_point(pair)
     largest = max(one.body.radius for one in pair)
     _frame(axes, 0.5 * (pair[0].centre + pair[1].centre), largest)
-    _draw_trace(axes, surface)
+    axes.plot(*surface.T, zorder=2.0, **_SURFACE)
     along = np.array([touch - _AROUND * largest * normal, touch + _AROUND * largest * normal])
     axes.plot(along[:, 0], along[:, 1], zorder=1.5, **style.AXIS)
     across = np.array([-normal[1], normal[0]]) * _APART * largest
@@ -324,17 +324,6 @@ def _frame(axes: Axes, middle: Array, largest: float) -> None:
     reach = _AROUND * largest
     axes.set_xlim(middle[0] - reach, middle[0] + reach)
     axes.set_ylim(middle[1] - reach * high / wide, middle[1] + reach * high / wide)
-
-
-def _draw_trace(axes: Axes, surface: Array) -> None:
-    """Draw the part of the trace near the panel; the rest would only make the file larger."""
-    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
-    centre, half = np.array([left + right, low + high]) / 2.0, np.array([right - left, high - low])
-    near = np.all(np.abs(surface - centre) < 1.5 * half, axis=1)
-    near[1:] |= near[:-1].copy()  # add neighbours: a long line may have no point within
-    near[:-1] |= near[1:].copy()
-    shown = np.where(near[:, None], surface, np.nan)
-    axes.plot(shown[:, 0], shown[:, 1], zorder=2.0, **_SURFACE)
 
 
 def draw_disc(axes: Axes, centre: Array, radius: float, colour: str, opacity: float) -> None:
