@@ -7,7 +7,6 @@ their jumps, positions.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -245,53 +244,45 @@ _HEAD, _HEADED = 7.0, 4.0
 _RING = ring(90)
 
 
-@dataclass(frozen=True)
-class Instant:
-    """Positions of the bodies at an instant, and their speeds after its events."""
-
-    title: str
-    places: Array
-    """Positions of the centres along the line (m)."""
-    speeds: Array
-    """Speeds (m/s)."""
-
-
 def springs_scene(run: Run, width: str = "single") -> Figure:
     """Draw bodies, springs and feet to scale, at the start and at the first impacts.
 
     Raises ValueError for a width that is neither `single` nor `double`.
     """
     wide = width_of(width)
-    shown = _instants(run)
-    low, high = _extent(run, shown)
+    titles, states = _instants(run)
+    low, high = _extent(run, states[..., 0])
     inner = wide - LEFT - _RIGHT
     scale = min(inner / float(high[0] - low[0]), _HIGHEST / float(high[1] - low[1]))
     tall = scale * float(high[1] - low[1])
     middle, half = 0.5 * float(low[0] + high[0]), 0.5 * inner / scale
     low[0], high[0] = middle - half, middle + half
-    fastest = max(float(np.max(np.abs(one.speeds))) for one in shown)
+    fastest = float(np.max(np.abs(states[..., 1])))
     each = (_LONGEST / scale + max(body.radius for body in run.system.bodies)) / (fastest or 1.0)
     with style.journal():
         cell = Cell(inner, tall, _TITLE, _GAP, 0.0)
-        sheet, corners = in_rows(cell, len(shown), 1, wide, LEFT, 0.0, _BOTTOM)
-        for corner, one in zip(corners, shown, strict=True):
+        sheet, corners = in_rows(cell, len(titles), 1, wide, LEFT, 0.0, _BOTTOM)
+        for number, (corner, title) in enumerate(zip(corners, titles, strict=True), 1):
             axes = sheet.panel(*corner, inner, tall)
-            plane_axes(axes, low, high, labelled=one is shown[-1])
-            axes.set_title(one.title, pad=2.0, color=style.FRAME_GREY)
-            _draw(axes, run, one, scale, each)
-            if fastest and one is shown[0]:
+            plane_axes(axes, low, high, labelled=number == len(titles))
+            axes.set_title(title, pad=2.0, color=style.FRAME_GREY)
+            _draw(axes, run, states[number - 1], scale, each)
+            if fastest and number == 1:
                 draw_scale(axes, each, 0)
     return sheet.figure
 
 
-def _instants(run: Run) -> list[Instant]:
-    """Return the start and the first impacts."""
+def _instants(run: Run) -> tuple[list[str], Array]:
+    """Return the titles of the start and of the first impacts, and the states of the bodies then.
+
+    States are positions of the centres along the line (m) and speeds after the events of the
+    instant (m/s), shape (instants, bodies, 2).
+    """
     times = [0.0, *(float(t) for t in run.collisions["t"][:_IMPACTS])]
     sampled = run.sample(times)
-    number = len(run.system.bodies)
-    places, speeds = (np.reshape(sampled[name], (-1, number)) for name in ("x", "speed"))
+    states = np.column_stack([sampled["x"], sampled["speed"]])
     titles = ["start", *(_title(run, row) for row in range(len(times) - 1))]
-    return [Instant(*one) for one in zip(titles, places, speeds, strict=True)]
+    return titles, states.reshape(len(times), -1, 2)
 
 
 def _title(run: Run, row: int) -> str:
@@ -303,11 +294,14 @@ def _title(run: Run, row: int) -> str:
     return f"impact {row + 1}, {short_number(time)} s: {names} = {short_number(apart)} m"
 
 
-def _extent(run: Run, shown: list[Instant]) -> tuple[Array, Array]:
-    """Return the corners of the drawing (m); heights are measured from the line of centres."""
+def _extent(run: Run, places: Array) -> tuple[Array, Array]:
+    """Return the corners of the drawing (m) for places of the centres (m).
+
+    Heights are measured from the line of centres.
+    """
     radius = max(body.radius for body in run.system.bodies)
     feet = [spring.foot for spring in run.system.springs]
-    along = np.concatenate([*(one.places for one in shown), feet])
+    along = np.append(places, feet)
     top = max(spring.height for spring in run.system.springs)
     size = float(np.ptp(along)) + 2.0 * radius
     room = 0.07 * size
@@ -315,9 +309,10 @@ def _extent(run: Run, shown: list[Instant]) -> tuple[Array, Array]:
     return low, np.array([np.max(along) + radius + room, max(top, radius) + 0.8 * room])
 
 
-def _draw(axes: Axes, run: Run, one: Instant, scale: float, each: float) -> None:
+def _draw(axes: Axes, run: Run, states: Array, scale: float, each: float) -> None:
     """Draw and label the bodies, the line, and the springs with their feet and heights.
 
+    `states` are positions (m) and speeds (m/s) of the bodies, shape (bodies, 2),
     `scale` is the length of 1 m (mm), `each` the length of the arrow of 1 m/s (m).
     """
     named: list[Named] = []
@@ -326,7 +321,7 @@ def _draw(axes: Axes, run: Run, one: Instant, scale: float, each: float) -> None
         zip(run.system.bodies, run.system.springs, strict=True), 1
     ):
         colour = str(body_look(number)["color"])
-        place, speed = float(one.places[number - 1]), float(one.speeds[number - 1])
+        place, speed = states[number - 1].tolist()
         foot, centre = np.array([spring.foot, spring.height]), np.array([place, 0.0])
         coil = Link((spring.foot, spring.height), coil_shape(1.3 / scale)).points(place, 0.0)
         axes.plot(*coil.T, color=colour, linewidth=0.7, zorder=2.2)
