@@ -344,16 +344,17 @@ _EDGE = 1e-9
 
 def draw_dots(
     axes: Axes, across: Array, along: Array, values: Array, colours: Any, norm: Normalize,
-    size: float,
+    size: float, edge: float = 0.0,
 ) -> None:  # fmt: skip
     """Draw a dot for each point in the colour of its value, later ones over earlier ones.
 
-    The limits and scales of the axes must be set.
+    The limits and scales of the axes must be set. `edge` is the width (pt) of the edges of dots.
     """
     if len(values) <= MOST_MARKS:
         dots = axes.scatter(
-            across, along, c=values, cmap=colours, norm=norm, s=size, linewidths=0.0, zorder=2.0
-        )
+            across, along, c=values, cmap=colours, norm=norm, s=size, zorder=2.0,
+            linewidths=edge, edgecolors=style.FRAME_GREY,
+        )  # fmt: skip
         dots.set_rasterized(len(values) > MOST_VECTOR_POINTS)
         return
     pixels = _pixels(axes, across, along, values)

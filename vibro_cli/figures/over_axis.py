@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import (
-    MOST_VECTOR_POINTS,
     draw_dots,
     is_wide,
     limits_around,
@@ -91,10 +90,14 @@ def curves(grid: StoredGrid, width: str = "single") -> Figure | None:
     panels = [one for one in panels if _varies(one[0])] or panels[:1]
     with style.journal():
         figure, drawn = stacked(width, [_ROW[width]] * len(panels), entries=endings.entries())
+        across, colours, norm = shown.coordinates[0], endings.colours(), endings.norm()
+        code = endings.code.astype(np.float64)
+        size = float(np.clip(1500.0 / len(shown.rows), 0.5, 7.0))
+        edge = 0.2 if size > 2.0 else 0.0
         for axes, (values, symbol, unit) in zip(drawn, panels, strict=True):
-            _dots(axes, shown, values, endings)
             _value(axes, values, symbol, unit)
-            set_axis(axes.xaxis, shown.coordinates[0], labelled=axes is drawn[-1])
+            set_axis(axes.xaxis, across, labelled=axes is drawn[-1])
+            draw_dots(axes, across.place, values, code, colours, norm, size, edge)
     return figure
 
 
@@ -114,22 +117,6 @@ def energy_left(grid: StoredGrid) -> Array:
     )
     left: Array = np.divide(end, start, out=np.full(len(start), np.nan), where=start > 0.0)
     return left
-
-
-def _dots(axes: Axes, shown: ParameterMap, values: Array, endings: Endings) -> None:
-    size = float(np.clip(1500.0 / len(values), 0.5, 7.0))
-    dots = axes.scatter(
-        shown.coordinates[0].place,
-        values,
-        c=endings.code,
-        cmap=endings.colours(),
-        norm=endings.norm(),
-        s=size,
-        zorder=2.0,
-        edgecolors=style.FRAME_GREY,
-        linewidths=0.2 if size > 2.0 else 0.0,
-    )
-    dots.set_rasterized(len(values) > MOST_VECTOR_POINTS)
 
 
 def _value(axes: Axes, values: Array, symbol: str, unit: str) -> None:
