@@ -237,7 +237,6 @@ def _branches(
             flights["t_end"][rows] - flights["t_start"][rows],
             count,
         )
-    pace = _pace(run, ball, piece)
     bound = here & ~free
     spans = [
         range(one, other + 1)
@@ -245,7 +244,7 @@ def _branches(
     ]
     if spans:
         run.look_at(np.concatenate(spans))
-    sampled = [_sampled(run, flights, span, pace, count) for span in spans]
+    sampled = [_sampled(run, flights, span, pace(run, ball, piece), count) for span in spans]
     begin = np.concatenate([rows, first[bound]])
     return Branches(
         np.concatenate([position, *(curve[None, :, 0] for curve in sampled)]),
@@ -255,11 +254,13 @@ def _branches(
     )
 
 
-def _pace(run: Recorded, ball: int, piece: Piece) -> float:
-    """Return the sampling rate (1/s) of a body's motion on a piece."""
+def pace(run: Recorded, ball: int, piece: Piece) -> float:
+    """Return the sampling rate (1/s) of a body's motion in lasting contact on a piece."""
+    rate = _fastest(run, ball, piece)
     if piece.is_line:
-        return 0.0
-    return _PER_PERIOD * _fastest(run, ball, piece) / (2.0 * math.pi)
+        slow = run.system.bodies[ball - 1].natural_rate(run.system.gravity, run.system.trace.length)
+        rate = math.hypot(slow, rate)
+    return _PER_PERIOD * rate / (2.0 * math.pi)
 
 
 def _fastest(run: Recorded, ball: int, piece: Piece) -> float:

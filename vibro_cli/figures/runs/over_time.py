@@ -26,6 +26,7 @@ from vibro_cli.figures.chart import (
     value_axis,
 )
 from vibro_cli.figures.labels import short_number
+from vibro_cli.figures.portraits.trajectory import pace
 from vibro_cli.figures.source import Array, Integers, Recorded, Table, flights_of, kept, made
 from vibro_cli.figures.style import mark
 from vibro_cli.figures.ticks import round_below
@@ -38,10 +39,8 @@ MOST_PERIODS = 60
 """Number of small oscillations that are drawn over time; later ones are left out."""
 _POINTS = 4000
 """Points of a line over time, besides those at events."""
-_PER_PERIOD = 64
-"""Points of an energy per period of lasting contact, ..."""
 _MOST_POINTS = 200 * 2500
-"""... up to this many points in all: 200 for each strip of the chart narrower than a pixel."""
+"""Most points of an energy in lasting contact: 200 for each strip narrower than a pixel."""
 
 
 def shown_until(run: Recorded) -> float:
@@ -135,7 +134,7 @@ def energy_course(run: Recorded, ball: int, until: float = math.inf) -> tuple[Ar
         for row in bound.tolist():
             start, end = float(flights["t_start"][row]), float(flights["t_end"][row])
             lasts = min(end, until) - start
-            count = max(2, math.ceil(lasts * min(_pace(run, ball, piece), most)) + 1)
+            count = max(2, math.ceil(lasts * min(pace(run, ball, piece), most)) + 1)
             time, position, rate = run.flight_curve(row, count, lasts)
             rows.append(np.full(count, row))
             times.append(time)
@@ -158,18 +157,6 @@ def _kept_levels(flights: Table, mine: Integers) -> tuple[Integers, Integers]:
     crossed = flights["cause_start"][mine] == "crossing"
     goes_on = crossed[1:] & free[1:] & free[:-1]
     return mine[np.append(True, ~goes_on)], mine[np.append(~goes_on, True)]
-
-
-def _pace(run: Recorded, ball: int, piece: Piece) -> float:
-    """Return the sampling rate (1/s) of the energy of a body in contact on a piece."""
-    body, turning = run.system.bodies[ball - 1], run.system.turning
-    if piece.is_line:
-        turned = 0.0 if turning is None else turning.rate
-        slow = body.natural_rate(run.system.gravity, run.system.trace.length)
-        rate = math.hypot(slow, turned)
-    else:
-        rate = run.system.fastest_rate(body, piece)
-    return _PER_PERIOD * rate / (2.0 * math.pi)
 
 
 def energy_residuals(run: Recorded) -> Iterator[tuple[Array, Array]]:
