@@ -112,7 +112,7 @@ def scene(run: Recorded, width: str = "single") -> Figure:
         if run.system.turning is not None:
             numbers = [*numbers, *_draw_axis(axes, run.system.turning)]
         named = [*_draw_bodies(axes, run, scale, within), *named]
-        covered = np.concatenate([_obstacles(run, surface, scale), *_points_of(axes)])
+        covered = np.concatenate([_obstacles(run, scale), *_points_of(axes)])
         write_names(axes, named, covered, numbers)
     return sheet.figure
 
@@ -134,13 +134,9 @@ def _points_along(axes: Axes, line: Line2D) -> Array:
     return shown
 
 
-def _obstacles(run: Recorded, surface: Array, scale: float) -> Array:
+def _obstacles(run: Recorded, scale: float) -> Array:
     """Return points that names should not cover: the trace and the bodies."""
-    found = [surface]
-    for piece in run.system.trace.pieces:
-        line = np.linspace(0.0, 1.0, 60)[:, None]
-        start, end = np.array(piece.start), np.array(piece.end)
-        found += [start + line * (end - start)] if piece.is_line else []
+    found = [trace_points(run.system.trace, on_lines=60)]
     for body, centre in zip(run.system.bodies, _centres(run), strict=True):
         radius = max(body.radius, _LEAST / scale)
         found += [centre + radius * share * _RING for share in (0.4, 0.7, 1.0)]
