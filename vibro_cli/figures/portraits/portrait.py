@@ -44,7 +44,10 @@ def windows(pieces: Sequence[Piece], path: Trajectory, behind: Background) -> tu
         return tuple(whole)
     close = _around(visited[0], path)
     overview = replace(whole[visited[0].index], overview=True)
-    return (close, replace(overview, top=max(overview.top, _full_circle(close, behind))))
+    circle = _highest(
+        [one.rate for one in behind.arc_separatrices if one.piece == close.piece.index]
+    )
+    return (close, replace(overview, top=max(overview.top, _MARGIN * circle)))
 
 
 def seen(behind: Background, shown: Sequence[Window]) -> Background:
@@ -77,12 +80,6 @@ def _is_small(piece: Piece, path: Trajectory, behind: Background) -> bool:
     reached, separatrix = greatest_rate(path, [piece.index]), _separatrix(behind, [piece.index])
     across = extent / (piece.angle_end - piece.angle_start)
     return across * min(1.0, reached / separatrix if separatrix else 1.0) < _SMALL
-
-
-def _full_circle(close: Window, behind: Background) -> float:
-    """Return the height of a window that contains the separatrix of the arc's full circle."""
-    curves = [one.rate for one in behind.arc_separatrices if one.piece == close.piece.index]
-    return _MARGIN * _highest(curves)
 
 
 def _around(piece: Piece, path: Trajectory) -> Window:
