@@ -12,8 +12,8 @@ import pytest
 
 from tests.commands.conftest import Vibro
 from tests.two_balls import SCENARIO
+from vibro_cli.commands.help import tables
 from vibro_cli.grids.document import load_grid
-from vibro_cli.storage import tables
 from vibro_cli.systems import NAMES
 from vibro_cli.systems.trace import tables as of_trace
 
@@ -178,7 +178,7 @@ def test_schema_tables_describes_every_column(vibro: Vibro) -> None:
     found = json.loads(vibro("schema", "tables").text)
     assert list(found) == ["collisions/1", "events/1", "motion/1", "summary/1", "exponents/1"]
     assert len(found["motion/1"]["columns"]) == len(of_trace.MOTION.columns)
-    assert vibro("schema", "tables", "--markdown").text == tables.as_markdown()
+    assert vibro("schema", "tables", "--markdown").text == tables()
     assert vibro("schema", "--markdown").code == 2
 
 

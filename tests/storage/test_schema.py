@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from vibro_cli.storage import tables
+from vibro_cli.commands.help import tables
 from vibro_cli.systems.columns import Table
 from vibro_cli.systems.trace import SYSTEM
 from vibro_cli.systems.trace import tables as of_trace
@@ -82,4 +82,4 @@ def test_an_unknown_table_is_refused() -> None:
 
 
 def test_the_reference_prints_the_same_description() -> None:
-    assert tables.as_markdown() in PAGE.read_text(encoding="utf-8")
+    assert tables() in PAGE.read_text(encoding="utf-8")

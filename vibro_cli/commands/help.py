@@ -114,9 +114,17 @@ def _default(node: dict[str, Any]) -> str:
 
 def tables(system: str = "trace") -> str:
     """Return the tables of a system and their columns."""
-    from vibro_cli.storage.tables import as_markdown
+    from vibro_cli.systems import system_named
 
-    return as_markdown(system)
+    parts = []
+    for table in system_named(system).tables():
+        rows = [
+            (f"`{c.name}`", c.type, c.unit, "yes" if c.nullable else "", c.description)
+            for c in table.columns
+        ]
+        parts.append(f"`{table.file}.parquet`: each row is {table.row}.")
+        parts.append(markdown_table(("column", "type", "unit", "null", "meaning"), rows))
+    return "\n\n".join(parts) + "\n"
 
 
 def of_system(system: str) -> str:

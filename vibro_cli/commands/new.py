@@ -191,12 +191,13 @@ class SchemaCommand:
 
     def __call__(self) -> int:
         """Print the schema, or the tables."""
+        from vibro_cli.commands.help import tables
         from vibro_cli.grids.document import grid_schema
         from vibro_cli.scenario.fields import json_schema
-        from vibro_cli.storage.tables import as_json, as_markdown
+        from vibro_cli.storage.tables import as_json
 
         if self.markdown:
-            print(as_markdown(), end="")
+            print(tables(), end="")
         elif self.subject == "tables":
             print(json_text(as_json(), indent=2))
         else:

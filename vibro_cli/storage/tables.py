@@ -46,26 +46,6 @@ def as_json() -> dict[str, object]:
     }
 
 
-def as_markdown(system: str = "trace") -> str:
-    """Return the description of all tables of a system as Markdown, for docs/."""
-    parts = []
-    for table in system_named(system).tables():
-        lines = [
-            f"`{table.file}.parquet`: each row is {table.row}.",
-            "",
-            "| column | type | unit | null | meaning |",
-            "|---|---|---|---|---|",
-        ]
-        for column in table.columns:
-            null = "yes" if column.nullable else ""
-            lines.append(
-                f"| `{column.name}` | {column.type} | {column.unit} | {null} "
-                f"| {column.description} |"
-            )
-        parts.append("\n".join(lines))
-    return "\n\n".join(parts) + "\n"
-
-
 _ARROW_TYPES = {
     "float64": pa.float64(),
     "int64": pa.int64(),
