@@ -36,13 +36,12 @@ from vibro_cli.benchmark.measurement import (
 )
 from vibro_cli.benchmark.methods.runner import Lost, Motion
 from vibro_cli.benchmark.methods.with_heyoka import NAME, TOLERANCES, Lanes
-from vibro_cli.benchmark.methods.with_vibro import DriverRunner, driver_of
+from vibro_cli.benchmark.methods.with_vibro import DriverRunner, driver_job
 from vibro_cli.benchmark.scenes import BY_NAME, VALLEY, Scene, ball, timed_scenes
 from vibro_cli.progress import WORK
 from vibro_cli.scenario.loading import any_scenario_of
 from vibro_cli.storage.files import available_cores, json_bytes
 from vibro_cli.systems.contract import Document
-from vibro_cli.systems.driver import Driver
 from vibro_cli.systems.request import Limits, OutputRequest
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.trace import simulate_system
@@ -135,31 +134,24 @@ def first_halves(numbers: Any, count: int) -> Any:
     return -0.36 - 0.05 * numbers / count
 
 
-class Crew:
-    """Threads that solve a number of scenarios, `_STRETCH` at a time.
+def crew(threads: int, count: int) -> Job:
+    """Return a job: threads solve a number of scenarios, `_STRETCH` at a time.
 
     The scenarios are circles that differ in the starting angle of the first ball.
     """
+    system = BY_NAME["circle"].system
 
-    def __init__(self, threads: int, count: int) -> None:
-        self._scene = BY_NAME["circle"]
-        self._count = count
-        self._batches = [Batch(self._scene.system) for _ in range(threads)]
-
-    def go(self) -> int:
-        """Solve all scenarios; return the number of impacts."""
-        firsts = range(0, self._count, _STRETCH)
-        return shared_out(firsts, [partial(self._solve, batch) for batch in self._batches])
-
-    def _solve(self, batch: Batch, first: int) -> int:
-        count = min(_STRETCH, self._count - first)
-        points = points_of(self._scene.system, count, EACH)
+    def solve(batch: Batch, first: int) -> int:
+        some = min(_STRETCH, count - first)
+        points = points_of(system, some, EACH)
         starts: Any = points.starts
-        half = first_halves(np.arange(first, first + count), self._count)
+        half = first_halves(np.arange(first, first + some), count)
         starts["s"][::2], starts["c"][::2] = np.sin(half), np.cos(half)
-        results = batch.run_all(points, empty_results(count, 2, 0))
-        outcomes: Any = results.outcomes
+        outcomes: Any = batch.run_all(points, empty_results(some, 2, 0)).outcomes
         return int(outcomes["collisions"].sum())
+
+    solvers = [partial(solve, Batch(system)) for _ in range(threads)]
+    return Job(lambda: shared_out(range(0, count, _STRETCH), solvers))
 
 
 def _measure_batches(plan: Plan) -> list[Row]:
@@ -167,11 +159,10 @@ def _measure_batches(plan: Plan) -> list[Row]:
     cores = available_cores()
     size = _THREADED if plan.form != "quick" else 1000
     jobs = [
-        (Row("scenarios", "circle", BATCH, size=count), Job(Crew(1, count).go))
-        for count in plan.scenarios
+        (Row("scenarios", "circle", BATCH, size=count), crew(1, count)) for count in plan.scenarios
     ]
     for threads in sorted({1, min(2, cores), cores}):
-        jobs.append((Row("cores", "circle", BATCH, size=threads), Job(Crew(threads, size).go)))
+        jobs.append((Row("cores", "circle", BATCH, size=threads), crew(threads, size)))
     return timed(jobs, plan)
 
 
@@ -200,7 +191,7 @@ def _measure_memory(plan: Plan) -> list[Row]:
             rows.append(row)
             try:
                 target = str(Path(folder) / "out")
-                _, row.memory = command("grid", str(source), "-o", target, "--engine", "compiled")
+                row.memory = command("grid", str(source), "-o", target, "--engine", "compiled")
             except subprocess.CalledProcessError as error:
                 row.status, row.note = "failed", f"exit code {error.returncode}"
     return rows
@@ -212,7 +203,7 @@ _SCENARIOS = {"quick": 64, "default": 10_000, "full": 10_000}
 
 
 class Processes:
-    """Waiting processes that solve the scenarios of a `Crew` with heyoka's batches."""
+    """Waiting processes that solve the scenarios of a `crew` with heyoka's batches."""
 
     def __init__(self, processes: int, count: int, tolerance: float) -> None:
         context = multiprocessing.get_context("spawn")
@@ -256,7 +247,7 @@ def _serve(end: Connection, share: range, count: int, tolerance: float) -> None:
 def measure_on_all_cores(plan: Plan) -> list[Row]:
     """Measure one grid with our batches and, if installed, heyoka's, interleaved."""
     count, cores = _SCENARIOS[plan.form], available_cores()
-    jobs = [(Row(PART, _SCENE, BATCH, "exact", size=count), Job(Crew(cores, count).go))]
+    jobs = [(Row(PART, _SCENE, BATCH, "exact", size=count), crew(cores, count))]
     others: list[Processes] = []
     if find_spec("heyoka"):
         for tolerance in TOLERANCES:
@@ -276,25 +267,11 @@ def measure_other_systems(plan: Plan) -> list[Row]:
     jobs = []
     for name, scene in timed_scenes("systems").items():
         impacts = long // scene.share
+        lone = len(scene.document["balls"]) == 1
+        limits = Limits(bounces=impacts) if lone else Limits(collisions=impacts)
         row = Row("systems", name, COMPILED, impacts=impacts)
-        jobs.append((row, _system_run(scene.document, impacts)))
+        jobs.append((row, driver_job(any_scenario_of(scene.document), limits)))
     return timed(jobs, plan)
-
-
-def _system_run(document: Document, impacts: int) -> Job:
-    """Return a job that runs a scene of any system for `impacts` impacts or bounces."""
-    scenario = any_scenario_of(document)
-    lone = len(document["balls"]) == 1
-    limits = Limits(bounces=impacts) if lone else Limits(collisions=impacts)
-    records: list[Driver] = []
-
-    def ready() -> None:
-        records[:] = [driver_of(scenario, limits)]
-
-    def go() -> None:
-        records[0].run()
-
-    return Job(go, ready)
 
 
 APART = "searches of pairs out of reach"

@@ -7,12 +7,9 @@ run is measured as a command, from the shell to the tables, and compared with it
 
 from __future__ import annotations
 
-import json
 import shutil
 import tempfile
-import time
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -30,20 +27,22 @@ from vibro_cli.benchmark.measurement import (
     Job,
     Plan,
     Row,
+    by_turns,
     command,
+    done_once,
     shared_out,
     timed,
 )
-from vibro_cli.benchmark.methods.with_vibro import driver_of
+from vibro_cli.benchmark.methods.with_vibro import driver_job
 from vibro_cli.benchmark.scenes import BY_NAME, ball, timed_scenes
 from vibro_cli.grids.axes import Array
 from vibro_cli.grids.chunks import Chunks
-from vibro_cli.grids.document import Grid, load_grid
+from vibro_cli.grids.document import Grid, grid_of
 from vibro_cli.grids.solving import impact_table_of
 from vibro_cli.grids.workers import chunks_of, solve_in_threads
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.progress import WORK
-from vibro_cli.scenario.loading import any_scenario_of, scenario_of
+from vibro_cli.scenario import loading
 from vibro_cli.storage.files import available_cores, json_bytes
 from vibro_cli.stress.scenes import three_arcs
 from vibro_cli.systems.columns import Table
@@ -61,23 +60,20 @@ _MOST = 50
 
 def measure_grid(plan: Plan) -> list[Row]:
     """Measure one grid, with every impact and with summaries only, and its kernel, interleaved."""
-    jobs: list[tuple[Row, Job]] = []
-    with _grid(_SIDE[plan.form]) as grid:
-        for setting, one in ((ROWS, grid), (SUMMARIES, grid.without_collisions())):
-            chunks = chunks_of(one, None, "compiled")
-            kernels, whole = _Kernels(one, chunks), _Whole(one, chunks)
-            for method, job in ((KERNEL, Job(kernels.go)), (GRID, Job(whole.go, whole.ready))):
-                row = Row(GRID_PART, _SCENE, method, setting, size=chunks.points)
-                jobs.append((row, job))
-        rows = timed(jobs, plan)
-        for _, job in jobs:
-            job.ready()
+    grid, jobs = _grid(_SIDE[plan.form]), list[tuple[Row, Job]]()
+    for setting, one in ((ROWS, grid), (SUMMARIES, grid.without_collisions())):
+        chunks = chunks_of(one, None, "compiled")
+        for method, job in ((KERNEL, _kernel_alone(one, chunks)), (GRID, _whole(one, chunks))):
+            row = Row(GRID_PART, _SCENE, method, setting, size=chunks.points)
+            jobs.append((row, job))
+    rows = timed(jobs, plan)
+    for _, job in jobs:
+        job.ready()
     return rows
 
 
-@contextmanager
-def _grid(side: int) -> Iterator[Grid]:
-    """Provide a grid of `side` starts of either ball, read from a temporary folder."""
+def _grid(side: int) -> Grid:
+    """Return a grid of `side` starts of either ball."""
     axes = [
         {"path": "balls[1].angle", "linspace": [-1.4, -0.2, side]},
         {"path": "balls[2].angle", "linspace": [-0.4, 1.4, side]},
@@ -86,54 +82,38 @@ def _grid(side: int) -> Iterator[Grid]:
         "stop": {"time": 60.0, "collisions": _MOST}
     }
     document = {"scenario": scene, "axes": axes, "keep": {"collisions": True}}
-    with tempfile.TemporaryDirectory(prefix="vibro-bench-") as folder:
-        source = Path(folder) / "grid.json"
-        source.write_text(json.dumps(document), encoding="utf-8")
-        yield load_grid(source)
+    return grid_of(loading.Document(document), Path())
 
 
-class _Whole:
-    """The whole grid: planned, solved, encoded and written, with its checksums."""
+def _whole(grid: Grid, chunks: Chunks) -> Job:
+    """Return the whole grid as a job: planned, solved, encoded, written, with its checksums."""
+    folder = Path(tempfile.mkdtemp(prefix="vibro-bench-"))
 
-    def __init__(self, grid: Grid, chunks: Chunks) -> None:
-        self._grid = grid
-        self._chunks = chunks
-        self._folder = Path(tempfile.mkdtemp(prefix="vibro-bench-"))
-
-    def ready(self) -> None:
-        """Remove the files of the last run."""
-        shutil.rmtree(self._folder, ignore_errors=True)
-
-    def go(self) -> int:
-        """Solve the grid; return the number of impacts."""
-        for name in ("summary", *self._grid.kept_tables):
-            (self._folder / name).mkdir(parents=True)
+    def go() -> int:
+        for name in ("summary", *grid.kept_tables):
+            (folder / name).mkdir(parents=True)
         receipts = solve_in_threads(
-            self._grid, self._chunks, range(self._chunks.count), self._folder, available_cores(),
-            "compiled", lambda points, impacts: None,
+            grid, chunks, range(chunks.count), folder, available_cores(), "compiled",
+            lambda points, impacts: None,
         )  # fmt: skip
         return sum(receipt.impacts for receipt in receipts)
 
+    return Job(go, lambda: shutil.rmtree(folder, ignore_errors=True))  # of the last run
 
-class _Kernels:
-    """The kernel of the grid, with a batch for each thread, on planned points."""
 
-    def __init__(self, grid: Grid, chunks: Chunks) -> None:
-        scenario = scenario_of(grid.base.data)
-        template = SystemTemplate(scenario, build_system(scenario))
-        self._work = []
-        for stretch in (one for n in range(chunks.count) for one in chunks.stretches(n)):
-            points = np.arange(*stretch)
-            values = grid.design.columns(points)
-            systems = template.systems(values, len(points))
-            task = Task.of(template.starts(values, systems), systems, points)
-            self._work.append((points, task))
-        table = impact_table_of(grid) if grid.keep.collisions else None
-        self._solvers = [_Solver(template.system, table) for _ in range(available_cores())]
-
-    def go(self) -> int:
-        """Solve all points; return the number of impacts."""
-        return shared_out(self._work, [solver.solve for solver in self._solvers])
+def _kernel_alone(grid: Grid, chunks: Chunks) -> Job:
+    """Return the kernel of the grid as a job, with a batch for each thread, on planned points."""
+    scenario = loading.scenario_of(grid.base.data)
+    template = SystemTemplate(scenario, build_system(scenario))
+    work = []
+    for stretch in (one for n in range(chunks.count) for one in chunks.stretches(n)):
+        points = np.arange(*stretch)
+        values = grid.design.columns(points)
+        systems = template.systems(values, len(points))
+        work.append((points, Task.of(template.starts(values, systems), systems, points)))
+    table = impact_table_of(grid) if grid.keep.collisions else None
+    solvers = [_Solver(template.system, table) for _ in range(available_cores())]
+    return Job(lambda: shared_out(work, [solver.solve for solver in solvers]))
 
 
 class _Solver:
@@ -211,39 +191,31 @@ def measure_command(plan: Plan) -> Iterator[list[Row]]:
         rows = []
         for size in SIZES[plan.form]:
             impacts = size // scene.share
-            rows += _measured(name, scene.document | {"stop": {"collisions": impacts}}, impacts)
+            document = scene.document | {"stop": {"collisions": impacts}}
+            rows += _measured(name, document, impacts, plan)
         yield rows
 
 
-def _measured(name: str, document: Document, impacts: int) -> list[Row]:
-    times: list[list[float]] = [[], []]
+def _measured(name: str, document: Document, impacts: int, plan: Plan) -> list[Row]:
+    scenario = loading.any_scenario_of(document)
+    alone = driver_job(scenario)
+    (found,) = done_once([alone])  # loads or compiles machine code
+    if found is None or found < impacts:  # more may happen at the instant of the stop
+        raise RuntimeError(f"{scenario.name}: found {found} impacts, expected {impacts}")
+    rows = [
+        Row(COMMAND_PART, name, method, size=impacts, impacts=found)
+        for method in (EVENT_LOOP, COMMAND)
+    ]
     with tempfile.TemporaryDirectory(prefix="vibro-bench-") as folder:
         source = Path(folder) / "scene.json"
         source.write_bytes(json_bytes(document))
-        _, found = _event_loop(document, impacts)  # loads or compiles machine code
-        rows = [
-            Row(COMMAND_PART, name, method, size=impacts, impacts=found)
-            for method in (EVENT_LOOP, COMMAND)
-        ]
-        for _ in range(REPEATS):
-            times[0].append(_event_loop(document, impacts)[0])
+
+        def run() -> None:
             target = str(source.with_name("out"))
-            taken, memory = command("run", str(source), "--no-figures", "-o", target, "--force")
-            times[1].append(taken)
+            memory = command("run", str(source), "--no-figures", "-o", target, "--force")
             rows[1].memory = max(memory or 0, rows[1].memory or 0) or None
-    for row, taken_each in zip(rows, times, strict=True):
-        row.take_times(taken_each)
+
+        times = by_turns([alone, Job(run)], replace(plan, repeats=REPEATS))
+    for row, taken in zip(rows, times, strict=True):
+        row.take_times(taken)
     return rows
-
-
-def _event_loop(document: Document, impacts: int) -> tuple[float, int]:
-    """Return the time (s) of a run and its number of impacts; drop the rows of a trace."""
-    scenario: Any = any_scenario_of(document)
-    driver = driver_of(scenario)
-    start = time.perf_counter()
-    driver.run()
-    taken = time.perf_counter() - start
-    found = int(driver.clock_value("collisions"))
-    if found < impacts:  # more may happen at the instant of the stop
-        raise RuntimeError(f"{scenario.name}: found {found} impacts, expected {impacts}")
-    return taken, found

@@ -216,14 +216,14 @@ def shared_out(work: Iterable[Work], solvers: Sequence[Callable[[Work], int]]) -
         return sum(crew.map(solved, work))
 
 
-def command(*arguments: str) -> tuple[float, int | None]:
-    """Run a command of this program; return its time (s) and its peak memory (B).
+def command(*arguments: str) -> int | None:
+    """Run a command of this program; return its peak memory (B).
 
     The memory is read while the command runs, because the value that the system gives afterwards
     includes this process. It is None if the system does not provide it. Raises
     ``subprocess.CalledProcessError`` if the command fails.
     """
-    start, greatest = time.perf_counter(), None
+    greatest = None
     words = [sys.executable, "-m", "vibro_cli", *arguments, "-q"]
     process = subprocess.Popen(words, stdout=subprocess.DEVNULL)
     while process.poll() is None:
@@ -232,7 +232,6 @@ def command(*arguments: str) -> tuple[float, int | None]:
             found = [line.split()[1] for line in status.splitlines() if line.startswith("VmHWM")]
             greatest = int(found[0]) * 1024 if found else greatest
         time.sleep(0.01)
-    taken = time.perf_counter() - start
     if process.returncode:
         raise subprocess.CalledProcessError(process.returncode, words)
-    return taken, greatest
+    return greatest

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from vibro_cli.assemble import build_any
-from vibro_cli.benchmark.measurement import BATCH, COMPILED, INTERPRETED, KEPT
+from vibro_cli.benchmark.measurement import BATCH, COMPILED, INTERPRETED, KEPT, Job
 from vibro_cli.benchmark.methods.runner import (
     Course,
     Lost,
@@ -28,13 +28,25 @@ from vibro_cli.systems.trace.ensemble import Batch, empty_results, points_of
 from vibro_cli.systems.trace.world import make_world
 
 
-def driver_of(scenario: Any, limits: Limits | None = None) -> Driver:
-    """Return a compiled driver for a scenario of any system; drop the rows of a trace."""
+def driver_job(scenario: Any, limits: Limits | None = None) -> Job:
+    """Return a job that runs a scenario of any system, compiled; the rows of a trace are dropped.
+
+    It returns the number of impacts.
+    """
     kind, system = system_named(scenario.system), build_any(scenario)
-    world = kind.world(system, limits or kind.limits(scenario))
-    if hasattr(world.settings[0], "keep_rows"):
-        world.settings[0].keep_rows = 0
-    return Driver(kind.loop, world, "compiled", overrides=kind.overrides(system))
+    drivers: list[Driver] = []
+
+    def ready() -> None:
+        world = kind.world(system, limits or kind.limits(scenario))
+        if hasattr(world.settings[0], "keep_rows"):
+            world.settings[0].keep_rows = 0
+        drivers[:] = [Driver(kind.loop, world, "compiled", overrides=kind.overrides(system))]
+
+    def go() -> int:
+        drivers[0].run()
+        return int(drivers[0].clock_value("collisions"))
+
+    return Job(go, ready)
 
 
 _FIRST = 64
