@@ -41,6 +41,18 @@ def _room(place: int, side: float, end: float) -> EventFunction:
     return lambda t, y: side * (end - y[place])
 
 
+@dataclass
+class Course:
+    """The results of a run."""
+
+    times: list[float] = field(default_factory=list)
+    """Times of the first impacts (s)."""
+    impacts: int = 0
+    crossings: int | None = None
+    energy_drift: float | None = None
+    """Relative change of the energy; None if impacts dissipate."""
+
+
 class Motion:
     """Bodies on a chain of arcs in angles and rates; laws `hedrih` and `normal-impulse` only.
 
@@ -198,24 +210,22 @@ class Motion:
             for ball, piece in enumerate(pieces)
         )
 
+    def course(
+        self, times: list[float], crossings: int | None, pieces: Sequence[int], y: Sequence[float]
+    ) -> Course:
+        """Return the results of a run that ended in the state `y`."""
+        drift = None
+        if all(k == 1.0 for k in self.system.restitution):
+            first = self.energy(self.pieces, self.start)
+            drift = (self.energy(pieces, y) - first) / first
+        return Course(list(times), len(times), crossings, drift)
+
 
 _STUCK = 4
 
 
 class Lost(Exception):
     """Raised if a method fails to compute a motion; the message says what happened."""
-
-
-@dataclass
-class Course:
-    """The results of a run."""
-
-    times: list[float] = field(default_factory=list)
-    """Times of the first impacts (s)."""
-    impacts: int = 0
-    crossings: int | None = None
-    energy_drift: float | None = None
-    """Relative change of the energy; None if impacts dissipate."""
 
 
 class Runner(ABC):
@@ -300,19 +310,4 @@ class LegRunner(Runner):
 
     def course(self) -> Course:
         """Return times, counts and energy drift."""
-        return course_of(self._motion, self._times, self._crossings, self._pieces, self._y)
-
-
-def course_of(
-    motion: Motion,
-    times: list[float],
-    crossings: int | None,
-    pieces: Sequence[int],
-    y: Sequence[float],
-) -> Course:
-    """Return the results of a run that ended in the state `y`."""
-    drift = None
-    if all(k == 1.0 for k in motion.system.restitution):
-        first = motion.energy(motion.pieces, motion.start)
-        drift = (motion.energy(pieces, y) - first) / first
-    return Course(list(times), len(times), crossings, drift)
+        return self._motion.course(self._times, self._crossings, self._pieces, self._y)

@@ -24,7 +24,6 @@ from vibro_cli.benchmark.methods.runner import (
     Motion,
     Runner,
     Setting,
-    course_of,
     tolerances,
 )
 from vibro_cli.benchmark.scenes import Scene
@@ -89,7 +88,7 @@ class _HeyokaRunner(Runner):
 
     def course(self) -> Course:
         y = self._state.tolist()
-        return course_of(self._motion, self._times, self._crossings, self._pieces, y)
+        return self._motion.course(self._times, self._crossings, self._pieces, y)
 
     def _build(self, pieces: tuple[int, ...]) -> tuple[Any, Any]:
         import heyoka as hy

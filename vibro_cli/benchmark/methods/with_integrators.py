@@ -18,7 +18,6 @@ from vibro_cli.benchmark.methods.runner import (
     Runner,
     Setting,
     State,
-    course_of,
     tolerances,
 )
 from vibro_cli.benchmark.scenes import Scene
@@ -214,7 +213,7 @@ class _DiffraxRunner(Runner):
             raise Lost("diffrax ended without an event")
         y = [float(value) for pair in zip(angles, rates, strict=True) for value in pair]
         chosen = [float(value) for value in times[: self._wanted]]
-        return course_of(self._motion, chosen, 0, self._motion.pieces, y)
+        return self._motion.course(chosen, 0, self._motion.pieces, y)
 
 
 def diffrax() -> list[Method]:

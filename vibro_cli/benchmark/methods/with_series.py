@@ -24,7 +24,6 @@ from vibro_cli.benchmark.methods.runner import (
     Motion,
     Runner,
     Setting,
-    course_of,
 )
 from vibro_cli.benchmark.scenes import Scene
 
@@ -166,7 +165,7 @@ class _SeriesRunner(Runner):
         return None
 
     def course(self) -> Course:
-        return course_of(self._motion, self._times, None, (0, 0), self._y)
+        return self._motion.course(self._times, None, (0, 0), self._y)
 
 
 def methods() -> list[Method]:

@@ -16,7 +16,6 @@ from vibro_cli.benchmark.methods.runner import (
     Motion,
     Runner,
     Setting,
-    course_of,
 )
 from vibro_cli.benchmark.scenes import Scene
 from vibro_cli.mechanics.system import TraceSystem
@@ -90,7 +89,7 @@ class DriverRunner(Runner):
             run = simulate_system(self._system, None, _FIRST, self._engine)
             times = run.collisions["t"].tolist()
         crossings = int(driver.clock_value("crossings"))
-        course = course_of(self._motion, times, crossings, pieces, y)
+        course = self._motion.course(times, crossings, pieces, y)
         course.impacts = int(driver.clock_value("collisions"))
         if course.impacts < self._each:
             raise Lost(f"the run ended after {course.impacts} impacts")
