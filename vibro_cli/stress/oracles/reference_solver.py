@@ -315,13 +315,13 @@ class ReferenceSolver:
 
 def events_of(run: Any) -> list[SolverEvent]:
     """Return the events of a run of the solver, from its tables."""
-    found: list[tuple[float, int, SolverEvent]] = []
+    found: list[SolverEvent] = []
     events, rows = run.events, run.collisions
     for number, kind in enumerate(events["event"]):
         if kind in ("crossing", "wall"):
             t, ball = float(events["t"][number]), int(events["ball"][number]) - 1
             right = float(events["speed"][number]) > 0.0
-            found.append((t, 0, SolverEvent(t, kind, ball, to_right=right)))
+            found.append(SolverEvent(t, kind, ball, to_right=right))
         elif kind in ("contact_closed", "contact_opened"):
             raise NotImplementedError("the twin does not follow lasting contact")
     for number in range(len(rows["n"])):
@@ -331,7 +331,6 @@ def events_of(run: Any) -> list[SolverEvent]:
         a, b = int(rows["ball_a"][number]) - 1, int(rows["ball_b"][number]) - 1
         parted = bool(rows["admissible"][number] or rows["substituted"][number])
         law = str(rows["law"][number])
-        found.append((t, 1, SolverEvent(t, "impact", a, b, law=law, carried_out=parted)))
+        found.append(SolverEvent(t, "impact", a, b, law=law, carried_out=parted))
     # If contact and crossing coincide, the crossing comes first.
-    found.sort(key=lambda event: event[:2])
-    return [event for _, _, event in found]
+    return sorted(found, key=lambda event: (event.t, event.kind == "impact"))
