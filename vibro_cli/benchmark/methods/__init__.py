@@ -4,32 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from importlib.util import find_spec
-from typing import NamedTuple
 
 from vibro_cli.benchmark.methods import with_heyoka, with_integrators, with_series, with_vibro
 from vibro_cli.benchmark.methods.runner import Method
 
-
-class _Source(NamedTuple):
-    """Methods with the same requirements."""
-
-    methods: Callable[[], list[Method]]
-    library: str = ""
-    """Library that must be installed."""
-    quick: bool = False
-    """Whether the quick form measures them."""
-
-
-_SOURCES = (
-    _Source(with_vibro.methods, quick=True),
-    _Source(with_series.methods, quick=True),
-    _Source(with_heyoka.methods, "heyoka", quick=True),
-    _Source(with_heyoka.batches, "heyoka"),
-    _Source(with_integrators.diffrax, "diffrax"),
-    _Source(with_integrators.cyrk, "CyRK"),
-    _Source(with_integrators.scipy, quick=True),
+# Functions that return methods, the library that these need, and whether the quick form has them.
+_SOURCES: tuple[tuple[Callable[[], list[Method]], str, bool], ...] = (
+    (with_vibro.methods, "", True),
+    (with_series.methods, "", True),
+    (with_heyoka.methods, "heyoka", True),
+    (with_heyoka.batches, "heyoka", False),
+    (with_integrators.diffrax, "diffrax", False),
+    (with_integrators.cyrk, "CyRK", False),
+    (with_integrators.scipy, "", True),
 )
-PEERS = tuple(dict.fromkeys(source.library for source in _SOURCES if source.library))
+PEERS = tuple(dict.fromkeys(library for _, library, _ in _SOURCES if library))
 
 
 def installed_peers() -> tuple[str, ...]:
@@ -43,7 +32,7 @@ def methods(quick: bool) -> list[Method]:
     With `quick`, only a few are returned, each with its first two settings.
     """
     found: list[Method] = []
-    for source in _SOURCES:
-        if (source.quick or not quick) and source.library in ("", *installed_peers()):
-            found += source.methods()
+    for made, library, in_quick_form in _SOURCES:
+        if (in_quick_form or not quick) and library in ("", *installed_peers()):
+            found += made()
     return [one._replace(settings=one.settings[:2]) for one in found] if quick else found
