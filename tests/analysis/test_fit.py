@@ -20,7 +20,7 @@ from scipy.stats import chi2, kstest
 
 from tests.scaling import scaled
 from vibro_cli import NoFit, NotMeasured, example, fit, load_scenario, simulate, verify
-from vibro_cli.analysis.fit import Fit
+from vibro_cli.analysis.fit import Fit, measured_of, read_measured
 from vibro_cli.analysis.impact_times import number_at
 from vibro_cli.commands.app import run_command_line
 from vibro_cli.scenario import Scenario, scenario_of
@@ -549,3 +549,26 @@ def test_impacts_that_rounding_of_a_number_moves_are_refused() -> None:
     assert np.max(apart[: first + 6]) > 1e-5
     found = fit(scenario, times[: first - 4], ["collision.k"], noise=1e-5)
     assert found.values[0] == 0.98
+
+
+@pytest.mark.parametrize(
+    "header", ["n,t,error", '"n","t","error"', "n, t, error", '"n", "t" , "error"']
+)
+def test_names_in_the_header_of_a_csv_file_may_have_quotes_and_blanks(
+    tmp_path: Path, header: str
+) -> None:
+    """With blanks, `n` and `error` were ignored without a word."""
+    (tmp_path / "t.csv").write_text(f"{header}\n1, 0.5, 1e-3\n3, 0.75, 2e-3\n")
+    measured = read_measured(tmp_path / "t.csv")
+    assert measured.number.tolist() == [1, 3]
+    assert measured.t.tolist() == [0.5, 0.75]
+    assert measured.error is not None
+    assert measured.error.tolist() == [1e-3, 2e-3]
+
+
+def test_columns_without_times_are_named() -> None:
+    with pytest.raises(NotMeasured) as refused:
+        measured_of({"time": [1.0], "n": [1]})
+    assert str(refused.value) == (
+        """found no column 't' but "time" and "n", expected the times of impacts (s)"""
+    )

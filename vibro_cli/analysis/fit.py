@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -87,12 +87,9 @@ def read_measured(file: str | Path) -> Measured:
         if why.startswith("CSV parse error"):
             why += "; expected fields separated by commas, and . as decimal point"
         raise NotMeasured(f"{path}: cannot be read as a table: {why}") from error
-    if "t" not in table.column_names:
-        names = listing(map(shown, table.column_names[:_NAMED]), "and") or "none"
-        expected = "expected the times of impacts (s)"
-        raise NotMeasured(f"{path}: found no column 't' but {names}, {expected}")
     read = cell if path.suffix.lower() == ".csv" else lambda value: value
     try:
+        _check_times(table.column_names)
         return measured_of(
             {
                 name: [*map(read, table[name].to_pylist())]
@@ -119,8 +116,7 @@ def measured_of(columns: Mapping[str, Any]) -> Measured:
     NotMeasured
         With the row and what was expected.
     """
-    if "t" not in columns:
-        raise NotMeasured("found no column 't', expected the times of impacts (s)")
+    _check_times(columns)
     t = _numbers(columns, "t")
     if not len(t):
         raise NotMeasured("found no rows, expected the times of impacts (s)")
@@ -144,6 +140,14 @@ def measured_of(columns: Mapping[str, Any]) -> Measured:
         raise NotMeasured("found columns of unequal lengths, expected a row for each impact")
     pairs = np.stack(list(bodies.values()), axis=1) if bodies else None
     return Measured(number, t, error, pairs)
+
+
+def _check_times(names: Iterable[str]) -> None:
+    """Raise `NotMeasured` unless there is a column of times among these."""
+    given = list(map(str, names))
+    if "t" not in given:
+        names = listing(map(shown, given[:_NAMED]), "and") or "none"
+        raise NotMeasured(f"found no column 't' but {names}, expected the times of impacts (s)")
 
 
 def _is_number(value: Any) -> bool:

@@ -37,7 +37,16 @@ def read_table(path: Path) -> pa.Table:
             return read_parquet(stream)
         from pyarrow import csv
 
-        return once_each(csv.read_csv(stream))
+        table = csv.read_csv(stream)
+        # In a header such as `n, t` or `"n", "t"` the blank would belong to the name.
+        names = once_each(table).column_names
+        return once_each(table.rename_columns([*map(_bare, names)]))
+
+
+def _bare(name: str) -> str:
+    """Return a name in the header of a CSV file without blanks and quotes around it."""
+    bare = name.strip()
+    return bare[1:-1] if bare != name and bare[:1] == bare[-1:] == '"' else bare
 
 
 def read_columns(path: Path) -> dict[str, np.ndarray[Any, np.dtype[Any]]]:
