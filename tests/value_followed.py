@@ -1,6 +1,6 @@
 """Which modules a number passes: those with a function that holds it, or holds what holds it.
 
-``python -m tests.value_followed`` prints those that the starting angle of a ball passes in
+``python -m tests.value_followed`` prints those that the initial angle of a ball passes in
 ``vibro run``, from the scenario to the tables.
 """
 

@@ -115,12 +115,14 @@ class Several:
 
 
 def test_words_of_axes() -> None:
-    assert words_of("balls[1].angle") == "starting angle of body 1"
+    assert words_of("balls[1].angle") == "initial angle of body 1"
     assert words_of("collision.k") == "coefficient of restitution $k$"
     assert words_of("trace.turning.rate") == "rate of rotation"
     assert words_of("trace.arcs[2].radius") == "radius of arc 2"
     assert words_of("balls[2].spring.length") == "length of spring of body 2"
     assert words_of("gravity") == "gravity $g$"
+    assert words_of("stop.time") == "stop time"
+    assert words_of("stop.collisions") == "number of impacts at the stop"
 
 
 def test_the_map_of_endings_has_the_colour_of_each_point(made: Any) -> None:
@@ -133,7 +135,7 @@ def test_the_map_of_endings_has_the_colour_of_each_point(made: Any) -> None:
         # k falls from point to point, and rises along the figure's axis
         assert colours[2 - row, column] == pytest.approx(to_rgb(COLOURS[cause])), n
     shown = {text.get_text() for text in texts(figure)}
-    assert {"stop time reached (3)", "invalid (1)", "starting angle of body 1 [rad]"} <= shown
+    assert {"stop time reached (3)", "invalid (1)", "initial angle of body 1 [rad]"} <= shown
     assert "coefficient of restitution $k$" in shown
 
 
@@ -236,6 +238,29 @@ def test_the_map_of_a_quantity_has_its_values_and_leaves_out_what_is_not_there(m
     assert isinstance(mesh(figure).norm, LogNorm)
     assert figure.axes[1].get_ylabel() == "it"
     assert quantity_map(grid, "single", np.full(15, np.nan), "it") is None
+
+
+@pytest.mark.parametrize(
+    ("value", "label"), [(1.0, "1"), (0.0, "0"), (-0.25, "−0.25"), (2e-9, r"$2\times 10^{-9}$")]
+)
+def test_equal_numbers_have_one_colour_and_a_bar_with_that_number(
+    made: Any, value: float, label: str
+) -> None:
+    """The bar showed a scale from half to one and a half times the number, in all colours."""
+    values = np.full(15, value) * (1.0 + 1e-15 * np.arange(15.0))
+    figure = quantity_map(made(TWO), "single", values, "it [J]")
+    assert figure is not None
+    bar = figure.axes[1]
+    assert [text.get_text() for text in bar.get_yticklabels()] == [label]
+    assert bar.get_yticks() == pytest.approx([value], rel=1e-12, abs=1e-15)
+    assert bar.get_ylabel() == "it [J]"
+    (own,) = np.unique(mesh(figure).to_rgba(cells_of(figure).ravel()), axis=0)
+    painted = bar.collections[-1].get_array()
+    assert painted is not None
+    colours = bar.collections[-1].to_rgba(painted.ravel())
+    (shown,) = np.unique(colours, axis=0)
+    assert own == pytest.approx(shown)
+    assert_texts_are_apart(figure)
 
 
 def test_the_map_of_contact_says_what_it_shows(made: Any) -> None:

@@ -130,14 +130,14 @@ def _measure_scenes(plan: Plan, part: str, scenes: dict[int, Scene]) -> list[Row
 
 
 def first_halves(numbers: Any, count: int) -> Any:
-    """Return half the starting angles (rad) of the first ball, for some of `count` scenarios."""
+    """Return half the initial angles (rad) of the first ball, for some of `count` scenarios."""
     return -0.36 - 0.05 * numbers / count
 
 
 def crew(threads: int, count: int) -> Job:
     """Return a job: threads solve a number of scenarios, `_STRETCH` at a time.
 
-    The scenarios are circles that differ in the starting angle of the first ball.
+    The scenarios are circles that differ in the initial angle of the first ball.
     """
     system = BY_NAME["circle"].system
 

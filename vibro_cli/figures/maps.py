@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from vibro_cli.analysis.basins import Codes, codes_of, combined
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import WIDE_RANGE, Sheet, draw_dots
-from vibro_cli.figures.labels import LINE, Entry, draw_legend, rows_of, text_width
+from vibro_cli.figures.labels import LINE, Entry, draw_legend, rows_of, short_number, text_width
 from vibro_cli.figures.source import Array, Integers
 from vibro_cli.figures.style import MM, mark, panel_size, width_of
 from vibro_cli.figures.ticks import (
@@ -56,21 +56,26 @@ _ENTRIES = {"balls": "body", "bodies": "body", "arcs": "arc", "pairs": "pair"}
 _WORDS = {
     "k": "coefficient of restitution $k$",
     "gravity": "gravity $g$",
-    "angle": "starting angle",
-    "position": "starting position",
-    "speed": "starting speed",
-    "omega": "starting angular velocity",
+    "angle": "initial angle",
+    "position": "initial position",
+    "speed": "initial speed",
+    "omega": "initial angular velocity",
     "end_slope": "end slope",
     "start_slope": "slope at the left end",
-    "rate": "starting angular rate",
+    "rate": "initial angular rate",
     "turning": "rotation",
 }
-_WHOLE = {"trace.turning.rate": "rate of rotation"}
+_WHOLE = {
+    "trace.turning.rate": "rate of rotation",
+    "stop.time": "stop time",
+    "stop.collisions": "number of impacts at the stop",
+    "stop.bounces": "number of impacts on the wall at the stop",
+}
 _LEFT_OUT = ("collision", "trace")
 
 
 def words_of(path: str) -> str:
-    """Return a key path in words: "starting angle of body 1" for `balls[1].angle`."""
+    """Return a key path in words: "initial angle of body 1" for `balls[1].angle`."""
     if path in _WHOLE:
         return _WHOLE[path]
     names = []
@@ -424,7 +429,7 @@ def quantity_map(
     own = values[shown.rows]
     with style.journal():
         norm = _norm(own, least_log, whole)
-        ticks = _bar_ticks(norm, _HIGH[width], whole)
+        ticks = _bar_ticks(norm, own[np.isfinite(own)], _HIGH[width], whole)
         quantity, _, unit = label.partition(" [")
         words = axis_words(quantity, unit.removesuffix("]"), ticks)
         room = _BAR + max(map(text_width, ticks.labels))
@@ -441,7 +446,8 @@ def _norm(values: Array, least_log: float, whole: bool) -> Normalize:
     if whole and high - low < _FEW:
         return BoundaryNorm(np.arange(low - 0.5, high + 1.0), _SHADES)
     if high - low <= _ROUNDING * max(abs(low), abs(high)):
-        return Normalize(low - 0.5 * (abs(low) or 1.0), high + 0.5 * (abs(high) or 1.0))
+        beside = 0.5 * (max(abs(low), abs(high)) or 1.0)
+        return BoundaryNorm([low - beside, high + beside], _SHADES)
     if low > 0.0 and high > least_log * low:
         return LogNorm(low, high)
     return Normalize(low, high)
@@ -475,10 +481,15 @@ def _fill(axes: Axes, shown: ParameterMap, values: Array, colours: Any, norm: No
     axes.set_axisbelow(False)
 
 
-def _bar_ticks(norm: Normalize, height: float, whole: bool) -> Ticks:
-    """Return the ticks of the bar: round numbers, or powers of ten for logarithmic colours."""
+def _bar_ticks(norm: Normalize, shown: Array, height: float, whole: bool) -> Ticks:
+    """Return the ticks of the bar: round numbers, or powers of ten for logarithmic colours.
+
+    The only tick of equal numbers is at their value.
+    """
     low, high = float(norm.vmin or 0.0), float(norm.vmax or 0.0)
     if isinstance(norm, BoundaryNorm):
+        if not whole:
+            return Ticks((0.5 * (low + high),), (short_number(float(shown[0])),))
         numbers = range(round(low + 0.5), round(high + 0.5))
         return Ticks(tuple(map(float, numbers)), decimals(numbers))
     if not isinstance(norm, LogNorm):
