@@ -54,6 +54,18 @@ def test_rows_come_back_in_their_groups() -> None:
     assert read.read().equals(pa.Table.from_batches(expected))
 
 
+def test_metadata_may_be_larger_than_the_rows() -> None:
+    """As of a grid over a trace of 8,000 arcs, which failed: `Write out of bounds`."""
+    definition = "arcs".ljust(3_000_000, ".")
+    schema = SCHEMA.with_metadata({"vibro:grid": definition})
+    file = PartFile(lambda size: np.empty(size, dtype=np.uint8), schema, ["n"])
+    (rows,) = batches_of([2], 1)
+    file.add([rows.replace_schema_metadata({"vibro:grid": definition})])
+    read = pq.read_table(pa.BufferReader(bytes(file.finish())))
+    assert read.schema.metadata[b"vibro:grid"].decode() == definition
+    assert read.num_rows == 2
+
+
 def test_the_bytes_do_not_depend_on_how_often_it_moved(monkeypatch: pytest.MonkeyPatch) -> None:
     whole, _ = written()
     monkeypatch.setattr(chunk_writer, "_GROUPS_AT_FIRST", 1)

@@ -194,7 +194,7 @@ _PAGE = 1 << 17
 _SAMPLE = 512
 # Number of groups like the first one for which memory is allocated; unused pages cost nothing.
 _GROUPS_AT_FIRST = 8
-# Bytes that a file needs at its end, and for each group.
+# Bytes that a file needs at its end, besides the metadata of its schema, and for each group.
 _AT_THE_END, _OF_A_GROUP = 1 << 20, 1 << 16
 
 
@@ -211,6 +211,9 @@ class PartFile:
     ) -> None:
         self._buffer = buffer
         self._schema = schema
+        # Metadata such as a trace of thousands of arcs is there twice, once in base64.
+        metadata = sum(len(key) + len(value) for key, value in (schema.metadata or {}).items())
+        self._at_the_end = _AT_THE_END + 3 * metadata
         self._skipped_by = list(skipped_by)
         self._waiting: list[pa.RecordBatch] = []
         self._groups: list[list[int]] = []
@@ -229,8 +232,8 @@ class PartFile:
         if self._writer is None:
             numbers = [one.name for one in self._schema if pa.types.is_floating(one.type)]
             self._few = [name for name in numbers if _has_few(group[name])]
-            self._begin(_GROUPS_AT_FIRST * _most_bytes(group) + _AT_THE_END)
-        elif self._sink.tell() + _most_bytes(group) + _AT_THE_END > len(self._block):
+            self._begin(_GROUPS_AT_FIRST * _most_bytes(group) + self._at_the_end)
+        elif self._sink.tell() + _most_bytes(group) + self._at_the_end > len(self._block):
             self._move(2 * len(self._block) + _most_bytes(group))
         self._write(group)
         self._groups.append([batch.num_rows for batch in batches])
