@@ -38,6 +38,15 @@ def test_version(flag: str) -> None:
     assert outcome.stderr == ""
 
 
+def test_help_without_docstrings_says_why_it_has_no_texts() -> None:
+    """It printed the fields of each command, such as `RunCommand(*, scenarios: typing.…`."""
+    outcome = start("--help", options=("-B", "-OO"))
+    assert (outcome.returncode, outcome.stderr) == (0, "")
+    assert "Command(" not in outcome.stdout
+    for command in COMMANDS:
+        assert f"  {command:9} (python -OO removes this text.)\n" in outcome.stdout
+
+
 @pytest.mark.parametrize("flag", ["--version", "-V", "--help", "-h"])
 def test_what_needs_no_library_ends_as_commands_do_where_nobody_reads(
     flag: str, tmp_path: Path

@@ -88,6 +88,10 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
 """The examples run as one session, in this order and in one folder."""
 
 
+_NO_TEXTS = "(python -OO removes this text.)" if __doc__ is None else None
+"""Help of every command if Python has removed the docstrings, else None: the docstring."""
+
+
 def epilog(command: str) -> str:
     """Return the examples that end the help of a command; `\\b` keeps their line breaks."""
     return "\b\nExamples:\n" + "\n".join(f"  {line}" for line in EXAMPLES[command])
@@ -110,7 +114,7 @@ def application(commands: Sequence[str] = COMMANDS) -> typer.Typer:
     for name in commands:
         module = import_module(f"vibro_cli.commands.{HOMES.get(name, name)}")
         command = getattr(module, f"{name.title()}Command")
-        app.command(name, epilog=epilog(name))(with_common_options(command))
+        app.command(name, help=_NO_TEXTS, epilog=epilog(name))(with_common_options(command))
     return app
 
 
