@@ -33,7 +33,11 @@ from vibro_cli.systems.springs.portrait import (
     springs_portrait,
     springs_structure,
 )
-from vibro_cli.systems.table.figures import table_contact_points, table_energies
+from vibro_cli.systems.table.figures import (
+    table_contact_points,
+    table_energies,
+    table_velocities,
+)
 from vibro_cli.systems.table.plan import table_plan
 from vibro_cli.systems.table.portrait import has_wall_portrait, wall_portrait
 
@@ -326,6 +330,23 @@ def test_names_on_the_scene_of_springs_stand_beside_the_coils() -> None:
             for coil in coils:
                 drawn = coil.get_path().transformed(coil.get_transform())
                 assert not drawn.intersects_bbox(box.padded(-0.15 * box.height), filled=False)
+
+
+@pytest.mark.parametrize("name", ["skew_impact", "convex_wall"])
+def test_a_prime_does_not_push_the_index_of_an_angle_towards_the_panel(name: str) -> None:
+    figure = table_velocities(run_of(FOLDER / f"table/{name}.toml"))
+    assert figure is not None
+    figure.set_dpi(300)
+    figure.canvas.draw()
+    above = {
+        bool(re.search("[′']", text.get_text())): text.get_window_extent().y0
+        - axes.get_window_extent().y1
+        for axes in figure.axes
+        for text in axes.texts
+        if r"\alpha" in text.get_text() and text.get_transform() == axes.transAxes
+    }
+    assert above[True] == pytest.approx(above[False], abs=1.0)
+    assert above[True] > 0.0
 
 
 def test_names_of_possible_contact_points_stand_beside_the_tangent_planes() -> None:

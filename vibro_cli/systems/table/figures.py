@@ -266,8 +266,16 @@ def _draw_angle(
     angles = start + math.copysign(1.0, turn) * np.linspace(0.0, angle, 40)
     points = ball.centre + radius * np.column_stack([np.cos(angles), np.sin(angles)])
     axes.plot(*points.T, color=colour, linewidth=0.5, zorder=2.4)
-    mark = "'" if when else ""
-    return [Named(rf"$\alpha_{{{ball.number}}}{mark}$", points[len(points) // 2], colour)]
+    return [Named(_angle_symbol(ball.number, when), points[len(points) // 2], colour)]
+
+
+def _angle_symbol(number: int, when: int) -> str:
+    """Return α₁ or, after the impact, α₁′.
+
+    The prime is no part of the formula, where it would be small and too high, and push the index
+    down to the panel.
+    """
+    return rf"$\alpha_{{{number}}}$" + "′" * when
 
 
 def _write_heading(axes: Axes, one: Met, when: int) -> None:
@@ -281,11 +289,10 @@ def _write_heading(axes: Axes, one: Met, when: int) -> None:
     for level, symbol, unit, values in rows:
         symbols = [rf"${symbol}_{{{ball.number}}}$" for ball in one.balls]
         write_values(axes, _COLUMNS, level, symbols, values, when, unit)
-    mark = "'" * when
     for ball, left in zip(one.balls, _COLUMNS, strict=False):
         angle = math.degrees(ball.angle[when])
         if not math.isnan(angle):
-            symbol = rf"$\alpha_{{{ball.number}}}{mark}$"
+            symbol = _angle_symbol(ball.number, when)
             write_value(axes, left, 0, symbol, f"{short_number(angle, 3)}°")
 
 
