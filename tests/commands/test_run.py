@@ -607,7 +607,7 @@ def test_a_figure_that_is_named_and_shows_nothing_is_told(vibro: Vibro, tmp_path
     path = GALLERY / "turning_circle.toml"
     outcome = vibro("run", path, *few, "--figures", "energy,intervals")
     assert outcome.code == 0
-    assert "turning-circle: the run has nothing to show as intervals" in outcome.err
+    assert "turning_circle: the run has nothing to show as intervals" in outcome.err
     assert {file.stem for file in tmp_path.glob("run/*.png")} == {"energy"}
     for figures in ("all", "default", "energy,accuracy"):
         assert "nothing to show" not in vibro("run", path, *few, "--figures", figures).err
