@@ -16,6 +16,7 @@ from mpmath import mp
 
 from tests.gallery import GALLERY, run_of
 from tests.pages import DOCS, text_of
+from vibro_cli import Scenario, simulate
 from vibro_cli.analysis.levels import Landscape
 from vibro_cli.analysis.paper_formulas import (
     CORRECT,
@@ -32,10 +33,12 @@ from vibro_cli.commands.help import LETTERS, commands_of_papers, rows_of
 from vibro_cli.figures import style
 from vibro_cli.mechanics.reachability import contact_angle
 from vibro_cli.report import content as report_content
-from vibro_cli.report.papers import time_between, turning_points
+from vibro_cli.report.papers import series_rows, time_between, turning_points
 from vibro_cli.scenario import load_any
+from vibro_cli.storage.stored import open_run
 from vibro_cli.systems import NAMES, system_named
 from vibro_cli.systems.springs.phase_plane import spring_periods, springs_record
+from vibro_cli.systems.trace.describe import understood
 
 # Paper B
 
@@ -240,6 +243,93 @@ def test_times_with_turning_points_are_those_of_the_run() -> None:
             count = turning_points(swing, after, lasts)
             found = time_between(swing, after, count, swing.from_bottom)
             assert found == pytest.approx(lasts, rel=1e-6)  # arcsin loses half the digits near 1
+
+
+def valley(turns: int, **trace: Any) -> dict[str, Any]:
+    """Two balls in a valley whose slopes, from −80° to 80°, are counted so many turns further."""
+    first = 2.0 * math.pi * turns
+    places = {"arc": 1, "radius": 0.05, "mass": 1.0}
+    return {
+        "gravity": 9.81,
+        "trace": {
+            "start_slope": first - 1.4,
+            "arcs": [{"shape": "valley", "radius": 1.0, "end_slope": first + 1.4}],
+            **trace,
+        },
+        "balls": [
+            {**places, "angle": first - 0.7, "speed": 0.3},
+            {**places, "angle": first + 0.4, "speed": -0.2},
+        ],
+        "collision": {"k": 1.0},
+        "stop": {"collisions": 4},
+    }
+
+
+def test_the_interval_times_are_the_same_a_turn_further(tmp_path: Path) -> None:
+    """Turning points and times of the series are those of the same motion about the bottom 0."""
+    runs = [simulate(Scenario.from_dict(valley(turns))) for turns in (0, 1, -1)]
+    folders = [run.save(tmp_path / str(number)) for number, run in enumerate(runs)]
+    rows, *others = ([[*r[:2], *r[4:]] for r in series_rows(open_run(f))] for f in folders)
+    assert len(rows) == 8
+    assert others == [rows, rows]
+
+
+def test_no_interval_over_the_top_is_compared_with_the_series(tmp_path: Path) -> None:
+    """On this circle a body rolls over the top, from 0.24 left of the bottom to 4.69 rad."""
+    circle = {"shape": "valley", "radius": 1.0, "end_slope": 2.0 * math.pi - 1.0}
+    document = valley(0, start_slope=-1.0, closed=True, arcs=[circle])
+    starts = ((0.0, 9.0), (4.7, 0.0))
+    for ball, (angle, speed) in zip(document["balls"], starts, strict=True):
+        ball.update(angle=angle, speed=speed)
+    run = simulate(Scenario.from_dict(document))
+    ends = [float(run.collisions[f"angle_{end}"][3]) for end in "ab"]
+    assert max(ends) > math.pi
+    rows = series_rows(open_run(run.save(tmp_path / "run")))
+    assert [row[:2] for row in rows] == [["2", "1"], ["3", "2"]]
+
+
+TURN = 2.0 * math.pi
+LINE = {"shape": "line", "length": 0.5}
+STADIUM = {
+    "start_slope": -0.25 * TURN,
+    "closed": True,
+    "arcs": [
+        {"shape": "valley", "radius": 1.0, "end_slope": 0.25 * TURN},
+        LINE,
+        {"shape": "valley", "radius": 1.0, "end_slope": 0.75 * TURN},
+        LINE,
+    ],
+}
+CIRCLE = [{"shape": "valley", "radius": 1.0, "end_slope": TURN - 1.0}]
+
+
+@pytest.mark.parametrize(
+    ("trace", "angle", "speed", "stays"),
+    [
+        ({}, -0.7, 0.3, True),
+        ({"start_slope": TURN - 1.4, "arcs": [{**CIRCLE[0], "end_slope": TURN + 1.4}]},
+         TURN - 0.7, 0.3, True),
+        ({}, -0.7, 4.0, False),
+        ({"start_slope": -1.0, "closed": True, "arcs": CIRCLE}, 0.0, 4.0, True),
+        ({"start_slope": -1.0, "closed": True, "arcs": CIRCLE}, TURN - 1.3, 0.0, True),
+        (STADIUM, 0.0, 3.0, True),
+        (STADIUM, 0.0, 12.0, False),
+    ],
+)  # fmt: skip
+def test_the_period_told_of_is_that_between_turning_points(
+    trace: dict[str, Any], angle: float, speed: float, stays: bool
+) -> None:
+    """None is told of where the body comes to another arc, or to the end."""
+    document = valley(0, **trace)
+    ball = document["balls"][0] | {"angle": angle, "speed": speed}
+    document |= {"balls": [ball], "stop": {"time": 6.0}, "output": {"turning_points": True}}
+    del document["collision"]
+    scenario = Scenario.from_dict(document)
+    (body,) = understood(scenario, build_any(scenario), ())["bodies"]
+    events = simulate(scenario).events
+    assert (len(set(events["arc_to"].tolist())) < 2 and "end" not in events["event"]) is stays
+    turns = events["t"][events["event"] == "turning"]
+    assert body["swing"]["period"] == (pytest.approx(turns[2] - turns[0]) if stays else None)
 
 
 # Paper C

@@ -110,9 +110,15 @@ class Swing:
         return math.sqrt(2.0 * self.square) / scale if scale > 0.0 else math.inf
 
     @property
+    def bottom(self) -> float:
+        """Angle (rad) of the nearest bottom, a multiple of 2π: slopes may go on beyond a turn."""
+        return 2.0 * math.pi * round(self.angle / (2.0 * math.pi))
+
+    @property
     def way(self) -> float:
         """Initial direction, right (1) or left (−1); from rest it is towards the bottom."""
-        return math.copysign(1.0, self.rate) if self.rate else -math.copysign(1.0, self.angle)
+        from_bottom = self.angle - self.bottom
+        return math.copysign(1.0, self.rate) if self.rate else -math.copysign(1.0, from_bottom)
 
     @property
     def small_period(self) -> float:
@@ -131,7 +137,7 @@ class Swing:
 
     @property
     def amplitude(self) -> float:
-        """Greatest angle (rad); π if the body rotates."""
+        """Greatest angle from the bottom (rad); π if the body rotates."""
         return 2.0 * math.atan2(1.0 / self.modulus, math.sqrt(max(self.below, 0.0)))
 
     @property
@@ -195,8 +201,9 @@ def starting_swing(system: TraceSystem, ball: int) -> Swing | None:
     return Swing(squared_rate(system, ball, piece), state.position, rate)
 
 
-def stays(swing: Swing, piece: Piece, closed: bool) -> bool:
-    """Return whether a swing stays on its arc, or goes round an arc that is a closed trace."""
-    if swing.below <= 0.0:
-        return closed
-    return piece.angle_start <= -swing.amplitude and swing.amplitude <= piece.angle_end
+def stays(swing: Swing, piece: Piece, circle: bool) -> bool:
+    """Return whether a swing stays on its arc; on a `circle`, one arc that is closed, all do."""
+    if circle or swing.below <= 0.0:
+        return circle
+    low, high = swing.bottom - swing.amplitude, swing.bottom + swing.amplitude
+    return piece.angle_start <= low and high <= piece.angle_end

@@ -190,7 +190,8 @@ def series_rows(run: StoredRun) -> list[list[str]]:
 def _way(run: StoredRun, row: int, end: str) -> tuple[Swing, float, float] | None:
     """Return the swing of a body before an impact, its angle there (rad) and its duration (s).
 
-    Returns None unless the body swung freely in one valley since its last impact or the start.
+    Returns None unless the body swung freely in one valley since its last impact or the start, and
+    not over the top, beyond which u = sin(φ/2) falls again.
     """
     table, flights = run.collisions, run.flights()
     t, ball = float(table["t"][row]), int(table[f"ball_{end}"][row])
@@ -209,8 +210,10 @@ def _way(run: StoredRun, row: int, end: str) -> tuple[Swing, float, float] | Non
     swing = Swing(squared_rate(run.system, ball, piece), angle, rate)
     if swing.scale == 0.0:  # at rest at the bottom: no swing
         return None
-    lasts = t - float(flights["t_start"][flight])
-    return swing, float(table[f"angle_{end}"][row]), lasts
+    last = float(table[f"angle_{end}"][row])
+    if abs(last - swing.bottom) > math.pi:
+        return None
+    return swing, last, t - float(flights["t_start"][flight])
 
 
 def _row(run: StoredRun, row: int, end: str, way: tuple[Swing, float, float]) -> list[str]:
@@ -252,7 +255,7 @@ def time_between(
     `from_bottom` gives the time from the bottom to u. A body that starts at rest begins at a
     turning point, which is not counted.
     """
-    start, end = math.sin(0.5 * swing.angle), math.sin(0.5 * angle)
+    start, end = (math.sin(0.5 * (place - swing.bottom)) for place in (swing.angle, angle))
     way = swing.way
     if not turns:
         return way * (from_bottom(end) - from_bottom(start))

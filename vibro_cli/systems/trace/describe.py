@@ -66,7 +66,8 @@ def _swing(system: TraceSystem, ball: int) -> dict[str, float | None] | None:
     if swing is None:
         return None
     piece = system.trace.pieces[system.initial[ball - 1].piece]
-    period = swing.period if stays(swing, piece, system.trace.closed) else math.inf
+    circle = system.trace.closed and len(system.trace.pieces) == 1
+    period = swing.period if stays(swing, piece, circle) else math.inf
     return {
         "omega_squared": swing.square,
         "modulus": swing.modulus if math.isfinite(swing.modulus) else None,
