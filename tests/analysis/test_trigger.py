@@ -76,6 +76,34 @@ def test_equal_crests_are_joined_by_a_heteroclinic_orbit() -> None:
     )
 
 
+@pytest.mark.parametrize("seam", range(9))
+def test_equal_crests_with_a_higher_one_on_either_side_have_an_eight_each(seam: int) -> None:
+    """Three crests on the floor of a closed trace, the middle one higher; the fourth is its top."""
+    low, high = 30.0, 50.0
+    floor = (valley(1.0, low), hump(1.0, -low), valley(1.0, high), hump(1.0, -high),
+             valley(1.0, low), hump(1.0, -low), valley(1.0, 90))  # fmt: skip
+    half = 1.0 + 4 * math.sin(low * DEGREE) + 2 * math.sin(high * DEGREE)
+    arcs = [*floor, valley(half, 180), valley(half, 270)]
+    slopes = [-90.0, low, -low, high, -high, low, -low, 90.0, 180.0]
+    ends = [arc.end_slope + 2.0 * math.pi for arc in arcs[:seam] if arc.end_slope is not None]
+    later = [replace(arc, end_slope=end) for arc, end in zip(arcs, ends, strict=False)]
+    hills = landscape(slopes[seam], *arcs[seam:], *later, closed=True)
+    assert hills.trace.closing_error()[0] < 1e-13
+    found = sorted(triggers(hills), key=lambda trigger: trigger.saddle.energy)
+    assert [one.orbit for one in found] == [FIGURE_EIGHT] * 3 + [OPEN]
+    assert found[0].saddle.energy == pytest.approx(found[1].saddle.energy, rel=1e-13)
+    assert found[1].saddle.energy < 0.5 * found[2].saddle.energy
+
+
+def test_equal_crests_without_a_higher_one_between_are_joined_on_a_closed_trace() -> None:
+    arcs = (valley(1.0, 30), hump(1.0, -30), valley(1.0, 30), hump(1.0, -30), valley(1.0, 90))
+    half = 1.0 + 4 * math.sin(30 * DEGREE)
+    hills = landscape(-90.0, *arcs, valley(half, 180), valley(half, 270), closed=True)
+    first, second, top = triggers(hills)
+    assert first.orbit == second.orbit == HETEROCLINIC
+    assert top.orbit == OPEN
+
+
 def test_lower_crest_has_its_eight_within_the_higher_one() -> None:
     arcs = (valley(1.0, 60), hump(0.5, -60), valley(1.0, 40), hump(0.5, -40), valley(1.0, 120))
     high, low = triggers(landscape(-120.0, *arcs))
