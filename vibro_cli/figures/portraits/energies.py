@@ -139,28 +139,19 @@ def energy_portrait(run: Recorded, ball: int, width: str = "single") -> Figure:
 def along_trace(path: Trajectory, landscape: Landscape) -> Trajectory:
     """Convert a trajectory by pieces to one along the whole trace: arc length (m), speed (m/s)."""
     pieces = landscape.trace.pieces
+    scales = [landscape.path_scale(piece) for piece in pieces]
     parts = [
-        Branches(
-            position=piece.arc_length(branches.position),
-            rate=landscape.path_scale(piece) * branches.rate,
-            time=branches.time,
-            contact=branches.contact,
-        )
-        for piece, branches in zip(pieces, path.branches, strict=True)
-        if len(branches.time)
+        (piece.arc_length(one.position), scale * one.rate, one.time, one.contact)
+        for piece, scale, one in zip(pieces, scales, path.branches, strict=True)
+        if len(one.time)
     ]
-    joined = {
-        name: np.concatenate([getattr(part, name) for part in parts])
-        for name in Branches.__dataclass_fields__
-    }
     index, position, rate = path.start
-    scale = landscape.path_scale(pieces[index])
     return replace(
         path,
-        branches=(Branches(**joined),),
+        branches=(Branches(*map(np.concatenate, zip(*parts, strict=True))),),
         jumps=_jumps_along(path.jumps, landscape),
         first=_jumps_along(path.first, landscape),
-        start=(0, pieces[index].arc_length(position), scale * rate),
+        start=(0, pieces[index].arc_length(position), scales[index] * rate),
     )
 
 
