@@ -15,6 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.colors import to_hex
 from matplotlib.image import imread
+from matplotlib.patches import Polygon
 from matplotlib.path import Path as Polyline
 from matplotlib.text import Annotation
 
@@ -127,11 +128,14 @@ def _arrows(axes: Axes) -> list[tuple[float, str]]:
 
 
 def _scale(axes: Axes) -> float:
-    """Return the length (m) of 1 m/s, from the scale arrow over a picture and its label."""
+    """Return the length (m) of 1 m/s, from the scale arrow with its head, and its label."""
     (speed,) = (one[1] for text in axes.texts if (one := re.fullmatch("(.*) m/s", text.get_text())))
-    (line,) = (line for line in axes.lines if line.get_transform() == axes.transAxes)
-    low, high = axes.get_xlim()
-    return float(np.ptp(np.asarray(line.get_xdata()))) * (high - low) / float(speed)
+    (shaft,) = (line for line in axes.lines if not line.get_clip_on())
+    polygons = (patch for patch in axes.patches if isinstance(patch, Polygon))
+    (head,) = (patch for patch in polygons if not patch.get_clip_on())
+    parts = (shaft, shaft.get_xydata()), (head, head.get_xy())
+    shown = np.concatenate([part.get_transform().transform(points) for part, points in parts])
+    return float(np.ptp(axes.transData.inverted().transform(shown)[:, 0])) / float(speed)
 
 
 @pytest.mark.parametrize("name", ["billiards", "skew_impact", "elliptic_wall"])
@@ -257,7 +261,7 @@ def test_the_scale_of_a_plan_is_clear_of_the_legend(speed: float, width: str) ->
     figure = table_plan(simulate(any_scenario_of(data)), width)
     assert_texts_are_apart(figure)
     (axes,), (legend,) = figure.axes, figure.legends
-    (arrow,) = (line for line in axes.lines if line.get_transform() == axes.transAxes)
+    (arrow,) = (line for line in axes.lines if not line.get_clip_on())
     (number,) = (text for text in axes.texts if text.get_text().endswith("m/s"))
     end = legend.get_window_extent().x1
     assert end < arrow.get_window_extent().x0

@@ -303,19 +303,18 @@ def draw_scale(axes: Axes, scale: float, line: int = 2) -> None:
     `scale` is the length (m) of an arrow of 1 m/s; `line` counts the lines of text from below.
     """
     wide, high = panel_size(axes)
-    low, end = axes.get_xlim()
-    each = scale * wide / (end - low)  # mm for 1 m/s
-    speed = round_below(_SCALE / each)
+    (low, end), (bottom, top) = axes.get_xlim(), axes.get_ylim()
+    each = (end - low) / wide  # m for 1 mm
+    speed = round_below(_SCALE * each / scale)
     text = with_unit(speed, "m/s")
-    right = wide - text_width(text) - 1.5
     level = 1.0 + (1.9 + 3.3 * line) / high
-    ends = np.array([(right - speed * each - 0.8) / wide, (right - 0.8) / wide])
-    look: dict[str, Any] = {"transform": axes.transAxes, "clip_on": False, "color": style.BLACK}
-    axes.plot(ends, [level, level], linewidth=CENTRE["linewidth"], **look)
-    tip = np.array([[ends[1] + 0.6 / wide, level], [ends[1] - 1.2 / wide, level]])
-    side = np.array([0.0, 0.55 / high])
-    corners = np.array([tip[0], tip[1] + side, tip[1] - side])
-    axes.add_patch(Polygon(corners, linewidth=0.0, **look))
+    tip = np.array([end - (text_width(text) + 1.7) * each, bottom + level * (top - bottom)])
+    along, reach = np.array([1.0, 0.0]), scale * speed
+    head = min(1.8 * each, 0.6 * reach)
+    shaft = np.array([tip - reach * along, tip - head * along])
+    axes.plot(*shaft.T, clip_on=False, **CENTRE | {"color": style.BLACK} | _BUTT)
+    draw_head(axes, tip, along, head, style.BLACK)
+    axes.patches[-1].set_clip_on(False)
     axes.text(1.0, level, text, ha="right", va="center", transform=axes.transAxes, **SMALL_TEXT)
 
 
