@@ -294,13 +294,8 @@ class _Loops:
 
     def phase(self, q: Array, speed: Array) -> Array:
         """Return the phases of states."""
-        part = np.sum(q[:, None] >= self.nodes[:, 1:-1], axis=1)
-        # Skip empty parts at the right end.
-        while True:
-            empty = (part > 0) & (self._at(self.nodes, part + 1) <= self._at(self.nodes, part))
-            if not np.any(empty):
-                break
-            part = np.where(empty, part - 1, part)
+        inner, end = self.nodes[:, 1:-1], self.nodes[:, -1:]
+        part = np.sum((inner <= q[:, None]) & (inner < end), axis=1)  # not an empty part at the end
         left, right = self._at(self.nodes, part), self._at(self.nodes, part + 1)
         wide = np.where(right > left, right - left, 1.0)
         share = np.clip((q - left) / wide, 0.0, 1.0)
