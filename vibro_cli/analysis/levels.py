@@ -132,15 +132,11 @@ def centre_of(piece: Piece) -> float:
 
 def level_positions(piece: Piece) -> list[float]:
     """Return the angles (rad) strictly within an arc at which it is level: multiples of π."""
-    first = math.floor(piece.angle_start / math.pi)
-    last = math.ceil(piece.angle_end / math.pi)
-    candidates = (turn * math.pi for turn in range(first, last + 1))
+    ends = piece.angle_start, piece.angle_end
     return [
         angle
-        for angle in candidates
-        if piece.angle_start < angle < piece.angle_end
-        and not same_angle(angle, piece.angle_start)
-        and not same_angle(angle, piece.angle_end)
+        for angle in inside([0.0, math.pi], *ends)
+        if not any(same_angle(angle, end) for end in ends)
     ]
 
 

@@ -342,11 +342,8 @@ class Portrait:
 def portrait_of(landscape: Landscape) -> Portrait:
     """Return the structure of the phase portrait of a body, in closed form (D)."""
     points = singular_points(landscape)
-    counts = dict.fromkeys(_LETTER, 0)
-    names = []
-    for point in points:
-        counts[point.kind] += 1
-        names.append(f"{_LETTER[point.kind]}{counts[point.kind]}")
+    kinds = [point.kind for point in points]
+    names = (f"{_LETTER[kind]}{kinds[:n].count(kind)}" for n, kind in enumerate(kinds, 1))
     return Portrait(landscape, points, tuple(names), triggers(landscape))
 
 
