@@ -180,7 +180,7 @@ def _estimate(options: GridCommand) -> int:
     _hint_at_stop(found)
     chunks = chunks_of(found, None, options.engine)
     start = time.perf_counter() - begin
-    one = estimate(found, options.engine, chunks.stretch)
+    sampled, impacts, seconds, size_each = estimate(found, options.engine, chunks.stretch)
     workers = _workers(options)
     points = chunks.points
     record = {
@@ -188,11 +188,11 @@ def _estimate(options: GridCommand) -> int:
         "points": points,
         "chunks": chunks.count,
         "chunk_points": chunks.division,
-        "impacts": round(points * one.impacts),
-        "bytes": round(points * one.bytes),
-        "seconds": start + points * one.seconds / min(workers, points),
+        "impacts": round(points * impacts),
+        "bytes": round(points * size_each),
+        "seconds": start + points * seconds / min(workers, points),
         "workers": workers,
-        "sampled": one.sampled,
+        "sampled": sampled,
     }
     if options.as_json:
         print(json_text(record))

@@ -12,10 +12,9 @@ import uuid
 from collections import Counter
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -33,24 +32,15 @@ Report = Callable[[int, int], None]
 """Called with the numbers of points and impacts of every solved stretch."""
 
 
-class _Stretch(NamedTuple):
-    """A stretch to be solved."""
-
-    parts: ChunkWriter
-    """Writer of its chunk."""
-    number: int
-    first: int
-    last: int
-    """The point after its last one."""
-
-
-def _stretches(grid: Grid, chunks: Chunks, wanted: Sequence[int]) -> Iterator[_Stretch]:
-    """Yield the stretches of all chunks, in order."""
+def _stretches(
+    grid: Grid, chunks: Chunks, wanted: Sequence[int]
+) -> Iterator[tuple[ChunkWriter, int, Array]]:
+    """Yield the stretches of all chunks, in order: writer, number in the chunk, and points."""
     pool = BufferPool()
     for chunk in wanted:
-        parts = ChunkWriter.of(grid, chunks, chunk, pool)
-        for number, (first, last) in enumerate(chunks.stretches(chunk)):
-            yield _Stretch(parts, number, first, last)
+        writer = ChunkWriter.of(grid, chunks, chunk, pool)
+        for number, stretch in enumerate(chunks.stretches(chunk)):
+            yield writer, number, np.arange(*stretch)
 
 
 def solve_in_threads(
@@ -69,15 +59,15 @@ def solve_in_threads(
     """
     left, stop, own = _stretches(grid, chunks, wanted), threading.Event(), threading.local()
 
-    def solve(one: _Stretch) -> Encoded | None:
+    def solve(writer: ChunkWriter, number: int, points: Array) -> Encoded | None:
         if not hasattr(own, "solver"):
             own.solver = solver_of(grid, engine)
             own.solver.interrupted = stop.is_set
-        solved = own.solver.solve(np.arange(one.first, one.last))
+        solved = own.solver.solve(points)
         if stop.is_set():
             return None
-        report(one.last - one.first, solved.impacts)
-        return one.parts.add(one.number, solved)
+        report(len(points), solved.impacts)
+        return writer.add(number, solved)
 
     # Separate threads wait for the disk, so that solvers never do.
     with ThreadPoolExecutor(threads) as solvers, ThreadPoolExecutor(threads) as writers:
@@ -85,7 +75,7 @@ def solve_in_threads(
         try:
             while True:
                 room = 2 * threads - len(under_way)
-                under_way |= {solvers.submit(solve, one) for one in islice(left, room)}
+                under_way |= {solvers.submit(solve, *one) for one in islice(left, room)}
                 if not under_way:
                     return
                 done, under_way = wait(under_way, return_when=FIRST_COMPLETED)
@@ -169,21 +159,12 @@ def chunks_of(grid: Grid, known: Division | None, engine: str) -> Chunks:
     return Chunks.of(grid, expected, impact_density(grid, expected, engine))
 
 
-@dataclass(frozen=True)
-class Estimate:
-    """Estimated cost of a grid, from a sample of its points."""
+def estimate(grid: Grid, engine: str, stretch: int) -> tuple[int, float, float, float]:
+    """Time the solution of points spread over the grid, in batches of `stretch` points.
 
-    sampled: int
-    impacts: float
-    """Mean number of impacts per point."""
-    seconds: float
-    """Time per point in one thread (s)."""
-    bytes: float
-    """Bytes per point on disk."""
-
-
-def estimate(grid: Grid, engine: str, stretch: int) -> Estimate:
-    """Time the solution of points spread over the grid, in batches of `stretch` points."""
+    Returns the number of these points, and per point the mean number of impacts, the time in one
+    thread (s), and the bytes on disk.
+    """
     solver = solver_of(grid, engine)
     count = 16
     while True:
@@ -197,7 +178,7 @@ def estimate(grid: Grid, engine: str, stretch: int) -> Estimate:
         count *= 4
     solved = solver.solve(points)
     size = part_bytes(grid, solved, points)
-    return Estimate(len(points), solved.impacts / len(points), taken / len(points), size)
+    return len(points), solved.impacts / len(points), taken / len(points), size
 
 
 def solve_into(folder: Path, grid: Grid, workers: int, force: bool) -> None:
