@@ -70,13 +70,6 @@ def contact_beginnings(history: History) -> list[Event]:
     return [event for event in history.events if event.kind == "contact_closed"]
 
 
-def size_of(run: Run, history: History) -> float:
-    """Return `size_of_places` of the oracle's samples."""
-    return size_of_places(
-        run, (float(abs(x)) for row in history.samples for _, *xy in row for x in xy)
-    )
-
-
 def contact_uncertainty(history: History, event: Event, size: float) -> float:
     """Return the uncertainty (s) of the beginning or end of a contact due to rounding of places.
 
@@ -416,7 +409,8 @@ def _verdict(run: Run, history: History, ours: Floats, grown: Floats, times: Flo
     ours_closed = run.events["t"][run.events["event"] == "contact_closed"]
     first = min([*closings, *ours_closed.tolist()], default=np.inf)
     motion, after = 0.0, None
-    size = size_of(run, history)
+    places = (float(abs(x)) for row in history.samples for _, *xy in row for x in xy)
+    size = size_of_places(run, places)
     thrown = first_uncertain_separation(history, size)
     decided = (times < thrown) & ~_amid_bounces(run, times)
     growth = _Growth(history, times, grown.max(axis=(1, 2)), size, run.system.gravity)

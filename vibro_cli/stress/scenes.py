@@ -220,14 +220,6 @@ class Watched(Generic[Answer]):
         self._process: Any = None
         self._connection: Any = None
 
-    def _begin(self) -> None:
-        context = multiprocessing.get_context("spawn")
-        self._connection, other = context.Pipe()
-        arguments = (other, self._function, self._memory)
-        self._process = context.Process(target=_serve, args=arguments, daemon=True)
-        self._process.start()
-        other.close()
-
     def __call__(self, document: Document, seconds: float = PATIENCE) -> Answer:
         """Return the function's answer, computed within `seconds` of processor time.
 
@@ -237,7 +229,12 @@ class Watched(Generic[Answer]):
             If there is no answer by then, or the process has ended.
         """
         if self._process is None:
-            self._begin()
+            context = multiprocessing.get_context("spawn")
+            self._connection, other = context.Pipe()
+            arguments = (other, self._function, self._memory)
+            self._process = context.Process(target=_serve, args=arguments, daemon=True)
+            self._process.start()
+            other.close()
         try:
             self._connection.send((document, seconds))
             answer: Answer = self._connection.recv()

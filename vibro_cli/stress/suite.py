@@ -130,17 +130,13 @@ def write(findings: Sequence[Finding], plan: Plan, target: Path) -> None:
     Raises FolderRefused if ``target`` exists and was not written by this program, and OSError if
     it cannot be written.
     """
-    names = [
-        f"{finding.check}_{row}.json" if finding.scenario is not None else None
-        for row, finding in enumerate(findings, 1)
-    ]
-    records = [
-        asdict(finding) | {"met": finding.met, "scenario": name}
-        for finding, name in zip(findings, names, strict=True)
-    ]
-    columns = columns_of_records(records, TABLE)
-    files = {"stress.parquet": parquet_bytes(to_arrow(TABLE, columns, asdict(plan)))}
-    for name, finding in zip(names, findings, strict=True):
-        if name is not None:
+    files, records = dict[str, bytes](), []
+    for row, finding in enumerate(findings, 1):
+        name = None
+        if finding.scenario is not None:
+            name = f"{finding.check}_{row}.json"
             files[name] = json_bytes(finding.scenario)
+        records.append(asdict(finding) | {"met": finding.met, "scenario": name})
+    columns = columns_of_records(records, TABLE)
+    files["stress.parquet"] = parquet_bytes(to_arrow(TABLE, columns, asdict(plan)))
     write_folder("stress", target, files, asdict(plan))
