@@ -73,30 +73,25 @@ class Laws:
     def solve(self, touches: Sequence[Touch], speeds: list[Real], law: str) -> list[Real]:
         """Return the speeds after the simultaneous impact of touches, each with its restitution."""
         rows, changes = zip(*(self._of(touch, law) for touch in touches), strict=True)
-        wanted = [
-            -(1 + touch.restitution) * speed_of(row, speeds)
-            for touch, row in zip(touches, rows, strict=True)
-        ]
-        return self._apply(rows, changes, wanted, speeds)
+        return self._apply(rows, changes, [1 + touch.restitution for touch in touches], speeds)
 
     def equalise(self, touches: Sequence[Touch], speeds: list[Real], law: str) -> list[Real]:
         """Return the speeds at the end of the bounces of touches: without separation speeds."""
         rows = [touch.row for touch in touches]
         changes = [self._of(touch, law)[1] for touch in touches]
-        wanted = [-speed_of(row, speeds) for row in rows]
-        return self._apply(rows, changes, wanted, speeds)
+        return self._apply(rows, changes, [mp.one] * len(rows), speeds)
 
     def _apply(
         self,
         rows: Sequence[Row],
         changes: Sequence[Row],
-        wanted: Sequence[Real],
+        factors: Sequence[Real],
         speeds: list[Real],
     ) -> list[Real]:
-        """Return the speeds after impulses that change every row's speed by the wanted amount."""
-        impulses = solve_rows(rows, changes, wanted)
+        """Return the speeds after impulses that take these multiples of the rows' speeds away."""
+        wanted = [-x * speed_of(row, speeds) for x, row in zip(factors, rows, strict=True)]
         after = list(speeds)
-        for impulse, change in zip(impulses, changes, strict=True):
+        for impulse, change in zip(solve_rows(rows, changes, wanted), changes, strict=True):
             for n, value in change.items():
                 after[n] += impulse * value
         return after

@@ -20,7 +20,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from operator import mul
 from typing import Any, NamedTuple
 
@@ -69,34 +68,54 @@ class State(NamedTuple):
     speed: Real
 
 
-@dataclass
 class Course:
-    """Series of one body over a step, in powers of the share of the step."""
+    """Series of one body over a step ``h`` (s), in powers of the share of the step."""
 
-    x: Series
-    y: Series
-    c: Series
-    s: Series
-    v: Series
-    q: Series
-    along: Series  # V_x
-    across: Series  # V_y
-    rate: Series  # v', not in shares
+    def __init__(self, scene: Scene, path: Path, state: State, h: Whole) -> None:
+        start = (*path.centre(state.place), *path.tangent(state.place), state.speed, state.place)
+        self.x, self.y, self.c, self.s, self.v, self.q = ([whole(number)] for number in start)
+        self.along: Series = []  # V_x
+        self.across: Series = []  # V_y
+        self.rate: Series = []  # v', not in shares
+        self._h = h
+        self._curvature_h = scaled(h, whole(path.curvature))
+        self._per_length_h = scaled(h, whole(path.per_length))
+        self._pull = whole(scene.gravity / path.body.kappa)
+        self._turning = whole(scene.turning_square / path.body.kappa)
+        self._axis = whole(scene.axis)
 
+    def series(self) -> tuple[Series, ...]:
+        """Return all series."""
+        integrated = (self.x, self.y, self.c, self.s, self.v, self.q)
+        return (*integrated, self.along, self.across, self.rate)
 
-class Constraint(NamedTuple):
-    """A pair that keeps its distance; a and b are indices within the group."""
+    def force_free(self, k: int, still: bool) -> None:
+        """Append coefficient k of the velocity, and of ``v'`` without contact forces."""
+        self.along.append(product(self.v, self.c, k))
+        self.across.append(product(self.v, self.s, k))
+        rate = -scaled(self._pull, self.s[k])
+        if self._turning:
+            arm = self.x[: k + 1]
+            arm[0] -= self._axis
+            rate += scaled(self._turning, product(arm, self.c, k))
+        self.rate.append(0 if still else rate)
 
-    a: int
-    b: int
-    distance: Real
+    def advance(self, k: int) -> None:
+        """Append coefficient k + 1 of all integrated series."""
+        along, across = self.along[k], self.across[k]
+        self.x.append(scaled(along, self._h) // (k + 1))
+        self.y.append(scaled(across, self._h) // (k + 1))
+        self.c.append(-scaled(across, self._curvature_h) // (k + 1))
+        self.s.append(scaled(along, self._curvature_h) // (k + 1))
+        self.q.append(scaled(self.v[k], self._per_length_h) // (k + 1))
+        self.v.append(scaled(self.rate[k], self._h) // (k + 1))
 
 
 class Group:
     """Bodies that move together: one free body, or several in contact.
 
-    ``constraints`` are the pairs that keep their distance, with bodies counted within the group. If
-    it is ``still``, a wall holds all its bodies.
+    ``constraints`` are the pairs that keep their distance: left body, right body (both counted
+    within the group) and distance (m). If it is ``still``, a wall holds all its bodies.
     """
 
     def __init__(
@@ -104,7 +123,7 @@ class Group:
         scene: Scene,
         balls: Sequence[int],
         states: Sequence[State],
-        constraints: Sequence[Constraint],
+        constraints: Sequence[tuple[int, int, Real]],
         still: bool = False,
     ) -> None:
         self.scene, self.balls, self.constraints, self.still = scene, balls, constraints, still
@@ -113,45 +132,66 @@ class Group:
         self.forces: list[Series] = []
         self.courses: list[Course] = []
 
-    def _begin(self, path: Path, state: State) -> Course:
-        x, y, c, s, v, q = (
-            [whole(number)]
-            for number in (
-                *path.centre(state.place), *path.tangent(state.place), state.speed, state.place
-            )
-        )  # fmt: skip
-        return Course(x, y, c, s, v, q, [], [], [])
-
     def expand(self, step: Real, order: int) -> None:
         """Compute the series for a step (s)."""
         h = whole(step)
         self.forces = [[] for _ in self.constraints]
         self.courses = [
-            self._begin(path, state) for path, state in zip(self.paths, self.states, strict=True)
+            Course(self.scene, path, state, h)
+            for path, state in zip(self.paths, self.states, strict=True)
         ]
-        constants = [self._constants(path, h) for path in self.paths]
-        contacts = [] if self.still else [_Contact(self, one) for one in self.constraints]
+        contacts = [] if self.still else [_Contact(self, *one) for one in self.constraints]
         inverse: list[list[Whole]] = []
         for k in range(order):
-            for course, constant in zip(self.courses, constants, strict=True):
-                _force_free(course, constant, k, self.still)
+            for course in self.courses:
+                course.force_free(k, self.still)
             if contacts:
                 balances = [one.extend(k) for one in contacts]
-                inverse = inverse or _inverse(self, contacts)
-                _add_forces(self, contacts, inverse, balances, k)
-            for course, constant in zip(self.courses, constants, strict=True):
-                _advance(course, constant, k)
+                inverse = inverse or self._inverse(contacts)
+                self._add_forces(contacts, inverse, balances, k)
+            for course in self.courses:
+                course.advance(k)
 
-    def _constants(self, path: Path, h: Whole) -> _Constants:
-        scene, kappa = self.scene, path.body.kappa
-        return _Constants(
-            h, scaled(h, whole(path.curvature)), scaled(h, whole(path.per_length)),
-            whole(scene.gravity / kappa), whole(scene.turning_square / kappa), whole(scene.axis),
-        )  # fmt: skip
+    def _inverse(self, contacts: list[_Contact]) -> list[list[Whole]]:
+        """Return the inverse of the matrix from forces to accelerations of the distances."""
+        normals = [
+            {one.a: -real(one.along[0][0]), one.b: real(one.along[1][0])} for one in contacts
+        ]
+        mobility = [1 / (path.body.kappa * path.body.mass) for path in self.paths]
+        size = len(contacts)
+        matrix = mp.matrix(size, size)
+        for row, mine in enumerate(normals):
+            for column, other in enumerate(normals):
+                matrix[row, column] = mp.fsum(
+                    mine[n] * other[n] * mobility[n] for n in mine if n in other
+                )
+        solution = matrix**-1
+        return [[whole(solution[row, column]) for column in range(size)] for row in range(size)]
+
+    def _add_forces(
+        self, contacts: list[_Contact], inverse: list[list[Whole]], balances: list[Whole], k: int
+    ) -> None:
+        """Append coefficient k of the contact forces, and add their part of ``v'``.
+
+        The known parts of order k are added first, with the forces' coefficient k set to zero.
+        """
+        for one, force in zip(contacts, self.forces, strict=True):
+            force.append(0)
+            for side, sign in ((0, -1), (1, 1)):
+                share = scaled(product(force, one.along[side], k), one.mobility[side])
+                one.courses[side].rate[k] += sign * share
+        for number, one in enumerate(contacts):
+            a, b = one.courses
+            balances[number] += product(b.rate, one.along[1], k) - product(a.rate, one.along[0], k)
+        for row, (one, force) in enumerate(zip(contacts, self.forces, strict=True)):
+            force[k] = -sum(scaled(inverse[row][n], balances[n]) for n in range(len(contacts)))
+            for side, sign in ((0, -1), (1, 1)):
+                share = scaled(scaled(force[k], one.along[side][0]), one.mobility[side])
+                one.courses[side].rate[k] += sign * share
 
     def _series(self) -> list[Series]:
         """Return all series of all bodies."""
-        return [one for course in self.courses for one in vars(course).values()]
+        return [one for course in self.courses for one in course.series()]
 
     def tail(self) -> float:
         """Return the size of the last terms."""
@@ -177,17 +217,6 @@ class Group:
         ]
 
 
-class _Constants(NamedTuple):
-    """Constants of one body on its piece."""
-
-    h: Whole
-    curvature_h: Whole
-    per_length_h: Whole
-    pull: Whole  # g/kappa
-    turning: Whole  # Omega^2/kappa
-    axis: Whole
-
-
 def value_of(series: Series, u: Whole) -> Whole:
     """Return the value of a series at a share of the step."""
     total = 0
@@ -196,38 +225,15 @@ def value_of(series: Series, u: Whole) -> Whole:
     return total
 
 
-def _force_free(course: Course, constant: _Constants, k: int, still: bool) -> None:
-    """Append coefficient k of the velocity, and of ``v'`` without contact forces."""
-    course.along.append(product(course.v, course.c, k))
-    course.across.append(product(course.v, course.s, k))
-    rate = -scaled(constant.pull, course.s[k])
-    if constant.turning:
-        arm = course.x[: k + 1]
-        arm[0] -= constant.axis
-        rate += scaled(constant.turning, product(arm, course.c, k))
-    course.rate.append(0 if still else rate)
-
-
-def _advance(course: Course, constant: _Constants, k: int) -> None:
-    """Append coefficient k + 1 of all integrated series."""
-    along, across = course.along[k], course.across[k]
-    course.x.append(scaled(along, constant.h) // (k + 1))
-    course.y.append(scaled(across, constant.h) // (k + 1))
-    course.c.append(-scaled(across, constant.curvature_h) // (k + 1))
-    course.s.append(scaled(along, constant.curvature_h) // (k + 1))
-    course.q.append(scaled(course.v[k], constant.per_length_h) // (k + 1))
-    course.v.append(scaled(course.rate[k], constant.h) // (k + 1))
-
-
 class _Contact:
     """Series of one pair in contact."""
 
-    def __init__(self, group: Group, constraint: Constraint) -> None:
-        self.a, self.b = constraint.a, constraint.b
-        self.courses = (group.courses[self.a], group.courses[self.b])
-        self.inverse_distance = whole(1 / constraint.distance)
-        self.curvature = [whole(group.paths[n].curvature) for n in (self.a, self.b)]
-        bodies = [group.paths[n].body for n in (self.a, self.b)]
+    def __init__(self, group: Group, a: int, b: int, distance: Real) -> None:
+        self.a, self.b = a, b
+        self.courses = (group.courses[a], group.courses[b])
+        self.inverse_distance = whole(1 / distance)
+        self.curvature = [whole(group.paths[n].curvature) for n in (a, b)]
+        bodies = [group.paths[n].body for n in (a, b)]
         self.mobility = [whole(1 / (body.kappa * body.mass)) for body in bodies]
         self.normal: tuple[Series, Series] = ([], [])
         self.along: tuple[Series, Series] = ([], [])  # n t of a and of b
@@ -252,47 +258,6 @@ class _Contact:
             turned = product(self.square[side], self.inward[side], k)
             balance += sign * scaled(self.curvature[side], turned)
         return balance
-
-
-def _inverse(group: Group, contacts: list[_Contact]) -> list[list[Whole]]:
-    """Return the inverse of the matrix from forces to accelerations of the distances."""
-    normals = [{one.a: -real(one.along[0][0]), one.b: real(one.along[1][0])} for one in contacts]
-    mobility = [1 / (path.body.kappa * path.body.mass) for path in group.paths]
-    size = len(contacts)
-    matrix = mp.matrix(size, size)
-    for row, mine in enumerate(normals):
-        for column, other in enumerate(normals):
-            matrix[row, column] = mp.fsum(
-                mine[n] * other[n] * mobility[n] for n in mine if n in other
-            )
-    solution = matrix**-1
-    return [[whole(solution[row, column]) for column in range(size)] for row in range(size)]
-
-
-def _add_forces(
-    group: Group,
-    contacts: list[_Contact],
-    inverse: list[list[Whole]],
-    balances: list[Whole],
-    k: int,
-) -> None:
-    """Append coefficient k of the contact forces, and add their part of ``v'``.
-
-    The known parts of order k are added first, with the forces' coefficient k set to zero.
-    """
-    for one, force in zip(contacts, group.forces, strict=True):
-        force.append(0)
-        for side, sign in ((0, -1), (1, 1)):
-            share = scaled(product(force, one.along[side], k), one.mobility[side])
-            one.courses[side].rate[k] += sign * share
-    for number, one in enumerate(contacts):
-        a, b = one.courses
-        balances[number] += product(b.rate, one.along[1], k) - product(a.rate, one.along[0], k)
-    for row, (one, force) in enumerate(zip(contacts, group.forces, strict=True)):
-        force[k] = -sum(scaled(inverse[row][n], balances[n]) for n in range(len(contacts)))
-        for side, sign in ((0, -1), (1, 1)):
-            share = scaled(scaled(force[k], one.along[side][0]), one.mobility[side])
-            one.courses[side].rate[k] += sign * share
 
 
 def expand_all(groups: Sequence[Group], guess: Real, order: int = ORDER) -> Real:

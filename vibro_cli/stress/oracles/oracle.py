@@ -28,7 +28,6 @@ from vibro_cli.stress.oracles.motion import (
     FIRST_STEP,
     GROWTH,
     ORDER,
-    Constraint,
     Course,
     Group,
     Series,
@@ -187,7 +186,7 @@ class Oracle:
             constraints = []
             for pair in pairs:
                 a, b = (balls.index(n) for n in self.now.pairs[pair])
-                constraints.append(Constraint(a, b, self.now.reach(pair)))
+                constraints.append((a, b, self.now.reach(pair)))
             last = len(self.scene.bodies) - 1
             still = (LEFT_WALL in self.held and 0 in balls) or (
                 RIGHT_WALL in self.held and last in balls
