@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -80,33 +80,30 @@ def motion_of(run: Run, samples: int) -> Motion:
 def faults_of(run: Run) -> list[Fault]:
     """Return all faults of a run."""
     motion = motion_of(run, 500)
-    faults = [*ending(run), *overlaps(run, motion), *order(run, motion), *walls(run, motion)]
-    faults += [*jumps(run, motion), *standing(run, motion), *energy(run, motion)]
-    return [*faults, *impacts(run)]
+    at_instants = (overlaps, order, walls, jumps, standing, energy)
+    faults = [fault for check in at_instants for fault in check(run, motion)]
+    return [*ending(run), *faults, *impacts(run)]
 
 
-def ending(run: Run) -> list[Fault]:
-    """Return faults of the end cause."""
-    system, cause = run.system, run.end_cause
-    if cause == "inadmissible":
-        newton = system.law == "normal-impulse" or system.inadmissible == "normal-impulse"
-        return [Fault("ending", "inadmissible under normal-impulse")] if newton else []
+def ending(run: Run) -> Iterator[Fault]:
+    """Yield the fault of the end cause, if there is one."""
+    system, cause, hits = run.system, run.end_cause, run.collisions["t"]
     open_ends = not system.trace.closed and None in (system.left_end, system.right_end)
-    if cause == "end_of_trace" and not open_ends:
-        return [Fault("ending", "end of trace beyond walls")]
-    if cause == "lift_off" and system.surface != "one-sided":
-        return [Fault("ending", "lift-off from a two-sided trace")]
-    hits = run.collisions["t"]
-    if len(hits) > CROWDED and (hits[CROWDED:] - hits[:-CROWDED]).min() < MOMENT:
-        return [Fault("ending", f"{CROWDED} impacts in less than {MOMENT:g} s")]
-    if cause not in ("time", "collisions", "end_of_trace", "lift_off"):
-        return [Fault("ending", f"end cause {cause}")]
-    return []
+    if cause == "inadmissible":
+        if "normal-impulse" in (system.law, system.inadmissible):
+            yield Fault("ending", "inadmissible under normal-impulse")
+    elif cause == "end_of_trace" and not open_ends:
+        yield Fault("ending", "end of trace beyond walls")
+    elif cause == "lift_off" and system.surface != "one-sided":
+        yield Fault("ending", "lift-off from a two-sided trace")
+    elif len(hits) > CROWDED and (hits[CROWDED:] - hits[:-CROWDED]).min() < MOMENT:
+        yield Fault("ending", f"{CROWDED} impacts in less than {MOMENT:g} s")
+    elif cause not in ("time", "collisions", "end_of_trace", "lift_off"):
+        yield Fault("ending", f"end cause {cause}")
 
 
-def overlaps(run: Run, motion: Motion) -> list[Fault]:
-    """Return pairs of bodies, neighbours or not, that overlap."""
-    faults = []
+def overlaps(run: Run, motion: Motion) -> Iterator[Fault]:
+    """Yield pairs of bodies, neighbours or not, that overlap."""
     radii = [body.radius for body in run.system.bodies]
     size = max(1.0, float(np.abs([motion.x, motion.y]).max()))
     for b in range(len(radii)):
@@ -116,12 +113,11 @@ def overlaps(run: Run, motion: Motion) -> list[Fault]:
             if not depth.max() <= OVERLAP * size:
                 first = int(np.argmax(~(depth <= OVERLAP * size)))
                 when = f"t = {motion.t[first]:.9g}, {depth.max():.3g} m deep"
-                faults.append(Fault("overlap", f"bodies {a + 1}, {b + 1} from {when}"))
-    return faults
+                yield Fault("overlap", f"bodies {a + 1}, {b + 1} from {when}")
 
 
-def order(run: Run, motion: Motion) -> list[Fault]:
-    """Return a fault if the bodies are not in their initial order."""
+def order(run: Run, motion: Motion) -> Iterator[Fault]:
+    """Yield a fault if the bodies are not in their initial order."""
     trace = run.system.trace
     if trace.closed:
         around = np.mod(np.diff(motion.s, axis=1, append=motion.s[:, :1]), trace.length)
@@ -131,13 +127,11 @@ def order(run: Run, motion: Motion) -> list[Fault]:
     else:
         wrong = (np.diff(motion.s, axis=1) <= 0.0).any(axis=1)
     if wrong.any():
-        return [Fault("order", f"lost at t = {motion.t[np.argmax(wrong)]:.9g}")]
-    return []
+        yield Fault("order", f"lost at t = {motion.t[np.argmax(wrong)]:.9g}")
 
 
-def walls(run: Run, motion: Motion) -> list[Fault]:
-    """Return walls that bodies have passed."""
-    faults = []
+def walls(run: Run, motion: Motion) -> Iterator[Fault]:
+    """Yield walls that bodies have passed."""
     pieces = run.system.trace.pieces
     for right, wall in enumerate((run.system.left_end, run.system.right_end)):
         if wall is None or run.system.trace.closed:
@@ -151,8 +145,7 @@ def walls(run: Run, motion: Motion) -> list[Fault]:
         depth = np.where(beside, depth, -1.0)
         if depth.max() > OVERLAP * max(1.0, float(np.abs(motion.x).max())):
             where = "right" if right else "left"
-            faults.append(Fault("wall", f"{depth.max():.3g} m beyond the {where} wall"))
-    return faults
+            yield Fault("wall", f"{depth.max():.3g} m beyond the {where} wall")
 
 
 def _beyond_wall(system: TraceSystem, right: bool, x: Any, y: Any) -> Any:
@@ -164,8 +157,8 @@ def _beyond_wall(system: TraceSystem, right: bool, x: Any, y: Any) -> Any:
     return away if right else -away
 
 
-def jumps(run: Run, motion: Motion) -> list[Fault]:
-    """Return a fault if a centre moves farther between two instants than its speed allows."""
+def jumps(run: Run, motion: Motion) -> Iterator[Fault]:
+    """Yield a fault if a centre moves farther between two instants than its speed allows."""
     dt = np.diff(motion.t)[:, None]
     way = np.hypot(np.diff(motion.x, axis=0), np.diff(motion.y, axis=0))
     table = run.collisions
@@ -176,12 +169,11 @@ def jumps(run: Run, motion: Motion) -> list[Fault]:
     excess = way - (fastest + 2.0 * pull * dt) * dt - 1.0e-12 * (1.0 + np.abs(motion.x[1:]))
     if not excess.max(initial=0.0) <= 0.0:
         row, body = np.unravel_index(np.argmax(excess), excess.shape)
-        return [Fault("jump", f"body {body + 1} by {excess.max():.3g} m at {motion.t[row]:.9g}")]
-    return []
+        yield Fault("jump", f"body {body + 1} by {excess.max():.3g} m at {motion.t[row]:.9g}")
 
 
-def standing(run: Run, motion: Motion) -> list[Fault]:
-    """Return a fault if a body stands still against a force without a support.
+def standing(run: Run, motion: Motion) -> Iterator[Fault]:
+    """Yield a fault if a body stands still against a force without a support.
 
     A body that moves between two instants and is at rest at both is not a fault.
     """
@@ -194,8 +186,8 @@ def standing(run: Run, motion: Motion) -> list[Fault]:
         between = (flights["t_end"] > motion.t[row]) & (flights["t_end"] < motion.t[row + 1])
         moved = (between & (flights["ball"] == body + 1)).any()
         if abs(pull) > 1.0e-9 * run.system.gravity and not leans and not moved:
-            return [Fault("standing", f"body {body + 1} stands free at t = {motion.t[row]:.9g}")]
-    return []
+            yield Fault("standing", f"body {body + 1} stands free at t = {motion.t[row]:.9g}")
+            return
 
 
 def _pull(run: Run, motion: Motion, row: int, body: int) -> float:
@@ -243,15 +235,15 @@ def grows_by_its_law(run: Run) -> bool:
     return run.system.law == "translational" and len(kappas) > 1
 
 
-def energy(run: Run, motion: Motion) -> list[Fault]:
-    """Return faults where energy grows, or is lost without an impact."""
+def energy(run: Run, motion: Motion) -> Iterator[Fault]:
+    """Yield faults where energy grows, or is lost without an impact."""
     total, scale = _energy_of(run, motion)
     steps = np.diff(total) / scale
     flights = run.flights()
     hits = np.concatenate([run.collisions["t"], flights["t_end"][flights["cause_end"] == "wall"]])
     happens = np.histogram(hits, motion.t)[0] > 0 if len(motion.t) > 1 else np.zeros(0, bool)
     happens = happens | np.isin(motion.t[1:], hits) | np.isin(motion.t[:-1], hits)
-    faults = []
+    sound = True
     for kind, wrong in (
         ("energy_lost", ~happens & (steps < -ENERGY)),
         ("energy_grows", steps > ENERGY),
@@ -259,32 +251,29 @@ def energy(run: Run, motion: Motion) -> list[Fault]:
         if kind == "energy_grows" and grows_by_its_law(run):
             wrong = wrong & ~happens
         if wrong.any():
-            row = int(np.argmax(wrong))
-            faults.append(Fault(kind, f"by {steps[row]:.3g} of it at t = {motion.t[row]:.9g}"))
-    if not faults and not grows_by_its_law(run) and (total[-1] - total[0]) > ENERGY * scale:
-        faults.append(Fault("energy_grows", f"by {(total[-1] - total[0]) / scale:.3g} in all"))
-    return faults
+            row, sound = int(np.argmax(wrong)), False
+            yield Fault(kind, f"by {steps[row]:.3g} of it at t = {motion.t[row]:.9g}")
+    if sound and not grows_by_its_law(run) and (total[-1] - total[0]) > ENERGY * scale:
+        yield Fault("energy_grows", f"by {(total[-1] - total[0]) / scale:.3g} in all")
 
 
-def impacts(run: Run) -> list[Fault]:
-    """Return impacts without contact, or that violate their law."""
+def impacts(run: Run) -> Iterator[Fault]:
+    """Yield impacts without contact, or that violate their law."""
     table = run.collisions
-    faults = []
     gap = np.abs(table["gap"])
     if len(gap) and not gap.max() <= OVERLAP * 10.0:
-        faults.append(Fault("gap", f"bodies {gap.max():.3g} m apart at an impact"))
+        yield Fault("gap", f"bodies {gap.max():.3g} m apart at an impact")
     plain = ~table["simultaneous"] & ~table["contact"] & ~table["grazing"]
     before = np.abs(table["speed_a_pre"]) + np.abs(table["speed_b_pre"])
     receding = plain & (table["approach_speed"] < -1.0e-9 * before)
     if receding.any():
-        faults.append(Fault("receding", f"impact {int(np.argmax(receding)) + 1}"))
+        yield Fault("receding", f"impact {int(np.argmax(receding)) + 1}")
     for row in np.flatnonzero(plain).tolist():
         one, two = (run.system.bodies[int(table[f"ball_{end}"][row]) - 1] for end in "ab")
         off = _against_law(table, row, one, two)
         if off > LAW:
-            faults.append(Fault("law", f"impact {row + 1} off by {off:.3g}"))
-            break
-    return faults
+            yield Fault("law", f"impact {row + 1} off by {off:.3g}")
+            return
 
 
 def _against_law(table: Any, row: int, one: Any, two: Any) -> float:

@@ -81,8 +81,8 @@ def test_no_two_bodies_are_in_one_another_and_all_keep_their_order(path: Path) -
 def test_no_body_is_beyond_a_wall_or_stands_where_nothing_keeps_it(path: Path) -> None:
     run = simulate(load_scenario(path), "python")
     motion = motion_of(run, 500)
-    assert walls(run, motion) == []
-    assert standing(run, motion) == []
+    assert list(walls(run, motion)) == []
+    assert list(standing(run, motion)) == []
 
 
 @pytest.mark.usefixtures("no_hang")
