@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -59,15 +59,6 @@ def solver_events(impacts: Any, states: Any, bodies: int) -> list[SolverEvent]:
     return found
 
 
-class _Course(NamedTuple):
-    """Series of one body over a step, in fractions of the step."""
-
-    x: Series
-    v: Series
-    free: Series  # acceleration without contact forces
-    common: Series  # acceleration of its group in lasting contact
-
-
 class ReferenceSolver:
     """Reference solver of bodies on springs; a state is ``x, v`` of each, x along the line."""
 
@@ -112,16 +103,16 @@ class ReferenceSolver:
         """Advance to a time, or to an event near it; return the time reached."""
         while True:
             length = self._length()
-            courses = self._expand(length)
-            tail = max(abs(value) for one in courses for value in (*one.x[-2:], *one.v[-2:]))
+            bodies = self._expand(length)
+            tail = max(abs(value) for one in bodies for value in (*one.x[-2:], *one.v[-2:]))
             share = min(mp.one, mp.root(_LEFT_OUT / max(real(tail), _LEFT_OUT), ORDER))
             last = until - now <= share * length
             if last:
                 share = (until - now) / length
             place = whole(share)
             if last and event is not None:
-                place = self._root(courses, event, place)
-            self._state = [[real(value_of(one, place)) for one in (c.x, c.v)] for c in courses]
+                place = self._root(bodies, event, place)
+            self._state = [[real(value_of(one, place)) for one in (b.x, b.v)] for b in bodies]
             now += real(place) * length
             if last:
                 return now
@@ -134,14 +125,13 @@ class ReferenceSolver:
             longest = min(longest, size / (abs(v) + mp.sqrt(square) * size))
         return _SHARE * longest
 
-    def _expand(self, length: Any) -> list[_Course]:
-        """Return the series of all bodies over a step (s)."""
+    def _expand(self, length: Any) -> list[_Body]:
+        """Return the bodies with their series over a step (s)."""
         h = whole(length)
         bodies = [
             _Body(h, x, v, spring, square)
             for (x, v), spring, square in zip(self._state, self.springs, self.squares, strict=True)
         ]
-        common: list[Series] = [[] for _ in bodies]
         groups = self._groups()
         totals = [mp.fsum(self.rolling[n] for n in group) for group in groups]
         shares = [
@@ -153,12 +143,8 @@ class ReferenceSolver:
             for group in shares:
                 mean = sum(scaled(share, free[n]) for n, share in group)
                 for n, _ in group:
-                    common[n].append(mean)
                     bodies[n].advance(k, mean)
-        return [
-            _Course(one.x, one.v, one.free, shared)
-            for one, shared in zip(bodies, common, strict=True)
-        ]
+        return bodies
 
     def _groups(self) -> list[list[int]]:
         """Return the indices of the bodies of each group in lasting contact."""
@@ -170,29 +156,29 @@ class ReferenceSolver:
                 found.append([n])
         return found
 
-    def _root(self, courses: list[_Course], event: SolverEvent, place: Whole) -> Whole:
+    def _root(self, bodies: list[_Body], event: SolverEvent, place: Whole) -> Whole:
         """Return the fraction of a step at which a gap, or the force in a contact, vanishes."""
-        series = self._gap(courses, event.pair) if event.law else self._force(courses, event.pair)
+        series = self._gap(bodies, event.pair) if event.law else self._force(bodies, event.pair)
         slope = [k * value for k, value in enumerate(series)][1:]
         for _ in range(_NEWTON):
             place -= whole(real(value_of(series, place)) / real(value_of(slope, place)))
         return place
 
-    def _gap(self, courses: list[_Course], pair: int) -> Series:
+    def _gap(self, bodies: list[_Body], pair: int) -> Series:
         one, other = pair, pair + 1
         touch = 2 * mp.sqrt(self.radii[one] * self.radii[other])
         away = mp.mpf(self.springs[other].foot) - mp.mpf(self.springs[one].foot) - touch
-        series = [b - a for a, b in zip(courses[one].x, courses[other].x, strict=True)]
+        series = [b - a for a, b in zip(bodies[one].x, bodies[other].x, strict=True)]
         series[0] += whole(away)
         return series
 
-    def _force(self, courses: list[_Course], pair: int) -> Series:
+    def _force(self, bodies: list[_Body], pair: int) -> Series:
         """Return the contact force of a pair, from the accelerations of the bodies to its left."""
         (group,) = [one for one in self._groups() if pair in one]
         left = [n for n in group if n <= pair]
         return [
             sum(
-                scaled(whole(self.rolling[n]), courses[n].free[k] - courses[n].common[k])
+                scaled(whole(self.rolling[n]), bodies[n].free[k] - bodies[n].common[k])
                 for n in left
             )
             for k in range(ORDER)
@@ -212,12 +198,13 @@ class ReferenceSolver:
 
 
 class _Body:
-    """Series of a body, computed order by order."""
+    """Series of one body over a step, in fractions of the step, computed order by order."""
 
     def __init__(self, h: Whole, x: Any, v: Any, spring: Any, square: Any) -> None:
         self.h, self.square, self.length = h, whole(square), whole(mp.mpf(spring.length))
         self.x, self.v = [whole(x)], [whole(v)]
-        self.free: Series = []
+        self.free: Series = []  # acceleration without contact forces
+        self.common: Series = []  # acceleration of its group in lasting contact
         self._u = [whole(1 / mp.sqrt(mp.mpf(spring.height) ** 2 + x**2))]
         self._uu: Series = []
         self._uuu: Series = []
@@ -231,6 +218,7 @@ class _Body:
 
     def advance(self, k: int, acceleration: Whole) -> None:
         """Compute coefficient k + 1 of all integrated series."""
+        self.common.append(acceleration)
         self._uu.append(product(self._u, self._u, k))
         self._uuu.append(product(self._uu, self._u, k))
         self._xv.append(product(self.x, self.v, k))
