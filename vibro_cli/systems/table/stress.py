@@ -55,6 +55,7 @@ class ReferenceSolver:
 
     def __init__(self, system: TableSystem) -> None:
         self.system = system
+        self.wall: Any = system.wall  # not None where a ball bounces
         self.radii = [mp.mpf(body.radius) for body in system.bodies]
         self.masses = [mp.mpf(body.mass) for body in system.bodies]
         self.rolling = [mp.mpf(body.kappa) * body.mass for body in system.bodies]
@@ -91,20 +92,17 @@ class ReferenceSolver:
             way = [state[b][n] - state[a][n] for n in range(4)]
             return self._fall(way, touch), None
         ball = one.balls[0]
-        wall = self.system.wall
-        assert wall is not None
         if one.edge < 0:
             return self._curved(state[ball], self.radii[ball], mp.mpf(one.t) - now, one)
-        corners = [[mp.mpf(v) for v in corner] for corner in wall.corners]
+        corners = [[mp.mpf(v) for v in corner] for corner in self.wall.corners]
         (x, y), (ex, ey) = corners[one.edge], corners[(one.edge + 1) % len(corners)]
-        side = on_left(wall)
+        px, py, vx, vy = state[ball]
+        side = on_left(self.wall)
         length = mp.sqrt((ex - x) ** 2 + (ey - y) ** 2)
         normal = side * (ey - y) / length, -side * (ex - x) / length
         if math.cos(one.normal) * normal[0] + math.sin(one.normal) * normal[1] > 1.0 - 1e-12:
-            px, py, vx, vy = state[ball]
             left = (x - px) * normal[0] + (y - py) * normal[1] - self.radii[ball]
             return left / (vx * normal[0] + vy * normal[1]), normal
-        px, py, vx, vy = state[ball]
         step = self._fall([px - x, py - y, vx, vy], self.radii[ball])
         return step, self._unit(x - px - step * vx, y - py - step * vy)
 
@@ -121,11 +119,9 @@ class ReferenceSolver:
 
     def _curved(self, ball: list[Any], r: Any, guess: Any, one: SolverEvent) -> tuple[Any, Any]:
         """Return time (s) and normal of a contact with a conic, by Newton from the solver's."""
-        wall = self.system.wall
-        assert wall is not None
-        a, b = (mp.mpf(axis) for axis in wall.semi_axes)
-        x, y = (ball[n] - mp.mpf(wall.centre[n]) for n in (0, 1))
-        side = 1 if wall.inside else -1
+        a, b = (mp.mpf(axis) for axis in self.wall.semi_axes)
+        x, y = (ball[n] - mp.mpf(self.wall.centre[n]) for n in (0, 1))
+        side = 1 if self.wall.inside else -1
 
         def outer(angle: Any) -> Any:
             return self._unit(b * mp.cos(angle), a * mp.sin(angle))
@@ -145,11 +141,9 @@ class ReferenceSolver:
         return t, (side * n[0], side * n[1])
 
     def _rebound(self, ball: list[Any], normal: tuple[Any, Any]) -> None:
-        wall = self.system.wall
-        assert wall is not None
         speed = ball[2] * normal[0] + ball[3] * normal[1]
         for axis in (0, 1):
-            ball[2 + axis] -= (1 + mp.mpf(wall.restitution)) * speed * normal[axis]
+            ball[2 + axis] -= (1 + mp.mpf(self.wall.restitution)) * speed * normal[axis]
 
     def _collide(self, state: list[list[Any]], one: SolverEvent) -> None:
         """Change the components along the line of centres by the law."""
