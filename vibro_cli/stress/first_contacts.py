@@ -450,7 +450,7 @@ class Sample(NamedTuple):
 
 @dataclass
 class Tally:
-    """The results of many flights."""
+    """The results of the flights of a family."""
 
     contacts: int = 0
     kinds: Counter[str] = field(default_factory=Counter)
@@ -460,15 +460,6 @@ class Tally:
     wrong: Document | None = None
     worst: Document | None = None
     sample: list[Sample] = field(default_factory=list)
-
-    def add(self, other: Tally) -> None:
-        """Add the results of other flights."""
-        self.contacts += other.contacts
-        self.kinds += other.kinds
-        if other.displacement >= self.displacement:
-            self.displacement, self.worst = other.displacement, other.worst or self.worst
-        self.wrong = self.wrong or other.wrong
-        self.sample += other.sample
 
 
 def compare(family: Family, states: States, keep: int) -> Tally:
@@ -525,16 +516,15 @@ def _portion(seed: np.random.SeedSequence, kind: int, grazing: bool, keep: int) 
     return compare(family, states, keep)
 
 
-def run_flights(seed: int, wanted: int, grazing: bool, keep: int) -> Tally:
+def run_flights(seed: int, wanted: int, grazing: bool, keep: int) -> list[Tally]:
     """Judge family after family, on two cores, until `wanted` flights are judged."""
     seeds = np.random.SeedSequence([seed, int(grazing)])
-    total, kinds = Tally(), count()
+    tallies, kinds = list[Tally](), count()
     portion = partial(_portion, grazing=grazing, keep=keep)
     with ThreadPoolExecutor(WORKERS) as workers:
-        while total.kinds.total() < wanted:
-            for part in workers.map(portion, seeds.spawn(2 * WORKERS), kinds):
-                total.add(part)
-    return total
+        while sum(one.kinds.total() for one in tallies) < wanted:
+            tallies += workers.map(portion, seeds.spawn(2 * WORKERS), kinds)
+    return tallies
 
 
 def check_contacts(plan: Plan) -> list[Finding]:
@@ -545,22 +535,26 @@ def check_contacts(plan: Plan) -> list[Finding]:
         ("random flights", False, plan.amount(8_000, 1_000_000)),
         ("near-grazing flights (+-1e-13 R ... +-1e-2 R)", True, plan.amount(2_000, 100_000)),
     ):
-        tally = run_flights(plan.seed, wanted, grazing, plan.amount(8, 10))
-        findings += _findings_of(tally, name)
+        tallies = run_flights(plan.seed, wanted, grazing, plan.amount(8, 10))
+        findings += _findings_of(tallies, name)
         if grazing:
-            hostile = tally.sample
+            hostile = [one for tally in tallies for one in tally.sample]
     return [*findings, _by_fifty_digits(hostile, plan), *_by_scipy(hostile, plan)]
 
 
-def _findings_of(tally: Tally, name: str) -> list[Finding]:
-    tried = f"{name}, {tally.contacts} with contact, judged by interval bounds"
+def _findings_of(tallies: list[Tally], name: str) -> list[Finding]:
+    kinds = sum((one.kinds for one in tallies), Counter[str]())
+    wrong = next((one.wrong for one in tallies if one.wrong), None)
+    far = max(tallies, key=lambda one: one.displacement)
+    contacts = sum(one.contacts for one in tallies)
+    tried = f"{name}, {contacts} with contact, judged by interval bounds"
     return [
-        Finding(quantity, tried, mark, cases=tally.kinds.total(), worst=worst, scenario=scenario)
+        Finding(quantity, tried, mark, cases=kinds.total(), worst=worst, scenario=scenario)
         for quantity, mark, worst, scenario in (
-            ("missed first contacts", 0.0, tally.kinds["missed"], tally.wrong),
-            ("invented contacts", 0.0, tally.kinds["invented"], tally.wrong),
-            ("undecided by the judge", None, tally.kinds["undecided"], None),
-            ("displacement of a contact (R)", DISPLACED, tally.displacement, tally.worst),
+            ("missed first contacts", 0.0, kinds["missed"], wrong),
+            ("invented contacts", 0.0, kinds["invented"], wrong),
+            ("undecided by the judge", None, kinds["undecided"], None),
+            ("displacement of a contact (R)", DISPLACED, far.displacement, far.worst),
         )
     ]
 
