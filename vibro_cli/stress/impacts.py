@@ -111,16 +111,16 @@ def check_impacts(plan: Plan) -> list[Finding]:
     for document, run, grown in _scenes(rng, plan.amount(4, 100)):
         twin, exact, last = ReferenceSolver(scene_of_system(run.system)), [], None
         for happening in events_of(run):
-            flight = _Flight(run.system, twin, happening, last)
+            flight = _single_flight(run.system, twin, happening, last)
             last = happening
             exact += twin.follow([happening])
-            if not flight.is_a_start():
+            if flight is None:
                 continue
-            error, resolution = flight.error_and_resolution()
+            start, error, resolution = flight
             if resolution <= RESOLVED:
-                single.take(error, _as_document(document, flight.system))
+                single.take(error, _as_document(document, start))
             else:
-                unresolved.take(error / resolution, _as_document(document, flight.system))
+                unresolved.take(error / resolution, _as_document(document, start))
         whole.take(_error(run, grown, exact), document)
     return [whole, single, unresolved] if unresolved.cases else [whole, single]
 
@@ -188,53 +188,41 @@ def _error(run: Run, grown: dict[str, list[float]], exact: list[Impact]) -> floa
     return worst
 
 
-class _Flight:
-    """The motion from one event to the next, started from the twin's states rounded to doubles.
+def _single_flight(
+    system: TraceSystem, twin: ReferenceSolver, event: SolverEvent, last: SolverEvent | None
+) -> tuple[TraceSystem, float, float] | None:
+    """Solve the motion from one event to the next, from the twin's states rounded to doubles.
+
+    Returns the system with this start, the error of the event's instant, and the instant's shift by
+    an ulp of the start, both relative to the length of the flight; None if the bodies are not in
+    order, as after crossing the seam once.
 
     Two bodies that have just collided are in contact: the left one is exactly at its rounded place,
     the right one where it touches the left one.
     """
-
-    def __init__(
-        self,
-        system: TraceSystem,
-        twin: ReferenceSolver,
-        event: SolverEvent,
-        last: SolverEvent | None,
-    ) -> None:
-        places = [twin.at(number, twin.t) for number in range(len(system.bodies))]
-        states = [InitialState(now.piece, float(now.place), float(now.speed)) for now in places]
-        self.system = replace(system, initial=tuple(states))
-        self.event = event._replace(t=float(mp.mpf(event.t) - twin.t))
-        start = Arrangement(scene_of_system(self.system))
-        self.bounces = False
-        if last is not None and last.kind == "impact":
-            start.into_contact()
-            self.bounces = (event.a, event.b) == (last.a, last.b)
-        self.twin = ReferenceSolver(replace(start.scene, starts=tuple(start.states)))
-
-    def is_a_start(self) -> bool:
-        """Return whether the bodies are in order; after crossing the seam once they are not."""
-        return not any(out_of_order(*both) for both in pairwise(self.system.initial))
-
-    def error_and_resolution(self) -> tuple[float, float]:
-        """Return the error of the event's instant, and its shift by an ulp of the start.
-
-        Both are relative to the length of the flight.
-        """
-        event, twin = self.event, self.twin
-        begun = [twin.at(number, mp.zero) for number in range(len(self.system.bodies))]
-        impacts = twin.follow([event])
-        error = abs(_first_event(self.system, event) - twin.t)
-        movers = (event.a, event.b) if impacts else (event.a,)
-        moved = mp.zero
-        for number in movers:
-            now = begun[number]
-            if not self.bounces:
-                moved += abs(now.place) / Path(twin.scene, number, now.piece).per_length
-            moved += abs(now.speed) * twin.t
-        speed = impacts[0].approach if impacts else twin.at(event.a, twin.t).speed
-        return float(error / twin.t), float(EPSILON * moved / abs(speed) / twin.t)
+    places = [twin.at(number, twin.t) for number in range(len(system.bodies))]
+    states = [InitialState(now.piece, float(now.place), float(now.speed)) for now in places]
+    if any(out_of_order(*both) for both in pairwise(states)):
+        return None
+    system = replace(system, initial=tuple(states))
+    event = event._replace(t=float(mp.mpf(event.t) - twin.t))
+    start = Arrangement(scene_of_system(system))
+    bounces = False
+    if last is not None and last.kind == "impact":
+        start.into_contact()
+        bounces = (event.a, event.b) == (last.a, last.b)
+    own = ReferenceSolver(replace(start.scene, starts=tuple(start.states)))
+    begun = [own.at(number, mp.zero) for number in range(len(states))]
+    impacts = own.follow([event])
+    moved = mp.zero
+    for number in (event.a, event.b) if impacts else (event.a,):
+        now = begun[number]
+        if not bounces:
+            moved += abs(now.place) / Path(own.scene, number, now.piece).per_length
+        moved += abs(now.speed) * own.t
+    error = abs(_first_event(system, event) - own.t)
+    speed = impacts[0].approach if impacts else own.at(event.a, own.t).speed
+    return system, float(error / own.t), float(EPSILON * moved / abs(speed) / own.t)
 
 
 def _first_event(system: TraceSystem, event: SolverEvent) -> Any:
