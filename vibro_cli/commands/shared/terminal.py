@@ -12,7 +12,8 @@ import sys
 import textwrap
 import threading
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, TextIO, TypeVar
 
@@ -297,13 +298,12 @@ class _Line:
         if self._drawn:
             self._write("")
 
-    def _due(self) -> float | None:
-        """Return the time since the beginning (s) if the line is due for redrawing, else None."""
+    def _redraw(self, line: Callable[[float], str]) -> None:
+        """Draw the line for the time since the beginning (s), if it is due."""
         now = time.monotonic()
-        if not self._shown or now - self._redrawn <= _EVERY:
-            return None
-        self._redrawn = now
-        return now - self._begin
+        if self._shown and now - self._redrawn > _EVERY:
+            self._redrawn = now
+            self._write(line(now - self._begin))
 
     def _write(self, text: str) -> None:
         self._drawn = True
@@ -328,9 +328,7 @@ class Progress(_Line):
         with self._lock:
             self._done += points
             self._impacts += impacts
-            elapsed = self._due()
-            if elapsed is not None:
-                self._write(self._line(elapsed))
+            self._redraw(self._line)
 
     def _line(self, elapsed: float) -> str:
         left = elapsed * (self._points - self._done) / self._done
@@ -404,9 +402,7 @@ class RunProgress(_Line):
         """Record the progress of the run; redraw the line if it is due."""
         if self._first is None:  # not 0 where a run is continued
             self._first = simulated, impacts
-        elapsed = self._due()
-        if elapsed is not None:
-            self._write(self._line(simulated, impacts, elapsed))
+        self._redraw(partial(self._line, simulated, impacts))
 
     def _line(self, simulated: float, impacts: int, elapsed: float) -> str:
         assert self._first is not None
