@@ -381,3 +381,15 @@ def test_a_grid_without_a_stop_by_time_gives_a_hint_before_it_is_solved(
     first = vibro("grid", grid, "--set", "stop.collisions=1000").err.splitlines()[0]
     assert first.startswith("sweep: hint: without stop.time, points whose impacts die out (k < 1) ")
     assert "hint" not in vibro("grid", grid, "-o", "other").err
+
+
+@pytest.mark.parametrize("shard", ["3/2", "0/2", "a/b", "1"])
+def test_a_shard_that_is_none_is_refused_like_other_options(
+    vibro: Vibro, grid: Path, shard: str
+) -> None:
+    outcome = vibro("grid", grid, "--shard", shard)
+    assert outcome.code == 2
+    assert outcome.err == (
+        f"vibro: --shard: found {shard!r}, expected I/N such as 3/16, with I from 1 to N "
+        "(see vibro grid --help)\n"
+    )

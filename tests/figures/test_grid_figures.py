@@ -468,7 +468,11 @@ def test_other_folders_are_no_grids(tmp_path: Path) -> None:
     assert not is_grid(tmp_path)
     (tmp_path / "grid.json").write_text("{}")
     assert is_grid(tmp_path)
-    with pytest.raises(NotAGrid, match="holds no grid; expected a folder that `vibro grid` wrote"):
+    expected = "expected a folder that `vibro grid` wrote"
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(NotAGrid, match=f"empty holds no grid; {expected}"):
+        open_grid(tmp_path / "empty")
+    with pytest.raises(NotAGrid, match=f"nowhere does not exist; {expected}"):
         open_grid(tmp_path / "nowhere")
     with pytest.raises(NotAGrid, match="expected its manifest"):
         open_grid(tmp_path)

@@ -150,7 +150,7 @@ def _read_shard(text: str) -> "Shard":
         return Shard.read(text)
     except ValueError:
         raise typer.BadParameter(
-            f"found {text!r}, expected I/N such as 3/16", param_hint="--shard"
+            f"--shard: found {text!r}, expected I/N such as 3/16, with I from 1 to N"
         ) from None
 
 

@@ -366,9 +366,8 @@ def open_grid(folder: Path, owner: object = None) -> StoredGrid:
     try:
         definition = json.loads((folder / GRID_NAME).read_bytes())
     except (FileNotFoundError, NotADirectoryError) as error:
-        raise NotAGrid(
-            f"{folder} holds no grid; expected a folder that `vibro grid` wrote"
-        ) from error
+        lacking = "holds no grid" if folder.exists() else "does not exist"
+        raise NotAGrid(f"{folder} {lacking}; expected a folder that `vibro grid` wrote") from error
     except (OSError, ValueError) as error:
         raise NotAGrid(f"{folder} holds no grid: {error}") from error
     manifest = read_manifest(folder)
