@@ -353,6 +353,20 @@ def test_curves_have_the_values_of_the_summary(made: Any) -> None:
         np.testing.assert_allclose(offsets[:, 1], values)
 
 
+def test_curves_have_the_greatest_exponent_if_there_is_one(made: Any) -> None:
+    grid = made(ONE)
+    without = curves(grid)
+    assert without is not None
+    grid.summary["lyapunov_1"] = np.array([0.3, -0.2, np.nan, -np.inf, 0.7])
+    figure = curves(grid)
+    assert figure is not None
+    assert len(figure.axes) == len(without.axes) + 1
+    assert figure.axes[3].get_ylabel() == r"$\lambda_{1}$ [1/s]"
+    offsets = np.ma.filled(np.asarray(dots(figure, 3).get_offsets()), np.nan)
+    np.testing.assert_allclose(offsets[:, 1], [0.3, -0.2, np.nan, np.nan, 0.7])
+    assert_texts_are_apart(figure)
+
+
 @pytest.mark.parametrize("most", [1, 2, 5, 8, 9, 14, 40])
 def test_impacts_over_an_axis_are_counted_in_whole_numbers(made: Any, most: int) -> None:
     grid = made(ONE)

@@ -249,8 +249,9 @@ GRID_KINDS: dict[str, Kind[StoredGrid]] = {
     "curves": Kind(
         curves,
         "Runs over one axis",
-        "Number of impacts, fraction of the energy left and time of the first impact of each run, "
-        "coloured by its end cause; quantities that are the same for all runs are omitted.",
+        "Number of impacts, fraction of the energy left, time of the first impact and, with "
+        "analysis.lyapunov, the greatest Lyapunov exponent of each run, coloured by its end cause; "
+        "quantities that are the same for all runs are omitted.",
         needs="an axis of numbers changes",
         dimensions=1,
     ),

@@ -65,8 +65,9 @@ ANGLES = {VALLEY: r"$\varphi$ of the left body", HUMP: r"$\psi$ of the left body
 def curves(grid: StoredGrid, width: str = "single") -> Figure | None:
     """Draw impacts, energy left and time of the first impact over the axis with most values.
 
-    On a table, draw the impacts on the wall too. Dots have the colours of the end causes. Returns
-    None if no axis of numbers changes or no point is a valid scenario.
+    Draw the greatest Lyapunov exponent too if there is one, and on a table the impacts on the wall.
+    Dots have the colours of the end causes. Returns None if no axis of numbers changes or no point
+    is a valid scenario.
     """
     shown = parameter_map(grid, 1, numbers_first=True)
     if shown is None:
@@ -84,6 +85,10 @@ def curves(grid: StoredGrid, width: str = "single") -> Figure | None:
         (energy_left(grid)[shown.rows], ENERGY_LEFT, ""),
         (column("first_collision_time"), "first impact", "s"),
     ]
+    if _EXPONENT in grid.summary:
+        exponent = column(_EXPONENT)  # -inf where no perturbation outlasts the impacts
+        exponent[~np.isfinite(exponent)] = np.nan
+        panels.append((exponent, symbol_of(_EXPONENT), "1/s"))
     panels = [one for one in panels if np.any(np.isfinite(one[0]))]
     if not panels:
         return None
@@ -107,6 +112,7 @@ def _varies(values: Array) -> bool:
     return high - low > _ROUNDING * max(abs(low), abs(high))
 
 
+_EXPONENT = "lyapunov_1"
 ENERGY_LEFT = r"$E_\mathrm{end}/E_0$"
 
 
