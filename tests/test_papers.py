@@ -16,7 +16,7 @@ from mpmath import mp
 
 from tests.gallery import GALLERY, run_of
 from tests.pages import DOCS, text_of
-from vibro_cli import Scenario, simulate
+from vibro_cli import Scenario, example, simulate
 from vibro_cli.analysis.levels import Landscape
 from vibro_cli.analysis.paper_formulas import (
     CORRECT,
@@ -272,6 +272,24 @@ def test_the_interval_times_are_the_same_a_turn_further(tmp_path: Path) -> None:
     rows, *others = ([[*r[:2], *r[4:]] for r in series_rows(open_run(f))] for f in folders)
     assert len(rows) == 8
     assert others == [rows, rows]
+
+
+def test_the_printed_series_takes_the_constants_of_the_left_body_for_the_right_one(
+    tmp_path: Path,
+) -> None:
+    """Impact 2 of five_balls is that of balls 2 and 3, the papers' balls 1 and 2."""
+    run = simulate(example("five_balls").replace({"stop.collisions": 2}))
+    table = run.collisions
+    assert [table[f"ball_{end}"][1] for end in "ab"] == [2, 3]
+    assert [table[f"ball_{end}"][0] for end in "ab"] == [3, 4]
+    square = 2.0 * 9.81 / (1.4 * 1.9)
+    left = Swing(square, -0.25, 0.0)
+    right = Swing(square, float(table["angle_a"][0]), float(table["rate_a_post"][0]))
+    rows = [row for row in series_rows(open_run(run.save(tmp_path / "run"))) if row[0] == "2"]
+    for row, end, swing, first in zip(rows, "ab", (left, right), (None, left), strict=True):
+        angle, turns = float(table[f"angle_{end}"][1]), int(row[5])
+        printed = time_between(swing, angle, turns, partial(printed_by, swing, first))
+        assert float(row[7].removesuffix(" s")) == pytest.approx(printed, rel=1e-4)
 
 
 def test_no_interval_over_the_top_is_compared_with_the_series(tmp_path: Path) -> None:

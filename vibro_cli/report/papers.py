@@ -220,9 +220,10 @@ def _row(run: StoredRun, row: int, end: str, way: tuple[Swing, float, float]) ->
     swing, angle, lasts = way
     ball = int(run.collisions[f"ball_{end}"][row])
     turns = turning_points(swing, angle, lasts)
-    # The last bracket of A (9) and B (61) uses the constants of ball 1 in the same interval.
-    other = _way(run, row, "a" if end == "b" else "b")
-    first = other[0] if ball == 2 and other is not None else None
+    # The last bracket of A (9) and B (61), for the papers' ball 2, uses the constants of their
+    # ball 1, to its left, in the same interval.
+    other = _way(run, row, "a") if end == "b" else None
+    first = None if other is None else other[0]
     printed = time_between(swing, angle, turns, lambda u: printed_time(swing, u, first))
     corrected = time_between(swing, angle, turns, lambda u: series_time(swing, u))
     return [
