@@ -227,28 +227,36 @@ def _trigger(
         for place, closed in zip(_turnings(landscape, saddle), closes, strict=True)
     )
     orbit = FIGURE_EIGHT if all(closes) else OPEN
-    if _meets_another_saddle(points, saddle, landscape.trace.closed):
+    if _meets_another_saddle(landscape, points, saddle, turning_left, turning_right):
         orbit = HETEROCLINIC
     return Trigger(left, saddle, right, *margins, turning_left, turning_right, orbit)
 
 
 def _meets_another_saddle(
-    points: Sequence[SingularPoint], saddle: SingularPoint, closed: bool
+    landscape: Landscape,
+    points: tuple[SingularPoint, ...],
+    saddle: SingularPoint,
+    turning_left: float | None,
+    turning_right: float | None,
 ) -> bool:
-    """Return whether a separatrix comes to an equal saddle before it comes to a higher one."""
-    place = points.index(saddle)
-    before, after = points[:place], points[place + 1 :]
-    ways = (before[::-1], after)
-    if closed:
-        around = (*after, *before)
-        ways = (around[::-1], around)
     rounding = _EQUAL * saddle.energy
-    for way in ways:
-        hills = (point.energy - saddle.energy for point in way if point.kind != CENTRE)
-        first = next((above for above in hills if above >= -rounding), math.inf)
-        if first <= rounding:
-            return True
-    return False
+    if landscape.trace.closed:
+        # The first hill that is not lower decides, on either way round.
+        place = points.index(saddle)
+        around = (*points[place + 1 :], *points[:place])
+        hills = [point.energy - saddle.energy for point in around if point.kind != CENTRE]
+        ways = (hills, hills[::-1])
+        firsts = (next((hill for hill in way if hill >= -rounding), math.inf) for way in ways)
+        return any(first <= rounding for first in firsts)
+    low = -math.inf if turning_left is None else turning_left
+    high = math.inf if turning_right is None else turning_right
+    return any(
+        point.kind != CENTRE
+        and point is not saddle
+        and abs(point.energy - saddle.energy) <= rounding
+        and low <= point.s <= high
+        for point in points
+    )
 
 
 def _margins(
