@@ -90,8 +90,9 @@ def rendered(name: str, values: Mapping[str, Any]) -> bytes:
     )
     ours = {"policy": policy, "style": style, "script": script}  # not escaped by the template
     values = {**values, **ours, "generator": GENERATORS[name], "version": __version__}
-    text = environment.get_template(f"{name}.html").render(values)
-    return text.encode(errors="replace")  # for names of files that are not UTF-8
+    pieces = environment.get_template(f"{name}.html").generate(values)
+    # Encoded one by one, as the whole text would take two bytes per letter, or four.
+    return b"".join(piece.encode(errors="replace") for piece in pieces)  # names may not be UTF-8
 
 
 def is_report(content: bytes, name: str = "report") -> bool:
