@@ -70,6 +70,12 @@ def killed(run: StoredRun, number: int, folder: Path, caller: int) -> int:
     return number
 
 
+def stuck(run: StoredRun, number: int, folder: Path, caller: int) -> int:
+    if meet(folder, caller):
+        time.sleep(PATIENCE)
+    return number
+
+
 def printing(run: StoredRun, number: int, folder: Path, caller: int) -> int:
     meet(folder, caller)
     os.write(1, b"words that are no answer")
@@ -107,6 +113,13 @@ def test_what_other_processes_do_not_draw_is_drawn_here(
     assert each_drawn(draw, [run], jobs(tmp_path)) == list(range(JOBS))
 
 
+def test_another_process_is_not_waited_for(run: StoredRun, tmp_path: Path) -> None:
+    """It may take long to solve a run whose motion is at hand here."""
+    begun = time.monotonic()
+    assert each_drawn(stuck, [run], jobs(tmp_path)) == list(range(JOBS))
+    assert time.monotonic() - begun < PATIENCE / 2
+
+
 def test_an_error_of_another_process_is_raised_here(run: StoredRun, tmp_path: Path) -> None:
     with pytest.raises(OSError, match="cannot be read: 'table") as raised:
         each_drawn(failing, [run], jobs(tmp_path))
@@ -136,6 +149,16 @@ def test_runs_in_memory_and_few_figures_start_no_process(
     in_process = in_memory(simulate(parse_scenario(SCENARIO)), parse_scenario(SCENARIO))
     assert len(each_drawn(counted, [in_process], jobs(tmp_path))) == JOBS
     monkeypatch.setattr(processes, "_LEAST", JOBS)
+    assert len(each_drawn(counted, [run], jobs(tmp_path))) == JOBS
+
+
+def test_a_long_run_starts_no_process(
+    run: StoredRun, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each process would hold its impacts."""
+    (tmp_path / "met").touch()
+    monkeypatch.setattr(processes, "_started", lambda: pytest.fail("a process was started"))
+    monkeypatch.setattr(processes, "_MOST_IMPACTS", 2 * run.summary["collisions"] - 1)
     assert len(each_drawn(counted, [run], jobs(tmp_path))) == JOBS
 
 

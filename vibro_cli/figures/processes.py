@@ -17,6 +17,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from itertools import chain
 from typing import Any, TypeVar
 
 from vibro_cli.storage.files import available_cores
@@ -31,6 +32,8 @@ _LEAST = 20
 """Least number of jobs per process, which starts in the time of about ten."""
 _MOST = 8
 """Greatest number of processes: each takes some 200 MB."""
+_MOST_IMPACTS = 1_000_000
+"""Greatest number of impacts in all processes together: their figures take another 1 to 2 GB."""
 
 
 def each_drawn(
@@ -39,34 +42,37 @@ def each_drawn(
     """Return `draw(run, *arguments)` for every job, in order.
 
     Many jobs on stored runs are shared with other processes, which solve the runs again if they
-    need their motion. A job during which another process ends, fails or warns is done again here,
-    so that errors and warnings are the same as with one process. `draw` has to be a function at the
-    top level of a module.
+    need their motion. A job that another process has not finished when no other is left, or during
+    which it ended, failed or warned, is done here, so that errors and warnings are the same as with
+    one process. `draw` has to be a function at the top level of a module.
     """
-    stored = all(run.place is not None for run in runs)
-    count = min(available_cores(), _MOST, len(jobs) // _LEAST) if stored else 1
+    count = min(available_cores(), _MOST, len(jobs) // _LEAST, _most_of(runs))
     left, found = deque(range(len(jobs))), dict[int, Result]()
 
     def work_here() -> None:
-        for number in _taken(left.popleft):
-            run, arguments = jobs[number]
-            found[number] = draw(runs[run], *arguments)
+        for number in chain(_taken(left.popleft), range(len(jobs))):
+            if number not in found:
+                place, arguments = jobs[number]
+                found[number] = draw(runs[place], *arguments)
 
     def work_there(process: Child) -> None:
-        number = None
-        try:
+        with suppress(Exception):
             _send(process, (draw, [replace(run, _solved=None) for run in runs]))
             # From the other end: few runs are then solved in more than one process.
             for number in _taken(left.pop):
                 _send(process, jobs[number])
                 found[number] = pickle.load(process.stdout)  # type: ignore[arg-type]
-        except Exception:
-            if number is not None:
-                left.appendleft(number)
 
     _beside(work_there, count - 1, work_here)
-    work_here()  # what other processes left undone
     return [found[number] for number in range(len(jobs))]
+
+
+def _most_of(runs: Sequence[StoredRun]) -> int:
+    """Return how many processes there is memory for, as each may hold the longest of the runs."""
+    if any(run.place is None for run in runs):  # in the memory of this process
+        return 1
+    counts = (run.summary.get(name) or 0 for run in runs for name in ("collisions", "bounces"))
+    return _MOST_IMPACTS // max(*counts, 1)
 
 
 def _taken(take: Callable[[], int]) -> Iterator[int]:
@@ -87,7 +93,7 @@ def _beside(
     others: int,
     work_here: Callable[[], None],
 ) -> None:
-    """Work here and, each from a thread, in other processes; these end also after an error."""
+    """Work here and, each from a thread, in other processes, which end with the work here."""
     processes: list[Child] = []
     threads: list[threading.Thread] = []
     try:
@@ -98,8 +104,6 @@ def _beside(
                 thread.start()
                 threads.append(thread)
         work_here()
-        for thread in threads:
-            thread.join()
     finally:
         for process in processes:
             process.kill()
@@ -133,10 +137,14 @@ def _serve() -> None:
     os.dup2(2, 1)  # nothing that is printed may come between the answers
     draw, runs = pickle.load(requests)
     gc.freeze()
+    held, run = -1, None
     with suppress(EOFError):
         while True:
-            run, arguments = pickle.load(requests)
-            pickle.dump(draw(runs[run], *arguments), answers)
+            place, arguments = pickle.load(requests)
+            if place != held:  # of the others nothing is kept in memory
+                held, run = place, replace(runs[place])
+                gc.collect()
+            pickle.dump(draw(run, *arguments), answers)
             answers.flush()
 
 
