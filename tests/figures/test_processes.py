@@ -19,6 +19,7 @@ from tests.two_balls import SCENARIO
 from vibro_cli.api import simulate
 from vibro_cli.figures import processes
 from vibro_cli.figures.processes import each_drawn
+from vibro_cli.interface import files_of
 from vibro_cli.report.content import report_html
 from vibro_cli.storage.folders import write_run
 from vibro_cli.storage.stored import StoredRun, in_memory, open_run
@@ -175,6 +176,27 @@ def test_the_page_has_the_bytes_of_one_process(
     monkeypatch.setattr(processes, "_MOST", 1)
     monkeypatch.setattr(processes, "_started", lambda: pytest.fail("a process was started"))
     assert page() == shared
+
+
+def test_files_of_figures_have_the_bytes_of_one_process(
+    run: StoredRun, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scenario = parse_scenario(SCENARIO.replace("k = 0.9", "k = 0.5"))
+    write_run(simulate(scenario), scenario, tmp_path / "other", {})
+    kinds = ("portrait", "energy", "intervals")
+
+    def files() -> dict[str, bytes]:
+        runs = {f"{name}_": open_run(tmp_path / name) for name in ("run", "other")}
+        return files_of(runs, kinds, "single", ("png", "pdf", "svg"))
+
+    shared = files()
+    monkeypatch.setattr(processes, "_MOST", 1)
+    monkeypatch.setattr(processes, "_started", lambda: pytest.fail("a process was started"))
+    alone = files()
+    assert list(alone) == list(shared)
+    assert alone == shared
+    stems = ("portrait_1", "portrait_2", "energy", "intervals")
+    assert list(alone)[::3] == [f"{run}_{stem}.png" for run in ("run", "other") for stem in stems]
 
 
 def slow(run: StoredRun, folder: Path, seconds: float) -> None:

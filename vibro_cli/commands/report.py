@@ -300,17 +300,23 @@ def _drawn(subject: "Subject", width: str, maps: Sequence[str]) -> "Iterator[tup
     if not isinstance(subject, list):
         yield from ((drawn.name, drawn) for drawn in draw_grid(subject, width, maps))
         return
-    for place, run in enumerate(subject, 1):
-        name = run.scenario.name if run.folder is None else run.folder.name
-        prefix = f"{place}_{name}_" if len(subject) > 1 else ""
+    for beginning, run in _by_beginning(subject).items():
         each = draw_all(run, None, width)
-        yield from ((f"{prefix}{drawn.name}", drawn) for drawn in each)
+        yield from ((f"{beginning}{drawn.name}", drawn) for drawn in each)
+
+
+def _by_beginning(runs: "Runs") -> "dict[str, StoredRun]":
+    """Return the runs by the beginnings of the stems of their files."""
+    if len(runs) == 1:
+        return {"": runs[0]}
+    names = (run.scenario.name if run.folder is None else run.folder.name for run in runs)
+    return {f"{n}_{name}_": run for n, (name, run) in enumerate(zip(names, runs, strict=True), 1)}
 
 
 def _write_figures(subject: "Subject", options: ReportCommand) -> None:
     """Write the figures to one PDF, to a folder in all formats, or both; draw each once."""
     from vibro_cli.figures.style import FORMATS, render_pages
-    from vibro_cli.interface import pictures
+    from vibro_cli.interface import files_of, pictures
     from vibro_cli.storage.files import write_file
     from vibro_cli.storage.folders import write_results
 
@@ -323,10 +329,12 @@ def _write_figures(subject: "Subject", options: ReportCommand) -> None:
             yield one
 
     with progress_shown():
-        drawn = figures()
-        if options.pdf is not None:
-            write_file(options.pdf, render_pages(one.figure for one in drawn))
-        deque(drawn, maxlen=0)  # draws the figures if no PDF has consumed them
+        if options.pdf is None and isinstance(subject, list):
+            files = files_of(_by_beginning(subject), None, options.width, FORMATS)
+        elif options.pdf is None:
+            deque(figures(), maxlen=0)
+        else:
+            write_file(options.pdf, render_pages(one.figure for one in figures()))
     if options.pdf is not None:
         say(f"figures in {options.pdf}")
     if options.figures is not None:

@@ -139,12 +139,38 @@ def pictures(
 
 def figures_of(run: Any, kinds: Sequence[str]) -> dict[str, bytes]:
     """Draw figures of a run by kind; return the contents of the files by name."""
-    from vibro_cli.figures.kinds import draw_all
+    return files_of({"": run}, kinds, run.kind.figure_width(run.system), ("png", "pdf"))
 
+
+def files_of(
+    runs: Mapping[str, Any], kinds: Sequence[str] | None, width: str, forms: Sequence[str]
+) -> dict[str, bytes]:
+    """Draw figures of runs, of all kinds or of those named; return the files' contents by name.
+
+    The keys of `runs` are the beginnings of the names of its files.
+    """
+    from vibro_cli.figures.kinds import listed
+    from vibro_cli.figures.processes import each_drawn
+
+    jobs = [
+        (place, (beginning, kind, body, width, forms))
+        for place, (beginning, run) in enumerate(runs.items())
+        for kind, body in listed(run, kinds)
+    ]
     files: dict[str, bytes] = {}
-    for one in draw_all(run, kinds, run.kind.figure_width(run.system)):
-        files |= pictures({one.name: one.figure})
+    for found in each_drawn(_files, [*runs.values()], jobs):
+        files |= found
     return files
+
+
+def _files(
+    run: Any, beginning: str, kind: str, body: int, width: str, forms: Sequence[str]
+) -> dict[str, bytes]:
+    """Draw one figure of a run; return the contents of its files by name, none if it is empty."""
+    from vibro_cli.figures.kinds import draw_one
+
+    drawn = draw_one(run, kind, body, width)
+    return {} if drawn is None else pictures({f"{beginning}{drawn.name}": drawn.figure}, forms)
 
 
 def kinds_in(files: Iterable[str]) -> list[str]:
