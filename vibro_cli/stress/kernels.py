@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from vibro_cli.compile.kernel import kernel, struct
-from vibro_cli.kernels.events.event_loop import proceed
+from vibro_cli.kernels.events.event_loop import advance, start
 from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.world import Flight, World
 
@@ -36,11 +36,11 @@ def find_first_contacts(
         for ball in range(2):
             world.flights[ball] = starts[2 * number + ball]  # type: ignore[index]
         settings.stop_t = answer.horizon
-        proceed(world, True)
+        start(world)
         for ball in range(2):
             answer.horizon = min(answer.horizon, world.flights[ball].exit_t)
         settings.stop_t = answer.horizon
         if answer.horizon > 0.0:
-            proceed(world, False)
+            advance(world)
         answer.met = world.clock[0].impact_rows
         answer.t = world.impacts[0].t if answer.met > 0 else NEVER

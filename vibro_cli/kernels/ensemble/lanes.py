@@ -36,7 +36,7 @@ from vibro_cli.kernels.contact.libration_contact_lanes import (
     project_libration,
 )
 from vibro_cli.kernels.ensemble.records import Points, prepare_point, update_point_statistics
-from vibro_cli.kernels.events.event_loop import proceed
+from vibro_cli.kernels.events.event_loop import advance, start
 from vibro_cli.kernels.flow.flight import (
     CREST_NEIGHBOURHOOD,
     angular_bound_of_libration,
@@ -344,7 +344,7 @@ def _fill(
     while upcoming < last:
         group.slots[lane].point = upcoming
         prepare_point(world, fresh, points, upcoming)
-        proceed(world, True)
+        start(world)
         upcoming += 1
         if _alone(world, points, results, group, lane, 0):
             return upcoming
@@ -372,7 +372,7 @@ def _alone(
     cause = RUNNING
     while cause == RUNNING:
         world.settings[0].stop_collisions = min(most, clock.collisions + stay)
-        cause = proceed(world, False)
+        cause = advance(world)
         if cause == END_COLLISIONS and clock.collisions < most:
             cause = RUNNING
             if fits(world, group.runs[0].piece):

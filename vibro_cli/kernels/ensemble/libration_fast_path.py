@@ -17,7 +17,7 @@ from vibro_cli.kernels.contact.libration_contact_lanes import (
     fits,
     project_libration,
 )
-from vibro_cli.kernels.events.event_loop import drop_rows, proceed
+from vibro_cli.kernels.events.event_loop import advance, drop_rows
 from vibro_cli.kernels.flow.flight import (
     CREST_NEIGHBOURHOOD,
     angular_bound_of_libration,
@@ -51,7 +51,7 @@ from vibro_cli.kernels.world import (
 
 @kernel
 def proceed_in_libration(world: World, bodies: TwoBodies) -> int:
-    """Do the same as ``kernels.events.event_loop.proceed``, for two bodies on an open trace."""
+    """Do the same as ``kernels.events.event_loop.advance``, for two bodies on an open trace."""
     settings = world.settings[0]
     clock = world.clock[0]
     most = settings.stop_collisions
@@ -64,7 +64,7 @@ def proceed_in_libration(world: World, bodies: TwoBodies) -> int:
                 return cause
             stay = 1 if clock.collisions > before else stay
         settings.stop_collisions = min(most, clock.collisions + stay)
-        cause = proceed(world, False)
+        cause = advance(world)
         settings.stop_collisions = most
         if cause != END_COLLISIONS or clock.collisions >= most:
             return cause

@@ -20,7 +20,7 @@ from vibro_cli.kernels.ensemble.records import (
     prepare_point,
     update_point_statistics,
 )
-from vibro_cli.kernels.events.event_loop import proceed
+from vibro_cli.kernels.events.event_loop import advance, start
 from vibro_cli.kernels.impact.impulse_chain import last_number_of
 from vibro_cli.kernels.statistics.run_statistics import Results
 from vibro_cli.kernels.tangent.follow import follow_tangents
@@ -54,8 +54,8 @@ def run_points(
     for point in range(first, last):
         installed = install(world, stack, point, installed)
         prepare_point(world, fresh, points, point)
-        proceed(world, True)
-        cause = proceed(world, False)
+        start(world)
+        cause = advance(world)
         clock = world.clock[0]
         outcome = results.outcomes[point]
         outcome.end_cause = cause
@@ -93,13 +93,13 @@ def follow_points(
         installed = install(world, stack, point, installed)
         prepare_point(world, fresh, points, point)
         tangents.state[0].time_scale = tangents.state[point + 1].time_scale
-        proceed(world, True)
+        start(world)
         cause = LOG_FULL
         known = 0
         logs = 0
         while cause == LOG_FULL and logs < MOST_LOGS:
             logs += 1
-            cause = proceed(world, False)
+            cause = advance(world)
             clock = world.clock[0]
             if cause == LOG_FULL and (clock.segment_rows > 0 or clock.flight_rows <= known):
                 break  # left to the driver: motion in segments, or a search that does not end

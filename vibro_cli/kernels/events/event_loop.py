@@ -436,15 +436,6 @@ def _in_contact(world: World, j: int) -> bool:
 
 
 @kernel
-def proceed(world: World, starting: bool) -> int:
-    """Launch the first flights of a run, or continue it: one entry point for both."""
-    if starting:
-        start(world)
-        return RUNNING
-    return advance(world)
-
-
-@kernel
 def advance(world: World) -> int:
     """Advance a run until it ends or a log has no room for another event; return the cause.
 

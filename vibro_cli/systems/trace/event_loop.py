@@ -18,7 +18,7 @@ from vibro_cli.kernels.contact.first_contact import STEPS_AT_ONCE
 from vibro_cli.kernels.contact.libration_contact_lanes import TwoBodies, TwoLibrations, TwoTracks
 from vibro_cli.kernels.ensemble.libration_fast_path import proceed_in_libration
 from vibro_cli.kernels.events.event_detection import ROUNDS
-from vibro_cli.kernels.events.event_loop import advance, proceed, start
+from vibro_cli.kernels.events.event_loop import advance, start
 from vibro_cli.kernels.tangent.follow import follow_tangents
 from vibro_cli.kernels.world import World
 from vibro_cli.systems import driver
@@ -34,7 +34,7 @@ def enter_advance(world: World, overrides: Overrides | None) -> int:
     if overrides is None and settings["bodies"] == 2 and open_ends:
         lanes = TwoBodies(zeros(1, TwoLibrations), zeros(1, TwoTracks))
         return int(compiled(proceed_in_libration)(world, lanes))
-    return int(compiled(proceed, overrides)(world, False))
+    return int(compiled(advance, overrides)(world))
 
 
 LOOP = driver.EventLoop(
