@@ -234,28 +234,23 @@ class SpringsLandscape:
             curves.append((q, speed))
         return curves
 
-    def period(self, q: Array, speed: Array) -> Array:
-        """Return the periods (s) of motions through given states; infinite at rest."""
-        return _Loops.of(self, q, speed).period
-
     def branches(
         self, start: tuple[Array, Array], end: tuple[Array, Array], duration: Array, count: int
     ) -> tuple[Array, Array]:
         """Return the phase curves of motions without impacts, from state to state.
 
         `start` and `end` are displacements (m) and speeds (m/s), each of shape (motions,), and
-        `duration` the times between them (s). An unknown end is NaN. The result, of shape (motions,
-        count), has constant energy along each curve. A motion of several periods is drawn once
-        around its closed curve and on to its end.
+        `duration` the times between them (s). The result, of shape (motions, count), has constant
+        energy along each curve. A motion of several periods is drawn once around its closed curve
+        and on to its end.
         """
         loops = _Loops.of(self, *start)
         first, sweep = loops.swept(start, end, duration)
         whole = np.floor(sweep / loops.round)
         shown = sweep - np.maximum(whole - 1.0, 0.0) * loops.round
         q, speed = loops.states(first[:, None] + shown[:, None] * np.linspace(0.0, 1.0, count))
-        known = np.isfinite(end[1])
         q[:, 0], speed[:, 0] = start
-        q[known, -1], speed[known, -1] = end[0][known], end[1][known]
+        q[:, -1], speed[:, -1] = end
         return q, speed
 
 
@@ -337,16 +332,10 @@ class _Loops:
         self, start: tuple[Array, Array], end: tuple[Array, Array], duration: Array
     ) -> tuple[Array, Array]:
         """Return the phases at the starts, and their growth up to the ends after `duration` (s)."""
-        known = np.isfinite(end[1])
         first = self.phase(*start)
-        place, speed = (np.where(known, end[n], start[n]) for n in range(2))
-        last = self.phase(place, speed)
-        sweep = np.mod(last - first, self.round)
-        over = (duration - self._time(first, sweep)) / self.period
-        between = sweep + np.maximum(np.round(over), -1.0) * self.round
-        turned = duration / self.period * self.round
-        whole: Array = np.where(known, np.maximum(between, 0.0), turned)
-        return first, whole
+        sweep = np.mod(self.phase(*end) - first, self.round)
+        turns = np.round((duration - self._time(first, sweep)) / self.period)
+        return first, np.maximum(sweep + np.maximum(turns, -1.0) * self.round, 0.0)
 
     @cached_property
     def period(self) -> Array:

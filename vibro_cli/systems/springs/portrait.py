@@ -82,8 +82,7 @@ class Motions:
     """Time (s)."""
     end: Array
     states: tuple[Array, Array, Array, Array]
-    """Displacement (m) and speed (m/s) at the start and at the end; the last end is NaN if the last
-    motion takes a period or more."""
+    """Displacement (m) and speed (m/s) at the start and at the end."""
 
     @cached_property
     def contact(self) -> Flags:
@@ -116,10 +115,14 @@ def _motions_of(run: Run, body: int, final: Integers, times: Array, held: Any) -
     x, v = states["x"][final, body], states["v"][final, body]
     ends = np.append(begins[1:], -1)
     speed = np.where(np.isfinite(arriving[ends]), arriving[ends], v[ends])
-    reached, speed[-1] = x[ends], math.nan
+    reached, ending = x[ends], run.sample([run.end_time])
+    reached[-1], speed[-1] = ending["displacement"][body], ending["speed"][body]
     until = np.append(times[begins[1:]], run.end_time)
-    found = first[begins], last[begins], times[begins], until
-    return _finished(run, body, Motions(*found, (x[begins], v[begins], reached, speed)))
+    states = x[begins], v[begins], reached, speed
+    found = Motions(first[begins], last[begins], times[begins], until, states)
+    lasts = found.end > found.start
+    lasts[0] = True
+    return found.some(lasts)
 
 
 def _groups(held: Any, body: int) -> tuple[Integers, Integers]:
@@ -145,20 +148,6 @@ def _arriving(run: Run, times: Array, first: Integers, last: Integers) -> Array:
     mine = np.flatnonzero((own[0] | own[1]) & made(table))[::-1]
     speeds[event[mine]] = speed[mine]
     return speeds
-
-
-def _finished(run: Run, body: int, found: Motions) -> Motions:
-    """Return motions without those of no duration, and with the state at the end of the run."""
-    x, v, x_end, v_end = found.states
-    hills = SpringsLandscape.of(run.system, int(found.first[-1]), int(found.last[-1]))
-    shift = hills.offsets[body - int(found.first[-1])]
-    x_end[-1] = v_end[-1] = math.nan
-    if found.end[-1] - found.start[-1] < float(hills.period(x[-1:] - shift, v[-1:])[0]):
-        final = run.sample([run.end_time])  # longer motions cover their whole curve anyway
-        x_end[-1], v_end[-1] = final["displacement"][body], final["speed"][body]
-    kept = found.end > found.start
-    kept[0] = True
-    return found.some(kept)
 
 
 def springs_trajectory(run: Run, ball: int) -> Trajectory:
