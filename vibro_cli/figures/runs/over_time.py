@@ -68,7 +68,10 @@ def _places(run: Any, until: float) -> tuple[Array, Array]:
     """
     starts = run.flights()["t_start"]
     times = np.unique(np.append(np.linspace(0.0, until, _POINTS), starts[starts <= until]))
-    return times, np.asarray(run.sample(times)["s"]).reshape(len(times), -1)
+    bodies = len(run.system.bodies)
+    parts = np.array_split(times, 1 + len(times) * bodies // _AT_ONCE)  # to save memory
+    s = np.concatenate([np.asarray(run.sample(part)["s"]) for part in parts])
+    return times, s.reshape(-1, bodies)
 
 
 def timeline(run: Any, ball: int, until: float) -> tuple[Array, Array]:
