@@ -166,7 +166,7 @@ def leaving(text: str = NOTHING_WRITTEN) -> Iterator[None]:
     """Add a note on what is left on the disk if a signal ends the block."""
     try:
         yield
-    except BaseException as fault:
+    except (KeyboardInterrupt, Exception) as fault:  # not what closes a generator
         end = fault if isinstance(fault, KeyboardInterrupt) else _signalled(fault)
         if end is not None:
             end.add_note(text)
