@@ -69,17 +69,17 @@ def test_nothing_is_kept_of_what_is_written_at_the_end(
 def test_nothing_is_written_while_the_command_line_is_parsed(
     vibro: Vibro, monkeypatch: pytest.MonkeyPatch, error: Exception | None
 ) -> None:
-    """Typer turns a signal into an exit code, and C code may raise an error in its place."""
+    """Typer turns ^C into an exit code, and C code may raise an error in its place."""
 
     def struck(*_: object) -> None:
         with contextlib.nullcontext() if error is None else contextlib.suppress(KeyboardInterrupt):
-            signal.raise_signal(signal.SIGTERM)
+            signal.raise_signal(signal.SIGINT)
         if error is not None:
             raise error
 
     monkeypatch.setattr("vibro_cli.analysis.fit.check_noise", struck)
     outcome = vibro("fit", FALLING, "measured.csv", "--free", "gravity")
-    assert (outcome.code, outcome.err) == (143, "vibro: terminated; nothing was written\n")
+    assert (outcome.code, outcome.err) == (130, "vibro: interrupted; nothing was written\n")
 
 
 def test_a_page_that_is_written_is_kept(

@@ -148,11 +148,14 @@ def perform(parse: Callable[[], Task], log_format: str) -> int:
 
 
 @contextlib.contextmanager
-def upon_signals(handler: Callable[[int, FrameType | None], None]) -> Iterator[None]:
-    """Handle the signals that end the program in the block, except ignored ones (nohup)."""
+def upon_signals(
+    handler: Callable[[int, FrameType | None], None],
+    numbers: Sequence[signal.Signals] = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP),
+) -> Iterator[None]:
+    """Handle signals that end the program in the block, except ignored ones (nohup)."""
     before: dict[signal.Signals, Any] = {}
     try:
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        for number in numbers:
             if signal.getsignal(number) != signal.SIG_IGN:
                 before[number] = signal.signal(number, handler)
         yield
@@ -201,13 +204,14 @@ def reason(error: OSError) -> str:
 def _done(parse: Callable[[], Task]) -> int:
     """Parse a command line, run its task, flush standard output and return the exit code.
 
-    An error of flushing is not raised after a failure.
+    An error of flushing is not raised after a failure. Other signals than ^C end the process while
+    it parses, which leaves nothing to unwind.
     """
+    with upon_signals(terminate, (signal.SIGINT,)), _signals_not_lost(), leaving():
+        task = parse()
+        if _struck:  # Typer returns an exit code in place of the task
+            raise _struck[0]
     with upon_signals(terminate), _signals_not_lost():
-        with leaving():
-            task = parse()
-            if _struck:  # Typer returns an exit code in place of the task
-                raise _struck[0]
         code = task()
         try:
             sys.stdout.flush()
