@@ -142,6 +142,25 @@ def test_without_other_processes_all_is_drawn_here(
     assert each_drawn(counted, [run], jobs(tmp_path)) == expected
 
 
+def test_without_a_known_executable_all_is_drawn_here(
+    run: StoredRun, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As in a program that embeds Python."""
+    (tmp_path / "met").touch()
+    monkeypatch.setattr(sys, "executable", None)
+    expected = [(number, run.summary["collisions"], False) for number in range(JOBS)]
+    assert each_drawn(counted, [run], jobs(tmp_path)) == expected
+
+
+def test_what_is_no_string_in_the_path_of_modules_is_ignored(
+    run: StoredRun, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "path", [tmp_path, *sys.path])
+    found = each_drawn(counted, [run], jobs(tmp_path))
+    assert [number for number, _, _ in found] == list(range(JOBS))
+    assert any(there for _, _, there in found)
+
+
 def test_runs_in_memory_and_few_figures_start_no_process(
     run: StoredRun, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

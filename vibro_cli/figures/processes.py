@@ -116,12 +116,14 @@ def _beside(
 
 def _started() -> Child:
     """Start a process that executes `_serve`, with the modules of this one."""
+    # Python ignores entries of sys.path that are no strings, and may not know its executable.
+    folders = [entry for entry in sys.path if isinstance(entry, str)]
     return subprocess.Popen(
-        [sys.executable, "-P", "-m", __name__],
+        [sys.executable or "", "-P", "-m", __name__],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,  # whatever fails is done again, and reported, by the caller
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(folders)},
         start_new_session=True,
     )
 
