@@ -200,6 +200,38 @@ def test_a_folder_refused_at_the_end_is_left_as_it_is_and_the_new_one_kept(tmp_p
     assert entries(tmp_path) == ["run-2", "run-3"]
 
 
+def test_the_name_of_a_dangling_link_is_not_free(tmp_path: Path) -> None:
+    def check(folder: Path) -> None:
+        if folder.exists():
+            raise FolderRefused(str(folder))
+
+    (tmp_path / "run-2").symlink_to("nowhere")
+    with pytest.raises(FolderRefused) as refused, new_folder(tmp_path / "run", check) as folder:
+        folder.write("new", b"")
+        (tmp_path / "run").mkdir()
+    assert refused.value.lines[-1] == f"the new results are kept in {tmp_path / 'run-3'}"
+    assert entries(tmp_path) == ["run", "run-2", "run-3"]
+    assert entries(tmp_path / "run-3") == ["new"]
+
+
+def test_a_folder_is_replaced_from_a_working_directory_that_may_not_be_entered(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As after `sudo -u`; the system refuses to say what the directory `.` is."""
+    stat_of = os.stat
+
+    def refusing(path: Any, *arguments: Any, **options: Any) -> os.stat_result:
+        if str(path) == ".":
+            raise PermissionError(13, "Permission denied", ".")
+        return stat_of(path, *arguments, **options)
+
+    monkeypatch.setattr(os, "stat", refusing)
+    for name in ("first", "second"):
+        with new_folder(tmp_path / "run", allow) as folder:
+            folder.write(name, b"")
+        assert entries(tmp_path / "run") == [name]
+
+
 @pytest.mark.parametrize("exchange", [True, False], ids=["one-step", "two-renames"])
 def test_a_process_stays_in_the_folder_that_it_replaces(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, exchange: bool

@@ -264,7 +264,10 @@ def _put_in_place(partial: Path, target: Path) -> None:
     if not target.exists():
         os.rename(partial, target)
         return
-    is_working_directory = target.samefile(".")
+    try:
+        is_working_directory = target.samefile(".")
+    except PermissionError:  # it may not be entered, as after a change of the user
+        is_working_directory = False
     if not _exchange(partial, target):
         aside = target.with_name(f".{target.name}.partial-{secrets.token_hex(6)}")
         os.rename(target, aside)
@@ -277,7 +280,7 @@ def _put_in_place(partial: Path, target: Path) -> None:
 def _free_name(target: Path) -> Path:
     """Return the first path beside `target` that does not exist: `run-2`, `run-3`, …"""
     paths = (target.with_name(f"{target.name}-{number}") for number in itertools.count(2))
-    return next(path for path in paths if not path.exists())
+    return next(path for path in paths if not os.path.lexists(path))
 
 
 def _exchange(one: Path, other: Path) -> bool:
