@@ -336,6 +336,8 @@ def without_overlaps(
     of its axis. Of two overlapping labels, the one nearer to the edge of its panel is dropped.
     """
     shown = [list(ticks.labels) for _, _, ticks in rows]
+    # Each mark: place and distance from the edge of its panel (mm), half the width of its label
+    # (mm), and where that is: the labels of the panel and a number.
     last: tuple[float, float, float, list[str], int] | None = None
     for labels, (left, width, ticks), (low, high) in zip(shown, rows, span, strict=True):
         for number, place in enumerate(ticks.places):
@@ -344,8 +346,9 @@ def without_overlaps(
             if last is None or mark[0] - last[0] >= half + last[2] + _APART:
                 last = mark
             else:
-                (*_, out, dropped), last = (mark, last) if mark[1] < last[1] else (last, mark)
-                out[dropped] = ""
+                out, last = (mark, last) if mark[1] < last[1] else (last, mark)
+                texts, dropped = out[3:]
+                texts[dropped] = ""
     return [
         replace(ticks, labels=tuple(labels))
         for labels, (_, _, ticks) in zip(shown, rows, strict=True)
