@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import tracemalloc
 from decimal import Decimal
 from pathlib import Path
 
@@ -13,7 +14,7 @@ import pytest
 from pyarrow import csv
 
 from tests.two_balls import SCENARIO
-from vibro_cli.grids.document import load_grid
+from vibro_cli.grids.document import load_grid, may_lack_an_end
 from vibro_cli.scenario import ScenarioError
 
 AXIS = 'base = "base.toml"\n[[axes]]\n'
@@ -63,6 +64,16 @@ def test_ratios_are_equal_even_if_no_double_holds_that_of_the_ends(
     for number, value in enumerate(found):
         exact = low * Decimal(10) ** ((exponents[1] - exponents[0]) // 4 * number)
         assert abs(Decimal(value) / exact - 1) < Decimal("1e-12")
+
+
+def test_the_hint_on_stops_needs_no_copy_of_a_long_axis(write: Path) -> None:
+    write.write_text(AXIS + 'path = "collision.k"\nlinspace = [0.5, 1.0, 100_000]\n')
+    grid = load_grid(write, ["stop.collisions=1000"])
+    tracemalloc.start()
+    assert may_lack_an_end(grid)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 100_000  # bytes; the axis has 800,000
 
 
 @pytest.mark.parametrize("mode", ["latin-hypercube", "sobol"])

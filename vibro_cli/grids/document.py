@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
+import numpy as np
 from pydantic import Field, ValidationError
 
 from vibro_cli.errors import counted
@@ -149,7 +150,7 @@ class Grid:
         return {path for axis in self.design.axes for path in axis.paths}
 
     def numbers(self, path: KeyPath) -> Iterator[float]:
-        """Yield the numbers at a path, or in the list there: of the axes, else of the base."""
+        """Yield numbers at a path, or in the list there: the ends of the axes, else of the base."""
         table, key = path
         given = section(self.base.data, str(table)).get(str(key))
         for one in given if isinstance(given, list) else [given]:
@@ -158,7 +159,8 @@ class Grid:
         for axis in self.design.axes:
             for i, changed in enumerate(axis.paths):
                 if changed[: len(path)] == path:
-                    yield from axis.interval or axis.at(slice(None))[i].tolist()
+                    values = axis.interval or axis.at(slice(None))[i]
+                    yield from (float(np.min(values)), float(np.max(values)))
 
     def resolved(self) -> dict[str, Any]:
         """Return the grid as plain data; equal data give equal tables."""
