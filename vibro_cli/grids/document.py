@@ -150,7 +150,10 @@ class Grid:
         return {path for axis in self.design.axes for path in axis.paths}
 
     def numbers(self, path: KeyPath) -> Iterator[float]:
-        """Yield numbers at a path, or in the list there: the ends of the axes, else of the base."""
+        """Yield the numbers of the base at a path, or in the list there, and the ends of the axes.
+
+        Numbers of the base that the axes change are left out.
+        """
         table, key = path
         given = section(self.base.data, str(table)).get(str(key))
         for one in given if isinstance(given, list) else [given]:
