@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from tests.commands.conftest import Vibro
+from tests.gallery import GALLERY
 from tests.two_balls import SCENARIO
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
@@ -236,3 +237,23 @@ def test_a_grid_whose_impacts_may_die_out_before_its_stop_is_told_of(
     assert (outcome.code, outcome.err) == (0, "")
     assert (outcome.text.splitlines()[-1] == f"  hint: {hint}") == hinted
     assert vibro("check", grid, "--json").lines[0]["hint"] == (hint if hinted else None)
+
+
+@pytest.mark.parametrize(
+    ("stop", "axis", "hinted"),
+    [
+        ("collisions = 1000", "path = 'collision.k'\nvalues = [0.5]", True),
+        ("collisions = 1000\nbounces = 20", "path = 'collision.k'\nvalues = [0.5]", False),
+        ("collisions = 1000", "path = 'stop.bounces'\nvalues = [20, 30]", False),
+    ],
+)
+def test_a_grid_of_balls_on_a_table_may_end_by_bounces(
+    vibro: Vibro, tmp_path: Path, stop: str, axis: str, hinted: bool
+) -> None:
+    """Balls go on to bounce on the wall, so that no point is solved far beyond its stop."""
+    text = (GALLERY / "table/billiards.toml").read_text(encoding="utf-8")
+    (tmp_path / "small.toml").write_text(text.replace("time = 3.0", stop))
+    grid = tmp_path / "sweep.toml"
+    grid.write_text(f"base = 'small.toml'\n[[axes]]\n{axis}\n")
+    found = vibro("check", grid, "--json").lines[0]
+    assert (found["points"] > 0, found["hint"] is not None) == (True, hinted)

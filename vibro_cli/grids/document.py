@@ -201,7 +201,9 @@ def may_lack_an_end(grid: Grid) -> bool:
     Only the values of the base and the axes are read; no point is built.
     """
     stop, k = ("stop", "collisions"), ("collision", "k")
-    if ("stop", "time") in grid.varied or "time" in section(grid.base.data, "stop"):
+    # On a table, balls go on to bounce on the wall.
+    others = {"time", "bounces"}
+    if others & set(section(grid.base.data, "stop")) or grid.varied & {("stop", n) for n in others}:
         return False
     return any(most >= _MANY for most in grid.numbers(stop)) and any(
         value < 1.0 for value in grid.numbers(k)
