@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import count, pairwise
 from typing import Any
 
 from vibro_cli.analysis.levels import (
@@ -350,8 +350,8 @@ class Portrait:
 def portrait_of(landscape: Landscape) -> Portrait:
     """Return the structure of the phase portrait of a body, in closed form (D)."""
     points = singular_points(landscape)
-    kinds = [point.kind for point in points]
-    names = (f"{_LETTER[kind]}{kinds[:n].count(kind)}" for n, kind in enumerate(kinds, 1))
+    numbers = {kind: count(1) for kind in _LETTER}
+    names = (f"{_LETTER[point.kind]}{next(numbers[point.kind])}" for point in points)
     return Portrait(landscape, points, tuple(names), triggers(landscape))
 
 
