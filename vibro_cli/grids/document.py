@@ -167,12 +167,11 @@ class Grid:
 
     def resolved(self) -> dict[str, Any]:
         """Return the grid as plain data; equal data give equal tables."""
-        columns = None if self.keep.columns is None else list(self.keep.columns)
         return {
             "name": self.name,
             "scenario": self.base.data,
             **self.design.resolved(),
-            "keep": {"collisions": self.keep.collisions, "columns": columns},
+            "keep": self.keep.model_dump(mode="json"),
         }
 
     def stopped_at(self, most: int, counted: Sequence[str]) -> Grid:

@@ -15,6 +15,7 @@ from typing import Annotated, Any, ClassVar, Literal, get_args
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag, WithJsonSchema
 
+from vibro_cli.kernels.impact.laws import LAW_NAMES
 from vibro_cli.scenario import quantities as kinds
 from vibro_cli.scenario.base import (
     KIND,
@@ -340,8 +341,7 @@ def output_faults(data: Data) -> Iterator[Fault]:
 
 Shape = Literal["valley", "hump", "line"]
 Surface = Literal["two-sided", "one-sided"]
-_LawName = Literal["hedrih", "normal-impulse", "translational"]
-Law = Annotated[_LawName, kinds.Word(get_args(_LawName))]
+Law = Annotated[str, kinds.Word(tuple(sorted(LAW_NAMES)))]
 _WhatFollows = Literal["stop", "normal-impulse"]
 Inadmissible = Annotated[_WhatFollows, kinds.Word(get_args(_WhatFollows))]
 

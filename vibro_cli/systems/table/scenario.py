@@ -38,7 +38,6 @@ from vibro_cli.scenario.models import (
 )
 from vibro_cli.scenario.problems import Fault, listing, shown
 
-WallShape = Literal["ellipse", "circle", "rectangle", "polygon"]
 Side = Literal["inside", "outside"]
 
 SHAPE_KEYS: dict[str, tuple[str, ...]] = {
@@ -60,7 +59,7 @@ Corner = Annotated[
 class Wall(Table):
     """A vertical wall on the plane; a ball touches it at a distance equal to its radius."""
 
-    shape: Annotated[WallShape, kinds.Word(tuple(SHAPE_KEYS))]
+    shape: Annotated[str, kinds.Word(tuple(SHAPE_KEYS))]
     """ellipse (axes along x and y), circle, rectangle (sides along x and y) or polygon."""
     side: Annotated[Side, kinds.Word(("inside", "outside"))] = "inside"
     """Side of the wall on which the balls are: inside or outside."""
