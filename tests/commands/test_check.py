@@ -1,5 +1,6 @@
 """`vibro check`: what was understood of a scenario."""
 
+import json
 import math
 from pathlib import Path
 
@@ -8,6 +9,7 @@ import pytest
 from tests.commands.conftest import Vibro
 from tests.gallery import GALLERY
 from tests.two_balls import SCENARIO
+from vibro_cli import Scenario, simulate
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 
@@ -69,6 +71,35 @@ stop = {time = 1.0}
     assert found["bodies"][0]["position"] == 0.5
     assert "angle" not in found["bodies"][0]
     assert "position 0.5 m, speed 0.25 m/s" in vibro("check", path).text
+
+
+@pytest.mark.parametrize(
+    ("closed", "end", "shown"),
+    [(True, 180.0, "infinite, on the separatrix"), (False, 180.0, "infinite, on the separatrix"),
+     (False, 90.0, "none, as it leaves its arc")],
+)  # fmt: skip
+def test_the_period_on_the_separatrix(
+    vibro: Vibro, tmp_path: Path, closed: bool, end: float, shown: str
+) -> None:
+    """With g = κρ a start from the bottom at 2 rad/s rises as φ = 4 arctan eᵗ − π for ever."""
+    arc = {"shape": "valley", "radius": 1.0, "end_slope": math.radians(end)}
+    start = -180.0 if closed else -90.0
+    scenario = {
+        "gravity": 1.4 * 0.9,
+        "trace": {"start_slope": math.radians(start), "closed": closed, "arcs": [arc]},
+        "balls": [{"radius": 0.1, "mass": 1.0, "arc": 1, "angle": 0.0, "rate": 2.0}],
+        "stop": {"time": 12.0},
+    }
+    path = tmp_path / "separatrix.json"
+    path.write_text(json.dumps(scenario))
+    assert f", of this motion {shown}" in vibro("check", path).text
+    (found,) = vibro("check", path, "--json").lines
+    assert found["bodies"][0]["swing"]["period"] is None
+    run = simulate(Scenario.from_dict(scenario))
+    assert (run.summary["end_cause"] == "time") == found["bodies"][0]["swing"]["stays"]
+    t = run.summary["end_time"]
+    angle = run.sample([t])["angle"][0]
+    assert angle == pytest.approx(4.0 * math.atan(math.exp(t)) - math.pi, abs=1e-9)
 
 
 @pytest.mark.parametrize(("step", "told"), [("1e-5", False), ("1e-9", True)])

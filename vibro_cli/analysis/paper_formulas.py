@@ -203,7 +203,9 @@ def starting_swing(system: TraceSystem, ball: int) -> Swing | None:
 
 def stays(swing: Swing, piece: Piece, circle: bool) -> bool:
     """Return whether a swing stays on its arc; on a `circle`, one arc that is closed, all do."""
-    if circle or swing.below <= 0.0:
+    if circle or swing.below < 0.0:
         return circle
+    if swing.below == 0.0:  # on the separatrix it approaches one top and never returns
+        return piece.angle_start <= swing.bottom + swing.way * math.pi <= piece.angle_end
     low, high = swing.bottom - swing.amplitude, swing.bottom + swing.amplitude
     return piece.angle_start <= low and high <= piece.angle_end

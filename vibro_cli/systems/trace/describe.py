@@ -60,19 +60,24 @@ def _bodies(system: TraceSystem) -> Iterator[dict[str, Any]]:
         }
 
 
-def _swing(system: TraceSystem, ball: int) -> dict[str, float | None] | None:
-    """Return the papers' constants of a body's first swing; None outside a valley at rest."""
+def _swing(system: TraceSystem, ball: int) -> dict[str, Any] | None:
+    """Return the papers' constants of a body's first swing; None outside a valley at rest.
+
+    The period is None if the swing leaves its arc (`stays` is false) or is on the separatrix.
+    """
     swing = starting_swing(system, ball)
     if swing is None:
         return None
     piece = system.trace.pieces[system.initial[ball - 1].piece]
     circle = system.trace.closed and len(system.trace.pieces) == 1
-    period = swing.period if stays(swing, piece, circle) else math.inf
+    on_arc = stays(swing, piece, circle)
+    period = swing.period if on_arc else math.inf
     return {
         "omega_squared": swing.square,
         "modulus": swing.modulus if math.isfinite(swing.modulus) else None,
         "small_period": swing.small_period,
         "period": period if math.isfinite(period) else None,
+        "stays": on_arc,
     }
 
 
@@ -146,10 +151,12 @@ def _moving_line(body: dict[str, Any]) -> str:
     return f"{body_line(body)}; arc {body['arc']}, {place}, speed {body['speed']:.6g} m/s"
 
 
-def _swing_line(swing: dict[str, float | None]) -> str:
+def _swing_line(swing: dict[str, Any]) -> str:
     """Return the constants of a swing as text: B (50)-(51), small and actual period."""
     modulus, period = swing["modulus"], swing["period"]
-    own = "none, as it leaves its arc" if period is None else f"{period:.9g} s"
+    own = "none, as it leaves its arc"
+    if swing["stays"]:
+        own = "infinite, on the separatrix" if period is None else f"{period:.9g} s"
     shown = "∞" if modulus is None else f"{modulus:.9g}"
     return (
         f"          ω² = 2g/κρ = {swing['omega_squared']:.9g} 1/s², elliptic modulus {shown}; "
