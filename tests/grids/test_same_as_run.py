@@ -134,6 +134,10 @@ GRIDS: dict[str, tuple[str, dict[str, list[float]]]] = {
         "three_arcs.toml",
         {"stop.time": [0.9e300, 1.1e300], "balls[1].angle": [-1.5, -1.3]},
     ),
+    "bodies that never meet again": (
+        "three_arcs.toml",
+        {"balls[1].speed": [0.9, 1.4], "balls[2].speed": [-1.3, 0.3], "gravity": [9.0, 10.0]},
+    ),
 }
 
 MORE = {
@@ -144,6 +148,11 @@ MORE = {
     "bodies that touch": ["balls[2].touching=previous", "balls[2].arc=1"],
     "too large to pass one another": ["balls[1].angle=-1.3"],
     "the longest time": ["stop.collisions=1"],
+    "bodies that never meet again": [
+        "stop={collisions = 8}",
+        "collision.k=0.7",
+        *("balls[1].arc=2", "balls[1].angle=-0.5", "balls[2].arc=2", "balls[2].angle=0.5"),
+    ],
 }
 
 # What must occur among the points of each, so that the test is meaningful.
@@ -169,6 +178,7 @@ SEEN = {
     "bodies that touch": {"contact"},
     "too large to pass one another": {"free"},
     "the longest time": {"invalid", "free"},
+    "bodies that never meet again": {"free", "no_more_collisions", "collisions"},
 }
 
 

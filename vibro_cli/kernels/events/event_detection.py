@@ -32,6 +32,8 @@ from vibro_cli.kernels.world import (
     World,
     contact_of,
     flights_of,
+    track_of,
+    track_on,
     tracks_of,
 )
 
@@ -318,3 +320,129 @@ def _sine_range(flight: Flight, piece: PieceData, track: TrackData) -> tuple[flo
     elif flight.exit_side == 0 or not right:
         low = -turn if sign > 0.0 or flight.c > 0.0 else turn
     return min(low, start), max(high, start)
+
+
+# Margin, as a share, of energies and lengths where a proof is to hold for ever.
+FOR_EVER = 1.0e-9
+
+
+@kernel
+def never_meet(world: World) -> bool:
+    """Return whether the energies of the bodies keep all neighbours apart for ever.
+
+    Between impacts an energy is constant, or falls at a wall. False if a body may lift off or reach
+    an open end of the trace, and where this is not proved: in lasting contact and on a rotating
+    trace.
+    """
+    settings = world.settings[0]
+    if settings.one_sided == 1 or settings.turning_square > 0.0 or world.clock[0].held_pairs > 0:
+        return False
+    low_a, high_a = reachable(world, 0)
+    if low_a <= -NEVER:
+        return False
+    for j in range(settings.pairs):
+        pair = world.pairs[j]
+        low_b, high_b = reachable(world, pair.b)
+        distance = pair.distance + FOR_EVER * world.flights[pair.a].size
+        if low_b - high_a <= distance and low_a - high_b <= distance:
+            return False
+        low_a, high_a = low_b, high_b
+    return True
+
+
+@kernel
+def reachable(world: World, ball: int) -> tuple[float, float]:
+    """Return the least and greatest x (m) that the energy of a body lets its centre reach.
+
+    They are infinite if it reaches an open end of the trace or all of a closed one.
+    """
+    flight = world.flights[ball]
+    if flight.at_rest == 1:
+        x, _ = centre_position(
+            world.pieces[flight.piece], track_of(world, ball), flight.s, flight.c
+        )
+        return x, x
+    low, high, left, right = _reachable_on(world, ball, flight.piece, flight.c)
+    if right:
+        low, high = _reachable_beyond(world, ball, 1, low, high)
+    if left:
+        low, high = _reachable_beyond(world, ball, -1, low, high)
+    return low, high
+
+
+@kernel
+def _reachable_beyond(
+    world: World, ball: int, side: int, low: float, high: float
+) -> tuple[float, float]:
+    """Return the extremes of x, which are known on its piece, for a body that leaves it on a side.
+
+    ``side`` is 1 (right) or -1.
+    """
+    settings = world.settings[0]
+    piece = world.flights[ball].piece
+    for _ in range(settings.pieces):
+        piece += side
+        if settings.closed == 0 and not 0 <= piece < settings.pieces:
+            wall = settings.right_wall if side > 0 else settings.left_wall
+            return (low, high) if wall >= 0.0 else (-NEVER, NEVER)
+        piece = piece % settings.pieces
+        track = track_on(world, ball, piece)
+        c = track.left_c if side > 0 else track.right_c
+        next_low, next_high, left, right = _reachable_on(world, ball, piece, c)
+        low = min(low, next_low)
+        high = max(high, next_high)
+        if not (right if side > 0 else left):
+            return low, high
+    return -NEVER, NEVER
+
+
+@kernel
+def _reachable_on(
+    world: World, ball: int, number: int, c: float
+) -> tuple[float, float, bool, bool]:
+    """Return the extremes of x that a body reaches on a piece, and whether it reaches its ends.
+
+    On an arc ``C`` tells on which side of the top it is: where its energy does not take it over the
+    top, it stays there.
+    """
+    piece = world.pieces[number]
+    track = track_on(world, ball, number)
+    flight = world.flights[ball]
+    # A body that has almost no energy left still crosses a step that is due to rounding.
+    energy = flight.specific_energy * (1.0 + FOR_EVER) + CAUTION * flight.size
+    if piece.sign == 0.0:
+        return _reachable_on_line(piece, track, energy)
+    complement = (track.top - energy) / track.twice_radius - CAUTION
+    over = complement <= 0.0
+    left = over or (track.left_c * c > 0.0 and track.left_c * track.left_c >= complement)
+    right = over or (track.right_c * c > 0.0 and track.right_c * track.right_c >= complement)
+    turn = 2.0 * math.sqrt(max(complement * (1.0 - complement), 0.0))
+    from_left = 2.0 * track.left_s * track.left_c if left else -turn
+    to_right = 2.0 * track.right_s * track.right_c if right else turn
+    if track.lowest_s2 < 0.5 < min(1.0 - complement, track.highest_s2):
+        # The path may pass a vertical tangent, where x is extreme.
+        from_left = -1.0
+        to_right = 1.0
+    one = piece.x + piece.sign * track.path_radius * from_left
+    other = piece.x + piece.sign * track.path_radius * to_right
+    rounding = CAUTION * track.path_radius
+    return min(one, other) - rounding, max(one, other) + rounding, left, right
+
+
+@kernel
+def _reachable_on_line(
+    piece: PieceData, track: TrackData, energy: float
+) -> tuple[float, float, bool, bool]:
+    """Return the extremes of x that a body reaches on a line, and whether it reaches its ends."""
+    start = track.left_s
+    end = track.right_s
+    rise = energy - track.bottom
+    left = rise >= track.line_rise * start
+    right = rise >= track.line_rise * end
+    if not left:
+        start = min(max(start, rise / track.line_rise), end)
+    if not right:
+        end = max(min(end, rise / track.line_rise), start)
+    one = track.line_x + piece.tangent_x * start
+    other = track.line_x + piece.tangent_x * end
+    return min(one, other), max(one, other), left, right

@@ -22,7 +22,7 @@ from vibro_cli.kernels.contact.contact_kinematics import (
     set_speed,
 )
 from vibro_cli.kernels.contact.first_contact import close_gap
-from vibro_cli.kernels.events.event_detection import TO_BE_CONTINUED, first_contact
+from vibro_cli.kernels.events.event_detection import TO_BE_CONTINUED, first_contact, never_meet
 from vibro_cli.kernels.events.simultaneous_impacts import (
     ENDLESS_ROUNDS,
     collide_jointly,
@@ -464,7 +464,11 @@ def advance(world: World) -> int:
         elif pair >= 0:
             cause = release(world, pair)
         elif ball >= 0:
+            crossings = clock.crossings
             cause = leave_piece(world, ball)
+            at_wall = clock.crossings == crossings
+            if cause == RUNNING and settings.stop_t >= NEVER:
+                cause = _end_if_over(world, at_wall)
         else:
             return _finish(world)
         if cause != RUNNING:
@@ -536,6 +540,26 @@ def _finish(world: World) -> int:
     if settings.stop_t < NEVER:
         return END_TIME
     return END_REST if resting else END_NO_MORE_COLLISIONS
+
+
+# Without a stop time the loop looks whether any pair can still meet: after each impact on a wall,
+# and after each crossing of a junction whose number is divisible by this.
+LOOKS = 16
+
+
+@kernel
+def _end_if_over(world: World, at_wall: bool) -> int:
+    """End a run without a stop time if no pair can meet again, after the end of a flight.
+
+    Returns an end cause, or RUNNING.
+    """
+    clock = world.clock[0]
+    if clock.unlogged == 1 or (clock.crossings % LOOKS != 0 and not at_wall):
+        return RUNNING
+    if not never_meet(world):
+        return RUNNING
+    clock.quiet_from = clock.t
+    return END_NO_MORE_COLLISIONS
 
 
 # Times that differ by less than this share of themselves are one instant.
