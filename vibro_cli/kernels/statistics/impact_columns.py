@@ -374,7 +374,7 @@ NUMBERS = (
     *(f"kinetic_energy_{end}_{when}" for when, end in product(("pre", "post"), ENDS)),
     "impulse",
 )
-"""Columns of floats, in the order of the kernel's indices."""
+"""Columns of floats. The kernels find a column by its index here."""
 INTEGERS = (
     *("scenario", "n", "ball_a", "ball_b", "arc_a", "arc_b", "side", "law"),
     *(f"{name}_{end}_{when}" for name, when, end in product(PHASES, ("pre", "post"), ENDS)),
@@ -382,13 +382,23 @@ INTEGERS = (
 """Columns of integers, some of which are indices of words."""
 FLAGS = ("admissible", "substituted", "simultaneous", "grazing", "contact")
 
+_T, _T_LOW, _DT = (NUMBERS.index(name) for name in ("t", "t_low", "dt"))
+_LOSS, _MOMENT, _IMPULSE, _GAP = (
+    NUMBERS.index(name) for name in ("energy_loss", "impulse_moment", "impulse", "gap")
+)
+_APPROACH, _SEPARATION = (NUMBERS.index(f"{name}_speed") for name in ("approach", "separation"))
+_RUN, _N, _SIDE, _LAW = (INTEGERS.index(name) for name in ("scenario", "n", "side", "law"))
+_ADMISSIBLE, _SUBSTITUTED = (FLAGS.index(name) for name in ("admissible", "substituted"))
+_SIMULTANEOUS, _GRAZING, _CONTACT = (
+    FLAGS.index(name) for name in ("simultaneous", "grazing", "contact")
+)
 # Indices of the columns of body a; that of body b follows.
+_BALL, _ARC = (INTEGERS.index(f"{name}_a") for name in ("ball", "arc"))
 _ANGLE, _S, _X, _Y = (NUMBERS.index(f"{name}_a") for name in PLACES)
 # The same for columns before the impact; those after it are two further on.
 _RATE, _OMEGA, _SPEED, _ENERGY = (NUMBERS.index(f"{name}_a_pre") for name in MOTIONS)
 _KINETIC = NUMBERS.index("kinetic_energy_a_pre")
 _AFTER = 2
-_IMPULSE = NUMBERS.index("impulse")
 _REGIME, _EIGHT = (INTEGERS.index(f"{name}_a_pre") for name in PHASES)
 
 
@@ -454,13 +464,13 @@ def fill_run(
     for n in range(runs.counts[run]):
         impact = log[row]
         at = first + n
-        _integer(columns, 0, at, runs.numbers[run])
-        _integer(columns, 1, at, n + 1)
+        _integer(columns, _RUN, at, runs.numbers[run])
+        _integer(columns, _N, at, n + 1)
         since = math.nan
         if n > 0:
             before = log[row - 1]
             since = (impact.t - before.t) + (impact.t_low - before.t_low)
-        _number(columns, 2, at, since)
+        _number(columns, _DT, at, since)
         _fill_row(world, impact, runs, run, columns, at, around)
         row += 1
     return row
@@ -509,32 +519,32 @@ def _fill_row(
         impulse = runs.masses[run, row.b] * (row.speed_b_post - row.speed_b_pre)
     _number(columns, _IMPULSE, at, impulse if row.law == TRANSLATIONAL else math.nan)
     rounding = _GRAZING_UNITS * EPSILON * (size_a + size_b)
-    _flag(columns, 3, at, is_graze(approach, pull_a + pull_b, rounding))
+    _flag(columns, _GRAZING, at, is_graze(approach, pull_a + pull_b, rounding))
     side = 0
     if around > 0.0:
         ahead = (s_b - s_a if end_a == 0 else s_a - s_b) % around
         # +1 if body 1 meets body 2 ahead of it, -1 if behind it.
         met_ahead = row.a == 0 if row.piece_a == row.piece_b else ahead <= 0.5 * around
         side = 1 if met_ahead else -1
-    _integer(columns, 6, at, side)
+    _integer(columns, _SIDE, at, side)
 
 
 @kernel
 def _fill_pair(world: World, row: ImpactRow, columns: Columns, at: int) -> float:
     """Fill the columns of the pair; return its approach speed (m/s)."""
     approach = row.normal_a * row.speed_a_pre - row.normal_b * row.speed_b_pre
-    _number(columns, 0, at, row.t)
-    _number(columns, 1, at, row.t_low)
-    _number(columns, 3, at, row.loss)
-    _number(columns, 5, at, approach)
+    _number(columns, _T, at, row.t)
+    _number(columns, _T_LOW, at, row.t_low)
+    _number(columns, _LOSS, at, row.loss)
+    _number(columns, _APPROACH, at, approach)
     parting = separation_speed(row.normal_a, row.normal_b, row.speed_a_post, row.speed_b_post)
-    _number(columns, 6, at, parting)
-    _number(columns, 7, at, residual_gap(world, row))
-    _integer(columns, 7, at, row.law)
-    _flag(columns, 0, at, row.admissible == 1)
-    _flag(columns, 1, at, row.substituted == 1)
-    _flag(columns, 2, at, row.simultaneous == 1)
-    _flag(columns, 4, at, row.contact == 1)
+    _number(columns, _SEPARATION, at, parting)
+    _number(columns, _GAP, at, residual_gap(world, row))
+    _integer(columns, _LAW, at, row.law)
+    _flag(columns, _ADMISSIBLE, at, row.admissible == 1)
+    _flag(columns, _SUBSTITUTED, at, row.substituted == 1)
+    _flag(columns, _SIMULTANEOUS, at, row.simultaneous == 1)
+    _flag(columns, _CONTACT, at, row.contact == 1)
     return approach
 
 
@@ -578,7 +588,7 @@ def _fill_body(
         _integer(columns, _EIGHT + later, at, eight)
     if end == 1:
         inertia = body.kappa * mass * body.radius
-        _number(columns, 4, at, inertia * (motion[1] - motion[0]))
+        _number(columns, _MOMENT, at, inertia * (motion[1] - motion[0]))
     central = 0.0 if line else motion[0] * motion[0] / track.path_radius
     return arc_length, size, track.gravity_rate + central
 
@@ -593,8 +603,8 @@ def _fill_place(
     along = place_on(piece, s, c)
     arc_length = _along(piece, along)
     x, y = centre_position(piece, track_on(world, body, number), s, c)
-    _integer(columns, 2 + end, at, body + 1)
-    _integer(columns, 4 + end, at, number + 1)
+    _integer(columns, _BALL + end, at, body + 1)
+    _integer(columns, _ARC + end, at, number + 1)
     _number(columns, _ANGLE + end, at, math.nan if piece.sign == 0.0 else along)
     _number(columns, _S + end, at, arc_length)
     _number(columns, _X + end, at, x)
