@@ -304,6 +304,43 @@ def test_a_family_ends_where_its_orbits_come_to_have_half_their_period(
     assert np.trace(_differences(once)) - 2.0 == pytest.approx(expected, abs=1e-5)
 
 
+ROUND = {"shape": "valley", "radius": 1.0, "end_slope": math.pi}
+CIRCLE = {"start_slope": -math.pi, "closed": True, "arcs": [ROUND]}
+
+
+def test_a_family_goes_on_where_balls_are_half_a_round_from_where_they_were() -> None:
+    """The gap over half the period then changes its sign without vanishing: nothing halves."""
+    balls = [ball(-1.7225, mass=2.0, rate=-1.8473), ball(0.8535, mass=1.5228)]
+    document = scene(CIRCLE, balls, time=10.0)
+    first = orbit(scenario_of(document), 4)
+    family = orbit_family(scenario_of(document), first, "balls[2].mass", 0.8, 2.9)
+    values = np.array([one.value for one in family.points])
+    assert {one.kind for one in family.special} == {"bound", "fold", "doubling"}
+    assert values[0] == values[-1] == 2.9
+    # Between the neighbours of the place where the sign changes, by differences of motions.
+    for one in family.points[:2]:
+        trace = np.trace(_differences(one.orbit)) - 2.0
+        assert np.sum(one.orbit.multipliers).real == pytest.approx(trace, rel=1e-5)
+        run = simulate_system(one.orbit.system, 3.0 * one.orbit.period, None)
+        np.testing.assert_allclose(np.diff(run.collisions["t"][::2]), one.orbit.period, rtol=1e-9)
+
+
+def test_a_halving_is_no_exchange_too() -> None:
+    """At an orbit traversed twice a multiplier is at 1: its rounding is no passage."""
+    balls = [
+        ball(-1.294264428775199, mass=2.0, rate=-0.13656633397682774),
+        ball(0.506952109300433, mass=2.0760791890079835),
+    ]
+    document = scene(CIRCLE, balls, law="hedrih", time=10.0)
+    first = orbit(scenario_of(document), 2)
+    family = orbit_family(scenario_of(document), first, "balls[2].mass", 1.03804, 4.152158)
+    assert [one.kind for one in family.special] == ["halving", "doubling", "bound"]
+    # The multipliers of all other orbits are on one side of 1, by differences of motions too.
+    for one in (family.points[1], family.points[2], family.points[-1]):
+        assert np.linalg.det(one.orbit.reduced - np.eye(2)) > 0.0
+        assert 4.0 - np.trace(_differences(one.orbit)) > 0.0
+
+
 def test_a_halving_nearer_than_the_first_step_is_told_on_its_side_only() -> None:
     """On the other side the orbits are followed to the end of the range."""
     places = [

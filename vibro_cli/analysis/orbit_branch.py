@@ -31,6 +31,7 @@ from vibro_cli.analysis.orbits import (
     by_body,
     energy_of,
     equations,
+    gap_of,
     newton,
     over_period,
     residual_of,
@@ -228,7 +229,9 @@ class Family:
         points = [*back[::-1], self._first, *ahead]
         for at in (-1.0, 1.0):
             points = self._with_dips(points, at)
-        special = [*self._passed(points), *self._out_of_the_circle(points)]
+        places = {0: start, len(points) - 1: end}
+        halved = {place for place, cause in places.items() if cause == "halving"}
+        special = [*self._passed(points, halved), *self._out_of_the_circle(points)]
         folds = {one.after for one in special if one.kind == "fold"}
         for n, three in enumerate(zip(points, points[1:], points[2:], strict=False), 1):
             if _turn(*three) and not folds & {n - 1, n}:  # a fold not found so far
@@ -415,13 +418,19 @@ class Family:
         half = newton(system, np.array(state), 0.5 * period, energy)
         return self._point(value, over_period(half, 2.0 * half.period))
 
-    def _passed(self, points: list[Point]) -> list[Special]:
-        """Return the points at which multipliers pass -1 or 1, including folds (1)."""
+    def _passed(self, points: list[Point], halved: set[int]) -> list[Special]:
+        """Return the points at which multipliers pass -1 or 1, including folds (1).
+
+        `halved` are the indices of orbits traversed twice, whose multipliers are at 1.
+        """
         found: list[Special] = []
         for kind, at in (("doubling", -1.0), ("exchange", 1.0)):
             # The sign of multipliers that stay at this number is random.
             distances = [_distance(point.orbit, at) for point in points]
-            known = [n for n, one in enumerate(distances) if abs(one) > PARTED**2]
+            staying = halved if at == 1.0 else set()
+            known = [
+                n for n, one in enumerate(distances) if abs(one) > PARTED**2 and n not in staying
+            ]
             for n, m in pairwise(known):
                 if distances[n] * distances[m] < 0.0:
                     one = self._change(kind, points, n, m, partial(_distance, at=at))
@@ -595,9 +604,14 @@ class Family:
 
 def _share_left(one: Point, other: Point) -> float:
     """Return the ratio of two gaps over half the period; negative if one vanishes in between."""
-    none = np.ones(1)
-    gap, left = (point.orbit.part_gaps.get(2, none) for point in (one, other))
-    return float(gap @ left / (gap @ gap))
+    orbits = one.orbit, other.orbit
+    if any(2 not in orbit.part_gaps for orbit in orbits):
+        return 1.0
+    bodies = len(one.orbit.system.bodies)
+    gap, left = (orbit.part_gaps[2].reshape(-1, 2 * bodies) for orbit in orbits)
+    # Gaps of half a round change their sign where the other way round becomes the shorter.
+    left = left + (gap_of(one.orbit.system, gap, left) - (left - gap))
+    return float(np.vdot(gap, left) / np.vdot(gap, gap))
 
 
 def _turn(before: Point, here: Point, after: Point) -> bool:
