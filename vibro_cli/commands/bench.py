@@ -3,10 +3,10 @@
 `vibro bench` draws run time against error; `vibro stress` prints each mark and the result reached.
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
@@ -16,6 +16,8 @@ from vibro_cli.commands.shared.terminal import each_with_progress, print_found, 
 
 if TYPE_CHECKING:
     from vibro_cli.benchmark.measurement import Row
+
+_Result = TypeVar("_Result")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,15 +86,20 @@ def _measure(options: BenchCommand, form: str) -> int:
     rows: list[Row] = []
     target = Path(options.output)
     check_replaceable(target, "benchmark")
-    with leaving():
-        results = suite.run(PLANS[form], tuple(options.scene))
-        for found in each_with_progress("measuring", results):
-            rows += found
-            for row in found:
-                print_found(vars(row), [_line(row)], options.as_json)
+    results = _unwritten(suite.run(PLANS[form], tuple(options.scene)))
+    for found in each_with_progress("measuring", results):
+        rows += found
+        for row in found:
+            print_found(vars(row), [_line(row)], options.as_json)
     _write(rows, details, target)
     say(f"vibro: wrote {target / 'benchmark.html'}")
     return DONE
+
+
+def _unwritten(results: Iterable[_Result]) -> Iterator[_Result]:
+    """Yield results; an interruption while they are computed reports that nothing was written."""
+    with leaving():
+        yield from results
 
 
 def _line(row: "Row") -> str:
@@ -190,10 +197,9 @@ class StressCommand:
         findings = []
         if folder is not None:
             check_replaceable(folder, "stress")
-        with leaving():
-            for finding in each_with_progress("checking", run(plan, tuple(self.only))):
-                findings.append(finding)
-                print_found(record_of(finding), [line_of(finding)], self.as_json)
+        for finding in each_with_progress("checking", _unwritten(run(plan, tuple(self.only)))):
+            findings.append(finding)
+            print_found(record_of(finding), [line_of(finding)], self.as_json)
         if folder is not None:
             write_folder(findings, plan, folder)
         missed = sum(not finding.met for finding in findings)
