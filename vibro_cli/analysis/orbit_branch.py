@@ -609,7 +609,8 @@ def _share_left(one: Point, other: Point) -> float:
         return 1.0
     bodies = len(one.orbit.system.bodies)
     gap, left = (orbit.part_gaps[2].reshape(-1, 2 * bodies) for orbit in orbits)
-    # Gaps of half a round change their sign where the other way round becomes the shorter.
+    # Gaps of half a round change their sign where the other way round becomes the shorter. The
+    # correction is exactly 0 elsewhere.
     left = left + (gap_of(one.orbit.system, gap, left) - (left - gap))
     return float(np.vdot(gap, left) / np.vdot(gap, gap))
 

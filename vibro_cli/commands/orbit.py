@@ -96,18 +96,17 @@ class OrbitCommand:
             from vibro_cli.storage.folders import write_results
 
             scenario = _on_a_trace(self.scenario, self.overrides, "orbits are found")
-        span = None if self.vary is None else parsed_span(self.vary)
-        folder = None
-        if span is not None or self.output is not None:
-            folder = Path(self.output or Path("outputs") / f"{scenario.name}-orbit")
-            check_replaceable(folder, "orbit")
-        drawn = {}
-        with leaving():
+            span = None if self.vary is None else parsed_span(self.vary)
+            folder = None
+            if span is not None or self.output is not None:
+                folder = Path(self.output or Path("outputs") / f"{scenario.name}-orbit")
+                check_replaceable(folder, "orbit")
             try:
                 found = orbit(scenario, self.impacts, self.period)
                 family = None if span is None else orbit_family(scenario, found, *span)
             except NoOrbit as error:
                 raise CommandError(f"vibro: {scenario.name}: no orbit: {error}") from error
+            drawn = {}
             if family is not None and self.figures:
                 drawn = pictures({"orbits": family.figure().figure})
         if folder is not None:
@@ -272,12 +271,10 @@ class FitCommand:
             from vibro_cli.storage.folders import write_results
 
             scenario = _on_a_trace(self.scenario, self.overrides, "parameters are fitted")
-        folder = None if self.output is None else Path(self.output)
-        free = parsed_free(self.free)
-        if folder is not None:
-            check_replaceable(folder, "fit")
-        drawn = {}
-        with leaving():
+            folder = None if self.output is None else Path(self.output)
+            free = parsed_free(self.free)
+            if folder is not None:
+                check_replaceable(folder, "fit")
             try:
                 measured = read_measured(self.measured)
             except OSError as error:
@@ -287,6 +284,7 @@ class FitCommand:
                 found = Fit.of(fit_impacts(scenario, measured, free, self.noise))
             except NoFit as error:
                 raise CommandError(f"vibro: {scenario.name}: no fit: {error}") from error
+            drawn = {}
             if folder is not None and self.figures:
                 drawn = pictures({"residuals": found.figure().figure})
         if folder is not None:

@@ -253,17 +253,17 @@ class PortraitCommand:
             from vibro_cli.storage.folders import write_results
 
             scenario, system = load_any(self.scenario, self.overrides)
-        if (self.vary or self.compare) and self.scenario == "-":
-            raise CommandError(
-                "vibro: --vary and --compare read the scenario several times; expected a file, "
-                "not -"
-            )
-        folder = None
-        if self.figures or self.output is not None:
-            folder = Path(self.output or Path("outputs") / f"{scenario.name}-portrait")
-            check_replaceable(folder, "portrait")
-        with leaving(), progress_shown():
-            found, drawn = _analysed(self, scenario, system)
+            if (self.vary or self.compare) and self.scenario == "-":
+                raise CommandError(
+                    "vibro: --vary and --compare read the scenario several times; expected a file, "
+                    "not -"
+                )
+            folder = None
+            if self.figures or self.output is not None:
+                folder = Path(self.output or Path("outputs") / f"{scenario.name}-portrait")
+                check_replaceable(folder, "portrait")
+            with progress_shown():
+                found, drawn = _analysed(self, scenario, system)
         if folder is not None:
             write_results("portrait", folder, drawn, scenario, found)
         print_found(found, _lines(scenario, found), self.as_json)
