@@ -71,7 +71,10 @@ def test_a_grid_is_solved_verified_and_found_finished(vibro: Vibro, grid: Path) 
     assert again.lines[0] == told
     assert content(folder) == before
     assert vibro("verify", folder).code == 0
-    assert vibro("grid", grid, "--strict").code == 3
+    assert vibro("grid", grid, "-q").err == ""
+    strict = vibro("grid", grid, "--strict", "-q")
+    assert strict.code == 3
+    assert "3 invalid" in strict.err
 
 
 def test_the_summary_of_a_grid_gives_a_reason_and_the_next_command(

@@ -56,8 +56,8 @@ def test_what_an_inadmissible_run_can_do_is_said() -> None:
         "name", {**FakeRun().summary_record(), "end_cause": "inadmissible"}, None
     ).splitlines()
     assert text[-2:] == [
-        "  hint       --set collision.inadmissible=normal-impulse continues the run, with",
-        "             the normal-impulse law for such impacts",
+        "  hint       repeat the command with --set collision.inadmissible=normal-impulse",
+        "             --force to have such impacts follow the normal-impulse law",
     ]
 
 

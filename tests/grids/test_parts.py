@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 import threading
 from pathlib import Path
+from types import SimpleNamespace
 
 import hypothesis
 import numpy as np
@@ -117,3 +118,19 @@ def test_a_grid_of_many_parts_is_divided_the_same_way_again(
     with opened(tmp_path / "data", grid, again) as data:
         assert not data.missing
     assert verify(tmp_path / "data").sound
+
+
+def test_an_estimate_is_of_points_and_not_of_what_the_first_of_them_prepares(
+    small: Write, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    grid = load_grid(small(), [])
+    solver = TraceSolver(grid, "python")
+    clock = [0.0, 0.4]  # the time, and what the next solution takes in addition to its points
+
+    def solve(points: np.ndarray) -> Solved:
+        clock[:] = [clock[0] + clock[1] + 0.001 * len(points), 0.0]
+        return TraceSolver.solve(solver, points)
+
+    monkeypatch.setattr(workers, "solver_of", lambda *given: SimpleNamespace(solve=solve))
+    monkeypatch.setattr(workers.time, "perf_counter", lambda: clock[0])
+    assert workers.estimate(grid, "python", 1000)[2] == pytest.approx(0.001)

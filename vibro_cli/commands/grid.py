@@ -239,8 +239,7 @@ def _sweep(options: GridCommand) -> int:
         print(json_text(state))
     if not state["complete"]:
         return FAILED
-    unsound = state["invalid"] + state["failed"] + state["inadmissible"]
-    return NOT_STRICT if options.strict and unsound else DONE
+    return NOT_STRICT if options.strict and _unsound(state) else DONE
 
 
 def sweep(options: GridCommand, grid: "Grid", workers: int) -> dict[str, Any]:
@@ -279,8 +278,14 @@ def sweep(options: GridCommand, grid: "Grid", workers: int) -> dict[str, Any]:
     following = {"next": report_command(folder)}
     if shard is not None:
         following = {"next": options.merge_command(), "hint": "merge once all shards are finished"}
-    _print_totals(grid.name, state, folder, _first_reason(dataset), following)
+    level = "error" if options.strict and _unsound(state) else "info"
+    say(_totals(grid.name, state, folder, _first_reason(dataset), following), level, name=grid.name)
     return state
+
+
+def _unsound(state: dict[str, Any]) -> int:
+    """Return the number of points that are invalid, have failed or ended inadmissibly."""
+    return sum(state[word] for word in _ODD)
 
 
 def _chunks(options: GridCommand, grid: "Grid", folder: Path) -> "Chunks":
@@ -382,14 +387,15 @@ def _state(
     }
 
 
-def _print_totals(
+_ODD = ("invalid", "failed", "inadmissible")
+
+
+def _totals(
     name: str, state: dict[str, Any], folder: Path, reason: str | None, following: dict[str, str]
-) -> None:
+) -> list[str]:
     from vibro_cli.systems.request import EARLY_ENDS
 
-    odd = [
-        f"{state[word]:,} {word}" for word in ("invalid", "failed", "inadmissible") if state[word]
-    ]
+    odd = [f"{state[word]:,} {word}" for word in _ODD if state[word]]
     sound = ", ".join(odd) or "all valid and admissible"
     causes: dict[str, int] = state["end_causes"]
     early = [f"{causes[cause]:,} {words}" for cause, words in EARLY_ENDS.items() if cause in causes]
@@ -403,7 +409,7 @@ def _print_totals(
     if state["inadmissible"]:
         items["hint"] = INADMISSIBLE_HINT
     points, impacts = counted(state["points"], "point"), counted(state["impacts"], "impact")
-    say(lines_of(f"{name}: {points}, {impacts}", items), name=name)
+    return lines_of(f"{name}: {points}, {impacts}", items)
 
 
 def _first_reason(dataset: "Dataset") -> str | None:

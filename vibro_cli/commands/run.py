@@ -298,12 +298,13 @@ def solve(options: RunCommand, scenario: "AnyScenario", earlier: "EarlierRun | N
     if options.summary_as_json:
         print(json_text({**options.line_head(scenario.name, folder), **record}), flush=True)
     one_sided = system_named(scenario.system).one_sided(scenario)
+    sound = record["status"] == "ok" and record["end_cause"] != "inadmissible"
+    code = DONE if sound or not options.strict else NOT_STRICT
     lines = summary_text(scenario.name, record, folder, one_sided, result.not_made).split("\n")
-    say(lines, scenario=scenario.name)
+    say(lines, "info" if code == DONE else "error", scenario=scenario.name)
     for omission in result.skipped:
         say(f"  skipped    {omission}", "detail", scenario=scenario.name)
-    sound = record["status"] == "ok" and record["end_cause"] != "inadmissible"
-    return DONE if sound or not options.strict else NOT_STRICT
+    return code
 
 
 @contextlib.contextmanager

@@ -167,6 +167,7 @@ def estimate(grid: Grid, engine: str, stretch: int) -> tuple[int, float, float, 
     """
     solver = solver_of(grid, engine)
     count = 16
+    solver.solve(spread(grid, count))  # the first one also prepares what all others share
     while True:
         points = spread(grid, count)
         begin = time.perf_counter()

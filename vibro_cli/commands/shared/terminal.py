@@ -110,8 +110,8 @@ COLUMNS = 80
 
 _COPIED = ("files", "next")
 INADMISSIBLE_HINT = (
-    "--set collision.inadmissible=normal-impulse continues the run, with the normal-impulse law "
-    "for such impacts"
+    "repeat the command with --set collision.inadmissible=normal-impulse --force to have such "
+    "impacts follow the normal-impulse law"
 )
 
 
