@@ -679,8 +679,12 @@ def test_a_portrait_without_a_run_and_a_film(tmp_path: Path, run: Run) -> None:
     assert b'content="vibro film"' in film.read_bytes()
     with pytest.raises(ValueError, match=r"found 0 s to 99 s, expected times from 0 to 12 s"):
         run.film(tmp_path / "film.html", end=99.0)
-    with pytest.raises(ValueError, match=r"expected \.html"):
+    with pytest.raises(ValueError, match=r"found 2 s to 1 s, .* 0 to 12 s, end after start"):
+        run.film(tmp_path / "film.html", start=2.0, end=1.0)
+    with pytest.raises(ValueError, match=r"'film\.avi', expected a \.mp4, \.gif or \.html file"):
         run.film(tmp_path / "film.avi")
+    with pytest.raises(ValueError, match="fps: found 30, expected a divisor of 100"):
+        run.film(tmp_path / "film.gif", fps=30)
     for name in SYSTEMS:
         one = simulate(example(name))
         film = one.film(tmp_path / f"{name}.html", end=0.5 * one.summary["end_time"], fps=5)
@@ -710,6 +714,8 @@ def test_a_sweep_has_the_summaries_of_its_runs(tmp_path: Path) -> None:
     ]
     assert grid.summary["energy_end"].tolist() == [one.summary["energy_end"] for one in points]
     assert list(grid.collisions) == ["scenario", "n", "t"]
+    with pytest.raises(KeyError, match=r"no table collisions .*collisions=True of sweep"):
+        sweep(scenario, {"collision.k": [0.8]}).collisions  # noqa: B018
     assert grid.collisions["t"].tolist() == [t for one in points for t in one.collisions["t"]]
     assert grid.figure("impacts").save(tmp_path / "impacts.svg").is_file()
     assert grid.figure("max_gap").name == "max_gap"

@@ -414,9 +414,8 @@ def check_walls(
         within = initial_conditions.reaches_into_wall(piece, state.position, touch, at_right)
         if problems.refuse(within):
             found = f"body {index + 1} reaching into the {side} wall"
-            expected = (
-                f"a position clear of it: {touch!r} or further {'left' if at_right else 'right'}"
-            )
+            unit, way = "m" if piece.is_line else "rad", "left" if at_right else "right"
+            expected = f"a position clear of it: {touch!r} {unit} or further {way}"
             problems.add(_path_of_place(scenario, index), found, expected)
 
 

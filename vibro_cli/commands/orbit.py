@@ -374,8 +374,9 @@ def _lines_of_fit(found: Fit) -> Iterator[str]:
         if found.misplaced:
             yield (
                 f"  warning              {found.misplaced} of {record['impacts']} computed impacts "
-                "are nearer to another measured one than to their own: this is a wrong minimum, or "
-                "impacts were missed or counted twice (give n)"
+                "are nearer to another measured one than to their own: this is a wrong minimum, "
+                "impacts were missed or counted twice (give n), or the times are not in seconds "
+                "from the start of the motion"
             )
     else:
         yield (

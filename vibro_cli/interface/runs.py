@@ -356,14 +356,14 @@ class Run:
         form = target.suffix.lower().removeprefix(".")
         end = min(last, start + SECONDS * pace) if end is None else end
         stop = checked("end", end, Quantity())
-        if form not in (*FORMS, "html") or (form == "gif" and 100 % fps):
-            raise ValueError(
-                f"found {target.name!r} with {fps} frames a second, expected .html, .mp4, or .gif "
-                "with a divisor of 100"
-            )
+        if form not in (*FORMS, "html"):
+            raise ValueError(f"found {target.name!r}, expected a .mp4, .gif or .html file")
+        if form == "gif" and 100 % fps:
+            raise ValueError(f"fps: found {fps}, expected a divisor of 100 for a GIF, such as 20")
         if not 0.0 <= start < stop <= last:
+            order = "" if start < stop else ", end after start"
             raise ValueError(
-                f"found {start:g} s to {stop:g} s, expected times from 0 to {last:g} s"
+                f"found {start:g} s to {stop:g} s, expected times from 0 to {last:g} s{order}"
             )
         write_film(self.stored, self.name, target, (start, stop), pace, fps)
         return target

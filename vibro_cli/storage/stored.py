@@ -323,7 +323,8 @@ class StoredGrid:
         """
         parts = self._parts(name)
         if not parts:
-            raise KeyError(f"the grid {self.name} kept no table {name}")
+            how = "collisions=True of sweep, or [keep] collisions = true, keeps the impacts"
+            raise KeyError(f"the grid {self.name} has no table {name} ({how})")
         return PartsTable(parts, self.owner)
 
     def impact_columns(self) -> tuple[str, ...]:
