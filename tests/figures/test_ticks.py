@@ -146,6 +146,15 @@ def test_long_numbers_get_a_power_of_ten() -> None:
     assert vertical_ticks(-3e6, 3e6, 50.0).power == 6
 
 
+def test_a_fraction_keeps_its_decimals_where_fewer_labels_are_short_enough() -> None:
+    """Not 652.5, 655.0, … in thousandths; the labels read as numbers give the places."""
+    for low, high in ((0.6489, 0.6711), (0.9993, 1.0001)):
+        ticks = vertical_ticks(low, high, 60.0)
+        assert (ticks.power, ticks.offset) == (0, 0.0)
+        assert len(ticks.places) >= 3
+        assert [float(label) for label in ticks.labels] == pytest.approx(ticks.places, abs=1e-12)
+
+
 def test_of_two_labels_in_conflict_the_one_nearer_to_its_edge_goes() -> None:
     first = Ticks((0.0, 0.99), ("0", "π/4"))
     second = Ticks((0.1, 0.5), ("−π/4", "0"))

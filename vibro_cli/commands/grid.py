@@ -276,6 +276,8 @@ def sweep(options: GridCommand, grid: "Grid", workers: int) -> dict[str, Any]:
             _solve(options, dataset, workers)
     state = _state(grid.name, folder, dataset.receipts.values(), not dataset.missing)
     following = {"next": report_command(folder)}
+    if state["inadmissible"] and not options.merge:
+        following["hint"] = INADMISSIBLE_HINT
     if shard is not None:
         following = {"next": options.merge_command(), "hint": "merge once all shards are finished"}
     level = "error" if options.strict and _unsound(state) else "info"
@@ -406,8 +408,6 @@ def _totals(
     items["files"] = f"{printable(str(folder))} ({chunks}, {size(state['bytes'])})"
     if state["complete"]:
         items |= following
-    if state["inadmissible"]:
-        items["hint"] = INADMISSIBLE_HINT
     points, impacts = counted(state["points"], "point"), counted(state["impacts"], "impact")
     return lines_of(f"{name}: {points}, {impacts}", items)
 

@@ -172,12 +172,16 @@ def vertical_ticks(low: float, high: float, height: float, whole: bool = False) 
     offset = _offset(low, high)
     if offset:
         return _counted_from(offset, vertical_ticks(low - offset, high - offset, height, whole))
-    edge = _EDGE / height * (high - low)
-    ticks = _round_numbers(low + edge, high, max(2, int(height / _LINE)), whole)
-    if max(map(len, ticks.labels), default=0) <= _LONGEST:
-        return ticks
-    power = _power(max(map(abs, ticks.places)))
-    return _in_powers(ticks.places, power)
+    low += _EDGE / height * (high - low)
+    most = max(2, int(height / _LINE))
+    dense = _round_numbers(low, high, most, whole)
+    for bins in range(most, 0, -1):  # fewer and shorter labels rather than a power of ten
+        ticks = _round_numbers(low, high, bins, whole)
+        if len(ticks.places) < min(LEAST, len(dense.places)):
+            break
+        if max(map(len, ticks.labels), default=0) <= _LONGEST:
+            return ticks
+    return _in_powers(dense.places, _power(max(map(abs, dense.places))))
 
 
 def in_one_unit(one: Ticks, other: Ticks) -> tuple[Ticks, Ticks]:

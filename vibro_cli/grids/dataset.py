@@ -384,6 +384,16 @@ def division_of_shards(folder: Path) -> Division | None:
     return next((division for division in found if division is not None), None)
 
 
+def _unfinished(folders: Sequence[Path], missing: Sequence[int]) -> str:
+    """Name the shards of missing chunks, if the folders tell into how many the grid is divided."""
+    counts = {int(SHARD.findall(folder.name)[0][1]) for folder in folders}
+    if len(counts) != 1:
+        return ""
+    (count,) = counts
+    numbers = sorted({chunk % count + 1 for chunk in missing})
+    return f", also {', '.join(f'{number}/{count}' for number in numbers)}"
+
+
 def merge(dataset: Dataset) -> list[Receipt]:
     """Move the parts of all shards into the folder of the grid, and return their receipts.
 
@@ -407,6 +417,7 @@ def merge(dataset: Dataset) -> list[Receipt]:
             raise MergeRefused(
                 f"{len(missing)} of {dataset.chunks.count} chunks are in no shard of "
                 f"{dataset.folder}, the first is {missing[0]}; expected all shards to be finished"
+                f"{_unfinished(folders, missing)}"
             )
         moved = [places[chunk] for chunk in dataset.missing]
         for folder, receipt in moved:

@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Ellipse, Polygon
 from numpy.typing import NDArray
 
+from vibro_cli.errors import counted
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import LEFT, Sheet, body_look, first_part, plane_axes
 from vibro_cli.figures.labels import LINE, Entry, Named, draw_legend, ring, write_names
@@ -266,10 +267,12 @@ def _at(
 
 
 def _title(run: Run, until: float) -> str:
-    count = len(run.collisions["n"])
-    words = f"{count} {'impact' if count == 1 else 'impacts'}"
+    count, bounces = len(run.collisions["n"]), len(run.bounces["n"])
+    words = counted(count, "impact")
     if run.system.wall is not None:
-        words += f", {len(run.bounces['n'])} on the wall"
+        words += f", {bounces:,} on the wall"
+    if not count and bounces:
+        words = f"{counted(bounces, 'impact')} on the wall"
     if any(_within(table, until) > MOST_ARROWS for table in (run.collisions, run.bounces)):
         words += f"; circles: the first {MOST_ARROWS}"
     return words
