@@ -114,7 +114,7 @@ def test_the_summary_of_a_grid_counts_the_runs_that_end_early(vibro: Vibro, tmp_
     shard = vibro("grid", "refused.toml", "--shard", "1/1", "-o", "sharded").err.splitlines()
     assert shard[-1] == "  hint       merge once all shards are finished"
     merged = vibro("grid", "refused.toml", "--merge", "-o", "sharded").err.splitlines()
-    assert merged[-1] == "  next       vibro report sharded"  # --merge cannot be repeated by --force
+    assert merged[-1] == "  next       vibro report sharded"  # no --force
 
 
 def test_a_grid_of_an_earlier_version_is_counted_anew(vibro: Vibro, grid: Path) -> None:

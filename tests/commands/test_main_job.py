@@ -177,4 +177,9 @@ def test_what_cannot_be_continued_is_said(vibro: Vibro) -> None:
     assert "run/checkpoint.json has changed since it was written" in refused("run", *later)
     manifest = Path("run/manifest.json")
     manifest.write_text(manifest.read_text().replace(f'"{__version__}"', '"0.0.9"'))
-    assert f"run was written by vibro 0.0.9; expected {__version__}" in refused("run", *later)
+    told = refused("run", *later)
+    assert f"run was written by vibro 0.0.9; expected {__version__}" in told
+    assert told.endswith("; vibro run run/scenario.json -o run solves it again\n")
+    Path("run/checkpoint.json").unlink()  # nothing but the scenario is needed
+    assert vibro("run", "run/scenario.json", "-o", "run", "--no-figures").code == 0
+    assert vibro("run", "--continue", "run", *later, "--no-figures").code == 0

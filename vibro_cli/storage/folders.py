@@ -11,15 +11,17 @@ from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Any
 
 from vibro_cli import __version__
-from vibro_cli.errors import VibroError
+from vibro_cli.errors import VibroError, printable
 from vibro_cli.storage.files import (
     MANIFEST_NAME,
     FolderRefused,
     NewFolder,
     abandoned_parts,
+    check_files,
     check_replaceable,
     differences,
     entry,
@@ -244,14 +246,26 @@ def read_earlier_run(folder: Path) -> EarlierRun:
     version = found.get("program", {}).get("version")
     if version != __version__:
         raise NotContinuable(
-            f"{folder} was written by vibro {version}; expected {__version__}, this program"
+            f"{folder} was written by vibro {version}; expected {__version__}, this program; "
+            f"{_solved_again(folder)}"
         )
-    content: dict[str, bytes] = {}
-    for name in (SCENARIO_NAME, CHECKPOINT_NAME):
-        content[name] = (folder / name).read_bytes()
-        if entry(content[name])["sha256"] != found["files"].get(name, {}).get("sha256"):
-            raise NotContinuable(f"{folder / name} has changed since it was written (SHA-256)")
-    return EarlierRun(folder / SCENARIO_NAME, json.loads(content[CHECKPOINT_NAME]), found)
+    needed, unknown = (SCENARIO_NAME, CHECKPOINT_NAME), {"bytes": 0, "sha256": ""}
+    check_intact(folder, {name: found["files"].get(name, unknown) for name in needed})
+    checkpoint = json.loads((folder / CHECKPOINT_NAME).read_bytes())
+    return EarlierRun(folder / SCENARIO_NAME, checkpoint, found)
+
+
+def check_intact(folder: Path, described: Mapping[str, Mapping[str, Any]]) -> None:
+    """Raise `NotContinuable` if a file of a run, by its entry in the manifest, is not intact."""
+    for damage in check_files(folder, described):
+        again = "" if damage.file == SCENARIO_NAME else f"; {_solved_again(folder)}"
+        raise NotContinuable(f"{folder}/{damage}{again}")
+
+
+def _solved_again(folder: Path) -> str:
+    """Return the end of a message, with the command that writes the run in a folder anew."""
+    scenario, target = (quote(printable(str(path))) for path in (folder / SCENARIO_NAME, folder))
+    return f"vibro run {scenario} -o {target} solves it again"
 
 
 RESIDUALS = Table(

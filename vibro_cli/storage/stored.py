@@ -20,7 +20,7 @@ from vibro_cli.errors import VibroError
 from vibro_cli.scenario.base import AnyScenario
 from vibro_cli.scenario.loading import load_stored
 from vibro_cli.storage.files import GRID_NAME, check_files, read_manifest
-from vibro_cli.storage.folders import NotContinuable, read_earlier_run
+from vibro_cli.storage.folders import NotContinuable, check_intact, read_earlier_run
 from vibro_cli.storage.tables import (
     PartsTable,
     as_array,
@@ -192,8 +192,7 @@ def open_run(folder: Path) -> StoredRun:
     earlier = read_earlier_run(folder)
     described = earlier.manifest["files"].items()
     tables = {n: wanted for n, wanted in described if n.endswith((".parquet", ".json"))}
-    for damage in check_files(folder, tables):
-        raise NotContinuable(f"{folder}/{damage}")
+    check_intact(folder, tables)
     summary = json.loads((folder / "summary.json").read_bytes())
     scenario = load_stored(earlier.scenario)
     run = StoredRun(folder, scenario, earlier.manifest, summary, earlier.checkpoint)
