@@ -1,4 +1,4 @@
-"""Chunks under construction: stretches in any order, memory that is reused."""
+"""Chunks under construction: stretches in any order."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from tests.grids.conftest import Write
 from vibro_cli.grids import chunk_writer, chunks, workers
-from vibro_cli.grids.chunk_writer import BufferPool, ChunkWriter, Encoded
+from vibro_cli.grids.chunk_writer import ChunkWriter, Encoded
 from vibro_cli.grids.chunks import Chunks
 from vibro_cli.grids.dataset import known_division, opened, verify
 from vibro_cli.grids.document import load_grid
@@ -42,7 +42,7 @@ def test_stretches_come_in_any_order(small: Write, monkeypatch: pytest.MonkeyPat
         solver = TraceSolver(grid, "python")
         return [solver.solve(np.arange(*stretch)) for stretch in whole.stretches(0)]
 
-    writer = ChunkWriter.of(grid, whole, 0, BufferPool())
+    writer = ChunkWriter.of(grid, whole, 0)
     in_order = [writer.add(number, one) for number, one in enumerate(solved())]
     assert in_order[:-1] == [None] * (len(in_order) - 1)
     assert in_order[-1] is not None
@@ -54,7 +54,7 @@ def test_stretches_come_in_any_order(small: Write, monkeypatch: pytest.MonkeyPat
     others: list[Encoded | None] = []
     mixed = list(enumerate(solved()))
     random.Random(5).shuffle(mixed)
-    writer = ChunkWriter.of(grid, whole, 0, BufferPool())
+    writer = ChunkWriter.of(grid, whole, 0)
     workers = [
         threading.Thread(
             target=lambda some: others.extend(writer.add(*one) for one in some), args=(some,)

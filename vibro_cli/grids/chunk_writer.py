@@ -1,14 +1,11 @@
-"""The parts of a chunk: files built in memory as stretches arrive, then written to disk.
-
-Memory is reused: fresh pages cost more time than the data written to them."""
+"""The parts of a chunk: files built in memory as stretches arrive, then written to disk."""
 
 from __future__ import annotations
 
 import json
 import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +23,7 @@ from vibro_cli.grids.solving import (
     impact_table_of,
     summary_table,
 )
-from vibro_cli.storage.files import BLOCK, entry, write_file
+from vibro_cli.storage.files import entry, write_file
 from vibro_cli.storage.tables import (
     arrow_schema,
     parquet_options,
@@ -37,28 +34,6 @@ from vibro_cli.systems.columns import Table
 from vibro_cli.systems.contract import Columns
 
 
-class Buffers:
-    """Named blocks of memory that grow to the largest size requested; for one thread at a time."""
-
-    def __init__(self) -> None:
-        self._blocks: dict[str, Array] = {}
-
-    def __call__(self, name: str, size: int) -> Array:
-        """Return `size` bytes, valid until the same name is requested again."""
-        block = self._blocks.get(name)
-        if block is None or block.nbytes < size:
-            self._blocks.pop(name, None)
-            # Unused pages cost nothing, and the next request may be larger.
-            block = np.empty(2 * size + BLOCK, dtype=np.uint8)
-            block = block[-block.ctypes.data % BLOCK :]
-            self._blocks[name] = block
-        return block[:size]
-
-
-BufferPool = list[Buffers]
-"""Unused buffers, which any thread may take and return."""
-
-
 @dataclass(frozen=True)
 class Encoded:
     """The parts of a chunk, ready to be written."""
@@ -67,8 +42,6 @@ class Encoded:
     """Contents by name in the folder of the grid, the summary last."""
     receipt: Receipt
     """Receipt of the chunk, without its files."""
-    give_back: Callable[[], None]
-    """Called once the contents have been written and are no longer needed."""
 
     def write(self, folder: Path) -> Receipt:
         """Write each part atomically; return the complete receipt.
@@ -78,41 +51,34 @@ class Encoded:
         for name, content in self.files.items():
             write_file(folder / name, content)
         files = {name: entry(content) for name, content in self.files.items()}
-        self.give_back()
         return replace(self.receipt, files=files)
 
 
 class ChunkWriter:
     """The unfinished parts of a chunk with a number of stretches.
 
-    `indices` are the indices of its points in the grid, from 0. Memory for the parts is taken from
-    `pool` with the first group of rows.
+    `indices` are the indices of its points in the grid, from 0.
     """
 
-    def __init__(
-        self, grid: Grid, chunk: int, indices: Array, stretches: int, pool: BufferPool
-    ) -> None:
+    def __init__(self, grid: Grid, chunk: int, indices: Array, stretches: int) -> None:
         self._grid = grid
         self._chunk = chunk
         self._indices = indices
         self._stretches = stretches
-        self._pool = pool
-        self._taken: Buffers | None = None
         self._lock = threading.Lock()
         self._busy = False
         self._come: dict[int, Solved] = {}
         self._summaries: list[Columns] = []
         self._impacts = 0
         self._parts = {
-            name: part_file(grid, impact_table_of(grid, name), chunk, self._buffer)
-            for name in grid.kept_tables
+            name: part_file(grid, impact_table_of(grid, name), chunk) for name in grid.kept_tables
         }
 
     @staticmethod
-    def of(grid: Grid, chunks: Chunks, chunk: int, pool: BufferPool) -> ChunkWriter:
+    def of(grid: Grid, chunks: Chunks, chunk: int) -> ChunkWriter:
         """Return a writer for a chunk, with empty parts."""
         indices = np.arange(*chunks.range_of(chunk))
-        return ChunkWriter(grid, chunk, indices, len(chunks.stretches(chunk)), pool)
+        return ChunkWriter(grid, chunk, indices, len(chunks.stretches(chunk)))
 
     def add(self, number: int, solved: Solved) -> Encoded | None:
         """Add a stretch, given by its index from 0, in any order and from any thread.
@@ -130,14 +96,6 @@ class ChunkWriter:
             with self._lock:
                 self._busy = False
         return None
-
-    def _buffer(self, name: str, size: int) -> Array:
-        if self._taken is None:
-            try:
-                self._taken = self._pool.pop()
-            except IndexError:
-                self._taken = Buffers()
-        return self._taken(name, size)
 
     def _following(self) -> list[Solved] | None:
         """Return the next stretches in order, None without any or if another thread encodes."""
@@ -169,17 +127,16 @@ class ChunkWriter:
         table = summary_table(self._grid)
         given = [self._indices + 1, *self._grid.design.columns(self._indices).values()]
         columns = dict(zip([column.name for column in table.columns], given, strict=False))
-        file = part_file(self._grid, table, self._chunk, self._buffer)
+        file = part_file(self._grid, table, self._chunk)
         file.add([record_batch(table, {**columns, **whole})])
         contents[names["summary"]] = file.finish()
         receipt = receipt_of(self._chunk, whole["status"], whole["end_cause"], self._impacts, {})
-        assert self._taken is not None
-        return Encoded(contents, receipt, partial(self._pool.append, self._taken))
+        return Encoded(contents, receipt)
 
 
 def part_bytes(grid: Grid, solved: Solved, indices: Array) -> float:
     """Return the number of bytes per point on disk, estimated from some solved points."""
-    made = ChunkWriter(grid, 0, indices, 1, BufferPool()).add(0, solved)
+    made = ChunkWriter(grid, 0, indices, 1).add(0, solved)
     assert made is not None
     return sum(map(len, made.files.values())) / len(indices)
 
@@ -192,32 +149,21 @@ _ROWS_OF_A_GROUP = 100_000
 _PAGE = 1 << 17
 # Number of values sampled to decide whether a column has few distinct ones.
 _SAMPLE = 512
-# Number of groups like the first one for which memory is allocated; unused pages cost nothing.
-_GROUPS_AT_FIRST = 8
-# Bytes that a file needs at its end, besides the metadata of its schema, and for each group.
-_AT_THE_END, _OF_A_GROUP = 1 << 20, 1 << 16
 
 
 class PartFile:
-    """An unfinished Parquet file in memory, which `buffer(bytes)` allocates.
+    """An unfinished Parquet file in memory.
 
     It is encoded as by `tables.parquet_bytes`, except that columns with few distinct numbers in the
     first group use a dictionary, and that pages fit in the processor's cache. Minima and maxima of
     row groups, by which readers skip groups, are stored for the columns `skipped_by` only.
     """
 
-    def __init__(
-        self, buffer: Callable[[int], Any], schema: pa.Schema, skipped_by: Sequence[str]
-    ) -> None:
-        self._buffer = buffer
+    def __init__(self, schema: pa.Schema, skipped_by: Sequence[str]) -> None:
         self._schema = schema
-        # Metadata such as a trace of thousands of arcs is there twice, once in base64.
-        metadata = sum(len(key) + len(value) for key, value in (schema.metadata or {}).items())
-        self._at_the_end = _AT_THE_END + 3 * metadata
         self._skipped_by = list(skipped_by)
         self._waiting: list[pa.RecordBatch] = []
-        self._groups: list[list[int]] = []
-        self._few: list[str] = []
+        self._sink = pa.BufferOutputStream()
         self._writer: Any = None
 
     def take(self, batch: pa.RecordBatch) -> None:
@@ -230,57 +176,27 @@ class PartFile:
         """Write a group of rows, and release the batches."""
         group = pa.Table.from_batches(batches, self._schema)
         if self._writer is None:
-            numbers = [one.name for one in self._schema if pa.types.is_floating(one.type)]
-            self._few = [name for name in numbers if _has_few(group[name])]
-            self._begin(_GROUPS_AT_FIRST * _most_bytes(group) + self._at_the_end)
-        elif self._sink.tell() + _most_bytes(group) + self._at_the_end > len(self._block):
-            self._move(2 * len(self._block) + _most_bytes(group))
-        self._write(group)
-        self._groups.append([batch.num_rows for batch in batches])
+            self._writer = self._begun(group)
+        self._writer.write_table(group, row_group_size=max(group.num_rows, 1))
         self._waiting = []
 
     def finish(self) -> memoryview:
         """Return the complete file, with at least one group."""
-        if self._waiting and (not self._groups or any(one.num_rows for one in self._waiting)):
+        if self._waiting and (self._writer is None or any(one.num_rows for one in self._waiting)):
             self.add(self._waiting)
-        return self._closed()
-
-    def _closed(self) -> memoryview:
         self._writer.close()
-        return memoryview(self._block)[: self._sink.tell()]
+        return memoryview(self._sink.getvalue())
 
-    def _begin(self, size: int) -> None:
-        self._block = self._buffer(size)
-        self._sink = pa.FixedSizeBufferWriter(pa.py_buffer(self._block))
-        self._writer = pq.ParquetWriter(
+    def _begun(self, group: pa.Table) -> pq.ParquetWriter:
+        """Return the writer of the file, whose encoding depends on the first group of rows."""
+        numbers = [one.name for one in self._schema if pa.types.is_floating(one.type)]
+        return pq.ParquetWriter(
             self._sink,
             self._schema,
             write_statistics=self._skipped_by,
             data_page_size=_PAGE,
-            **parquet_options(self._schema, self._few),
+            **parquet_options(self._schema, [name for name in numbers if _has_few(group[name])]),
         )
-
-    def _write(self, group: pa.Table) -> None:
-        self._writer.write_table(group, row_group_size=max(group.num_rows, 1))
-
-    def _move(self, size: int) -> None:
-        """Move to a larger block: the groups so far are read and written again."""
-        before = pq.ParquetFile(pa.BufferReader(pa.py_buffer(self._closed())))
-        self._begin(size)
-        for number, lengths in enumerate(self._groups):
-            rows = before.read_row_group(number).combine_chunks()
-            ends = np.cumsum(lengths).tolist()
-            batches = [
-                batch
-                for end, length in zip(ends, lengths, strict=True)
-                for batch in rows.slice(end - length, length).to_batches()
-            ]
-            self._write(pa.Table.from_batches(batches, self._schema))
-
-
-def _most_bytes(group: pa.Table) -> int:
-    """Return the greatest size (bytes) of a group of rows in a file."""
-    return int(group.nbytes) * 5 // 4 + _OF_A_GROUP
 
 
 def _has_few(column: pa.ChunkedArray) -> bool:
@@ -291,14 +207,14 @@ def _has_few(column: pa.ChunkedArray) -> bool:
     return len(np.unique(values[::step])) <= len(values[::step]) // 8
 
 
-def part_file(grid: Grid, table: Table, chunk: int, buffer: Callable[[str, int], Any]) -> PartFile:
+def part_file(grid: Grid, table: Table, chunk: int) -> PartFile:
     """Return an empty file for a part of a table; equal rows of equal grids give equal bytes.
 
-    The part belongs to ``table`` and ``chunk``; ``buffer(name, size)`` allocates memory for it.
+    The part belongs to ``table`` and ``chunk``.
     """
     resolved = grid.resolved()
     definition = json.dumps(resolved, ensure_ascii=False, allow_nan=False)
     more = {"vibro:grid": definition, "vibro:part": str(chunk)}
     schema = arrow_schema(table, resolved["scenario"], more)
     skipped_by = [name for name in schema.names if table.name == SUMMARY or name in _ORDERED]
-    return PartFile(partial(buffer, f"file of {table.name}"), schema, skipped_by)
+    return PartFile(schema, skipped_by)

@@ -20,7 +20,7 @@ import numpy as np
 
 from vibro_cli.errors import Failure, VibroError
 from vibro_cli.grids.axes import Array
-from vibro_cli.grids.chunk_writer import BufferPool, ChunkWriter, Encoded, part_bytes
+from vibro_cli.grids.chunk_writer import ChunkWriter, Encoded, part_bytes
 from vibro_cli.grids.chunks import Chunks, Division, Expected, Receipt, has_many_parts
 from vibro_cli.grids.dataset import has_size, known_division, opened
 from vibro_cli.grids.document import Grid
@@ -36,9 +36,8 @@ def _stretches(
     grid: Grid, chunks: Chunks, wanted: Sequence[int]
 ) -> Iterator[tuple[ChunkWriter, int, Array]]:
     """Yield the stretches of all chunks, in order: writer, number in the chunk, and points."""
-    pool = BufferPool()
     for chunk in wanted:
-        writer = ChunkWriter.of(grid, chunks, chunk, pool)
+        writer = ChunkWriter.of(grid, chunks, chunk)
         for number, stretch in enumerate(chunks.stretches(chunk)):
             yield writer, number, np.arange(*stretch)
 
@@ -360,10 +359,9 @@ def solve_chunk(
     """
     if getattr(_of_thread, "run", None) != run:
         _of_thread.solver = solver_of(grid, engine)
-        _of_thread.pool = BufferPool()
         _of_thread.run = run
     solver: Solver = _of_thread.solver
-    writer = ChunkWriter.of(grid, chunks, chunk, _of_thread.pool)
+    writer = ChunkWriter.of(grid, chunks, chunk)
     for number, stretch in enumerate(chunks.stretches(chunk)):
         made = writer.add(number, solver.solve(np.arange(*stretch)))
     assert made is not None
