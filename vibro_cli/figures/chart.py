@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import Colormap, Normalize, to_rgba
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
+from matplotlib.transforms import IdentityTransform
 from numpy.typing import ArrayLike, NDArray
 
 from vibro_cli.figures import style
@@ -358,7 +359,7 @@ def draw_dots(
         dots.set_rasterized(len(values) > MOST_VECTOR_POINTS)
         return
     pixels = _pixels(axes, across, along, values)
-    _show(axes, pixels, cmap=colours, norm=norm)
+    _show(axes, pixels, _Dots, cmap=colours, norm=norm)
 
 
 def draw_marks(
@@ -441,9 +442,30 @@ def _spread(pixels: Array, radius: float) -> Array:
     return spread
 
 
-def _show(axes: Axes, pixels: NDArray[Any], **look: Any) -> None:
+class _Dots(AxesImage):
+    """An image whose pixels all remain visible, though those of the output may be larger.
+
+    An AxesImage would be resampled: whole rows and columns would be left out, and with them dots.
+    """
+
+    def make_image(
+        self, renderer: Any, magnification: float = 1.0, unsampled: bool = False
+    ) -> tuple[NDArray[np.uint8], float, float, Any]:
+        """Return the RGBA pixels of the output, lowest row first, and where they are."""
+        pixels, box = np.ma.asarray(self.get_array()), self.axes.bbox
+        size = np.array([box.height, box.width]) * magnification
+        if np.all(size >= pixels.shape):
+            return super().make_image(renderer, magnification, unsampled)
+        there = ~np.ma.getmaskarray(pixels)
+        row, column = ((np.argwhere(there) + 0.5) * (size / pixels.shape)).astype(np.int64).T
+        shown = np.zeros((*np.ceil(size).astype(np.int64), 4), dtype=np.uint8)
+        shown[row, column] = self.to_rgba(pixels.data[there], bytes=True)
+        return shown, box.x0, box.y0, IdentityTransform()
+
+
+def _show(axes: Axes, pixels: NDArray[Any], kind: type[AxesImage] = AxesImage, **look: Any) -> None:
     """Draw pixels that fill axes: values with a colour map in `look`, or RGBA pixels."""
-    image = AxesImage(
+    image = kind(
         axes, extent=(0.0, 1.0, 0.0, 1.0), origin="lower", interpolation="nearest",
         transform=axes.transAxes, zorder=2.0, **look,
     )  # fmt: skip
