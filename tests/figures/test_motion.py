@@ -139,6 +139,24 @@ def test_trails_break_at_the_seam() -> None:
         assert np.nanmax(np.abs(np.diff(way.across))) < 0.5 * run.system.trace.length
 
 
+def test_trails_go_on_from_wall_to_wall_of_an_open_trace() -> None:
+    """A fast body that crosses more than half the trace between two points of its trail."""
+    scenario = any_scenario_of({
+        "gravity": 9.81,
+        "trace": {
+            "start_slope": -0.2,
+            "arcs": [{"shape": "valley", "radius": 1.0, "end_slope": 0.2}],
+        },
+        "balls": [{"radius": 0.01, "mass": 1.0, "arc": 1, "angle": 0.0, "speed": 12.0}],
+        "ends": {"left": {"wall": 1.0}, "right": {"wall": 1.0}},
+        "stop": {"time": 1.0},
+    })  # fmt: skip
+    run = simulate(scenario)
+    (way,) = film_on_trace(run, frame_times(0.0, 1.0, 1.0, RATE)).trails
+    assert np.max(np.abs(np.diff(way.across))) > 0.9 * run.system.trace.length
+    assert np.all(np.isfinite(way.across))
+
+
 def test_the_plane_shows_the_speeds_at_impacts_between_frames() -> None:
     run = run_of("five_balls")
     frames = film_on_trace(run, frame_times(0.0, 2.0, 0.5, 10))

@@ -48,9 +48,9 @@ def film(run: Any, times: Array) -> Frames:
         return np.asarray(motion[name], dtype=np.float64).reshape(len(times), len(bodies))
 
     arc = np.asarray(motion["arc"]).reshape(len(times), len(bodies)) - 1
-    s, speed, trails, span = trails_of(
-        run, times, "s", _small_periods(run.system), _at_walls, 0.5 * run.system.trace.length
-    )
+    seam = 0.5 * run.system.trace.length if run.system.trace.closed else math.inf
+    periods = _small_periods(run.system)
+    s, speed, trails, span = trails_of(run, times, "s", periods, _at_walls, seam)
     turn = np.column_stack(
         [_turned(run.system.trace, body, arc[:, n], s[:, n]) for n, body in enumerate(bodies)]
     )
