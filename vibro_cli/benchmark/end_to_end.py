@@ -40,6 +40,7 @@ from vibro_cli.grids.chunks import Chunks
 from vibro_cli.grids.document import Grid, grid_of
 from vibro_cli.grids.solving import impact_table_of
 from vibro_cli.grids.workers import chunks_of, solve_in_threads
+from vibro_cli.kernels.world import ImpactRow
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.progress import WORK
 from vibro_cli.scenario import loading
@@ -47,8 +48,9 @@ from vibro_cli.storage.files import available_cores, json_bytes
 from vibro_cli.stress.scenes import three_arcs
 from vibro_cli.systems.columns import Table
 from vibro_cli.systems.contract import Document, TimedScene
+from vibro_cli.systems.driver import zeros
 from vibro_cli.systems.trace.ensemble import Batch, empty_results
-from vibro_cli.systems.trace.grid_solver import Logged, LogSpace, Task, impact_columns
+from vibro_cli.systems.trace.grid_solver import Logged, Task, first_rows, impact_columns
 from vibro_cli.systems.trace.system_template import SystemTemplate
 
 ROWS, SUMMARIES = "every impact", "summaries only"
@@ -117,12 +119,11 @@ def _kernel_alone(grid: Grid, chunks: Chunks) -> Job:
 
 
 class _Solver:
-    """The batch and the memory of one thread."""
+    """The batch of one thread."""
 
     def __init__(self, system: TraceSystem, kept: Table | None) -> None:
         self._batch = Batch(system)
         self._kept = kept
-        self._logs = LogSpace()
         self._most = 0.0
 
     def solve(self, work: tuple[Array, Task]) -> int:
@@ -131,16 +132,15 @@ class _Solver:
         count = len(task.points)
         results = empty_results(count, task.starts.piece.shape[1], 0)
         if self._kept is not None:
-            self._logs.clear()
             rows = int(1.1 * self._most * count) + 4096
-            results = results._replace(impacts=self._logs.take(rows))
+            results = results._replace(impacts=zeros(rows, ImpactRow))
         results = self._batch.run_all(task.entries(), results)
         outcomes: Any = results.outcomes
         impacts = int(outcomes["collisions"].sum())
         self._most = max(self._most, impacts / max(count, 1))
         if self._kept is not None:
             counts = outcomes["kept"].copy()
-            log = self._logs.keep(results.impacts, int(counts.sum()))
+            log = first_rows(results.impacts, int(counts.sum()))
             given = Logged(
                 task.system, self._batch.world, task.points, counts, log, task.starts.mass
             )

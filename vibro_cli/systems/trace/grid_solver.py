@@ -52,8 +52,6 @@ from vibro_cli.systems.trace.tables import ImpactTable, runs_of, sidedness, summ
 from vibro_cli.systems.trace.tangents import time_scale
 from vibro_cli.systems.trace.world import make_world
 
-_ROWS_AT_LEAST = 1 << 14
-
 
 @dataclass(frozen=True)
 class Logged:
@@ -74,34 +72,9 @@ class Logged:
     """The systems of the points, if there are several."""
 
 
-class LogSpace:
-    """A buffer for the logs of a stretch, one after another; reused for the next stretch.
-
-    The first write to fresh memory costs more than the data.
-    """
-
-    def __init__(self) -> None:
-        self._rows: Any = zeros(0, ImpactRow)
-        self._used = 0
-
-    def clear(self) -> None:
-        """Release all logs."""
-        self._used = 0
-
-    def take(self, rows: int) -> Any:
-        """Return a log with room for at least `rows` rows."""
-        if len(self._rows) - self._used < rows:
-            # Logs in use keep the old buffer.
-            self._rows = zeros(max(rows + rows // 4, _ROWS_AT_LEAST), ImpactRow)
-            self._used = 0
-        return self._rows[self._used :]
-
-    def keep(self, log: Any, rows: int) -> Any:
-        """Reserve and return the first rows of the last log taken, which may have been enlarged."""
-        if not np.shares_memory(log, self._rows):
-            self._rows, self._used = log, 0
-        self._used += rows
-        return log[:rows]
+def first_rows(log: Any, rows: int) -> Any:
+    """Return the first rows of a log: copies of few rows, so that they do not keep it in memory."""
+    return log[:rows] if 16 * rows > len(log) else log[:rows].copy()
 
 
 def impact_columns(table: Table, logged: Sequence[Logged], points: Array) -> dict[str, Any]:
@@ -183,7 +156,6 @@ class TraceSolver:
         self._templates: OrderedDict[tuple[Any, ...], SystemTemplate] = OrderedDict()
         self._batches: OrderedDict[tuple[Any, ...], Batch] = OrderedDict()
         self._room = 0.0
-        self._logs = LogSpace()
         self._table = impact_table_of(grid) if grid.keep.collisions else None
         self._wanted = OutputRequest(lyapunov=is_followed(grid))
         self._sums: Any = None
@@ -199,7 +171,6 @@ class TraceSolver:
     def solve(self, indices: Array) -> Solved:
         """Solve the points with these indices, from 0."""
         self._indices, self._summaries, self._logged = indices, [], []
-        self._logs.clear()
         values = self._grid.design.columns(indices)
         for key, rows in self._groups(values, len(indices)):
             self._solve_group(key, rows, {path: values[path][rows] for path in values})
@@ -314,7 +285,7 @@ class TraceSolver:
         results = empty_results(count, bodies, 0)
         if self._grid.keep.collisions:
             rows = int(self._room * count) + _ROWS_AT_FIRST
-            results = results._replace(impacts=self._logs.take(rows))
+            results = results._replace(impacts=zeros(rows, ImpactRow))
         if self._wanted.lyapunov and not self._grid.keep.collisions:
             return results  # filled in with the tangent maps
         results = batch.run_all(points, results, task.stack)
@@ -336,14 +307,13 @@ class TraceSolver:
             return
         # A point that is left out has no rows here.
         counts = every["kept"].copy()
-        log = self._logs.keep(results.impacts, int(counts.sum()))
         self._logged.append(
             Logged(
                 system=task.system,
                 world=world if task.stack is None else own_records(world),
                 points=task.points,
                 counts=counts,
-                log=log,
+                log=first_rows(results.impacts, int(counts.sum())),
                 masses=starts.mass,
                 stack=task.stack,
             )
