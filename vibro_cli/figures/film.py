@@ -27,8 +27,9 @@ from numpy.typing import NDArray
 from vibro_cli.errors import VibroError
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import body_look, limits_around, number_plane
-from vibro_cli.figures.source import Array, Flags, made
+from vibro_cli.figures.source import Array, Flags
 from vibro_cli.progress import WORK
+from vibro_cli.systems.columns import made
 
 
 @dataclass(frozen=True)

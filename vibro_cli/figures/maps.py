@@ -24,7 +24,7 @@ from vibro_cli.analysis.basins import Codes, codes_of, combined
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import WIDE_RANGE, Sheet, draw_dots
 from vibro_cli.figures.labels import LINE, Entry, draw_legend, rows_of, short_number, text_width
-from vibro_cli.figures.source import Array, Integers
+from vibro_cli.figures.source import Array, Integers, kept
 from vibro_cli.figures.style import MM, mark, panel_size, width_of
 from vibro_cli.figures.ticks import (
     LEAST,
@@ -177,6 +177,7 @@ class ParameterMap:
         return ", ".join(f"{path} = {value}" for path, value in self.fixed)
 
 
+@kept
 def parameter_map(
     grid: StoredGrid, dimensions: int, numbers_first: bool = False
 ) -> ParameterMap | None:
@@ -184,16 +185,8 @@ def parameter_map(
 
     Of the chosen axes, the one that comes first in the grid is horizontal. Axes that change
     together count as one: the first that determines the others. With `numbers_first`, only axes of
-    numbers are chosen. Returns None if too few axes change. The result is cached in the grid.
+    numbers are chosen. Returns None if too few axes change.
     """
-    asked = dimensions, numbers_first
-    if asked not in grid.maps:
-        grid.maps[asked] = _parameter_map(grid, dimensions, numbers_first)
-    found: ParameterMap | None = grid.maps[asked]
-    return found
-
-
-def _parameter_map(grid: StoredGrid, dimensions: int, numbers_first: bool) -> ParameterMap | None:
     columns = {path: grid.summary[path] for path in grid.axes}
     found = {path: codes_of(values) for path, values in columns.items()}
     independent = _independent(found)

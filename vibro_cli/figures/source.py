@@ -42,12 +42,6 @@ def flights_of(flights: Table, ball: int, until: float = math.inf) -> Integers:
     return np.flatnonzero((flights["ball"] == ball) & (flights["t_start"] <= until))
 
 
-def made(table: Table) -> Flags:
-    """Return which impacts took place; at the others the run ended instead."""
-    flags = (np.asarray(table[name], dtype=np.bool_) for name in ("admissible", "substituted"))
-    return np.logical_or(*flags)
-
-
 def goes_through(table: Table) -> Flags:
     """Return after which impacts the bodies would penetrate each other by more than rounding."""
     approach, separation = (np.asarray(table[name]) for name in SPEEDS)

@@ -394,8 +394,8 @@ def _unfinished(folders: Sequence[Path], missing: Sequence[int]) -> str:
     return f", also {', '.join(f'{number}/{count}' for number in numbers)}"
 
 
-def merge(dataset: Dataset) -> list[Receipt]:
-    """Move the parts of all shards into the folder of the grid, and return their receipts.
+def merge(dataset: Dataset) -> None:
+    """Move the parts of all shards into the folder of the grid.
 
     The checksums of all parts are verified first, and nothing is moved unless all chunks exist.
 
@@ -435,4 +435,3 @@ def merge(dataset: Dataset) -> list[Receipt]:
         dataset.write_manifest()
         for folder in folders:
             shutil.rmtree(folder)
-    return [receipt for _, receipt in moved]

@@ -12,7 +12,7 @@ import numpy as np
 from vibro_cli.errors import counted
 from vibro_cli.figures.kinds import draw_one, listed
 from vibro_cli.figures.processes import each_drawn
-from vibro_cli.figures.source import first_of, made
+from vibro_cli.figures.source import first_of
 from vibro_cli.mechanics.system import LAWS, Body, TraceSystem, mechanics_warnings
 from vibro_cli.report.html import pictured, rendered
 from vibro_cli.report.papers import analogy, series_rows
@@ -30,7 +30,7 @@ from vibro_cli.report.words import (
 from vibro_cli.scenario.base import BodyTable
 from vibro_cli.scenario.fields import written
 from vibro_cli.storage.stored import StoredRun
-from vibro_cli.systems.columns import Column
+from vibro_cli.systems.columns import Column, made
 from vibro_cli.systems.describe import own_settings
 
 FIRST_ROWS = 100

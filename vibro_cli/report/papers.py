@@ -23,10 +23,10 @@ from vibro_cli.analysis.paper_formulas import (
     series_time,
     squared_rate,
 )
-from vibro_cli.figures.source import made
 from vibro_cli.mechanics.trace import VALLEY
 from vibro_cli.report.words import number
 from vibro_cli.storage.stored import StoredRun
+from vibro_cli.systems.columns import made
 
 
 def forms(system: Any, table: Mapping[str, Any], row: int) -> tuple[CentralImpact, CentralImpact]:

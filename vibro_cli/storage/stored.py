@@ -256,7 +256,7 @@ class NotAGrid(VibroError):
     """A folder does not hold a readable grid of vibro; the message says why."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class StoredGrid:
     """A grid of scenarios, complete or with the points solved so far."""
 
@@ -274,10 +274,6 @@ class StoredGrid:
     """Object that removes a temporary folder when it is no longer used."""
     place: Path = field(init=False, repr=False)
     """Absolute path of the folder."""
-    maps: dict[tuple[int, bool], Any] = field(
-        init=False, default_factory=dict, repr=False, compare=False
-    )
-    """Cache of the points that figures over a number of axes show."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "place", self.folder.absolute())

@@ -86,6 +86,14 @@ class Table:
         }
 
 
+def made(impacts: Any) -> Any:
+    """Return which impacts of two bodies took place; at the others the run ended instead."""
+    import numpy as np
+
+    flags = (np.asarray(impacts[name], dtype=np.bool_) for name in ("admissible", "substituted"))
+    return np.logical_or(*flags)
+
+
 def number(
     name: str, unit: str, description: str, nullable: bool = False, value: Value | None = None
 ) -> Column:

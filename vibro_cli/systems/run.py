@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from vibro_cli.kernels.world import END_INTERRUPTED, END_NAMES, END_TIME, LOG_FULL, RUNNING
+from vibro_cli.systems.columns import made
 from vibro_cli.systems.contract import Columns, Sink, System, Trajectory
 from vibro_cli.systems.driver import (
     Driver,
@@ -197,7 +198,7 @@ class NotMade:
     def add(self, name: str, rows: Any) -> None:
         """Pass on rows of a table."""
         if name == "collisions":
-            self.number += int(np.sum(~(rows["admissible"] | rows["substituted"])))
+            self.number += int(np.sum(~made(rows)))
         self._sink(name, rows)
 
 

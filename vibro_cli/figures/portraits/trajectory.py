@@ -20,9 +20,9 @@ from vibro_cli.figures.source import (
     flights_of,
     goes_through,
     kept,
-    made,
 )
 from vibro_cli.mechanics.trace import Piece, Trace
+from vibro_cli.systems.columns import made
 
 MOST_NUMBERS = 12
 """Number of first impacts that are numbered and marked individually."""

@@ -29,11 +29,12 @@ from vibro_cli.figures.chart import (
 from vibro_cli.figures.labels import Bar, Entry, draw_legend
 from vibro_cli.figures.portraits import layers
 from vibro_cli.figures.runs.over_time import energy_residuals, room_after
-from vibro_cli.figures.source import Array, Recorded, Table, goes_through, kept, made, why_not_made
+from vibro_cli.figures.source import Array, Recorded, Table, goes_through, kept, why_not_made
 from vibro_cli.figures.style import line, mark, panel_size
 from vibro_cli.figures.ticks import angle_ticks, label_axis, limits_apart, number_ticks
 from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.mechanics.trace import VALLEY, Piece
+from vibro_cli.systems.columns import made
 
 _HIGH = {"single": 46.0, "double": 56.0}
 _SMALL = {"single": 26.0, "double": 30.0}

@@ -27,11 +27,12 @@ from vibro_cli.figures.chart import (
 )
 from vibro_cli.figures.labels import short_number
 from vibro_cli.figures.portraits.trajectory import pace
-from vibro_cli.figures.source import Array, Integers, Recorded, Table, flights_of, kept, made
+from vibro_cli.figures.source import Array, Integers, Recorded, Table, flights_of, kept
 from vibro_cli.figures.style import mark
 from vibro_cli.figures.ticks import round_below
 from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.mechanics.trace import Piece
+from vibro_cli.systems.columns import made
 
 MOST_FLIGHTS = 3000
 """Number of flights, of all bodies together, that are drawn over time; later ones are left out."""

@@ -29,11 +29,12 @@ from vibro_cli.figures.labels import (
     write_names,
 )
 from vibro_cli.figures.runs.scene import trace_points
-from vibro_cli.figures.source import Array, Recorded, first_of, goes_through, made, why_not_made
+from vibro_cli.figures.source import Array, Recorded, first_of, goes_through, why_not_made
 from vibro_cli.figures.style import Look, line, panel_size, width_of
 from vibro_cli.figures.ticks import round_below
 from vibro_cli.mechanics.system import Body
 from vibro_cli.mechanics.trace import Piece
+from vibro_cli.systems.columns import made
 
 _IMPACTS = {"single": 2, "double": 4}
 _BESIDE = {"single": 1, "double": 2}

@@ -54,10 +54,11 @@ from vibro_cli.figures.portraits.trajectory import (
     jumps_of,
     points_each,
 )
-from vibro_cli.figures.source import Array, Flags, Integers, kept, made
+from vibro_cli.figures.source import Array, Flags, Integers, kept
 from vibro_cli.figures.style import width_of
 from vibro_cli.figures.ticks import limits_apart
 from vibro_cli.progress import WORK
+from vibro_cli.systems.columns import made
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.springs.phase_plane import (
     TYPES,

@@ -45,8 +45,9 @@ from vibro_cli.figures.runs.velocities import (
     write_value,
     write_values,
 )
-from vibro_cli.figures.source import Array, first_of, made
+from vibro_cli.figures.source import Array, first_of
 from vibro_cli.figures.style import line, panel_size, width_of
+from vibro_cli.systems.columns import made
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.table.plan import draw_wall, table_plan, with_wall
 

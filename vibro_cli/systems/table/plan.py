@@ -20,9 +20,9 @@ from vibro_cli.figures.chart import LEFT, Sheet, body_look, first_part, plane_ax
 from vibro_cli.figures.labels import LINE, Entry, Named, draw_legend, ring, write_names
 from vibro_cli.figures.portraits import layers
 from vibro_cli.figures.runs.velocities import draw_scale
-from vibro_cli.figures.source import made
 from vibro_cli.figures.style import line, mark, width_of
 from vibro_cli.numerics.elementwise import Floats
+from vibro_cli.systems.columns import made
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.table.system import POLYGON, Wall
 

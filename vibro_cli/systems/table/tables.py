@@ -24,6 +24,7 @@ from vibro_cli.systems.columns import (
     impact_head,
     impact_tail,
     impulse,
+    made,
     number,
     of_clock,
     of_last,
@@ -352,12 +353,12 @@ def _motion_columns(
 def _events(pairs: Any, bounces: Any) -> tuple[Any, Floats]:
     """Return the balls that take part in events, and their states after these, one per row."""
     # An inadmissible impact under `stop` changes nothing.
-    made = pairs[(pairs["admissible"] == 1) | (pairs["substituted"] == 1)]
-    balls, parts = [made["a"], made["b"], bounces["ball"]], []
+    pairs = pairs[made(pairs)]
+    balls, parts = [pairs["a"], pairs["b"], bounces["ball"]], []
     for end in "ab":
         own = [f"{name}_{end}" for name in ("x", "y", "vx", "vy")]
         names = ["event", "t", "t_low", *own[:2], *(f"{name}_post" for name in own[2:])]
-        parts.append(np.column_stack([made[name] for name in names]))
+        parts.append(np.column_stack([pairs[name] for name in names]))
     names = ["event", "t", "t_low", "x", "y", "vx_post", "vy_post"]
     parts.append(np.column_stack([bounces[name] for name in names]))
     return np.concatenate(balls), np.concatenate(parts)
