@@ -321,6 +321,35 @@ def test_a_run_in_several_stretches_is_one_run(monkeypatch: pytest.MonkeyPatch) 
         np.testing.assert_array_equal(getattr(whole, field), joined[field])
 
 
+def _between_walls() -> dict[str, Any]:
+    """Two bodies on a level line, all of whose changes shrink at each impact on a wall."""
+    line = {"start_slope": 0.0, "arcs": [{"shape": "line", "length": 3.0}]}
+    starts = (0.9, 2.0, 1.0), (1.9, -1.5, 0.4)
+    balls = [
+        {"radius": 0.1, "mass": mass, "arc": 1, "position": x, "speed": speed}
+        for x, speed, mass in starts
+    ]
+    walls = {"left": {"wall": 0.1}, "right": {"wall": 0.1}}
+    return scene(line, balls, 0.5, "normal-impulse", collisions=12) | {"ends": walls}
+
+
+@pytest.mark.parametrize("grows", [True, False])
+def test_powers_of_two_taken_out_of_the_product_change_no_bit(
+    grows: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With 2^4 instead of 2^400 they are taken out after a few impacts, and put back."""
+    document = SCENES["translational"] if grows else _between_walls()
+    system, count = system_of(document), 40 if grows else 12
+    whole = follow_system(system, None, count, "python")
+    size = whole.amplification[-1]
+    assert size > 2.0**20 if grows else size < 2.0**-8
+    for module in ("kernels.tangent.frame", "systems.tangents"):
+        monkeypatch.setattr(f"vibro_cli.{module}.SCALE", 2.0**4)
+    parts = follow_system(system, None, count, "python")
+    for field in ("matrix", "amplification", "times"):
+        np.testing.assert_array_equal(getattr(parts, field), getattr(whole, field))
+
+
 def _by_neighbours(system: TraceSystem, end: float, change: float) -> Any:
     """The map by differences of the solver's own runs, in doubles."""
 
