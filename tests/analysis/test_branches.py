@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.special import ellipk
 
 from tests.analysis.traces import circle, hump, landscape, line, three_arcs
 from tests.bare_system import GRAVITY
@@ -97,6 +98,25 @@ def test_flight_of_whole_periods_closes_its_curve() -> None:
     assert np.min(position) == pytest.approx(-0.3, rel=1e-3)
     assert np.max(position) == pytest.approx(0.3, rel=1e-3)
     assert np.max(np.abs(np.diff(rates))) < 0.05  # no chord from turn to end
+
+
+@pytest.mark.parametrize("share", [0.97, 1.03])
+def test_a_swing_is_whole_only_if_the_flight_lasts_its_period(share: float) -> None:
+    """Of an amplitude of 2.5 rad, with the period 4 K(sin 1.25)/w: angles swept in all."""
+    amplitude, start = 2.5, 1.0
+    w = math.sqrt(GRAVITY / (1.4 * 0.9))
+    rate = 2.0 * w * math.sqrt(math.sin(0.5 * amplitude) ** 2 - math.sin(0.5 * start) ** 2)
+    period = 4.0 * float(ellipk(math.sin(0.5 * amplitude) ** 2)) / w
+    position, _ = branch(CIRCLE, BOTTOM, start, rate, share * period, count=4001)
+    swept = 4.0 * amplitude + position[-1] - start
+    assert float(np.sum(np.abs(np.diff(position)))) == pytest.approx(swept, rel=1e-5)
+
+
+def test_a_flight_that_rounding_takes_backwards_stays_a_point() -> None:
+    start, end = (np.array([0.3]), np.array([1.0])), (np.array([0.3 - 1e-15]), np.array([1.0]))
+    angles, rates = free_branches(CIRCLE, BOTTOM, start, end, np.array([1e-16]), 33)
+    assert np.ptp(angles) < 1e-14
+    assert np.ptp(rates) < 1e-14
 
 
 def test_body_at_rest_on_the_bottom_stays_a_point() -> None:
