@@ -134,6 +134,17 @@ def test_laws_that_surprise_are_warned_of() -> None:
         assert all(warning.startswith(words or "") for warning in warnings)
 
 
+@pytest.mark.parametrize(
+    ("response", "then"),
+    [("stop", "the run then stops"), ("normal-impulse", "the normal-impulse law is then used")],
+)
+def test_a_warning_says_what_follows_an_inadmissible_impact(response: str, then: str) -> None:
+    balls = ball(angle=-0.5), ball(angle=0.0, radius=0.2)
+    collision = {"k": 0.9, "law": "hedrih", "inadmissible": response}
+    (warning,) = mechanics_warnings(system_of(scenario(*balls, collision=collision)))
+    assert warning.endswith(f": {then}")
+
+
 def test_a_phase_beyond_double_precision_is_warned_of() -> None:
     """On the hump w = sqrt(g/(kappa rho)) = 3.42/s; 1/(2 w eps) = 6.6e14 s."""
     built = system_of(scenario(ball(angle=-0.5)))

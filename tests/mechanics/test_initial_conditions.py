@@ -100,6 +100,26 @@ def test_touching_is_the_first_contact_to_the_right(
             assert gap(trace, body_a, state, body_b, between)[0] < 0.0
 
 
+@given(st.floats(0.0, 1.0), st.floats(0.01, 0.45), st.floats(0.01, 0.45), st.floats(1.0, 6.2))
+def test_in_a_loop_that_comes_back_to_a_body_the_first_contact_counts(
+    place: float, radius_a: float, radius_b: float, turn: float
+) -> None:
+    """The centre of body b may leave the circle of contact and enter it again on one arc."""
+    shapes = ArcShape("line", length=1.0), ArcShape("valley", radius=0.5, end_slope=turn)
+    trace, body_a, body_b = Trace.chain(0.0, shapes), ball(radius_a), ball(radius_b)
+    state = InitialState(0, place, 0.0)
+    found = beside(trace, body_a, state, body_b)
+    last = (1, turn) if found is None else found
+    for index, start in ((0, place), (1, 0.0)):
+        end = last[1] if index == last[0] else trace.pieces[index].angle_end
+        for share in np.linspace(0.0, 1.0, 100, endpoint=False)[1:] if index <= last[0] else ():
+            between = InitialState(index, start + share * (end - start), 0.0)
+            assert gap(trace, body_a, state, body_b, between)[0] < 1e-12
+    if found is not None:
+        residual, rounding = gap(trace, body_a, state, body_b, InitialState(*found, 0.0))
+        assert abs(residual) <= rounding
+
+
 @given(st.floats(-1.3, 1.3), st.floats(-1.3, 1.3), st.floats(0.01, 0.5), st.floats(0.01, 0.5))
 def test_gap_on_one_arc_has_no_cancellation(
     at: float, other: float, radius_a: float, radius_b: float

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
+from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.kernels.kernel_records import three_arcs
-from vibro_cli.mechanics.potential import Pull, contains_turn, heights, roots
+from vibro_cli.mechanics.potential import Pull, Turning, contains_turn, heights, roots
 from vibro_cli.mechanics.trace import ArcShape, Trace
 from vibro_cli.stress.oracles.scene import Piece, Real, chain, mp
 
@@ -120,3 +122,34 @@ def test_faint_turning_keeps_all_equilibria(strength: float) -> None:
         assert math.remainder(2.0 * (second - first), math.tau) == pytest.approx(
             0.0, abs=16.0 * strength + 2.0**-50
         )
+
+
+TURNING = Turning(x=0.4, rate=2.9)
+
+
+@pytest.mark.parametrize("piece", three_arcs().pieces, ids=lambda piece: f"piece {piece.index + 1}")
+def test_the_pull_is_the_slope_of_the_height_in_the_turning_frame(piece: Any) -> None:
+    """In units of the path's radius, of y - Omega^2 (x - x0)^2/2g; to its third derivative."""
+    radius, gravity = 0.1, 9.81
+    pull = Pull.on_arc(piece, radius, TURNING, gravity)
+    rho = mp.mpf(piece.radius) - piece.sign * mp.mpf(radius)
+    turn = 0 if piece.sign > 0.0 else mp.pi  # from f to the angle of the piece
+
+    def height(f: Real) -> Real:
+        x = piece.centre[0] + rho * mp.sin(f - turn)
+        y = piece.centre[1] - piece.sign * rho * mp.cos(f - turn)
+        return (y - mp.mpf(TURNING.rate) ** 2 * (x - TURNING.x) ** 2 / (2 * gravity)) / rho
+
+    values = pull.force, pull.stiffness, pull.bending
+    for f in (-2.6, -0.9, 0.3, 1.7, 3.0):
+        rise = (height(mp.mpf(f)) - height(mp.mpf(0))) / 2
+        assert pull.potential(f) == pytest.approx(float(rise), abs=1e-15)
+        for order, value in enumerate(values):
+            assert value(f) == pytest.approx(float(-mp.diff(height, f, order + 1)), abs=1e-14)
+    for low, high in ((-3.0, -2.0), (-1.2, 0.4), (0.1, 2.9), (-3.1, 3.1)):
+        places = np.linspace(low, high, 2001).tolist()
+        for order, value in enumerate(values):
+            most = max(abs(value(f)) for f in places)
+            assert most <= pull.greatest(order, low, high) * (1.0 + 1e-12) <= most * (1.0 + 1e-5)
+        fall = max(0.01, *(-pull.stiffness(f) for f in places))
+        assert fall <= pull.steepest_fall(low, high) * (1.0 + 1e-12) <= fall * (1.0 + 1e-5)

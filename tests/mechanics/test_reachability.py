@@ -446,7 +446,8 @@ def test_no_row_is_left_out_that_fits_between_two_bodies() -> None:
     random = np.random.default_rng(4)
     ring = chain(-180, arc("valley", 3.0, 180), closed=True)
     hump = chain(60, arc("hump", 3.0, -60))
-    for trace in (chain(-60, arc("valley", 3.0, 60)), hump, ring, three_arcs()):
+    joined = chain(60, arc("hump", 3.0, 0), arc("valley", 0.7, 60))
+    for trace in (chain(-60, arc("valley", 3.0, 60)), hump, ring, joined, three_arcs()):
         for _ in range(20):
             radii = tuple((0.3 * random.random(8) ** 4 + 1e-4).tolist())
             every = [

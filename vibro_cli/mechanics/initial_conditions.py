@@ -176,24 +176,20 @@ def _first_contact(
 def _circle_meets_path(
     piece: Piece, centre: tuple[float, float], contact: float, radius: float
 ) -> float | None:
-    """Return approximately where the path of a centre first leaves a circle, or None."""
+    """Return approximately where the path of a centre first leaves a circle, or None.
+
+    Needed on arcs only, where the path may come back to the circle.
+    """
     if piece.is_line:
-        x, y = piece.body_centre(0.0, radius)
-        cosine, sine = math.cos(piece.start_slope), math.sin(piece.start_slope)
-        along = (centre[0] - x) * cosine + (centre[1] - y) * sine
-        across = (centre[1] - y) * cosine - (centre[0] - x) * sine
-        if abs(across) > contact:
-            return None
-        root = along + math.sqrt(contact**2 - across**2)
-    else:
-        x, y = centre[0] - piece.centre[0], centre[1] - piece.centre[1]
-        rho, far = piece.path_radius(radius), math.hypot(x, y)
-        cosine = (far**2 + rho**2 - contact**2) / (2.0 * far * rho) if far > 0.0 else math.inf
-        if abs(cosine) > 1.0:
-            return None
-        exit_angle = math.atan2(x, -piece.sign * y) + math.acos(cosine)
-        turns = math.ceil((piece.angle_start - exit_angle) / math.tau - 1e-9)
-        root = exit_angle + math.tau * turns
+        return None
+    x, y = centre[0] - piece.centre[0], centre[1] - piece.centre[1]
+    rho, far = piece.path_radius(radius), math.hypot(x, y)
+    cosine = (far**2 + rho**2 - contact**2) / (2.0 * far * rho) if far > 0.0 else math.inf
+    if abs(cosine) > 1.0:
+        return None
+    exit_angle = math.atan2(x, -piece.sign * y) + math.acos(cosine)
+    turns = math.ceil((piece.angle_start - exit_angle) / math.tau - 1e-9)
+    root = exit_angle + math.tau * turns
     return root if root <= piece.angle_end + 1e-9 else None
 
 

@@ -303,10 +303,9 @@ def _longest_phase(system: TraceSystem) -> float:
     fastest = 0.0
     for body, state in zip(system.bodies, system.initial, strict=True):
         for piece in system.trace.pieces:
-            if not piece.is_line:
-                rho = piece.path_radius(body.radius)
-                w = body.natural_rate(system.gravity, rho)
-                fastest = max(fastest, math.hypot(state.speed / rho, 2.0 * w))
+            rho = piece.path_radius(body.radius)
+            w = body.natural_rate(system.gravity, rho)
+            fastest = max(fastest, math.hypot(state.speed / rho, 2.0 * w))
     return 1.0 / (EPSILON * fastest) if fastest > 0.0 else math.inf
 
 
