@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from tests.analysis.traces import BALL, DEGREE, circle, hump, landscape, three_arcs
+from tests.analysis.traces import BALL, DEGREE, circle, hump, landscape, three_arcs, valley
 from vibro_cli.analysis.levels import Landscape
 from vibro_cli.analysis.singular import as_record, changes, condition, portrait_of
 from vibro_cli.api import simulate
@@ -64,6 +64,19 @@ def test_a_type_of_one_value_is_the_change_itself() -> None:
     (change,) = changes(type_of, [0.0, 1.0])
     assert (change.before, change.after) == ("below", "above")
     assert change.low < 0.3 < change.high < change.low + 1e-10
+
+
+@pytest.mark.parametrize("values", [(0.4, 0.5, 0.6), (0.4, 0.45, 0.6)])
+def test_a_type_of_one_value_between_equal_ones_is_no_change(values: tuple[float, ...]) -> None:
+    """Of two humps the separatrices join where both have one radius, among the values or not."""
+
+    def type_of(radius: float) -> str:
+        shapes = valley(1.0, 40), hump(0.5, -40), valley(1.0, 40), hump(radius, -40)
+        return portrait_of(landscape(-60.0, *shapes, valley(1.0, 60))).type
+
+    assert type_of(0.5).endswith("; heteroclinic, heteroclinic")
+    assert type_of(0.4) == type_of(0.6) == type_of(0.5).replace("heteroclinic", "figure eight")
+    assert changes(type_of, values) == ()
 
 
 def test_the_condition_says_which_barrier_is_too_low() -> None:

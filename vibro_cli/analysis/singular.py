@@ -500,18 +500,17 @@ def _events(found: Sequence[Change]) -> tuple[Change, ...]:
     """Merge changes that are too close for a genuine type in between.
 
     Such a type needs equal or vanishing energies, which rounding spreads over a narrow interval.
+    If the types on both sides of it are the same, there is no change.
     """
     joined: list[Change] = []
     for change in found:
-        last = joined[-1] if joined else None
-        near = last is not None and change.high - last.low <= _EVENT * max(
-            abs(last.low), abs(change.high)
-        )
-        if last is not None and near and last.after == change.before != last.before:
+        last = joined[-1] if joined else change
+        far = _EVENT * max(abs(last.low), abs(change.high))
+        if joined and change.high - last.low <= far:
             joined[-1] = Change(last.low, change.high, last.before, change.after)
         else:
             joined.append(change)
-    return tuple(joined)
+    return tuple(change for change in joined if change.before != change.after)
 
 
 def _bisected(
