@@ -322,6 +322,7 @@ def test_a_number_that_only_later_impacts_show_is_fitted() -> None:
         ({}, None, {"collision.k": (0.0, 0.5)}, "expected a number from 0 to 0.5"),
         ({}, {"n": [1, 2, 99999], "t": [0.5, 0.7, 1.0]}, PATHS, "impacts in the motion"),
         ({}, {"t": [0.5, 0.7], "ball_a": [1, 3], "ball_b": [2, 4]}, ["collision.k"], "bodies 1"),
+        ({}, {"t": [0.5, 0.7], "ball_a": [1, 1], "ball_b": [2, 3]}, ["collision.k"], "bodies 1"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_fitted_is_told(
@@ -386,6 +387,7 @@ def test_what_is_no_free_number_is_told(free: Any, words: str) -> None:
         ({"t": []}, "no row"),
         ({"t": [1.0, None]}, "row 2: t: found None"),
         ({"t": [1.0, 0.5]}, "row 2: t: found 0.5, expected one greater"),
+        ({"t": [1.0, 3.0, 2.0]}, "row 3: t: found 2, expected one greater"),
         ({"t": [10**400]}, "row 1: t: found 1000"),
         ({"t": [-1.0]}, "row 1: t"),
         ({"t": [1.0, 2.0], "n": [1, 1.5]}, "row 2: n: found 1.5, expected a whole"),

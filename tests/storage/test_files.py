@@ -286,3 +286,14 @@ def test_killed_at_any_moment_the_folder_is_one_of_the_complete_ones(tmp_path: P
     with new_folder(target, allow) as folder:
         folder.write("last", b"")
     assert entries(tmp_path) == ["balls[1]"], "what killed writers left is removed by the next"
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="Linux")
+def test_only_the_processors_of_this_process_count() -> None:
+    own = os.sched_getaffinity(0)
+    try:
+        os.sched_setaffinity(0, {min(own)})
+        assert files.available_cores() == 1
+    finally:
+        os.sched_setaffinity(0, own)
+    assert files.available_cores() == len(own)
