@@ -186,6 +186,7 @@ def test_every_command_has_help(vibro: Vibro, command: str) -> None:
     [
         (["fly"], "No such command 'fly'"),
         (["run"], "Missing argument 'SCENARIO'"),
+        (["-q", "run"], "No such option: -q (options follow a command; see vibro --help)"),
         (["rnu", "a.toml"], "No such command 'rnu'. Did you mean 'run'?"),
         (
             ["run", "--fromat", "csv", "a.toml"],

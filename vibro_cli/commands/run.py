@@ -82,8 +82,8 @@ class RunCommand:
         typer.Option(
             metavar="all|NAME,…",
             envvar="VIBRO_FIGURES",
-            help="Kinds of figures to draw, or all; vibro help figures lists them. default: the "
-            f"phase portraits of traces, figures of the motion for {_OTHERS}; 0: none.",
+            help="Kinds of figures to draw (vibro help figures lists them), all, 0 for none, or "
+            f"default: the phase portraits of traces, figures of the motion for {_OTHERS}.",
         ),
     ] = None
     no_figures: Annotated[bool, typer.Option("--no-figures", help="Draw no figures.")] = False

@@ -297,7 +297,13 @@ _EXPECTED = {
 
 def usage_error(error: typer.TyperException, command: str) -> CommandError:
     """Return an error on wrong usage, on one line, that refers to the help of the command."""
-    return CommandError(f"vibro: {' '.join(_words(error).split())} (see {command} --help)")
+    placed = "options follow a command; " if command == "vibro" and _is_option(error) else ""
+    words = " ".join(_words(error).split())
+    return CommandError(f"vibro: {words} ({placed}see {command} --help)")
+
+
+def _is_option(error: typer.TyperException) -> bool:
+    return str(getattr(error, "option_name", "")).startswith("-")
 
 
 def _words(error: typer.TyperException) -> str:
