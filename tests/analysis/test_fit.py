@@ -524,6 +524,23 @@ def test_a_number_at_its_bound_is_told(
     assert (f"is bounded by {bound}, within its 95 % interval" in capsys.readouterr().out) is at_it
 
 
+def test_numbers_have_their_units_and_a_lone_body_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file, measured = tmp_path / "circle.json", tmp_path / "measured.csv"
+    file.write_text(json.dumps(_circle().resolved()))
+    measured.write_text("\n".join(["t", *map(repr, _instants(_circle()).tolist())]))
+    arguments = [str(file), str(measured), "--noise", "1e-4", "--free", "balls[1].angle"]
+    assert run_command_line(["fit", *arguments, "--free", "collision.k"]) == 0
+    angle, k = (line.split(",")[0] for line in capsys.readouterr().out.splitlines()[1:3])
+    assert re.search(r"angle +\S+ ± \S+ rad$", angle)
+    assert re.search(r"collision\.k +\S+ ± \S+$", k)
+    alone = _circle().resolved() | {"balls": [_circle().resolved()["balls"][0]]}
+    file.write_text(json.dumps({name: alone[name] for name in alone if name != "collision"}))
+    assert run_command_line(["fit", *arguments]) == 2
+    assert "found one body, expected two or more" in capsys.readouterr().err
+
+
 def test_impacts_whose_derivatives_overflow_are_refused() -> None:
     """Each impact multiplies small changes by some 2.9, so that 10^154 is reached within 400."""
     scenario = example("falling_balls").replace({"stop.collisions": 700})

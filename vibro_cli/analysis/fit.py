@@ -380,6 +380,8 @@ class _Problem:
     def check(self) -> None:
         """Raise ``NoFit`` for faults that are known without solving anything."""
         rows, free = len(self._measured.t), len(self._free)
+        if len(self._scenario.balls) == 1:
+            raise NoFit("found one body, expected two or more: impacts on walls are not fitted")
         lost = np.flatnonzero(self._noise < EPSILON * self._measured.t)
         if self._known and len(lost):
             row, least = lost[0], EPSILON * self._measured.t[lost[0]]

@@ -349,10 +349,15 @@ def record_of_fit(found: Fit) -> dict[str, Any]:
 
 def _line_of_number(one: dict[str, Any]) -> str:
     """Return a fitted number, its error and its interval as a line of text."""
+    from vibro_cli.scenario.fields import unit_at, written
+    from vibro_cli.scenario.models import Scenario
+    from vibro_cli.scenario.problems import parsed_path
+
     numbers = (one["value"], *one["interval"])
     value, low, high = (_rounded(number, one["error"]) for number in numbers)
+    error = f"{one['error']:.2g} {written(unit_at(parsed_path(one['path']), Scenario))}".rstrip()
     return (
-        f"  {one['path']:20} {value} ± {one['error']:.2g}, 95 % interval {low} to {high}; "
+        f"  {one['path']:20} {value} ± {error}, 95 % interval {low} to {high}; "
         f"initially {one['start']:.10g}"
     )
 
