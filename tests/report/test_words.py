@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from tests.systems.trace.test_energy import not_made
-from vibro_cli.report.words import method_of, named, validity
+from vibro_cli.commands.show import _text
+from vibro_cli.report.words import method_of, named, number, validity
 from vibro_cli.stress.scenes import solve_any
 from vibro_cli.systems import system_named
 
@@ -23,6 +24,15 @@ def test_keys_have_words_and_units() -> None:
     assert named("wall", "corners[1][2]", table) == ("corners[1][2]", "m")
     assert named("stop", "time", table) == ("time", "s")
     assert named("stop", "bounces", table) == ("impacts on the wall", "")
+
+
+def test_a_negative_zero_is_shown_as_zero() -> None:
+    assert (number(-0.0, "m"), number(-0.5, "m"), number(-1e-9, "m")) == (
+        "0 m",
+        "−0.5 m",
+        "−1·10⁻⁹ m",
+    )
+    assert (_text(-0.0), _text(-0.5)) == ("0", "-0.5")
 
 
 def test_a_trace_that_turns_is_solved_by_other_functions() -> None:

@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     import pyarrow
 
 _ROWS = "20"
-_NUMBER = "{:.9g}".format
 _ROWS_AT_ONCE = 4096
 
 
@@ -228,7 +227,7 @@ def _few_rows(parts: "Iterator[pyarrow.Table]") -> "Iterator[pyarrow.RecordBatch
 def _text(value: Any) -> str:
     """Return one value as text for the terminal."""
     if isinstance(value, float):  # first, since most values are floats
-        return _NUMBER(value)
+        return f"{value + 0.0:.9g}"  # no -0
     if value is None:
         return "-"
     if isinstance(value, bool):

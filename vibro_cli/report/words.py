@@ -65,7 +65,7 @@ def number(value: float | None, unit: str = "", digits: int = 6) -> str:
         return "–"
     if isinstance(value, bool | str):
         return {True: "yes", False: "no"}.get(value, str(value))
-    text = f"{value:.{digits}g}" if isinstance(value, float) else str(value)
+    text = f"{value + 0.0:.{digits}g}" if isinstance(value, float) else str(value)  # no −0
     mantissa, mark, power = text.partition("e")
     if mark:
         raised = str(int(power)).translate(_RAISED)
