@@ -132,6 +132,15 @@ def test_a_table_whose_names_are_not_in_utf8_is_refused(write: Path) -> None:
         load_grid(write)
 
 
+def test_columns_that_are_no_paths_are_told_and_can_be_left_out(write: Path) -> None:
+    write.with_name("points.csv").write_text("collision.k,date\n0.5,2024-05-06\n0.6,2024-05-07\n")
+    write.write_text(AXIS + 'table = "points.csv"\n')
+    with pytest.raises(ScenarioError, match=r'column "date", expected .*paths of the axis choose'):
+        load_grid(write)
+    write.write_text(AXIS + 'table = "points.csv"\npath = "collision.k"\n')
+    assert load_grid(write).design.columns(np.arange(2))[("collision", "k")].tolist() == [0.5, 0.6]
+
+
 def test_a_column_of_a_table_may_have_numbers_with_and_without_units(write: Path) -> None:
     write.with_name("points.csv").write_text("balls[1].angle\n-1\n-90 deg\n-1.5e0\n")
     write.write_text(AXIS + 'table = "points.csv"\n')

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import math
 import sys
@@ -236,13 +237,17 @@ def _texts(given: AxisTable) -> tuple[str, ...]:
     return given.paths or () if given.path is None else (given.path,)
 
 
-def _path(name: str, loc: KeyPath) -> KeyPath:
+def _path(name: str, loc: KeyPath, root: Model) -> KeyPath:
     """Return the path given by the name of a table's column."""
-    try:
-        return parsed_path(name)
-    except ValueError:
-        expected = "columns named by paths such as collision.k or balls[1].angle, counted from 1"
-        raise Fault(loc, f"the column {shown(name)}", expected) from None
+    with contextlib.suppress(ValueError):
+        path = parsed_path(name)
+        if len(path) > 1 or path[0] in root.model_fields:
+            return path
+    expected = (
+        "columns named by paths such as collision.k or balls[1].angle, counted from 1 (path or "
+        "paths of the axis choose some of the columns)"
+    )
+    raise Fault(loc, f"the column {shown(name)}", expected)
 
 
 def _kind(path: KeyPath, loc: KeyPath, root: Model) -> kinds.Kind:
@@ -342,7 +347,7 @@ def _from_table(given: AxisTable, name: str, where: KeyPath, folder: Path, root:
         if missing:
             raise Fault(where, f"columns {listing(table, 'and')}", f"a column {missing[0]}")
         table = {name: table[name] for name in wanted}
-    paths = tuple(_path(name, where) for name in table)
+    paths = tuple(_path(name, where, root) for name in table)
     of = tuple(_kind(path, where, root) for path in paths)
     columns = [
         _table_column(kind, values, name, where)
