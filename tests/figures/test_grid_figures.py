@@ -279,11 +279,11 @@ def test_further_axes_are_held_and_named(made: Any) -> None:
     shown = parameter_map(grid, 2)
     assert shown is not None
     assert [one.path for one in shown.coordinates] == ["balls[1].angle", "collision.k"]
-    assert shown.held == "gravity = 9.81"
+    assert shown.held == "gravity = 9.81 m/s²"
     assert shown.rows.tolist() == list(range(15))
     captions = {one.name: one.caption for one in draw_grid(grid, "single")}
-    assert captions["endings"].endswith("Held: gravity = 9.81.")
-    assert captions["curves"].endswith("Held: gravity = 9.81, collision.k = 1.")
+    assert captions["endings"].endswith("Held: gravity = 9.81 m/s².")
+    assert captions["curves"].endswith("Held: gravity = 9.81 m/s², collision.k = 1.")
 
 
 def test_axes_that_change_together_are_one(made: Any) -> None:

@@ -222,5 +222,5 @@ def test_it_is_said_at_which_values_other_axes_are_held(
     sweep(example("one_circle"), axes, tmp_path / "grid", collisions=True)
     assert run_command_line(["section", str(tmp_path / "grid"), "--transient", "0"]) == 0
     told = capsys.readouterr().err.splitlines()
-    assert told[0] == "held: balls[1].angle = -1"
+    assert told[0] == "held: balls[1].angle = -1 rad"
     assert told[-1].startswith("section in ")

@@ -38,6 +38,7 @@ from vibro_cli.figures.ticks import (
     vertical_angle_ticks,
     vertical_ticks,
 )
+from vibro_cli.scenario.fields import written
 
 if TYPE_CHECKING:
     from vibro_cli.storage.stored import StoredGrid
@@ -206,7 +207,10 @@ def parameter_map(
     for path in rest:
         mask &= columns[path] == first[path]
     rows = np.flatnonzero(mask)
-    fixed = tuple((path, _shown(first[path])) for path in rest)
+    fixed = tuple(
+        (path, f"{_shown(first[path])} {written(grid.units.get(path, ''))}".rstrip())
+        for path in rest
+    )
     coordinates = tuple(_coordinate(grid, path, rows) for path in changing if path in chosen)
     return ParameterMap(rows, coordinates, fixed)
 
