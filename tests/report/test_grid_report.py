@@ -57,7 +57,7 @@ def test_axes_have_units_and_ranges(page: Page) -> None:
     text = page.with_id("problem").text
     assert "balls[1].anglerad5−1.2−0.2" in text
     assert "collision.k130.51" in text
-    assert "gravity9.81" in text  # what no axis changes
+    assert "gravity9.81 m/s²" in text  # what no axis changes
     assert "collision.lawhedrih" in text
 
 

@@ -20,6 +20,8 @@ from vibro_cli.report.words import (
     number,
     versions,
 )
+from vibro_cli.scenario.fields import unit_at, written
+from vibro_cli.scenario.problems import parsed_path
 from vibro_cli.storage.stored import StoredGrid
 from vibro_cli.systems import system_named
 from vibro_cli.systems.columns import Column
@@ -99,9 +101,13 @@ def _axis(grid: StoredGrid, path: str) -> list[str]:
 
 
 def _common(grid: StoredGrid) -> list[list[str]]:
-    """Return the keys of the scenario that no axis changes, and their values."""
-    settings = flat(grid.definition["scenario"])
-    return [[path, number(value)] for path, value in settings.items() if path not in grid.axes]
+    """Return the keys of the scenario that no axis changes, and their values with units."""
+    settings, model = flat(grid.definition["scenario"]), system_named(grid.system).model
+    return [
+        [path, number(value, written(unit_at(parsed_path(path), model)))]
+        for path, value in settings.items()
+        if path not in grid.axes
+    ]
 
 
 def _quantity(grid: StoredGrid, name: str) -> list[list[str]]:
