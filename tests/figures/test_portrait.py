@@ -11,7 +11,7 @@ import pytest
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
-from tests.analysis.traces import line, system, valley
+from tests.analysis.traces import hump, line, system, valley
 from tests.bare_system import GRAVITY
 from tests.figures.layout import assert_texts_are_apart, texts
 from tests.figures.runs import (
@@ -277,6 +277,20 @@ def test_many_arcs_stand_in_rows() -> None:
     figure = phase_portrait(on_many_arcs(), 1)
     assert len(figure.axes) == 9
     assert len({round(axes.get_position().y0, 6) for axes in figure.axes}) > 1
+
+
+def test_panels_of_a_run_on_very_many_arcs_are_those_around_its_start() -> None:
+    waves = [hump(0.5, -50), valley(1.0, 50)] * 100
+    run = made(-50, valley(1.0, 50), *waves)
+    run.fly(101, (-0.3, 2.5), (0.8, 2.0), cause_start="start")
+    run.fly(102, (-0.8, 2.0), (0.5, 1.8), cause_end="end")
+    figure = phase_portrait(run, 1, "double")
+    titles = [axes.get_title() for axes in figure.axes]
+    assert len(titles) == 36
+    assert {"101, valley", "102, hump"} < set(titles)
+    first, last = (title.split(",")[0] for title in (titles[0], titles[-1]))
+    assert f"arcs {first}–{last} of 201" in {one.get_text() for one in texts(figure)}
+    assert_texts_are_apart(figure)
 
 
 @pytest.mark.parametrize("width", ["single", "double"])

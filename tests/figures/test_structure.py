@@ -21,6 +21,7 @@ from vibro_cli.figures.labels import LEADER
 from vibro_cli.figures.portraits.layers import background
 from vibro_cli.figures.portraits.trace_phase_plane import (
     behind_along,
+    comparison,
     family,
     highest_energy,
     structure,
@@ -128,7 +129,9 @@ def test_a_separatrix_goes_through_a_saddle() -> None:
     assert drawn
     for curve in drawn:
         assert np.any((saddles >= curve.position[0]) & (saddles <= curve.position[-1]))
-    behind = background(portrait.landscape, highest_energy(portrait))
+    behind = background(
+        portrait.landscape, portrait.landscape.trace.pieces, highest_energy(portrait)
+    )
     crest = max(point.energy for point in portrait.points if point.kind == "saddle")
     (first, *_) = portrait.landscape.trace.pieces
     in_first = [part for part in behind.separatrices if part.piece == 0]
@@ -264,3 +267,23 @@ def test_a_level_piece_of_the_trace_is_named_where_it_is_drawn() -> None:
     at_rest = name.axes.transData.transform((0.0, 0.0))[1]
     low, high = name.get_window_extent().intervaly
     assert not low <= at_rest <= high  # beside the line, not over it
+
+
+@pytest.mark.parametrize("width", ["single", "double"])
+def test_portraits_of_very_many_arcs_fit_a_page(width: str) -> None:
+    """Of 201 arcs they were one and a half metres long, with a tangle of 200 names."""
+    waves = [valley(1.0, 50), hump(0.5, -50)] * 100
+    hills = landscape(-50, *waves, valley(1.0, 50))
+    portrait = portrait_of(hills)
+    assert len(portrait.points) == 201
+    for figure in (structure(portrait, width), comparison([("ball", portrait)], width)):
+        assert figure.get_size_inches()[1] / MM <= 290.0
+        (words,) = (one.get_text() for one in texts(figure) if " of 201" in one.get_text())
+        titles = [one.get_title() for one in figure.axes if one.get_title()]
+        assert words == f"arcs 1–{len(titles)} of 201"
+        assert [title.split(",")[0] for title in titles] == list(
+            map(str, range(1, len(titles) + 1))
+        )
+    names = [one.get_text() for one in texts(structure(portrait, width))]
+    assert sum(bool(re.fullmatch(r"[CS]\d+", name)) for name in names) < 60
+    assert_texts_are_apart(structure(portrait, width))

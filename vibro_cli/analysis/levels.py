@@ -413,13 +413,18 @@ def connected_reaches(
 
 
 def separatrix_curves(
-    landscape: Landscape, energy: float, saddles: Sequence[float]
+    landscape: Landscape, pieces: Sequence[Piece], energy: float, saddles: Sequence[float]
 ) -> tuple[LevelCurve, ...]:
-    """Return the level curves of an energy (J) through saddles at arc lengths (m), by piece."""
+    """Return the level curves of an energy (J) through saddles at arc lengths (m), on some pieces.
+
+    The saddles may be on other pieces.
+    """
+    shown = {piece.index for piece in pieces}
     return tuple(
         LevelCurve(part.piece.index, *_sampled(landscape, part, energy))
         for run in connected_reaches(landscape, energy, saddles)
         for part in run
+        if part.piece.index in shown
     )
 
 

@@ -452,8 +452,8 @@ class _Dots(AxesImage):
         self, renderer: Any, magnification: float = 1.0, unsampled: bool = False
     ) -> tuple[NDArray[np.uint8], float, float, Any]:
         """Return the RGBA pixels of the output, lowest row first, and where they are."""
+        pixels: np.ma.MaskedArray[Any, Any] = np.ma.asarray(self.get_array())
         box = self.axes.bbox
-        pixels: Any = np.ma.asarray(self.get_array())
         size = np.array([box.height, box.width]) * magnification
         if np.all(size >= pixels.shape):
             return super().make_image(renderer, magnification, unsampled)

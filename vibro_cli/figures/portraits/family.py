@@ -13,7 +13,15 @@ from matplotlib.figure import Figure
 
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import Cell, in_rows
-from vibro_cli.figures.labels import LINE, Entry, Named, draw_legend, rows_of, write_names
+from vibro_cli.figures.labels import (
+    LINE,
+    Entry,
+    Named,
+    draw_legend,
+    rows_of,
+    text_width,
+    write_names,
+)
 from vibro_cli.figures.portraits.layers import (
     MARKER,
     Background,
@@ -91,7 +99,7 @@ def draw_family(
 
 
 def name_points(panel: Panel, names: Sequence[str], behind: Background) -> None:
-    """Write the name of each singular point beside it."""
+    """Write the name of each singular point beside it; of very many every third, fifth, …"""
     named = [
         Named(name, (point.position + 0.5 * point.extent, 0.0))
         for name, point in zip(names, behind.points, strict=True)
@@ -99,6 +107,8 @@ def name_points(panel: Panel, names: Sequence[str], behind: Background) -> None:
     ]
     if not named:
         return
+    full = sum(text_width(one.text) + _MARK for one in named) / panel.width
+    named = named[:: 1 + 2 * math.ceil(0.5 * (full - 1.0))]  # odd: centres and saddles alternate
     scale = panel.scale
     dark = (*behind.eights, *behind.separatrices) * _DARK
     lines = [line * scale for one in (*dark, *behind.levels) for line in both_halves(one)]

@@ -83,7 +83,7 @@ _FRACTIONS = (1.0 / 3.0, 2.0 / 3.0)
 
 @dataclass(frozen=True)
 class Background:
-    """Curves behind the branches, on the whole trace."""
+    """Curves behind the branches, on the whole trace or on some of its pieces."""
 
     levels: tuple[LevelCurve, ...]
     points: tuple[SingularPoint, ...]
@@ -95,14 +95,15 @@ class Background:
     """On a trace without a saddle, the separatrices of the full circles that contain the arcs."""
 
 
-def background(landscape: Landscape, highest: float, passed: float = 0.0) -> Background:
-    """Return the curves behind a portrait whose branches have energies up to `highest` (J).
+def background(
+    landscape: Landscape, pieces: Sequence[Piece], highest: float, passed: float = 0.0
+) -> Background:
+    """Return the curves on some pieces behind branches with energies up to `highest` (J).
 
     `passed` is as in `level_energies`.
     """
     points = singular_points(landscape)
     saddles = saddle_energies(points)
-    pieces = landscape.trace.pieces
     levels = level_energies(points, highest, passed)
     reached = max([0.0, *levels, *saddles])
     marked = {point.piece for point in points if point.kind in MARKER}
@@ -110,9 +111,9 @@ def background(landscape: Landscape, highest: float, passed: float = 0.0) -> Bac
         levels += _beyond(landscape, piece, reached)
     own = [] if saddles else [arc_separatrix(landscape, piece) for piece in pieces]
     return Background(
-        separatrices=through_saddles(points, partial(separatrix_curves, landscape)),
+        separatrices=through_saddles(points, partial(separatrix_curves, landscape, pieces)),
         arc_separatrices=tuple(curve for curve in own if curve is not None),
-        levels=curves_at(landscape, levels),
+        levels=curves_at(landscape, pieces, levels),
         points=points,
     )
 
@@ -131,12 +132,14 @@ def _beyond(landscape: Landscape, piece: Piece, reached: float) -> list[float]:
     return [low + fraction**2 * rise for fraction in _FRACTIONS]
 
 
-def curves_at(landscape: Landscape, energies: Sequence[float]) -> tuple[LevelCurve, ...]:
-    """Return the level curves of the given energies (J), piece by piece."""
+def curves_at(
+    landscape: Landscape, pieces: Sequence[Piece], energies: Sequence[float]
+) -> tuple[LevelCurve, ...]:
+    """Return the level curves of the given energies (J) on some pieces, piece by piece."""
     return tuple(
         curve
         for energy in energies
-        for piece in landscape.trace.pieces
+        for piece in pieces
         for curve in level_curves(landscape, piece, energy)
     )
 

@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import Sheet, number_plane
-from vibro_cli.figures.labels import Rows, room_for
+from vibro_cli.figures.labels import Entry, Rows, room_for
 from vibro_cli.figures.source import Array
 from vibro_cli.figures.style import panel_size, width_of
 from vibro_cli.figures.ticks import (
@@ -37,9 +37,13 @@ BOTTOM = 8.5
 GAP = 1.5
 LEAST_WIDTH = 16.0
 """Least width of a panel (mm); more pieces are split into rows."""
+_PAGE = 290.0
+"""Height of a page (mm), which the rows of panels must fit."""
 _OVERVIEW = 0.3
 """Share of the width that an overview takes."""
 _HEIGHT = {"single": 50.0, "double": 64.0}
+_LOWER = 0.75
+"""Height of panels in several rows, relative to that in one row."""
 
 
 @dataclass(frozen=True)
@@ -130,6 +134,23 @@ def plane(axes: Axes, window: Window, symbols: Symbols, labelled: bool = True) -
     return Panel(axes, window, *panel_size(axes))
 
 
+def on_a_page(
+    pieces: Sequence[Piece], width: str, start: int = 0, below: float = 0.0
+) -> tuple[Sequence[Piece], list[Entry]]:
+    """Return as many pieces around that of index `start` as fit a page, and a legend entry.
+
+    There is an entry only if some pieces are left out. `below` mm are needed under the panels.
+    Raises ValueError for an unknown width.
+    """
+    across, row = width_of(width), _LOWER * _HEIGHT[width] + BOTTOM + ROW_TOP
+    most = int((_PAGE - below - TOP + ROW_TOP) / row) * _most_in_row(pieces, across)
+    if len(pieces) <= most:
+        return pieces, []
+    first = min(max(0, start - most // 2), len(pieces) - most)
+    words = f"arcs {first + 1}–{first + most} of {len(pieces)}"
+    return pieces[first : first + most], [(words, {"linestyle": "none"})]
+
+
 def lay_out(
     windows: Sequence[Window], width: str, legend: Rows, below: float = 0.0
 ) -> tuple[Sheet, tuple[Panel, ...]]:
@@ -142,7 +163,7 @@ def lay_out(
     """
     across = width_of(width)
     rows = _rows(windows, across)
-    high = _HEIGHT[width] if len(rows) == 1 else 0.75 * _HEIGHT[width]
+    high = _HEIGHT[width] if len(rows) == 1 else _LOWER * _HEIGHT[width]
     above = room_for(legend, TOP)
     total = above + len(rows) * (high + BOTTOM) + (len(rows) - 1) * ROW_TOP + below
     sheet = Sheet(across, total)
@@ -163,12 +184,16 @@ def _rows(windows: Sequence[Window], width: float) -> list[Sequence[Window]]:
     room = width - RIGHT - sum(map(_margin, [None, *windows], windows))
     if len(windows) == 1 or room / len(windows) >= LEAST_WIDTH:
         return [windows]
-    most = max(1, int((width - RIGHT) / (LEAST_WIDTH + GAP + LEFT)))
-    if not any(window.piece.is_line for window in windows):
-        most = max(1, int((width - RIGHT - LEFT + GAP) / (LEAST_WIDTH + GAP)))
-    number = math.ceil(len(windows) / most)
+    number = math.ceil(len(windows) / _most_in_row([window.piece for window in windows], width))
     each = math.ceil(len(windows) / number)
     return [windows[first : first + each] for first in range(0, len(windows), each)]
+
+
+def _most_in_row(pieces: Sequence[Piece], width: float) -> int:
+    """Return how many pieces a row holds if there are several rows."""
+    if any(piece.is_line for piece in pieces):
+        return max(1, int((width - RIGHT) / (LEAST_WIDTH + GAP + LEFT)))
+    return max(1, int((width - RIGHT - LEFT + GAP) / (LEAST_WIDTH + GAP)))
 
 
 def _margin(before: Window | None, window: Window) -> float:

@@ -14,7 +14,7 @@ from vibro_cli.figures import style
 from vibro_cli.figures.labels import Bar, Entry, draw_legend, rows_of
 from vibro_cli.figures.portraits import layers
 from vibro_cli.figures.portraits.layers import Background, background, coloured_until, legend_of
-from vibro_cli.figures.portraits.panels import RIGHT, Panel, Window, label, lay_out
+from vibro_cli.figures.portraits.panels import RIGHT, Panel, Window, label, lay_out, on_a_page
 from vibro_cli.figures.portraits.trace_phase_plane import highest_energy, highest_place
 from vibro_cli.figures.portraits.trajectory import Trajectory, trajectory
 from vibro_cli.figures.source import Array, Recorded
@@ -31,7 +31,7 @@ _ROOM = 0.15
 
 
 def windows(pieces: Sequence[Piece], path: Trajectory, behind: Background) -> tuple[Window, ...]:
-    """Return the windows of a portrait, one for each piece of the trace.
+    """Return the windows of a portrait, one for each of some pieces of the trace.
 
     A motion that would be small on its arc is shown close up, with the whole arc beside it.
     """
@@ -39,11 +39,12 @@ def windows(pieces: Sequence[Piece], path: Trajectory, behind: Background) -> tu
     whole = [
         Window(piece, piece.angle_start, piece.angle_end, tops[piece.is_line]) for piece in pieces
     ]
-    visited = [piece for piece in pieces if path.branches[piece.index].position.size]
-    if len(visited) != 1 or not _is_small(visited[0], path, behind):
+    visited = [one for one in whole if path.branches[one.piece.index].position.size]
+    elsewhere = sum(branches.position.size > 0 for branches in path.branches) - len(visited)
+    if len(visited) != 1 or elsewhere or not _is_small(visited[0].piece, path, behind):
         return tuple(whole)
-    close = _around(visited[0], path)
-    overview = replace(whole[visited[0].index], overview=True)
+    close = _around(visited[0].piece, path)
+    overview = replace(visited[0], overview=True)
     circle = _highest(
         [one.rate for one in behind.arc_separatrices if one.piece == close.piece.index]
     )
@@ -126,18 +127,21 @@ def phase_portrait(run: Recorded, ball: int, width: str = "single") -> Figure:
     """Draw the phase portrait of a body (from 1) of a run, with a panel for each piece.
 
     The panels show rate against angle, φ̇ (φ) in valleys and ψ̇ (ψ) on humps, and speed against arc
-    length on lines. All arcs share one vertical axis. Separatrices, level curves of energy, centres
-    and saddles are drawn behind the branches. A motion that would be too small is shown close up
-    beside the whole piece. `width` is `single` (85 mm) or `double` (170 mm). Raises ValueError for
-    another width and IndexError for a body that does not exist.
+    length on lines; of very many pieces only those around the start. All arcs share one vertical
+    axis. Separatrices, level curves of energy, centres and saddles are drawn behind the branches. A
+    motion that would be too small is shown close up beside the whole piece. `width` is `single`
+    (85 mm) or `double` (170 mm). Raises ValueError for another width and IndexError for a body that
+    does not exist.
     """
     if not 1 <= ball <= len(run.system.bodies):
         raise IndexError(f"no body {ball}: the run has {len(run.system.bodies)}")
     path = trajectory(run, ball)
-    behind = _behind(run, ball, path)
-    shown = windows(run.system.trace.pieces, path, behind)
+    pieces, others = on_a_page(run.system.trace.pieces, width, path.start[0])
+    behind = _behind(run, ball, path, pieces)
+    shown = windows(pieces, path, behind)
+    others = [] if any(one.overview for one in shown) else others
     with style.journal():
-        rows, bar = legend_rows(path, seen(behind, shown), width)
+        rows, bar = legend_rows(path, seen(behind, shown), width, others)
         sheet, panels = lay_out(shown, width, rows)
         draw_motion(panels, path, behind)
         label(panels, ball)
@@ -154,21 +158,21 @@ def legend_rows(
     return rows_of(legend_of(path, behind, others), width_of(width) - RIGHT, bar), bar
 
 
-def _behind(run: Recorded, ball: int, path: Trajectory) -> Background:
-    """Return the background: level curves, separatrices and singular points.
+def _behind(run: Recorded, ball: int, path: Trajectory, pieces: Sequence[Piece]) -> Background:
+    """Return the background on some pieces: level curves, separatrices and singular points.
 
     For a body at rest, whose energy has no level curve, it is that of the portrait without a run.
     """
     landscape = Landscape.of(run.system, ball)
     if stays_at_rest(path):
         whole = portrait_of(landscape)
-        return background(landscape, highest_energy(whole), highest_place(whole))
+        return background(landscape, pieces, highest_energy(whole), highest_place(whole))
     highest = max(
         float(np.max(landscape.energy(piece, branches.position[:, 0], branches.rate[:, 0])))
         for piece, branches in zip(run.system.trace.pieces, path.branches, strict=True)
         if len(branches.time)
     )
-    return background(landscape, highest)
+    return background(landscape, pieces, highest)
 
 
 def draw_motion(panels: Sequence[Panel], path: Trajectory, behind: Background) -> None:

@@ -53,11 +53,12 @@ from vibro_cli.figures.portraits.panels import (
     Window,
     label,
     lay_out,
+    on_a_page,
     plane,
     straight,
 )
 from vibro_cli.figures.style import line, width_of
-from vibro_cli.mechanics.trace import Trace
+from vibro_cli.mechanics.trace import Piece, Trace
 
 _ABOVE = 1.35
 """Level curves reach this multiple of the potential of the highest saddle or end of the trace."""
@@ -72,24 +73,32 @@ _HIGH = {"single": 44.0, "double": 50.0}
 _LINE = 3.1
 """Height of a line of text (mm)."""
 _MOST_LINES = 6
+_MOST_POINTS = 97
+"""Points of a curve along the trace on each piece, ..."""
+_ACROSS = 4000
+"""... fewer if there would be more than this in all."""
 
 
 def structure(portrait: Portrait, width: str = "single", bodies: str = "") -> Figure:
     """Draw the phase portrait of a body on the whole trace, in both coordinates.
 
     Above, piece by piece as in the papers: φ̇ against φ, ψ̇ against ψ, speed against arc length on
-    lines. Below, speed against arc length along the trace, with the values E/(m g) of centres and
-    saddles above it. `bodies` is the index of the symbols. Raises ValueError for an unknown width.
+    lines; of very many pieces only the first. Below, speed against arc length along the trace, with
+    the values E/(m g) of centres and saddles above it. `bodies` is the index of the symbols. Raises
+    ValueError for an unknown width.
     """
     inner = width_of(width) - LEFT - RIGHT
-    behind, along = _behind(portrait), behind_along(portrait)
     words = _words(portrait, inner)
-    entries = [*behind_entries(behind), *_rest_entry([portrait])]
+    below = _HIGH[width] + BOTTOM + _LINE * len(words) + 1.0
+    whole = portrait.landscape.trace.pieces
+    pieces, others = on_a_page(whole, width, below=below)
+    behind = _behind(portrait, pieces)
+    along = behind_along(portrait, min(_MOST_POINTS, max(9, _ACROSS // len(whole))))
+    entries = [*behind_entries(behind, along), *_rest_entry([portrait]), *others]
     rows = rows_of(entries, width_of(width) - RIGHT)
     with style.journal():
         curves = (*behind.levels, *behind.separatrices, *behind.eights)
-        below = _HIGH[width] + BOTTOM + _LINE * len(words) + 1.0
-        shown = _windows(portrait.landscape.trace, curves)
+        shown = _windows(pieces, curves)
         sheet, panels = lay_out(shown, width, rows, below)
         for one in panels:
             draw_background(one, behind)
@@ -105,12 +114,12 @@ def structure(portrait: Portrait, width: str = "single", bodies: str = "") -> Fi
     return sheet.figure
 
 
-def _behind(portrait: Portrait) -> Background:
-    """Return curves and points of a portrait piece by piece, with separate figure eights."""
+def _behind(portrait: Portrait, pieces: Sequence[Piece]) -> Background:
+    """Return curves and points of a portrait on some pieces, with separate figure eights."""
     landscape, on_eight = portrait.landscape, _eight_saddles(portrait)
-    behind = background(landscape, highest_energy(portrait), highest_place(portrait))
+    behind = background(landscape, pieces, highest_energy(portrait), highest_place(portrait))
     others = [point for point in portrait.points if point.kind == SADDLE and point not in on_eight]
-    eights = through_saddles(on_eight, partial(separatrix_curves, landscape))
+    eights = through_saddles(on_eight, partial(separatrix_curves, landscape, pieces))
     return replace(behind, eights=eights, separatrices=behind.separatrices if others else ())
 
 
@@ -118,15 +127,16 @@ def _eight_saddles(portrait: Portrait) -> list[SingularPoint]:
     return [trigger.saddle for trigger in portrait.triggers if trigger.orbit == FIGURE_EIGHT]
 
 
-def _windows(trace: Trace, curves: Sequence[LevelCurve]) -> list[Window]:
-    """Return windows on all pieces, as high as the curves on arcs or lines."""
+def _windows(pieces: Sequence[Piece], curves: Sequence[LevelCurve]) -> list[Window]:
+    """Return windows on pieces, as high as the curves on those that are arcs or lines."""
+    lines = {piece.index: piece.is_line for piece in pieces}
     tops = {False: 0.0, True: 0.0}
     for curve in curves:
-        is_line = trace.pieces[curve.piece].is_line
+        is_line = lines[curve.piece]
         tops[is_line] = max(tops[is_line], float(np.max(curve.rate)))
     return [
         Window(piece, piece.angle_start, piece.angle_end, _MARGIN * (tops[piece.is_line] or 1.0))
-        for piece in trace.pieces
+        for piece in pieces
     ]
 
 
@@ -157,11 +167,13 @@ def _words(portrait: Portrait, width: float) -> list[str]:
 
 def _wrapped(said: Sequence[str], width: float) -> list[str]:
     """Return sentences in at most `_MOST_LINES` lines of a width (mm)."""
-    lines = []
+    lines: list[str] = []
     for one in said:
         first, *words = in_powers(one).split(" ")
         lines.append(first)
         for word in words:
+            if len(lines) > _MOST_LINES:
+                break
             longer = f"{lines[-1]} {word}"
             lines[-1:] = [longer] if text_width(longer) <= width else [lines[-1], word]
     return lines if len(lines) <= _MOST_LINES else [*lines[: _MOST_LINES - 1], "…"]
@@ -186,7 +198,7 @@ def highest_place(portrait: Portrait) -> float:
     return max([*barriers, *(point.energy for point in portrait.points)])
 
 
-def behind_along(portrait: Portrait, count: int = 97) -> Background:
+def behind_along(portrait: Portrait, count: int = _MOST_POINTS) -> Background:
     """Return curves and points of a portrait along the trace, with `count` points per piece."""
     landscape, on_eight = portrait.landscape, _eight_saddles(portrait)
     others = [point for point in portrait.points if point not in on_eight]
@@ -260,16 +272,17 @@ def comparison(members: Sequence[tuple[str, Portrait]], width: str = "single") -
     trace = first.landscape.trace
     energies = [_energies(portrait, first) for _, portrait in members]
     landscapes = [portrait.landscape for _, portrait in members]
-    curves = [curves_at(*each) for each in zip(landscapes, energies, strict=True)]
+    below = _HIGH[width] + BOTTOM + 1.0
+    pieces, others = on_a_page(trace.pieces, width, below=below)
+    curves = [curves_at(one, pieces, at) for one, at in zip(landscapes, energies, strict=True)]
     along = [_curves_along(*each) for each in zip(landscapes, energies, strict=True)]
     entries = [
         (f"{name}, $\\kappa = {portrait.landscape.body.kappa:.4g}$", body_look(number))
         for number, (name, portrait) in enumerate(members, 1)
     ]
-    rows = rows_of(entries, width_of(width) - RIGHT)
+    rows = rows_of([*entries, *others], width_of(width) - RIGHT)
     with style.journal():
-        below = _HIGH[width] + BOTTOM + 1.0
-        shown = _windows(trace, [*chain(*curves)])
+        shown = _windows(pieces, [*chain(*curves)])
         sheet, panels = lay_out(shown, width, rows, below)
         panel = _panel_below(sheet, width, _along_window(trace, [*chain(*along)]))
         for number, (_, portrait) in enumerate(members, 1):
