@@ -168,6 +168,7 @@ def test_parabola_in_contact() -> None:
     assert first_root_of_parabola(0.0, 2.0, -1.0) == 4.0
     assert first_root_of_parabola(0.0, 1.0, 1.0) == -1.0
     assert first_root_of_parabola(0.0, 0.0, 0.0) == -1.0
+    assert first_root_of_parabola(3.0, -1e-200, 0.0) == pytest.approx(3e200, rel=1e-15)
 
 
 rising = st.floats(0.0, 5.0).map(lambda x: round(x, 6))

@@ -19,6 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from vibro_cli.kernels.numerics.constants import LATEST
 from vibro_cli.kernels.world import END_INTERRUPTED, END_NAMES, END_TIME, LOG_FULL, RUNNING
 from vibro_cli.systems.columns import made
 from vibro_cli.systems.contract import Columns, Sink, System, Trajectory
@@ -121,8 +122,8 @@ class Stretches:
         self.cause = cause
         self.state = driver.state()
         end = None
-        if cause == END_TIME and self._stop_time is not None:
-            end = self._stop_time, 0.0
+        if cause == END_TIME:
+            end = LATEST if self._stop_time is None else self._stop_time, 0.0
             if loop.finishes:
                 driver.finish()
         records = {

@@ -9,6 +9,7 @@ from random import Random
 from typing import Any
 
 import pytest
+from mpmath import mp
 
 from tests.systems.trace.test_engines import FOLDER, bits
 from vibro_cli.api import load_scenario, simulate
@@ -122,6 +123,64 @@ def test_a_body_with_almost_no_energy_still_rolls_along_a_level_line() -> None:
     """Two bodies lose nearly all their energy at walls and meet 90 times, ever more slowly."""
     run = simulate_system(system_of(draw(2, 265)), None, 90, "compiled")
     assert run.summary_record()["collisions"] == 90
+
+
+def on_a_level_line(speed: float, **stop: float) -> Document:
+    """Return two bodies between walls, k and both walls 0.9: their impacts never end."""
+    ball = {"radius": 0.04, "arc": 1}
+    return {
+        "gravity": 9.81,
+        "trace": {"start_slope": 0.0, "arcs": [{"shape": "line", "length": 2.0}]},
+        "balls": [
+            {**ball, "mass": 1.0, "position": 0.5, "speed": speed},
+            {**ball, "mass": 2.0, "position": 1.5, "speed": 0.0},
+        ],
+        "collision": {"k": 0.9},
+        "ends": {side: {"wall": 0.9} for side in ("left", "right")},
+        "stop": stop,
+    }
+
+
+def impacts_on_a_level_line(speed: float, count: int) -> list[float]:
+    """Return the instants (s) of the first impacts there, computed in 60 digits."""
+    with mp.workdps(60):
+        k, left, right = mp.mpf(0.9), mp.mpf(0.04), 2 - mp.mpf(0.04)
+        t, x, v = mp.mpf(0), [mp.mpf(0.5), mp.mpf(1.5)], [mp.mpf(speed), mp.mpf(0)]
+        found: list[float] = []
+        while len(found) < count:
+            after = [
+                (left - x[0]) / v[0] if v[0] < 0 else mp.inf,
+                (right - x[1]) / v[1] if v[1] > 0 else mp.inf,
+                (x[1] - x[0] - 2 * left) / (v[0] - v[1]) if v[0] > v[1] else mp.inf,
+            ]
+            step = min(after)
+            t, x = t + step, [place + rate * step for place, rate in zip(x, v, strict=True)]
+            if step < after[2]:
+                v[after.index(step)] *= -k
+                continue
+            approach = (1 + k) * (v[0] - v[1]) / 3
+            v = [v[0] - 2 * approach, v[1] + approach]
+            found.append(float(t))
+        return found
+
+
+@pytest.mark.parametrize("engine", driver.ENGINES)
+def test_impacts_on_a_level_line_that_never_end(engine: str) -> None:
+    """They ended at 1e163 s with "no further impact is possible", 0.16 m apart at the last."""
+    record = simulate(scenario_of(on_a_level_line(0.3, collisions=10_000)), engine).summary_record()
+    assert (record["end_cause"], record["end_time"]) == ("time", 1e100)
+    assert record["collisions"] > 1300
+    assert record["last_collision_time"] > 1e98
+    assert record["quiet_from"] is None
+    assert record["max_gap"] < 1e-15
+
+
+@pytest.mark.parametrize("speed", [0.3, 1e-200])
+def test_instants_of_impacts_on_a_level_line(speed: float) -> None:
+    """The squares of slow speeds are zero: the first impact was found twice as late."""
+    run = simulate(scenario_of(on_a_level_line(speed, collisions=30, time=1e300)))
+    exact = impacts_on_a_level_line(speed, 30)
+    assert run.collisions["t"] == pytest.approx(exact, rel=1e-12)
 
 
 def drawn(number: int) -> Document:

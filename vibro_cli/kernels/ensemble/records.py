@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from vibro_cli.compile.kernel import kernel, struct
-from vibro_cli.kernels.numerics.constants import NEVER
+from vibro_cli.kernels.numerics.constants import LATEST, NEVER
 from vibro_cli.kernels.statistics.impact_columns import Columns, Runs, fill_run
 from vibro_cli.kernels.statistics.run_statistics import Results, update_statistics
 from vibro_cli.kernels.world import (
@@ -51,8 +51,9 @@ class Points(NamedTuple):
 @kernel
 def end_of_point(world: World, cause: int, points: Points, point: int) -> tuple[float, float]:
     """Return the end time of a run, or of a part of one (two doubles, s)."""
-    if cause == END_TIME and points.own[point].stop_t < NEVER:
-        return points.own[point].stop_t, 0.0
+    if cause == END_TIME:
+        stop_t = points.own[point].stop_t
+        return stop_t if stop_t < NEVER else LATEST, 0.0
     return world.clock[0].t, world.clock[0].t_low
 
 

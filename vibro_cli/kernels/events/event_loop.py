@@ -56,7 +56,7 @@ from vibro_cli.kernels.impact.laws import (
     impact_of_pair,
     log_impact,
 )
-from vibro_cli.kernels.numerics.constants import EPSILON, NEVER
+from vibro_cli.kernels.numerics.constants import EPSILON, LATEST, NEVER
 from vibro_cli.kernels.numerics.double_double import add_to_time, time_between
 from vibro_cli.kernels.world import (
     COLLISION,
@@ -488,8 +488,8 @@ def _horizon(world: World) -> tuple[float, float, int, int]:
     ends ``LEAST_TIME`` after it.
     """
     settings = world.settings[0]
-    t = settings.stop_t
-    low = LEAST_TIME if t < NEVER else 0.0
+    t = settings.stop_t if settings.stop_t < NEVER else LATEST
+    low = LEAST_TIME
     ball = -1
     for number in range(settings.bodies):
         flight = world.flights[number]
@@ -521,7 +521,7 @@ def drop_rows(clock: Clock) -> None:
 
 @kernel
 def _finish(world: World) -> int:
-    """End a run that has no further event before its stop time, if it has one.
+    """End a run that has no further event before its stop time, or `LATEST` without one.
 
     The clock stays at the last event, so that the run can be continued from there.
     """
@@ -537,7 +537,7 @@ def _finish(world: World) -> int:
         quiet = quiet and (pair.apart == 1 or (pair.held == 1 and pair.release_t == NEVER))
     if quiet:
         clock.quiet_from = clock.t
-    if settings.stop_t < NEVER:
+    if settings.stop_t < NEVER or not quiet:
         return END_TIME
     return END_REST if resting else END_NO_MORE_COLLISIONS
 

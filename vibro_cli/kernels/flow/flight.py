@@ -202,7 +202,9 @@ def launch_on_line(flight: Flight, left: float, right: float) -> None:
     length = to_right if side == 1 else to_left
     speed = v if side == 1 else -v  # towards the exit
     pull = a if side == 1 else -a
-    end_speed = math.sqrt(max(speed * speed + 2.0 * pull * length, 0.0))
+    end_speed = speed  # on a level line, even where its square would be zero
+    if pull != 0.0:
+        end_speed = math.sqrt(max(speed * speed + 2.0 * pull * length, 0.0))
     if speed >= 0.0:
         flight.exit_after = 2.0 * length / (speed + end_speed) if length > 0.0 else 0.0
     else:

@@ -148,6 +148,8 @@ def first_root_of_parabola(g: float, rate: float, second: float) -> float:
         return 0.0
     if rate >= 0.0 and second >= 0.0:
         return -1.0
+    if second == 0.0:
+        return g / -rate  # without the square of a slow rate, which may be zero
     discriminant = rate * rate - 2.0 * second * g
     if discriminant < 0.0:
         return -1.0
