@@ -34,6 +34,10 @@ Row = tuple[float, ...]
 
 # A negative force below this share of the weights is zero up to rounding.
 FORCE_ROUNDING = 1.0e-12
+# A force that vanishes this near the end of a segment vanishes there, up to the rounding of the
+# positions (a share of the length of the trace), but at most this share of the segment before it.
+AT_END_ROUNDING = 1.0e-14
+AT_ONCE = 1.0e-6
 # Gauss nodes: the zeros of the Legendre polynomial of degree 8, mapped to [0, 1].
 NODES = (
     0.01985507175123188, 0.10166676129318664, 0.23723379504183550, 0.40828267875217510,
@@ -73,17 +77,25 @@ def launch_across(world: World, first: int, count: int) -> None:
     h = _first_length(world, first, count)
     while not _integrate(world, first, count, h):
         h *= 0.5
+    end = h
     for step in range(count):
         ball = number_along(world, first, step)
         flight = world.flights[ball]
         _set_end(world, ball, h)
         if world.settings[0].one_sided == 1:
             _limit_by_lift_off(flight, h)
-        if step < count - 1:
-            pair = world.pairs[ball]
-            weights = world.bodies[pair.a].weight + world.bodies[pair.b].weight
-            after = first_root_of_series(pair.series, h, FORCE_ROUNDING * weights)
-            keep_release(flight, pair, after if after < h else NEVER)
+        end = min(end, flight.exit_after)
+    for step in range(count - 1):
+        ball = number_along(world, first, step)
+        pair = world.pairs[ball]
+        weights = world.bodies[pair.a].weight + world.bodies[pair.b].weight
+        after = first_root_of_series(pair.series, h, FORCE_ROUNDING * weights)
+        # Where the force vanishes at the end itself, as where both are on one slope, the next
+        # launch decides.
+        flight = world.flights[ball]
+        rounding = AT_END_ROUNDING * flight.size
+        at_once = rounding / max(abs(flight.flow_p), rounding / (AT_ONCE * h))
+        keep_release(flight, pair, after if after < end - at_once else NEVER)
 
 
 @kernel
