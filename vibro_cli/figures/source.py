@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from functools import wraps
+from inspect import signature
 from typing import Any, Concatenate, ParamSpec, Protocol, TypeVar
 from weakref import WeakKeyDictionary
 
@@ -75,12 +76,15 @@ def kept(
 ) -> Callable[Concatenate[Run, More], Found]:
     """Cache the last `_MOST_KEPT` results of a function of a run, for figures of several widths."""
     known: WeakKeyDictionary[Any, dict[Any, Found]] = WeakKeyDictionary()
+    takes = signature(find)
 
     @wraps(find)
     def found(run: Run, /, *args: More.args, **more: More.kwargs) -> Found:
         if not callable(getattr(run, "__hash__", None)):
             return find(run, *args, **more)
-        of_run, asked = known.setdefault(run, {}), (args, *more.items())
+        given = takes.bind(run, *args, **more)
+        given.apply_defaults()
+        of_run, asked = known.setdefault(run, {}), (given.args[1:], *given.kwargs.items())
         if asked not in of_run:
             of_run[asked] = find(run, *args, **more)
             if len(of_run) > _MOST_KEPT:
