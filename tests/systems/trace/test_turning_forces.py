@@ -109,6 +109,24 @@ def test_extremes_of_the_summary_are_those_of_the_motion(name: str) -> None:
     assert least * 0.93 <= record["min_normal_force"] <= least * (1.0 + 1e-12)
 
 
+@pytest.mark.usefixtures("no_hang")
+def test_no_friction_suffices_for_bodies_that_roll_on_together_where_the_trace_pulls() -> None:
+    """Down a hump far from the axis: what presses them together also throws them off it."""
+    arcs = [{"shape": "hump", "radius": 1.0, "end_slope": "-80 deg"}]
+    balls = [ball(1, "40 deg"), {"radius": 0.1, "density": 7800, "arc": 1, "touching": "previous"}]
+    axis = {"x": -8.0, "rate": 1.5}
+    found = run(data(arcs, balls, axis, "80 deg", collision=PLASTIC, stop={"time": 0.2}))
+    assert "contact_opened" not in found.events["event"]
+    motion = found.sample(np.linspace(0.0, 0.2, 50))
+    slope, away = -motion["angle"], 1.5**2 * (motion["x"] + 8.0)
+    # Without the force of contact.
+    normal = 9.81 * np.cos(slope) + away * np.sin(slope) - motion["speed"] ** 2 / 1.1
+    assert np.all(normal < 0.0)
+    record = found.summary_record()
+    assert record["min_normal_force"] < 0.0
+    assert record["max_friction_demand"] is None
+
+
 @pytest.mark.parametrize("name", FREE)
 @pytest.mark.parametrize("limit", [0.1, 0.15])
 def test_slips_are_where_friction_is_not_enough(name: str, limit: float) -> None:
