@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Callable
 from functools import partial
+from itertools import pairwise
 from random import Random
 from typing import Any
 
@@ -251,3 +252,14 @@ def test_no_impact_follows_where_a_drawn_run_ends(
         assert bits(later.collisions) == bits(run.collisions)
         ended += int(later.summary_record()["crossings"] > found["crossings"])
     assert ended > least
+
+
+@pytest.mark.parametrize("name", ["three_arcs", "line_between_valleys"])
+def test_no_run_is_quiet_before_an_impact_that_it_would_still_reach(name: str) -> None:
+    document = load_scenario(FOLDER / f"{name}.toml").resolved()
+    document["stop"] = {"collisions": 12}
+    times = [0.0, *simulate(scenario_of(document)).collisions["t"].tolist()]
+    for before, after in pairwise(times):
+        for share in (0.1, 0.5, 0.9):
+            run = until(document, before + share * (after - before))
+            assert run.summary_record()["quiet_from"] is None
