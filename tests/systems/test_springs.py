@@ -89,6 +89,43 @@ def test_phase_curves_of_small_swings_are_ellipses(size: float) -> None:
     assert np.max(np.abs(radius - 1.0)) < size**2 + 1e-14
 
 
+@pytest.mark.parametrize(
+    ("length", "place", "speed"),
+    [
+        *((0.5, 0.4, speed) for speed in (1.3, -0.7)),  # in one well
+        *((2.0, place, speed) for place, speed in ((1.5, 0.3), (2.2, -0.3))),  # in one of two
+        *((2.0, place, 4.0) for place in (0.01, -1.5, 2.0)),  # over both
+        (2.0, -1.5, -4.0),
+    ],
+)
+@pytest.mark.parametrize("share", [0.45, 0.97, 1.03, 2.4])
+def test_phase_curves_are_the_motion_and_after_periods_their_whole_loop(
+    length: float, place: float, speed: float, share: float
+) -> None:
+    """Against the sampled motion: the way along the loop, and the states that it passes."""
+    run = solve(springs([disk(place, speed, spring(6.0, length, 1.0, 0.3))], time=60.0), "compiled")
+    period = spring_periods(run.system, 1)[1]
+
+    def motion(duration: float) -> tuple[Any, Any]:
+        found = run.sample(np.linspace(0.0, duration, 6001))
+        return found["displacement"], found["speed"]
+
+    def way(places: Any) -> float:
+        return float(np.sum(np.abs(np.diff(places))))
+
+    q, v = motion(share * period)
+    ends = (q[:1], v[:1]), (q[-1:], v[-1:])
+    hills = SpringsLandscape.of(run.system, 0, 0)
+    curve, rates = (one[0] for one in hills.branches(*ends, np.array([share * period]), 6001))
+    drawn = way(q) if share < 2.0 else way(q) - way(motion(period)[0])
+    assert way(curve) == pytest.approx(drawn, rel=1e-5)
+    step = np.max(np.hypot(np.diff(curve), np.diff(rates)))
+    for number in range(0, 6001, 600):
+        assert np.min(np.hypot(curve - q[number], rates - v[number])) <= step
+    energy = hills.energy(curve, rates)
+    np.testing.assert_allclose(energy, energy[0], rtol=1e-11)
+
+
 def test_phase_curves_after_several_impacts_at_one_instant() -> None:
     """A third disk strikes two that are pressed together: C (7) with the last speed it leaves."""
     coming = disk(2.9, -1.5, spring(8.0, 0.5, 1.0, 0.0), mass=0.7)

@@ -19,7 +19,14 @@ from tests.systems.table_cases import Document, ball, box, ellipse, particle, so
 from vibro_cli.kernels.impact.laws import LAW_NAMES
 from vibro_cli.scenario import ScenarioError, any_scenario_of
 from vibro_cli.systems.run import Run
-from vibro_cli.systems.table.system import ELLIPSE, Wall, distance_to_wall, wrong_with_polygon
+from vibro_cli.systems.table.portrait import focal_product
+from vibro_cli.systems.table.system import (
+    ELLIPSE,
+    Wall,
+    distance_to_wall,
+    time_scale,
+    wrong_with_polygon,
+)
 from vibro_cli.systems.table.tables import Bounces
 from vibro_cli.systems.tables import Bodies
 
@@ -329,6 +336,36 @@ def test_the_foci_of_an_elliptic_wall(shape: tuple[float, float]) -> None:
     start = math.prod((0.3 - s * fx) * 0.7 - (0.1 - s * fy) * 0.9 for s in (1.0, -1.0))
     assert np.max(np.abs(_product_about_foci(run, shape) / start - 1.0)) <= 1e-10
     assert abs(run.summary_record()["energy_drift"]) <= 1e-12
+
+
+@pytest.mark.parametrize("shape", [(2.0, 1.2), (1.0, 1.6)])
+def test_the_levels_of_a_portrait_are_the_products_about_the_foci(
+    shape: tuple[float, float],
+) -> None:
+    run = solve(table([particle(0.3, 0.1, 0.9, 0.7)], ellipse(*shape), bounces=50))
+    rows = run.bounces
+    nx, ny = np.cos(rows["normal_angle"]), np.sin(rows["normal_angle"])
+    speed = np.hypot(rows["velocity_x_post"], rows["velocity_y_post"])
+    share = (rows["velocity_y_post"] * nx - rows["velocity_x_post"] * ny) / speed
+    levels = focal_product(run.system.wall, rows["normal_angle"], share)
+    known = (_product_about_foci(run, shape) / speed**2).astype(np.float64)
+    np.testing.assert_allclose(levels, known, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("wall", "half"),
+    [
+        (ellipse(1.5, 1.0), 1.5), (ellipse(1.0, 1.7, side="outside"), 1.7), (box(2.0, 1.4), 1.0),
+        (box(1.2, 3.0, x=0.2, y=5.0, side="outside"), 1.5), (None, 0.4),
+    ],
+)  # fmt: skip
+def test_exponents_measure_speeds_by_the_time_across_half_the_wall(
+    wall: Document | None, half: float
+) -> None:
+    balls = [ball(-0.4, 0.1, 0.3, 0.4), ball(0.4, -0.1, -0.1, 0.0)]
+    if wall is not None and wall.get("side") == "outside":
+        balls = [one | {"x": one["x"] + 4.0} for one in balls]
+    assert time_scale(solve(table(balls, wall, time=0.1)).system) == pytest.approx(half / 0.5)
 
 
 def test_the_roundings_of_impacts_do_not_add_up_in_one_direction() -> None:
