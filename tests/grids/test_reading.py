@@ -125,6 +125,18 @@ def test_a_wrong_cell_of_a_table_is_named_by_row_and_column(write: Path, name: s
     assert expected in str(caught.value)
 
 
+@pytest.mark.parametrize("suffix", ["csv", "parquet"])
+def test_a_table_without_rows_is_refused(write: Path, tmp_path: Path, suffix: str) -> None:
+    table = pa.table({"collision.k": pa.array([], pa.float64())})
+    if suffix == "csv":
+        csv.write_csv(table, tmp_path / "points.csv")
+    else:
+        pq.write_table(table, tmp_path / "points.parquet")
+    write.write_text(f'base = "base.toml"\n[[axes]]\ntable = "points.{suffix}"\n')
+    with pytest.raises(ScenarioError, match=r"axes\[1\].table: found .*a table without rows"):
+        load_grid(write)
+
+
 def test_a_table_whose_names_are_not_in_utf8_is_refused(write: Path) -> None:
     write.with_name("points.csv").write_bytes("collision.k,Höhe\n0.5,1\n".encode("latin-1"))
     write.write_text(AXIS + 'table = "points.csv"\n')
@@ -177,6 +189,14 @@ WRONG = {
     "no count": (
         AXIS + 'path = "gravity"\nlinspace = [1, 2, 0.5]\n',
         [":4:19: axes[1].linspace[3]: ", "a whole number from 1"],
+    ),
+    "ratio below 0": (
+        AXIS + 'path = "balls[1].angle"\nlogspace = [-1.0, 1.0, 3]\n',
+        [":4:12: axes[1].logspace: found -1.0 to 1.0, expected two ends of the same sign"],
+    ),
+    "ratio with 0": (
+        AXIS + 'path = "balls[1].angle"\nlogspace = [1.0, 0.0, 3]\n',
+        ["axes[1].logspace: found 1.0 to 0.0, expected two ends of the same sign, neither"],
     ),
     "no count for uniform": (
         AXIS + 'path = "gravity"\nuniform = [1, 2]\n',

@@ -192,6 +192,15 @@ def test_hostile_texts_end_soon_and_in_one_kind_of_error(case: str) -> None:
     assert processor_time(read, times=1) < 10_000 * usual
 
 
+def test_places_in_json_are_found_past_blanks_anywhere() -> None:
+    source = ' \n{ "gravity" :\t9.81 ,\n "balls"\n : [ { "mass" : -1.0 } ] }\n'
+    with pytest.raises(ScenarioError) as caught:
+        parse_scenario(source, "json")
+    (mass,) = (one for one in caught.value.problems if one.path == "balls[1].mass")
+    assert (mass.line, mass.column) == (4, 17)
+    assert source.splitlines()[3][16:].startswith("-1.0")
+
+
 def test_a_text_with_more_than_100_000_keys_is_refused_at_the_first_of_them() -> None:
     source = "\n".join(f"{i:x}=1" for i in range(100_001))
     with pytest.raises(ScenarioError) as caught:

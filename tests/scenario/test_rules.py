@@ -17,6 +17,18 @@ from vibro_cli.scenario.gallery import names, text
 from vibro_cli.scenario.models import Arc, Ball, Collision, Stop, Trace, Wall
 
 
+@pytest.mark.parametrize(
+    ("name", "accepted"),
+    [("x", True), ("x" * 100, True), ("", False), ("x" * 101, False), ("é" * 100, True),
+     ("€" * 67, False), ("a/b", False), (" x", False), ("..", False)],
+)  # fmt: skip
+def test_a_name_has_1_to_100_characters_and_at_most_200_bytes(name: str, accepted: bool) -> None:
+    if accepted:
+        assert good(data(name=name)).name == name
+    else:
+        assert bad_paths(data(name=name)) == ["name"]
+
+
 def test_defaults_are_those_of_the_interface() -> None:
     scenario = good(data())
     assert scenario.name == "scenario"

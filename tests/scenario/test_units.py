@@ -3,11 +3,21 @@ from __future__ import annotations
 from fractions import Fraction
 
 import mpmath
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vibro_cli.scenario.quantities import DIMENSIONS, PI, UNITS, UnitError, exact, to_si, unit_of
+from vibro_cli.scenario.quantities import (
+    DIMENSIONS,
+    PI,
+    UNITS,
+    Quantity,
+    UnitError,
+    exact,
+    to_si,
+    unit_of,
+)
 
 
 def test_pi_has_120_digits() -> None:
@@ -36,6 +46,9 @@ def test_pi_has_120_digits() -> None:
         ("36 km/h", "speed", Fraction(10)),
         ("3 t", "mass", Fraction(3000)),
         ("2 rad/s", "angular rate", Fraction(2)),
+        ("3 N/m", "stiffness", Fraction(3)),
+        ("2.5 kN/m", "stiffness", Fraction(2500)),
+        ("3 kg/s^2", "stiffness", Fraction(3)),
     ],
 )
 def test_units_without_pi_are_exact(text: str, dimension: str, value: Fraction) -> None:
@@ -90,6 +103,7 @@ def test_a_value_of_one_dimension_is_of_no_other(dimension: str) -> None:
         "speed": "m/s",
         "acceleration": "m/s^2",
         "density": "kg/m^3",
+        "stiffness": "N/m",
     }
     for other, unit in units.items():
         if other == dimension:
@@ -126,3 +140,13 @@ def test_a_value_of_one_dimension_is_of_no_other(dimension: str) -> None:
 def test_what_is_no_length(text: str) -> None:
     with pytest.raises(UnitError):
         to_si(text, "length")
+
+
+def test_no_number_is_allowed_that_is_not_finite() -> None:
+    for kind in (
+        Quantity("length"),
+        Quantity("length", at_least=0.0),
+        Quantity("length", above=0.0),
+    ):
+        allowed = kind.allows(np.array([1.0, np.inf, -np.inf, np.nan]))
+        assert allowed.tolist() == [True, False, False, False]
