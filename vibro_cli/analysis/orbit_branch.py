@@ -149,9 +149,10 @@ def family_of(scenario: Scenario, found: Orbit, path: str, low: float, high: flo
     except NoDerivative as error:
         raise NoOrbit(str(error)) from error
     if not low <= here <= high:
-        unit = " J relative to the trace's left end" if path == ENERGY else ""
-        expected = f"a number in the range {low:g}:{high:g}"
-        raise NoOrbit(f"{path}: found {here:.6g}{unit}, expected {expected}")
+        value = f"the scenario's value, {here:.6g}"
+        if path == ENERGY:
+            value = f"the orbit's, {here:.6g} J relative to the trace's left end"
+        raise NoOrbit(f"{path}: found the range {low:g}:{high:g}, expected one with {value}")
     # Report faults at the ends of the range first.
     if path != ENERGY and _restitutions(at(low)) != _restitutions(at(high)):
         expected = "another parameter: periodic orbits need 1"

@@ -209,7 +209,8 @@ class Run:
             By default ``outputs/<name>``.
         figures
             Whether to draw the default figures (phase portraits for a trace, otherwise figures of
-            the motion), or the kinds to draw. The logger warns of kinds with nothing to show.
+            the motion), or the kinds to draw (all: ``run.kinds``). The logger warns of kinds with
+            nothing to show.
         force
             Whether to replace a run with other parameters.
 
