@@ -286,8 +286,9 @@ def law_warnings(
     unequal_radii = any(a.radius != b.radius for a, b in pairs)
     separates = law.separates_on_arcs if arcs else law.separates_on_lines
     if unequal_radii and not separates:
-        stops = system.inadmissible == "stop"
-        then = "the run then stops" if stops else "the normal-impulse law is then used"
+        then = "the normal-impulse law is then used"
+        if system.inadmissible == "stop":
+            then = "the run then stops; the normal-impulse law always separates them"
         warnings.append(
             f"the {system.law} law between bodies of unequal radii can be inadmissible"
             f" (the bodies would pass through one another): {then}"
