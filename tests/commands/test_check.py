@@ -38,6 +38,11 @@ def test_trace_bodies_pairs_and_law_are_shown(vibro: Vibro, scenario: Path) -> N
     ]
 
 
+def test_a_lone_body_has_no_impact_law(vibro: Vibro) -> None:
+    assert vibro("new", "lone_particle").code == 0
+    assert "  law " not in vibro("check", "lone_particle.toml").text
+
+
 def test_json_has_the_resolved_scenario_and_what_follows(vibro: Vibro, scenario: Path) -> None:
     (found,) = vibro("check", scenario, "--json").lines
     assert found["scenario"]["collision"]["law"] == "hedrih"

@@ -125,7 +125,8 @@ def understood_lines(found: dict[str, Any]) -> Iterator[str]:
     for pair in found["pairs"]:
         yield f"  pair {pair['ball_a']}-{pair['ball_b']}  k = {pair['k']:g}"
         yield from map(_contact_line, pair["contacts"])
-    yield f"  law {found['law']}; inadmissible impacts: {found['inadmissible']}"
+    if found["pairs"]:
+        yield f"  law {found['law']}; inadmissible impacts: {found['inadmissible']}"
     yield f"  stop {settings(Scenario, scenario['stop'], ('stop',))}"
     if not trace["closed"]:
         yield f"  ends {settings(Scenario, scenario['ends'], ('ends',))}"
