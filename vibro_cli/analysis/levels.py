@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -99,7 +100,12 @@ class Landscape:
 
     def datum(self, piece: Piece) -> float:
         """Return the potential energy (J) at position 0 of a piece, which may be off it."""
-        return self.weight * self.height(piece, 0.0)
+        return self.weight * self._heights[piece.index]
+
+    @cached_property
+    def _heights(self) -> tuple[float, ...]:
+        """Heights (m) at position 0 of each piece, which every level curve needs."""
+        return tuple(self.height(piece, 0.0) for piece in self.trace.pieces)
 
     def energy(self, piece: Piece, position: ArrayLike, rate: ArrayLike) -> Array:
         """Return the energy ½ κ m v² + m g (y_C − lowest) (J) at positions and rates on a piece."""
