@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
@@ -407,10 +408,10 @@ def test_the_first_times_are_those_of_the_first_impacts(made: Any) -> None:
     taken: list[tuple[Any, ...]] = []
 
     class Many(Several):
-        def impacts(self, columns: Any, scenarios: Any) -> dict[str, Any]:
+        def impacts(self, columns: Any, scenarios: Any) -> Iterator[dict[str, Any]]:
             taken.append(tuple(columns))
             runs, n = np.repeat(scenarios, 2 * FIRST), np.tile(np.arange(2 * FIRST) + 1, 5)
-            return {"scenario": runs, "n": n, "t": 100.0 * runs + n}
+            yield {"scenario": runs, "n": n, "t": 100.0 * runs + n}
 
     figure = first_times(cast("Any", Many(grid, ("n", "t"))))
     assert figure is not None
@@ -428,8 +429,8 @@ def test_the_first_times_are_those_of_the_first_impacts(made: Any) -> None:
 @pytest.mark.parametrize("width", ["single", "double"])
 def test_runs_that_were_cut_short_have_their_ends_among_the_times(made: Any, width: str) -> None:
     class Few(Several):
-        def impacts(self, columns: Any, scenarios: Any) -> dict[str, Any]:
-            return {"scenario": scenarios, "n": np.ones(5), "t": np.arange(5.0)}
+        def impacts(self, columns: Any, scenarios: Any) -> Iterator[dict[str, Any]]:
+            yield {"scenario": scenarios, "n": np.ones(5), "t": np.arange(5.0)}
 
     grid = made(ONE)
     grid.summary.update(end_time=np.arange(5.0) + 7.0, collisions=np.array([1, 1, 1, FIRST, 1]))

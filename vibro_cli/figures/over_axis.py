@@ -6,7 +6,7 @@ For a grid, one or two columns of the impacts are drawn over an axis; for a run,
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -174,13 +174,15 @@ def _impacts_over(
     if shown_column is None or shown is None or "n" not in grid.impact_columns():
         return None
     name, symbol, unit = shown_column
-    impacts, row = _impacts_of(grid, shown, ["n", name])
-    number = np.asarray(impacts["n"], dtype=np.float64)
-    values = np.asarray(impacts[name], dtype=np.float64)
-    kept = np.isfinite(values) & (number <= (np.inf if most is None else most))
-    if not np.any(kept):
+    chosen = []
+    for impacts, row in _impacts_of(grid, shown, ["n", name]):
+        number = np.asarray(impacts["n"], dtype=np.float64)
+        values = np.asarray(impacts[name], dtype=np.float64)
+        kept = np.isfinite(values) & (number <= (np.inf if most is None else most))
+        chosen.append((shown.coordinates[0].place[row][kept], number[kept], values[kept]))
+    along, number, values = map(np.concatenate, zip(*chosen, strict=True))
+    if not len(values):
         return None
-    number, values, row = number[kept], values[kept], row[kept]
     places, ends = (np.empty(0), np.empty(0)) if most is None else _early_ends(grid, shown, most)
     with style.journal():
         figure, (axes,) = stacked(width, [_DIAGRAM[width]])
@@ -188,7 +190,6 @@ def _impacts_over(
         set_axis(axes.xaxis, shown.coordinates[0])
         size = float(np.clip(6000.0 / len(values), 0.15, 4.0))
         norm = Normalize(float(np.min(number)), float(np.max(number)))
-        along = shown.coordinates[0].place[row]
         draw_dots(axes, along, values, number, style.time_colours(), norm, size)
         if len(ends):
             axes.plot(places, ends, **ENDED)
@@ -199,12 +200,12 @@ def _impacts_over(
 
 def _impacts_of(
     grid: StoredGrid, shown: ParameterMap, columns: Sequence[str]
-) -> tuple[dict[str, NDArray[Any]], Integers]:
-    """Return columns of the impacts of the points shown, and the index of each impact's point."""
+) -> Iterator[tuple[dict[str, NDArray[Any]], Integers]]:
+    """Yield columns of the impacts of the points shown, and the index of each impact's point."""
     scenarios = grid.summary["scenario"][shown.rows]
-    impacts = grid.impacts(list(dict.fromkeys(["scenario", *columns])), scenarios)
     order = np.argsort(scenarios)
-    return impacts, order[np.searchsorted(scenarios, impacts["scenario"], sorter=order)]
+    for impacts in grid.impacts(list(dict.fromkeys(["scenario", *columns])), scenarios):
+        yield impacts, order[np.searchsorted(scenarios, impacts["scenario"], sorter=order)]
 
 
 def _early_ends(grid: StoredGrid, shown: ParameterMap, most: int) -> tuple[Array, Array]:
@@ -286,13 +287,13 @@ class Section:
         """Columns of the impacts that the selection needs."""
         return () if self.pair is None else ("ball_a", "ball_b")
 
-    def why_none(self, counts: Integers, held: str = "") -> str:
+    def why_none(self, most: int, held: str = "") -> str:
         """Return a text on why no impact is shown.
 
         Parameters
         ----------
-        counts
-            Number of impacts of each run (see `counts`).
+        most
+            Greatest number of impacts of a run (see `counts`).
         held
             The values at which other axes are held, as text.
         """
@@ -302,7 +303,6 @@ class Section:
             few = f"no run has more than {LAST} impacts{whose}{where}"
             return f"{few}; with a transient of 0 every impact is shown"
         after = f" after the first {self.transient}" if self.transient else ""
-        most = int(counts.max(initial=0))
         known = f"; the most that a run has are {most}" if 0 < most <= self.transient else ""
         return f"there is no impact{whose}{after}{where}{known}"
 
@@ -376,19 +376,22 @@ def bifurcation(
     if not panels:
         raise NothingToShow("the grid kept neither positions nor speeds of its impacts")
     wanted = ["n", *section.columns, *(name for name, _, _ in panels)]
-    impacts, row = _impacts_of(grid, shown, wanted)
-    sorting = np.lexsort((impacts["n"], row))
-    impacts, row = {name: column[sorting] for name, column in impacts.items()}, row[sorting]
-    chosen = section.chosen(impacts, row)
-    if not np.any(chosen):
-        raise NothingToShow(section.why_none(section.counts(impacts, row), shown.held))
-    across = shown.coordinates[0]
+    across, parts, most = shown.coordinates[0], [], 0
+    for impacts, row in _impacts_of(grid, shown, wanted):
+        sorting = np.lexsort((impacts["n"], row))
+        impacts, row = {name: column[sorting] for name, column in impacts.items()}, row[sorting]
+        chosen = section.chosen(impacts, row)
+        most = max(most, int(section.counts(impacts, row).max(initial=0)))
+        taken = [np.asarray(impacts[name], dtype=np.float64)[chosen] for name, _, _ in panels]
+        parts.append((across.place[row][chosen], *taken))
+    places, *columns = map(np.concatenate, zip(*parts, strict=True))
+    if not len(places):
+        raise NothingToShow(section.why_none(most, shown.held))
     with style.journal():
         figure, drawn = stacked(width, [_HIGH[width]] * len(panels), 2.0)
-        for axes, panel in zip(drawn, panels, strict=True):
-            values = np.asarray(impacts[panel[0]], dtype=np.float64)[chosen]
+        for axes, panel, values in zip(drawn, panels, columns, strict=True):
             set_axis(axes.xaxis, across, labelled=axes is drawn[-1])
-            _draw_over(axes, across.place[row][chosen], values, panel)
+            _draw_over(axes, places, values, panel)
     return figure
 
 
@@ -419,7 +422,7 @@ def poincare(
     x, y = (np.ma.filled(column, np.nan)[chosen] for column in values)
     both = np.isfinite(x) & np.isfinite(y)
     if not np.any(both):
-        raise NothingToShow(section.why_none(section.counts(impacts, run)))
+        raise NothingToShow(section.why_none(int(section.counts(impacts, run).max(initial=0))))
     x, y = x[both], y[both]
     name, symbol, unit = quantities[0]
     along = Coordinate(name, unit, x, (), symbol)

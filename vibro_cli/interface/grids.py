@@ -179,8 +179,10 @@ class Grid:
         if shown is None or not set(wanted) <= set(self.stored.impact_columns()):
             return np.zeros(0, dtype=np.int64)
         scenarios = self.stored.summary["scenario"][shown.rows]
-        impacts = self.stored.impacts(wanted, scenarios)
-        return section.counts(impacts, impacts["scenario"], int(scenarios.max()) + 1)[scenarios]
+        counts = np.zeros(int(scenarios.max()) + 1, dtype=np.int64)
+        for impacts in self.stored.impacts(wanted, scenarios):
+            counts += section.counts(impacts, impacts["scenario"], len(counts))
+        return counts[scenarios]
 
     def basins(self, outcome: Sequence[str] = ()) -> GridBasins:
         """Determine the outcome of each point, and how finely the outcomes are mixed.

@@ -332,13 +332,16 @@ class StoredGrid:
         parts = self._parts("collisions")
         return units_of_numbers(schema_of(parts[0])) if parts else {}
 
-    def impacts(self, columns: Sequence[str], scenarios: Column) -> dict[str, Column]:
-        """Return some columns of the impacts of some scenarios, in the order of the table."""
+    def impacts(self, columns: Sequence[str], scenarios: Column) -> Iterator[dict[str, Column]]:
+        """Yield some columns of the impacts of some scenarios, in the order of the table.
+
+        Each part holds all impacts of its scenarios.
+        """
         import pyarrow.compute as compute
 
         wanted = compute.field("scenario").isin(scenarios.tolist())
-        data = dataset_of(self._parts("collisions"))
-        return _columns(data.to_table(list(columns), filter=wanted))
+        for part in self._parts("collisions"):
+            yield _columns(dataset_of([part]).to_table(list(columns), filter=wanted))
 
     def _parts(self, name: str) -> list[Path]:
         """Return the files of a table, none if the grid did not keep it."""
