@@ -25,7 +25,7 @@ RUNS = 12
 IMPACTS = 30  # of the first run; each further one has one more
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Made:
     """A grid of two axes made by hand: run i has IMPACTS + i impacts; impact n is at 0.01 n + i."""
 
@@ -34,7 +34,6 @@ class Made:
     units: Mapping[str, str] = field(
         default_factory=lambda: {"balls[1].angle": "rad", "collision.k": "", "end_time": "s"}
     )
-    maps: dict[tuple[int, bool], Any] = field(default_factory=dict)
 
     @property
     def summary(self) -> Mapping[str, Any]:
