@@ -109,6 +109,29 @@ def test_extremes_of_the_summary_are_those_of_the_motion(name: str) -> None:
     assert least * 0.93 <= record["min_normal_force"] <= least * (1.0 + 1e-12)
 
 
+def test_forces_on_a_slope_are_least_where_a_body_turns_and_greatest_at_the_start() -> None:
+    """A body rolls down towards the axis, turns back, and is stopped before it is where it began.
+
+    N = m (g cos a + W^2 (x - X) sin a), D = (1 - 1/kappa) m |W^2 (x - X) cos a - g sin a|.
+    """
+    square, axis, slope, speed = 4.0, -3.0, np.radians(20.0), -5.0
+    body = {"radius": 0.1, "mass": 2.0, "arc": 1, "position": 4.0, "speed": speed}
+    line = [{"shape": "line", "length": 8.0}]
+    document = data(line, [body], {"x": axis, "rate": 2.0}, "20 deg", stop={"time": 0.6})
+    del document["collision"]
+    found = run(document)
+    away = 4.0 * np.cos(slope) - 0.1 * np.sin(slope) - axis
+    pull = square * away * np.cos(slope) - 9.81 * np.sin(slope)
+    # kappa v^2 = kappa v0^2 + 2 pull d + W^2 cos^2 a d^2, which falls to zero.
+    turn = np.roots([square * np.cos(slope) ** 2, 2.0 * pull, 1.4 * speed**2]).max()
+    assert found.sample([0.6])["s"][0] < 4.0
+    normal = 9.81 * np.cos(slope) + square * away * np.sin(slope)
+    least = normal + square * turn * np.cos(slope) * np.sin(slope)
+    record = found.summary_record()
+    assert record["min_normal_force"] == pytest.approx(2.0 * least, rel=1e-13)
+    assert record["max_friction_demand"] == pytest.approx(0.4 / 1.4 * pull / normal, rel=1e-13)
+
+
 @pytest.mark.usefixtures("no_hang")
 def test_no_friction_suffices_for_bodies_that_roll_on_together_where_the_trace_pulls() -> None:
     """Down a hump far from the axis: what presses them together also throws them off it."""
