@@ -141,3 +141,36 @@ def test_energies_beside_a_wall_count_from_the_end_of_the_trace(shape: str, rate
     end = 1.0 if shape == "line" else STEEP
     energy = potential(value - 0.3) - potential(end)
     assert summary["energy_start"] == pytest.approx(energy, rel=1e-12)
+
+
+def test_a_body_on_a_slope_is_pressed_by_its_share_of_the_weight() -> None:
+    """N = m g cos a, and the friction is (1 - 1/kappa) m g sin a."""
+    slope, body = -0.4, {"radius": RADIUS, "mass": 2.0, "arc": 1, "position": 0.5}
+    _, record = run_of({"shape": "line", "length": 4.0}, slope, [body], stop={"time": 0.3})
+    assert record["min_normal_force"] == pytest.approx(2.0 * GRAVITY * math.cos(slope), rel=1e-15)
+    assert record["max_friction_demand"] == pytest.approx(0.4 / 1.4 * math.tan(0.4), rel=1e-15)
+
+
+@pytest.mark.parametrize(("rate", "time"), [(3.0, 0.15), (-3.0, 0.15), (3.0, 1.2)])
+def test_forces_of_bodies_that_roll_together_are_those_of_the_motion(
+    rate: float, time: float
+) -> None:
+    """Up a valley, and stopped before they turn or after.
+
+    The force F between them gives both one acceleration: F cos(b/2) = m g (sin of b - mean sin),
+    N = m g cos + m v^2/rho + F sin(b/2), where they touch at the difference b of their angles.
+    """
+    body = {"radius": RADIUS, "mass": 2.0, "arc": 1, "rate": rate}
+    balls = [body | {"angle": 0.0}, body | {"touching": "previous"}]
+    collision = {"law": "normal-impulse", "k": 0.0}
+    arc = {"shape": "valley", "radius": 1.0, "end_slope": 1.5}
+    run, record = run_of(arc, -1.5, balls, collision=collision, stop={"time": time})
+    assert list(run.events["event"]) == ["contact_closed"]
+    motion = run.sample(np.linspace(0.0, time, 4001))
+    angle, speed = (motion[name].reshape(-1, 2) for name in ("angle", "speed"))
+    half, rho = math.asin(RADIUS / 0.9), 0.9
+    apart = np.sin(angle[:, 1]) - np.mean(np.sin(angle), axis=1)
+    force = 2.0 * GRAVITY * apart / math.cos(half)
+    normal = 2.0 * (GRAVITY * np.cos(angle) + speed**2 / rho) + force[:, None] * math.sin(half)
+    assert record["min_normal_force"] == pytest.approx(np.min(normal), rel=1e-6)
+    assert record["min_normal_force"] <= np.min(normal) * (1.0 + 1e-13)
