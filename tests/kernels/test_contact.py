@@ -10,14 +10,15 @@ import numpy as np
 import pytest
 
 from tests.bare_system import bare_system
-from tests.kernels.kernel_records import ball, three_arcs
+from tests.kernels.kernel_records import ball, flight_on_arc, three_arcs
 from vibro_cli.assemble import build_system
-from vibro_cli.kernels.contact.arc_contact import inverted, is_last
+from vibro_cli.kernels.contact.arc_contact import _released_step, inverted, is_last
 from vibro_cli.kernels.contact.first_contact import FINAL_CORRECTION
+from vibro_cli.kernels.flow.flight import snap_of_pendulum
 from vibro_cli.mechanics.system import Body, InitialState, TraceSystem
 from vibro_cli.scenario.loading import load_scenario
 from vibro_cli.stress.oracles.oracle import first_contact
-from vibro_cli.stress.oracles.reference_solver import ReferenceSolver
+from vibro_cli.stress.oracles.reference_solver import ArcMotion, ReferenceSolver
 from vibro_cli.stress.oracles.scene import Real, mp, scene_of_system
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.trace import simulate_system
@@ -155,3 +156,35 @@ def test_a_step_is_no_last_one_far_from_the_zero(share: float) -> None:
     near = inverted(1e-8, x1, 0.0, x3)
     assert near == pytest.approx(1e-7, rel=1e-6)
     assert is_last(1e-8, near, x1, 0.0, 1.0, FINAL_CORRECTION)
+
+
+@pytest.mark.parametrize(("angle", "rate"), [(0.9, -1.0), (0.3, -4.0), (-1.2, -2.0), (2.6, 0.4)])
+def test_the_step_after_a_release_ends_before_the_bodies_meet_again(
+    angle: float, rate: float
+) -> None:
+    """Both angles have one rate and one acceleration: the gap begins with the difference of jerks.
+
+    A jerk is -w^2 cos(phi) times the rate.
+    """
+    frequencies = 2.9, 3.3
+    places = angle, math.asin((2.9 / 3.3) ** 2 * math.sin(angle))
+    flights, states, motions, jerks = [], [], [], []
+    for w, place in zip(frequencies, places, strict=True):
+        s, c, p = math.sin(0.5 * place), math.cos(0.5 * place), 0.5 * rate / w
+        flight = flight_on_arc(w, s, c, p)
+        flight.snap_bound = snap_of_pendulum(w * w, flight.parameter)
+        flights.append(flight)
+        states += [s, c, p]
+        half = mp.mpf(place) / 2
+        motions.append(ArcMotion(mp.mpf(w), (mp.sin(half), mp.cos(half), mp.mpf(rate) / (2 * w))))
+        jerks.append(-w * w * math.cos(place) * rate)
+    step = _released_step(*flights, (0.0, 0.0), tuple(states))
+    jerk = jerks[1] - jerks[0]
+    if jerk <= 0.0:
+        assert 0.0 < step < 1e-9
+        return
+    assert step == pytest.approx(3.0 * jerk / sum(one.snap_bound for one in flights), rel=1e-12)
+    for share in (0.01, 0.1, 0.3, 0.5, 0.7, 0.9, 1.0):
+        ends = [motion.at(mp.mpf(share * step)) for motion in motions]
+        turns = [2 * mp.atan2(s, c) - place for (s, c, _), place in zip(ends, places, strict=True)]
+        assert turns[1] > turns[0]
