@@ -14,6 +14,8 @@ from tests.highprecision import springs as twin
 from tests.highprecision.springs_references import CASES, COLUMNS, references, twin_of
 from tests.systems.springs_cases import FIGURE_FIVE, PRESSED, disk, solve, spring, springs
 from vibro_cli.kernels.impact.laws import LAW_NAMES
+from vibro_cli.kernels.springs.loop import farthest
+from vibro_cli.kernels.springs.world import SpringBody
 from vibro_cli.mechanics.system import Body
 from vibro_cli.scenario import any_scenario_of
 from vibro_cli.systems.springs.build import build
@@ -741,3 +743,18 @@ def test_places_without_force_are_as_exact_in_any_unit_of_length(length: int) ->
 
     assert len(places(0)) == 3
     assert places(length) == [math.ldexp(place, length) for place in places(0)]
+
+
+@pytest.mark.parametrize(("length", "height"), [(0.4, 1.0), (1.0, 1.0), (1.5, 1.0), (2.0, 0.1)])
+@pytest.mark.parametrize("x", [-1.1, -0.3, 0.2, 2.0])
+def test_a_body_goes_as_far_as_its_energy_takes_it(length: float, height: float, x: float) -> None:
+    """Against a scan of the potential energy from the body outwards, w^2 (s - l)^2/2."""
+    spring = SpringBody()
+    spring.square, spring.length, spring.height, spring.x = 9.0, length, height, x
+    for energy_of_motion in (0.0, 0.01, 0.3, 5.0):
+        spring.energy = energy_of_motion + 4.5 * (math.hypot(x, height) - length) ** 2
+        for side in (-1.0, 1.0):
+            scan = x + side * np.linspace(0.0, 5.0, 50_001)[1:]
+            beyond = 4.5 * (np.hypot(scan, height) - length) ** 2 > spring.energy
+            turn = abs(float(scan[np.argmax(beyond)]) - x)
+            assert side * x + turn == pytest.approx(farthest(spring, side), abs=2.5e-4)
