@@ -158,7 +158,8 @@ def test_forces_of_bodies_that_roll_together_are_those_of_the_motion(
     """Up a valley, and stopped before they turn or after.
 
     The force F between them gives both one acceleration: F cos(b/2) = m g (sin of b - mean sin),
-    N = m g cos + m v^2/rho + F sin(b/2), where they touch at the difference b of their angles.
+    N = m g cos + m v^2/rho + F sin(b/2), where they touch at the difference b of their angles. The
+    friction is (1 - 1/kappa) m g (mean sin).
     """
     body = {"radius": RADIUS, "mass": 2.0, "arc": 1, "rate": rate}
     balls = [body | {"angle": 0.0}, body | {"touching": "previous"}]
@@ -174,3 +175,20 @@ def test_forces_of_bodies_that_roll_together_are_those_of_the_motion(
     normal = 2.0 * (GRAVITY * np.cos(angle) + speed**2 / rho) + force[:, None] * math.sin(half)
     assert record["min_normal_force"] == pytest.approx(np.min(normal), rel=1e-6)
     assert record["min_normal_force"] <= np.min(normal) * (1.0 + 1e-13)
+    friction = 0.8 / 1.4 * GRAVITY * np.abs(np.mean(np.sin(angle), axis=1))[:, None]
+    demand = np.max(friction / normal)
+    assert record["max_friction_demand"] == pytest.approx(demand, rel=1e-6)
+    assert record["max_friction_demand"] >= demand * (1.0 - 1e-13)
+
+
+@pytest.mark.parametrize("rate", [8.0, -8.0])
+def test_the_force_on_a_body_up_a_loop_is_least_where_it_ends_below_the_top(rate: float) -> None:
+    """N = m g cos + m v^2/rho falls with the height; it could go on over the top."""
+    arc = {"shape": "valley", "radius": 1.0, "end_slope": 2.9}
+    body = {"radius": RADIUS, "mass": 2.0, "arc": 1, "angle": 0.0, "rate": rate}
+    run, record = run_of(arc, -2.9, [body], stop={"time": 0.32})
+    end = run.sample([0.32])
+    angle, speed = float(end["angle"][0]), float(end["speed"][0])
+    assert 2.0 < abs(angle) < 2.4
+    normal = 2.0 * (GRAVITY * math.cos(angle) + speed**2 / 0.9)
+    assert record["min_normal_force"] == pytest.approx(normal, rel=1e-13)
