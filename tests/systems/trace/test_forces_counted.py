@@ -192,3 +192,22 @@ def test_the_force_on_a_body_up_a_loop_is_least_where_it_ends_below_the_top(rate
     assert 2.0 < abs(angle) < 2.4
     normal = 2.0 * (GRAVITY * math.cos(angle) + speed**2 / 0.9)
     assert record["min_normal_force"] == pytest.approx(normal, rel=1e-13)
+
+
+@pytest.mark.parametrize("limit", [0.15, 0.25])
+@pytest.mark.parametrize("start", [-1.3, 0.9])
+def test_a_body_in_a_valley_slips_when_its_motion_says(start: float, limit: float) -> None:
+    """Friction (1 - 1/kappa) m g |sin| exceeds its limit times N = m g cos + m v^2/rho."""
+    arc = {"shape": "valley", "radius": 1.0, "end_slope": 1.5}
+    body = {"radius": RADIUS, "mass": 2.0, "arc": 1, "angle": start}
+    keys = {"stop": {"time": 6.0}, "output": {"friction": limit}}
+    run, _ = run_of(arc, -1.5, [body], **keys)
+    times = np.linspace(0.0, 6.0, 60_001)
+    motion = run.sample(times)
+    friction = 0.4 / 1.4 * GRAVITY * np.abs(np.sin(motion["angle"]))
+    normal = GRAVITY * np.cos(motion["angle"]) + motion["speed"] ** 2 / 0.9
+    slips = friction > limit * normal
+    begin = [0.0] * int(slips[0]) + times[1:][slips[1:] & ~slips[:-1]].tolist()
+    assert len(begin) > 4
+    found = run.events["t"][run.events["event"] == "slip"]
+    assert found == pytest.approx(np.array(begin), abs=1.1e-4)

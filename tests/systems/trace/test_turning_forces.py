@@ -117,7 +117,8 @@ def test_forces_on_a_slope_are_least_where_a_body_turns_and_greatest_at_the_star
     square, axis, slope, speed = 4.0, -3.0, np.radians(20.0), -5.0
     body = {"radius": 0.1, "mass": 2.0, "arc": 1, "position": 4.0, "speed": speed}
     line = [{"shape": "line", "length": 8.0}]
-    document = data(line, [body], {"x": axis, "rate": 2.0}, "20 deg", stop={"time": 0.6})
+    keys = {"stop": {"time": 0.6}, "output": {"friction": 0.32}}
+    document = data(line, [body], {"x": axis, "rate": 2.0}, "20 deg", **keys)
     del document["collision"]
     found = run(document)
     away = 4.0 * np.cos(slope) - 0.1 * np.sin(slope) - axis
@@ -130,6 +131,15 @@ def test_forces_on_a_slope_are_least_where_a_body_turns_and_greatest_at_the_star
     record = found.summary_record()
     assert record["min_normal_force"] == pytest.approx(2.0 * least, rel=1e-13)
     assert record["max_friction_demand"] == pytest.approx(0.4 / 1.4 * pull / normal, rel=1e-13)
+    # At a limit of 0.32 it slips at the start, and again on the way back.
+    times = np.linspace(0.0, 0.6, 6001)
+    away = found.sample(times)["x"] - axis
+    pulls = square * away * np.cos(slope) - 9.81 * np.sin(slope)
+    slips = 0.4 / 1.4 * pulls > 0.32 * (9.81 * np.cos(slope) + square * away * np.sin(slope))
+    again = times[1:][slips[1:] & ~slips[:-1]]
+    told = found.events["t"][found.events["event"] == "slip"]
+    assert told == pytest.approx(np.array([0.0, *again]), abs=1.1e-4)
+    assert len(told) == 2
 
 
 @pytest.mark.usefixtures("no_hang")
