@@ -174,11 +174,12 @@ def test_the_step_after_a_release_ends_before_the_bodies_meet_again(
         flight = flight_on_arc(w, s, c, p)
         flight.snap_bound = snap_of_pendulum(w * w, flight.parameter)
         flights.append(flight)
-        states += [s, c, p]
+        states.append((s, c, p))
         half = mp.mpf(place) / 2
         motions.append(ArcMotion(mp.mpf(w), (mp.sin(half), mp.cos(half), mp.mpf(rate) / (2 * w))))
         jerks.append(-w * w * math.cos(place) * rate)
-    step = _released_step(*flights, (0.0, 0.0), tuple(states))
+    left, right = states
+    step = _released_step(flights[0], flights[1], (0.0, 0.0), (*left, *right))
     jerk = jerks[1] - jerks[0]
     if jerk <= 0.0:
         assert 0.0 < step < 1e-9

@@ -161,7 +161,7 @@ def test_forces_of_bodies_that_roll_together_are_those_of_the_motion(
     N = m g cos + m v^2/rho + F sin(b/2), where they touch at the difference b of their angles. The
     friction is (1 - 1/kappa) m g (mean sin).
     """
-    body = {"radius": RADIUS, "mass": 2.0, "arc": 1, "rate": rate}
+    body: dict[str, Any] = {"radius": RADIUS, "mass": 2.0, "arc": 1, "rate": rate}
     balls = [body | {"angle": 0.0}, body | {"touching": "previous"}]
     collision = {"law": "normal-impulse", "k": 0.0}
     arc = {"shape": "valley", "radius": 1.0, "end_slope": 1.5}
@@ -200,7 +200,7 @@ def test_a_body_in_a_valley_slips_when_its_motion_says(start: float, limit: floa
     """Friction (1 - 1/kappa) m g |sin| exceeds its limit times N = m g cos + m v^2/rho."""
     arc = {"shape": "valley", "radius": 1.0, "end_slope": 1.5}
     body = {"radius": RADIUS, "mass": 2.0, "arc": 1, "angle": start}
-    keys = {"stop": {"time": 6.0}, "output": {"friction": limit}}
+    keys: dict[str, Any] = {"stop": {"time": 6.0}, "output": {"friction": limit}}
     run, _ = run_of(arc, -1.5, [body], **keys)
     times = np.linspace(0.0, 6.0, 60_001)
     motion = run.sample(times)
