@@ -758,3 +758,32 @@ def test_a_body_goes_as_far_as_its_energy_takes_it(length: float, height: float,
             beyond = 4.5 * (np.hypot(scan, height) - length) ** 2 > spring.energy
             turn = abs(float(scan[np.argmax(beyond)]) - x)
             assert side * x + turn == pytest.approx(farthest(spring, side), abs=2.5e-4)
+
+
+def test_inadmissible_joint_impacts_stop_the_run_or_are_substituted() -> None:
+    """A large disk overtakes two small ones that close too, all at one instant.
+
+    The normal-impulse law, by which (v_b - v_a)' = -k (v_b - v_a) for both pairs, and the sum of
+    M v decide.
+    """
+    held = spring(1.0, 0.5, 1.0, 0.0)
+    speeds, masses, k = (1.0, 0.5, 0.1), (1.0, 0.2, 0.3), 0.5
+    apart = 2.0 * math.sqrt(0.4 * 0.1)
+    places = (0.0, apart, apart + 0.2)
+    balls = [
+        disk(x, v, held, radius=radius, mass=mass)
+        for x, v, radius, mass in zip(places, speeds, (0.4, 0.1, 0.1), masses, strict=True)
+    ]
+    document = springs(balls, k, collisions=2)
+    run = solve(document)
+    assert run.end_cause == "inadmissible"
+    assert list(run.collisions["admissible"]) == [False, False]
+    document["collision"]["inadmissible"] = "normal-impulse"
+    run = solve(document)
+    assert list(run.collisions["substituted"]) == [True, True]
+    assert list(run.collisions["simultaneous"]) == [True, True]
+    found = run.sample([run.end_time])["speed"]
+    rules = [[-1.0, 1.0, 0.0], [0.0, -1.0, 1.0], masses]
+    total = sum(m * v for m, v in zip(masses, speeds, strict=True))
+    expected = np.linalg.solve(np.array(rules), [k * 0.5, k * 0.4, total])
+    assert found == pytest.approx(expected, abs=1e-14)
