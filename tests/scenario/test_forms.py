@@ -84,6 +84,22 @@ def test_aliases_stand_for_their_values() -> None:
 
 
 @pytest.mark.parametrize(
+    ("source", "place"),
+    [
+        ("gravity: *g", "1:10: gravity: found the alias *g"),
+        ("gravity: 9.81\ntrace: &t\n  arcs: *t\n", "3:9: trace.arcs: found the alias *t"),
+    ],
+)
+def test_an_alias_of_nothing_or_of_what_holds_it_is_told_with_its_place(
+    source: str, place: str
+) -> None:
+    with pytest.raises(ScenarioError) as caught:
+        parse_scenario(source, "yaml")
+    expected = f"{place}, expected an alias of an earlier, finished value"
+    assert str(caught.value).endswith(expected)
+
+
+@pytest.mark.parametrize(
     ("source", "form"),
     [
         ('{"gravity": 9.81}', "json"),

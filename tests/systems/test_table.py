@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from matplotlib.path import Path
 from numpy.typing import NDArray
 
 from tests.effort import calls
@@ -831,6 +832,28 @@ def test_distances_from_an_ellipse_beside_its_centre_are_the_closed_form(turned:
             wall = Wall(ELLIPSE, True, 1.0, semi_axes=axes[::-1] if turned else axes)
             found = distance_to_wall(wall, place[::-1] if turned else place)
             assert found == pytest.approx(1.0 - y, rel=0.0, abs=5e-16)
+
+
+@pytest.mark.parametrize("inside", [True, False])
+def test_distances_from_a_polygon_are_negative_on_the_side_without_balls(inside: bool) -> None:
+    corners = np.array(L_SHAPE)
+    wall = Wall("polygon", inside, 1.0, corners=tuple(map(tuple, L_SHAPE)))
+    share = np.linspace(0.0, 1.0, 5001)[:, None]
+    sides = zip(corners, np.roll(corners, -1, axis=0), strict=True)
+    along = np.concatenate([start + share * (end - start) for start, end in sides])
+    for place in np.random.default_rng(1).uniform(-1.6, 1.6, (60, 2)):
+        within = bool(Path(corners).contains_point(place))
+        nearest = float(np.min(np.hypot(*(along - place).T)))
+        found = distance_to_wall(wall, (float(place[0]), float(place[1])))
+        assert found == pytest.approx(nearest if within == inside else -nearest, abs=1e-5)
+
+
+def test_a_side_without_length_is_told_by_its_corners() -> None:
+    corners = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (1.0, 1.0), (0.0, 1.0))
+    assert wrong_with_polygon(corners) == "corners 3 and 4 at the same point"
+    assert wrong_with_polygon((*corners[:3], *corners[4:], corners[0])) == (
+        "corners 5 and 1 at the same point"
+    )
 
 
 def last_that_meets(scene: Callable[[float], Document], low: float, high: float) -> float:
