@@ -448,8 +448,8 @@ def test_no_row_is_left_out_that_fits_between_two_bodies() -> None:
     hump = chain(60, arc("hump", 3.0, -60))
     joined = chain(60, arc("hump", 3.0, 0), arc("valley", 0.7, 60))
     for trace in (chain(-60, arc("valley", 3.0, 60)), hump, ring, joined, three_arcs()):
-        for _ in range(20):
-            radii = tuple((0.3 * random.random(8) ** 4 + 1e-4).tolist())
+        drawn = [tuple(row) for row in (0.3 * random.random((20, 8)) ** 4 + 1e-4).tolist()]
+        for radii in (*drawn, (0.3, *[0.05] * 6, 0.3)):
             every = [
                 row
                 for (left, right), row in over_others(len(radii), trace.closed)
