@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -114,6 +115,17 @@ def test_a_logarithmic_axis_has_no_labels_but_those_it_is_given() -> None:
     sheet.figure.canvas.draw()
     every = [*axes.get_xticklabels(), *axes.get_xticklabels(minor=True)]
     assert tuple(label.get_text() for label in every if label.get_text()) == ticks.labels
+    assert axes.get_xlabel() == "t [s]"
+
+
+def test_an_axis_without_labels_has_its_ticks_and_no_text() -> None:
+    sheet = Sheet(85.0, 40.0)
+    axes = sheet.panel(13.0, 8.0, 69.0, 30.0)
+    axes.set_xlim(0.0, 3.0)
+    ticks = number_ticks(0.0, 3.0, 69.0)
+    label_axis(axes.xaxis, ticks, "t", "s", labelled=False)
+    assert tuple(axes.get_xticks()) == ticks.places
+    assert not any(label.get_text() for label in [*axes.get_xticklabels(), axes.xaxis.label])
 
 
 def test_labels_of_numbers_keep_apart() -> None:
@@ -123,6 +135,18 @@ def test_labels_of_numbers_keep_apart() -> None:
         if len(ticks.places) > 1:
             step = (ticks.places[1] - ticks.places[0]) * width / 3.0
             assert step > 1.15 * max(map(len, ticks.labels))
+
+
+@pytest.mark.parametrize(("low", "high"), [(-1234.5, 987.0), (0.0, 0.0123), (-0.31, -0.12)])
+def test_labels_of_any_numbers_keep_apart_from_the_next(low: float, high: float) -> None:
+    for width in (16.0, 30.0, 70.0):
+        ticks = number_ticks(low, high, width)
+        assert ticks.places
+        for (place, label), (beside, other) in pairwise(
+            zip(ticks.places, ticks.labels, strict=True)
+        ):
+            apart = (beside - place) * width / (high - low)
+            assert apart > 0.575 * (len(label) + len(other))
 
 
 @pytest.mark.parametrize(

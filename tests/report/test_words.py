@@ -5,12 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import pytest
 
 from tests.systems.trace.test_energy import not_made
 from vibro_cli.commands.show import _text
-from vibro_cli.report.words import method_of, named, number, validity
+from vibro_cli.report.words import cell, method_of, named, number, validity
 from vibro_cli.stress.scenes import solve_any
-from vibro_cli.systems import system_named
+from vibro_cli.systems import columns, system_named
 
 
 def test_keys_have_words_and_units() -> None:
@@ -70,3 +71,29 @@ def test_an_impact_that_would_lift_a_body_off_is_not_called_inadmissible() -> No
     assert "Inadmissible or prevented impacts: 1." in (
         validity(run.summary_record(), True, refused, ())
     )
+
+
+def test_a_trace_that_has_to_hold_bodies_back_is_told() -> None:
+    said = validity({"min_normal_force": -2.5, "max_friction_demand": None}, True, 0, ())
+    assert said[0].startswith("The trace has to hold bodies back")
+    assert "−2.5 N" in said[0]
+    assert "no coefficient of friction permits rolling" in said[1]
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "text"),
+    [
+        (True, "", "yes"), (False, "", "no"), (None, "m", "–"), (float("nan"), "m", "–"),
+        ("stop", "", "stop"), (12, "", "12"), (-0.5, "m", "−0.5 m"), (90.0, "°", "90°"),
+        (1e-7, "s", "10⁻⁷ s"), (-2.5e20, "", "−2.5·10²⁰"),
+    ],
+)  # fmt: skip
+def test_values_are_written_as_in_print(value: Any, unit: str, text: str) -> None:
+    assert number(value, unit) == text
+
+
+def test_a_cell_without_a_value_is_a_dash_and_sorted_first() -> None:
+    column = columns.number("x", "m", "place", True)
+    values: list[Any] = [None, float("nan"), np.ma.masked, np.float64(2.5), "no_contact"]
+    found = [cell({"x": values}, column, row) for row in range(5)]
+    assert found == [("", "–")] * 3 + [("2.5", "2.5"), ("no_contact", "no contact")]
