@@ -293,3 +293,22 @@ def test_a_grid_of_balls_on_a_table_may_end_by_bounces(
     grid.write_text(f"base = 'small.toml'\n[[axes]]\n{axis}\n")
     found = vibro("check", grid, "--json").lines[0]
     assert (found["points"] > 0, found["hint"] is not None) == (True, hinted)
+
+
+def test_of_several_scenarios_each_is_answered_unless_the_first_bad_one_ends_the_check(
+    vibro: Vibro, scenario: Path
+) -> None:
+    bad = scenario.with_name("bad.toml")
+    bad.write_text(scenario.read_text() + "\n[stop]\ntime = -1.0\n")
+    names = bad, scenario
+    outcome = vibro("check", *names, "--json")
+    refused, accepted = outcome.lines
+    assert outcome.code == 2
+    assert (refused["source"], refused["valid"], accepted["valid"]) == (str(bad), False, True)
+    assert refused["problems"]
+    assert vibro("check", *names, "--json", "--fail-fast").lines == [refused]
+    told = vibro("check", *names)
+    assert (told.code, accepted["name"] in told.text, "bad.toml" in told.err) == (2, True, True)
+    first = vibro("check", *names, "--fail-fast")
+    assert (first.code, first.text) == (2, "")
+    assert vibro("check", bad, "--json").lines == [refused]

@@ -188,3 +188,10 @@ def test_schema_describes_grids_over_every_system(vibro: Vibro) -> None:
         assert found["$id"] == f"urn:vibro:schema:grid-{system}"
         assert {"base", "scenario", "axes", "keep"} <= set(found["properties"])
     assert vibro("schema", "tables", "--system", "table").code == 2
+
+
+def test_the_schema_is_json_unless_markdown_is_asked_for(vibro: Vibro) -> None:
+    assert vibro("schema", "--json").text == vibro("schema").text
+    both = vibro("schema", "tables", "--json", "--markdown")
+    assert (both.code, both.text) == (2, "")
+    assert "expected one of --markdown and --json" in both.err
