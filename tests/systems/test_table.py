@@ -837,7 +837,7 @@ def test_distances_from_an_ellipse_beside_its_centre_are_the_closed_form(turned:
 @pytest.mark.parametrize("inside", [True, False])
 def test_distances_from_a_polygon_are_negative_on_the_side_without_balls(inside: bool) -> None:
     corners = np.array(L_SHAPE)
-    wall = Wall("polygon", inside, 1.0, corners=tuple(map(tuple, L_SHAPE)))
+    wall = Wall("polygon", inside, 1.0, corners=tuple((x, y) for x, y in L_SHAPE))
     share = np.linspace(0.0, 1.0, 5001)[:, None]
     sides = zip(corners, np.roll(corners, -1, axis=0), strict=True)
     along = np.concatenate([start + share * (end - start) for start, end in sides])
