@@ -30,6 +30,8 @@ def test_pi_has_120_digits() -> None:
     ("text", "dimension", "value"),
     [
         ("12 cm", "length", Fraction(12, 100)),
+        ("32.8 grams", "mass", Fraction(328, 10_000)),
+        ("2 kilograms", "mass", Fraction(2)),
         ("0.1 in", "length", Fraction(254, 100000)),
         ("1e-3 km", "length", Fraction(1)),
         ("-.5 mm", "length", Fraction(-5, 10000)),

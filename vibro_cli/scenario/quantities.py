@@ -388,7 +388,16 @@ UNITS: dict[str, Unit] = {
         },
     ),
     **_units((3, 0, 0, 0), {"l L litre liter": "0.001", "ml mL": "1e-6"}),
-    **_units(_MASS, {"kg": "1", "g": "0.001", "mg": "1e-6", "t tonne": "1000", "lb": "0.45359237"}),
+    **_units(
+        _MASS,
+        {
+            "kg kilogram kilograms": "1",
+            "g gram grams": "0.001",
+            "mg": "1e-6",
+            "t tonne tonnes": "1000",
+            "lb": "0.45359237",
+        },
+    ),
     **_units(
         _TIME,
         {
