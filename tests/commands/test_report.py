@@ -62,6 +62,12 @@ def test_several_runs_have_one_page_and_a_pdf(vibro: Vibro) -> None:
     assert vibro("report", "one", "-o", "-", "--json").code == 2
     refused = vibro("report", "one", "-o", "page.pdf")
     assert (refused.code, "found 'page.pdf', expected a .html file" in refused.err) == (2, True)
+    refused = vibro("report", "one", "--pdf", "pages.png")
+    assert (refused.code, refused.err) == (
+        2,
+        "vibro: --pdf: found 'pages.png', expected a .pdf file\n",
+    )
+    assert not Path("pages.png").exists()
     assert b"collision.k" in Path("report.html").read_bytes()
     pdf = Path("figures.pdf").read_bytes()
     assert pdf.startswith(b"%PDF-")

@@ -289,6 +289,8 @@ def _check(options: ReportCommand) -> None:
         raise CommandError(f"vibro: {target} exists and is not a vibro report; it is left as it is")
     if pdf is not None and pdf.exists() and first_bytes(pdf, 5) != b"%PDF-":
         raise CommandError(f"vibro: {pdf} exists and is not a PDF; it is left as it is")
+    if pdf is not None and pdf.suffix.lower() not in ("", ".pdf"):
+        raise CommandError(f"vibro: --pdf: found {str(pdf)!r}, expected a .pdf file")
     if options.figures is not None:
         check_replaceable(options.figures, "figures")
 
