@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 import shlex
+from fractions import Fraction
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -59,6 +60,16 @@ def test_worked_ratios(name: str) -> None:
     closing = float(table["omega_a_pre"][0] - table["omega_b_pre"][0])
     changes = [float(table[f"omega_{e}_post"][0] - table[f"omega_{e}_pre"][0]) for e in "ab"]
     assert changes == pytest.approx([-2 * small * closing, 2 * large * closing], rel=1e-13)
+
+
+@pytest.mark.parametrize(("letter", "name"), [*zip("abc", RATIOS, strict=True)])
+def test_the_page_has_the_outgoing_velocities_of_the_examples(letter: str, name: str) -> None:
+    (shown,) = (row[-1] for row in rows_of("B") if row[0] == f"B example {letter}*")
+    fractions = re.findall(r"[−\d]+/\d+", shown)
+    table = run_of(name).collisions
+    after = [float(table[f"omega_{end}_post"][0]) for end in "ab"]
+    expected = [float(Fraction(one.replace("−", "-"))) for one in fractions]
+    assert after == pytest.approx(expected, rel=1e-14)
 
 
 def test_two_bodies_in_translation() -> None:
