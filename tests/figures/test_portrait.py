@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 
 from tests.analysis.traces import hump, line, system, valley
 from tests.bare_system import GRAVITY
+from tests.effort import calls
 from tests.figures.layout import assert_texts_are_apart, texts
 from tests.figures.runs import (
     HandMade,
@@ -291,6 +292,19 @@ def test_panels_of_a_run_on_very_many_arcs_are_those_around_its_start() -> None:
     first, last = (title.split(",")[0] for title in (titles[0], titles[-1]))
     assert f"arcs {first}–{last} of 201" in {one.get_text() for one in texts(figure)}
     assert_texts_are_apart(figure)
+
+
+def test_the_motion_along_four_times_as_many_arcs_takes_four_times_as_many_calls() -> None:
+    """The lowest point of the trace was searched for on each arc: sixteen times as many."""
+
+    def needed(pairs: int) -> int:
+        run = made(-50, *[valley(1.0, 50), hump(0.5, -50)] * pairs)
+        for pair in range(pairs):
+            run.fly(2 * pair + 1, (-0.8, 2.0), (0.8, 2.0), cause_start="crossing")
+            run.fly(2 * pair + 2, (-0.8, 2.0), (0.8, 2.0), cause_start="crossing")
+        return calls(lambda: trajectory(run, 1))
+
+    assert needed(120) < 5 * needed(30)
 
 
 @pytest.mark.parametrize("width", ["single", "double"])

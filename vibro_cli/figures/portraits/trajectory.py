@@ -120,9 +120,11 @@ def trajectory(run: Recorded, ball: int) -> Trajectory:
     some = _passages(flights, first, 2 * len(run.system.trace.pieces)) % every == 0
     ends = first[some], last[some]
     count = points_each(len(ends[0]))
-    free = _free(run, ball, flights, ends[0])
+    landscape = Landscape.of(run.system, ball)
+    free = _free(run, landscape, flights, ends[0])
     branches = tuple(
-        _branches(run, flights, ball, piece, ends, free, count) for piece in run.system.trace.pieces
+        _branches(run, flights, ball, landscape, piece, ends, free, count)
+        for piece in run.system.trace.pieces
     )
     start = (
         int(flights["arc"][mine[0]]) - 1,
@@ -194,11 +196,10 @@ def points_each(branches: int) -> int:
     return int(2 ** np.clip(round(math.log2(160000 / max(branches, 1))), 6, 8)) + 1
 
 
-def _free(run: Recorded, ball: int, flights: Table, rows: Integers) -> Flags:
+def _free(run: Recorded, landscape: Landscape, flights: Table, rows: Integers) -> Flags:
     """Return which flights keep their energy: none on a rotating trace, in contact or at rest."""
     if run.system.turning is not None:
         return np.zeros(len(rows), dtype=np.bool_)
-    landscape = Landscape.of(run.system, ball)
     least = _NO_ENERGY * landscape.weight * landscape.trace.length
     kept = np.zeros(len(rows), dtype=np.bool_)
     for piece in run.system.trace.pieces:
@@ -217,6 +218,7 @@ def _branches(
     run: Recorded,
     flights: Table,
     ball: int,
+    landscape: Landscape,
     piece: Piece,
     ends: tuple[Integers, Integers],
     free: Flags,
@@ -230,7 +232,7 @@ def _branches(
     rate = np.empty((0, count))
     if len(rows):
         position, rate = free_branches(
-            Landscape.of(run.system, ball),
+            landscape,
             piece,
             (flights["angle_start"][rows], flights["rate_start"][rows]),
             (flights["angle_end"][rows], flights["rate_end"][rows]),
