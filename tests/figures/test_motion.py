@@ -71,6 +71,20 @@ def test_the_clock_is_drawn_with_its_decimals() -> None:
     assert '"digits": 5' in page.replace('":5', '": 5')
 
 
+def test_a_motion_on_a_small_part_of_the_trace_is_filmed_close_up() -> None:
+    """Two balls within 1.5 m of a line of 100 m lay on one another, and did not seem to move."""
+    run, close = shown("falling_balls", 10.0)
+    drawn = Film(close, 50.0)
+    drawn.picture(0)
+    (left, right), (bottom, top) = drawn.plan.get_xlim(), drawn.plan.get_ylim()
+    radius = run.system.bodies[0].radius
+    assert left < close.x.min() - radius
+    assert close.x.max() + radius < right < left + 5.0
+    assert bottom < close.y.min() - radius
+    assert close.y.max() + radius < top
+    assert drawn.drawn_radii == [radius, radius]
+
+
 def test_a_frame_is_on_the_flight_of_its_time() -> None:
     """The energy of a frame is that of its flight, to rounding: states are not interpolated."""
     run, all_frames = shown("three_arcs", 8.0)

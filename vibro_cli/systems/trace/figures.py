@@ -33,6 +33,10 @@ from vibro_cli.mechanics.trace import Trace
 
 _FILM_WALL = 0.06
 """Height of a wall at an end of the trace, as a fraction of half the width."""
+_SMALL = 0.2
+"""A motion within this share of the trace is shown close up, ..."""
+_BESIDE = 0.1
+"""... with this share of its extent on both sides."""
 
 
 def film(run: Any, times: Array) -> Frames:
@@ -54,14 +58,21 @@ def film(run: Any, times: Array) -> Frames:
     turn = np.column_stack(
         [_turned(run.system.trace, body, arc[:, n], s[:, n]) for n, body in enumerate(bodies)]
     )
-    return Frames(_ground(run), times, table("x"), table("y"), turn, s, speed, trails, span)
+    x, y = table("x"), table("y")
+    return Frames(_ground(run, x, y), times, x, y, turn, s, speed, trails, span)
 
 
-def _ground(run: Recorded) -> Ground:
-    """Return the trace with its walls, and the plane of speed against arc length."""
+def _ground(run: Recorded, x: Array, y: Array) -> Ground:
+    """Return the trace with its walls, or the small part that the bodies visit, and the plane."""
     surface = trace_points(run.system.trace)
     radii = tuple(body.radius for body in run.system.bodies)
     room = 1.1 * max(radii) + 0.01 * float(np.max(np.ptp(surface, axis=0)))
+    low, high = surface.min(axis=0) - room, surface.max(axis=0) + room
+    visited = np.column_stack([x.ravel(), y.ravel()])
+    extent = float(np.max(np.ptp(visited, axis=0)))
+    beside = _BESIDE * extent + 2.2 * max(radii)
+    if extent > 0.0 and extent + 2.0 * beside < _SMALL * float(np.max(high - low)):
+        low, high = visited.min(axis=0) - beside, visited.max(axis=0) + beside
 
     def draw(axes: Axes, half: float) -> None:
         axes.plot(surface[:, 0], surface[:, 1], color=style.BLACK, linewidth=1.0)
@@ -69,7 +80,6 @@ def _ground(run: Recorded) -> Ground:
 
     junctions = tuple(piece.start_s for piece in run.system.trace.pieces[1:])
     panel = Panel("s", "speed against arc length", junctions)
-    low, high = surface.min(axis=0) - room, surface.max(axis=0) + room
     return Ground(radii, low, high, draw, "the trace", panel)
 
 
