@@ -19,7 +19,13 @@ from vibro_cli.analysis.levels import Landscape
 from vibro_cli.api import simulate as simulate_any
 from vibro_cli.figures.chart import draw_marks
 from vibro_cli.figures.portraits.trajectory import MOST_BRANCHES, trajectory
-from vibro_cli.figures.runs.over_time import energies, energy_course, energy_lines, seen
+from vibro_cli.figures.runs.over_time import (
+    energies,
+    energy_course,
+    energy_lines,
+    seen,
+    space_time,
+)
 from vibro_cli.scenario import any_scenario_of
 from vibro_cli.systems import NAMES as SYSTEMS
 from vibro_cli.systems import system_named
@@ -307,3 +313,25 @@ def test_of_many_branches_those_of_one_passage_are_drawn_on_every_piece() -> Non
     apart = np.abs(np.subtract.outer(left, hump)).min(axis=1)
     assert np.mean(apart < 1e-9 * left) > 0.95
     assert sum(len(branches.time) for branches in path.branches) < 1.5 * MOST_BRANCHES
+
+
+@pytest.mark.parametrize(("pairs", "drawn"), [(10, 20), (200, 0)])
+def test_junctions_are_drawn_unless_they_merge_into_grey(pairs: int, drawn: int) -> None:
+    wave = [
+        {"shape": "valley", "radius": 1.0, "end_slope": "40 deg"},
+        {"shape": "hump", "radius": 1.0, "end_slope": "-40 deg"},
+    ]
+    ball = {"radius": 0.1, "mass": 1.0, "angle": 0.0, "rate": 4.0}
+    data = {
+        "gravity": 9.81,
+        "trace": {"start_slope": "-40 deg", "arcs": [*wave * pairs, wave[0]]},
+        "balls": [ball | {"arc": 1}, ball | {"arc": 2 * pairs + 1, "rate": 0.0}],
+        "collision": {"k": 1.0},
+        "stop": {"time": 1.0},
+    }
+    run = simulate(any_scenario_of(data)).solved
+    figure = space_time(run)
+    assert figure is not None
+    starts = {piece.start_s for piece in run.system.trace.pieces[1:]}
+    level = [set(np.asarray(one.get_ydata()).tolist()) for one in figure.axes[0].lines]
+    assert sum(len(one) == 1 and one <= starts for one in level) == drawn

@@ -17,7 +17,7 @@ from tests.figures.layout import assert_texts_are_apart, texts
 from tests.grid_folder import CAUSES, place_of, product, write_grid
 from vibro_cli import example, load_scenario, sweep
 from vibro_cli.analysis.basins import codes_of
-from vibro_cli.figures import maps
+from vibro_cli.figures import maps, over_axis
 from vibro_cli.figures.chart import value_axis
 from vibro_cli.figures.kinds import CONTACT_WORDS, draw_grid, draw_grid_kind
 from vibro_cli.figures.maps import COLOURS, ending_map, parameter_map, quantity_map, words_of
@@ -427,7 +427,9 @@ def test_the_first_times_are_those_of_the_first_impacts(made: Any) -> None:
 
 
 @pytest.mark.parametrize("width", ["single", "double"])
-def test_runs_that_were_cut_short_have_their_ends_among_the_times(made: Any, width: str) -> None:
+def test_runs_that_were_cut_short_have_their_ends_among_the_times(
+    made: Any, width: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     class Few(Several):
         def impacts(self, columns: Any, scenarios: Any) -> Iterator[dict[str, Any]]:
             yield {"scenario": scenarios, "n": np.ones(5), "t": np.arange(5.0)}
@@ -442,6 +444,11 @@ def test_runs_that_were_cut_short_have_their_ends_among_the_times(made: Any, wid
     np.testing.assert_array_equal(np.asarray(cross.get_xydata()), [[ANGLES[2], 9.0]])
     assert figure.axes[0].get_ylim()[1] > 9.0
     assert [text.get_text() for text in figure.legends[0].get_texts()] == ["run ended"]
+    assert not cross.get_rasterized()
+    monkeypatch.setattr(over_axis, "MOST_VECTOR_POINTS", 0)  # 10^5 of them took 13 MB in SVG
+    figure = first_times(cast("Any", Few(grid, ("n", "t"))), width)
+    assert figure is not None
+    assert figure.axes[0].lines[0].get_rasterized()
 
 
 def test_a_panel_of_one_value_is_left_out(made: Any) -> None:

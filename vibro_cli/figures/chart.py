@@ -328,6 +328,18 @@ def body_entries(run: Any, most: int = _MOST_LOOKS) -> list[Entry]:
     return entries if number <= most else [*entries, ("…", {"linestyle": "none"})]
 
 
+_MERGED = 1.0
+"""Lines closer than this (mm) would merge into a grey surface."""
+
+
+def distinct_lines(
+    places: Iterable[float], limits: tuple[float, float], length: float
+) -> list[float]:
+    """Return the places within limits of an axis of a length (mm), none if lines would merge."""
+    seen = [place for place in places if limits[0] <= place <= limits[1]]
+    return seen if len(seen) * _MERGED <= length else []
+
+
 MANY = " If there are very many impacts, those at the same spot are drawn as one dot."
 """Sentence for the captions of figures with marks drawn by :func:`draw_marks`."""
 MOST_MARKS = 200_000

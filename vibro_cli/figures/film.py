@@ -26,8 +26,9 @@ from numpy.typing import NDArray
 
 from vibro_cli.errors import VibroError
 from vibro_cli.figures import style
-from vibro_cli.figures.chart import body_look, limits_around, number_plane
+from vibro_cli.figures.chart import body_look, distinct_lines, limits_around, number_plane
 from vibro_cli.figures.source import Array, Flags
+from vibro_cli.figures.style import panel_size
 from vibro_cli.progress import WORK
 from vibro_cli.systems.columns import made
 
@@ -309,7 +310,7 @@ class FilmFrame:
         axes.set_xlim(limits_around(np.concatenate(across)))
         axes.set_ylim(limits_around(np.concatenate(up)))
         number_plane(axes, (f"${panel.symbol}$", "m"), ("$v$", "m/s"), larger=_LARGER)
-        for place in panel.lines:
+        for place in distinct_lines(panel.lines, axes.get_xlim(), panel_size(axes)[0]):
             axes.axvline(place, color=style.LEVEL_GREY, linewidth=0.5, zorder=0.8)
 
     def place(self, axes: Axes) -> tuple[float, float, float, float]:

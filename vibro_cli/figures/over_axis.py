@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import (
+    MOST_VECTOR_POINTS,
     draw_dots,
     is_wide,
     limits_around,
@@ -192,7 +193,7 @@ def _impacts_over(
         norm = Normalize(float(np.min(number)), float(np.max(number)))
         draw_dots(axes, along, values, number, style.time_colours(), norm, size)
         if len(ends):
-            axes.plot(places, ends, **ENDED)
+            axes.plot(places, ends, rasterized=len(ends) > MOST_VECTOR_POINTS, **ENDED)
         entries = [[("run ended", ENDED)]] if len(ends) else []
         draw_legend(figure, entries, Bar("impact 1", str(int(np.max(number)))))
     return figure

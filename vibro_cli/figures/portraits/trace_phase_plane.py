@@ -29,7 +29,7 @@ from vibro_cli.analysis.singular import (
     condition,
 )
 from vibro_cli.figures import style
-from vibro_cli.figures.chart import Sheet, body_look
+from vibro_cli.figures.chart import Sheet, body_look, distinct_lines
 from vibro_cli.figures.labels import SMALL_TEXT, Entry, draw_legend, in_powers, rows_of, text_width
 from vibro_cli.figures.portraits.family import Member, draw_family, name_points, shown_of
 from vibro_cli.figures.portraits.layers import (
@@ -237,8 +237,9 @@ def _along_window(trace: Trace, curves: Sequence[LevelCurve]) -> Window:
 
 def draw_junctions(panel: Panel, trace: Trace) -> None:
     """Draw the junctions of the pieces of a trace on a panel along it."""
-    for piece in trace.pieces[1:]:
-        panel.axes.axvline(piece.start_s, zorder=0.9, **JUNCTION)
+    starts = (piece.start_s for piece in trace.pieces[1:])
+    for place in distinct_lines(starts, panel.span, panel.width):
+        panel.axes.axvline(place, zorder=0.9, **JUNCTION)
 
 
 def _draw_trace(panel: Panel, portrait: Portrait) -> None:

@@ -18,6 +18,7 @@ from vibro_cli.figures.chart import (
     MOST_VECTOR_POINTS,
     body_look,
     count_axis,
+    distinct_lines,
     distinguishable,
     draw_marks,
     log_axis,
@@ -108,7 +109,7 @@ def speed_map(
         ticked = angle_ticks if named[1] == "rad" else number_ticks
         ticks = ticked(low, high, panel_size(axes)[0])
         label_axis(axes.xaxis, ticks, *named)
-        for at in lines:
+        for at in distinct_lines(lines, (low, high), panel_size(axes)[0]):
             axes.axvline(at, color=style.LEVEL_GREY, linewidth=0.4, zorder=0.8)
         if len(number) > MOST_VECTOR_POINTS:
             draw_marks(axes, place, speed, math.sqrt(size), style.time_colours())

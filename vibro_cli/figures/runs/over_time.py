@@ -19,6 +19,7 @@ from vibro_cli.figures.chart import (
     body_entries,
     body_look,
     contact_times,
+    distinct_lines,
     draw_contacts,
     positive_axis,
     stacked,
@@ -28,7 +29,7 @@ from vibro_cli.figures.chart import (
 from vibro_cli.figures.labels import short_number
 from vibro_cli.figures.portraits.trajectory import pace
 from vibro_cli.figures.source import Array, Integers, Recorded, Table, flights_of, kept
-from vibro_cli.figures.style import mark
+from vibro_cli.figures.style import mark, panel_size
 from vibro_cli.figures.ticks import round_below
 from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.mechanics.trace import Piece
@@ -439,18 +440,18 @@ def space_time(run: Recorded, width: str = "single") -> Figure | None:
     entries = [*body_entries(run), *marks, *band_entry(spans)]
     with style.journal():
         figure, (axes,) = stacked(width, [1.5 * HIGH[width][0]], entries=entries)
+        bodies = range(1, len(run.system.bodies) + 1)
+        courses = [timeline(run, ball, until) for ball in bodies]
+        time_axis(axes, until, whole=_end(run))
+        value_axis(axes, np.concatenate([s for _, s in courses]), "$s$", "m")
         draw_contacts(axes, spans)
-        for piece in run.system.trace.pieces[1:]:
-            axes.axhline(piece.start_s, color=style.LEVEL_GREY, linewidth=0.4, zorder=0.8)
-        places = []
-        for ball in range(1, len(run.system.bodies) + 1):
-            time, s = timeline(run, ball, until)
+        starts = (piece.start_s for piece in run.system.trace.pieces[1:])
+        for place in distinct_lines(starts, axes.get_ylim(), panel_size(axes)[1]):
+            axes.axhline(place, color=style.LEVEL_GREY, linewidth=0.4, zorder=0.8)
+        for ball, (time, s) in zip(bodies, courses, strict=True):
             (drawn,) = axes.plot(time, s, zorder=2.0, **body_look(ball))
             drawn.set_rasterized(len(time) > MOST_VECTOR_POINTS)
-            places.append(s)
         draw_impacts(axes, run, "s", until)
-        time_axis(axes, until, whole=_end(run))
-        value_axis(axes, np.concatenate(places), "$s$", "m")
     return figure
 
 
