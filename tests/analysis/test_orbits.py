@@ -112,6 +112,25 @@ def test_the_nearest_return_of_an_orbit_is_its_period(number: int) -> None:
     assert find_orbit(beside, number).period == pytest.approx(orbit.period, rel=1e-6)
 
 
+@pytest.mark.parametrize("upper", [0.5, 1.0, 3.0])
+@pytest.mark.parametrize("speed", [1.5, 4.0])
+def test_a_start_on_an_orbit_finds_this_orbit(upper: float, speed: float) -> None:
+    """Not one of another energy: the motion is known in closed form, as in `_by_hand`.
+
+    The lower body falls from the impact to the wall in the time in which the upper one stops.
+    """
+    system, slower = _falling(upper), speed * upper / 2.0
+    place = system.bodies[0].radius + speed * (2.0 * slower + speed) / (2.0 * PULL)
+    since = 0.3 * speed / PULL  # after the impact
+    fallen = 0.5 * PULL * since * since
+    lower = [place - slower * since - fallen, -slower - PULL * since]
+    distance = 2.0 * system.bodies[0].radius
+    state = np.array([*lower, place + distance + speed * since - fallen, speed - PULL * since])
+    found = find_orbit(started(system, state), 1)
+    assert found.period == pytest.approx(2.0 * speed / PULL, rel=1e-12)
+    assert found.energy == pytest.approx(energy_of(system, state), rel=1e-12)
+
+
 def _key(value: complex) -> tuple[float, float]:
     return (round(value.real, 6), value.imag)
 

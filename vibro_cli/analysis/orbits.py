@@ -602,9 +602,15 @@ def nearest_return(system: TraceSystem, impacts: int | None, longest: float | No
         gaps = gap_of(system, state, state_at(run, instants)) * scale
         squares = np.sum(gaps**2, axis=1)
         nearest = int(np.argmin(squares))
-        along, instant = float(flow @ gaps[nearest]), float(instants[nearest])
-        if along**2 > 0.5 * squares[nearest] * (flow @ flow):  # the gap lies mostly along the flow
+        gap, instant = gaps[nearest], float(instants[nearest])
+        # To rounding: an error of the period would lead Newton's method to another energy.
+        for _ in range(3):
+            along = float(flow @ gap)
+            if along**2 <= 0.5 * float(gap @ gap) * float(flow @ flow):
+                break  # the gap does not lie mostly along the flow
             instant -= along / float(flow @ flow)
+            instant = float(np.clip(instant, instants[0], instants[-1]))
+            gap = gap_of(system, state, state_at(run, instant)) * scale
         best = min(best, (float(squares[nearest]), instant))
     return best[1]
 
