@@ -174,8 +174,6 @@ def limit_courses(
     """
     normal_terms = kept(one.normal_terms)
     friction_terms = kept(one.friction_terms)
-    if friction >= 0.0 and harmonic_size(friction_terms) == 0.0:
-        return 0
     ways = 0.0, 0.0
     if flight.form != TURNING_LINE:
         ways = half_range(flight, _state_after(flight, duration), duration)
