@@ -123,7 +123,7 @@ def collisions(sided: bool = False) -> Table:
         flag(
             "contact",
             "whether the bodies are in contact after it; contact may have begun before, or may be "
-            "broken again at the same instant (what lasts is in the events)",
+            "broken again at the same instant",
         ),
         *before_and_after("kinetic_energy", "J", KINETIC),
         impulse(),
