@@ -136,7 +136,10 @@ def test_laws_that_surprise_are_warned_of() -> None:
 
 @pytest.mark.parametrize(
     ("response", "then"),
-    [("stop", "the run then stops"), ("normal-impulse", "the normal-impulse law is then used")],
+    [
+        ("stop", "the run then stops; the normal-impulse law always separates them"),
+        ("normal-impulse", "the normal-impulse law is then used"),
+    ],
 )
 def test_a_warning_says_what_follows_an_inadmissible_impact(response: str, then: str) -> None:
     balls = ball(angle=-0.5), ball(angle=0.0, radius=0.2)
