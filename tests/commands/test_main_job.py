@@ -15,6 +15,7 @@ from tests.effort import ratio
 from vibro_cli import __version__
 from vibro_cli.storage.files import read_manifest
 from vibro_cli.storage.tables import read_parquet
+from vibro_cli.systems import driver
 from vibro_cli.systems.trace import SYSTEM
 
 GALLERY = Path(__file__).parents[2] / "scenarios"
@@ -153,6 +154,23 @@ def test_a_stored_scenario_that_is_no_text_has_its_place(vibro: Vibro) -> None:
         assert outcome.code == 2
         assert f"run/scenario.json:{line}:" in outcome.err
         assert "found the byte 0xe9, expected a text in UTF-8" in outcome.err
+
+
+def test_a_state_of_another_layout_is_refused(
+    vibro: Vibro, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The version may be the same; a report said that the machine was another one."""
+    now = driver.CHECKPOINT_FORMAT
+    with monkeypatch.context() as earlier:
+        earlier.setattr(driver, "CHECKPOINT_FORMAT", now - 1)
+        vibro("run", THREE_ARCS, *FEW, "-o", "run", "--no-figures")
+    for command in (("run", "--set", "stop.collisions=9", "--continue"), ("report",)):
+        outcome = vibro(*command, "run")
+        assert outcome.code == 2
+        assert outcome.err == (
+            f"vibro: run/checkpoint.json has format {now - 1}; expected {now}; "
+            "vibro run run/scenario.json -o run solves it again\n"
+        )
 
 
 def test_what_cannot_be_continued_is_said(vibro: Vibro) -> None:

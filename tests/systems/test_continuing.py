@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 import tomllib
@@ -16,7 +17,8 @@ from tests.systems.springs_cases import FIGURE_FIVE, disk, spring, springs
 from tests.systems.table_cases import ball, box, ellipse, table
 from vibro_cli.api import simulate
 from vibro_cli.scenario import any_scenario_of
-from vibro_cli.systems.driver import CannotContinue
+from vibro_cli.systems import NAMES, system_named
+from vibro_cli.systems.driver import CHECKPOINT_FORMAT, CannotContinue
 
 Document = dict[str, Any]
 HARD_CASES = Path(__file__).parent / "hard_cases"
@@ -150,3 +152,11 @@ def test_what_cannot_go_on_is_refused() -> None:
     lost = solved(table([ball(0.0, 0.0, 1.0, 0.4)], ellipse(2.0, 1.2, 0.5)), {"time": 100.0})
     with pytest.raises(CannotContinue, match="ended for good: wall_contact"):
         solved(document, {"time": 200.0}, lost.checkpoint(), lost.history())
+
+
+def test_another_layout_of_the_state_has_another_format() -> None:
+    """Fields were added to two records under the format of the checkpoints without them."""
+    loops = [system_named(name).loop for name in NAMES]
+    layout = [[list(loop.records[name].fields) for name in loop.state] for loop in loops]  # type: ignore[attr-defined]
+    digest = hashlib.sha256(json.dumps(layout).encode()).hexdigest()[:16]
+    assert (CHECKPOINT_FORMAT, digest) == (7, "a246062c903545e4")

@@ -230,8 +230,11 @@ def read_earlier_run(folder: Path) -> EarlierRun:
     """Read the run in a folder for continuation, and check its files against the manifest.
 
     Raises `NotContinuable` if the folder is not a run of vibro, was written by another version of
-    the program, or has changed since; `OSError` if a file cannot be read.
+    the program or with another layout of the state, or has changed since; `OSError` if a file
+    cannot be read.
     """
+    from vibro_cli.systems.driver import CHECKPOINT_FORMAT
+
     found = read_manifest(folder)
     if not folder.exists():
         there = Path("outputs") / folder
@@ -252,6 +255,11 @@ def read_earlier_run(folder: Path) -> EarlierRun:
     needed, unknown = (SCENARIO_NAME, CHECKPOINT_NAME), {"bytes": 0, "sha256": ""}
     check_intact(folder, {name: found["files"].get(name, unknown) for name in needed})
     checkpoint = json.loads((folder / CHECKPOINT_NAME).read_bytes())
+    if checkpoint["format"] != CHECKPOINT_FORMAT:
+        raise NotContinuable(
+            f"{folder}/{CHECKPOINT_NAME} has format {checkpoint['format']}; expected "
+            f"{CHECKPOINT_FORMAT}; {_solved_again(folder)}"
+        )
     return EarlierRun(folder / SCENARIO_NAME, checkpoint, found)
 
 
