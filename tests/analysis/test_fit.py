@@ -28,8 +28,6 @@ from vibro_cli.scenario.problems import parsed_path
 from vibro_cli.storage.folders import write_run
 from vibro_cli.stress.scenes import CIRCLE, ball, scene, valley
 
-pytestmark = pytest.mark.long
-
 SIGMA = 1e-4
 TRUE = np.array([0.9, 3.0])
 PATHS = ["collision.k", "balls[2].mass"]
@@ -49,6 +47,7 @@ def _distance(found: Fit, true: Any = TRUE) -> float:
     return float(late @ np.linalg.solve(found.covariance, late))
 
 
+@pytest.mark.long
 def test_restitution_and_a_mass_lie_in_their_95_percent_region_as_often_as_they_should() -> None:
     rng = np.random.default_rng(20)
     exact = _instants(_circle())
@@ -65,6 +64,7 @@ def test_restitution_and_a_mass_lie_in_their_95_percent_region_as_often_as_they_
     assert all(one.same_events for one in found)
 
 
+@pytest.mark.long
 def test_noise_that_is_not_known_is_told_by_the_residuals() -> None:
     rng = np.random.default_rng(5)
     exact = _instants(_circle(40))
@@ -90,6 +90,7 @@ def test_a_motion_of_any_pace_is_fitted_alike_without_its_noise(length: int, tim
     np.testing.assert_allclose(other.noise, np.ldexp(found.noise, time), rtol=1e-9)
 
 
+@pytest.mark.long
 def test_a_wrong_minimum_tells_of_impacts_that_are_nearer_to_another(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -237,6 +238,7 @@ def test_noise_is_a_time_greater_than_0(noise: Any) -> None:
         fit(_circle(), [0.1, 0.2, 0.3], PATHS, noise)
 
 
+@pytest.mark.long
 def test_of_elastic_bodies_the_least_sum_with_k_up_to_1_is_found() -> None:
     """The fit with k fixed at 1 cannot have a smaller sum of squares."""
     scenario = example("particle_on_arcs").replace({"stop.collisions": 11})
@@ -333,6 +335,7 @@ def test_what_cannot_be_fitted_is_told(
         fit(_circle().replace(change), t, free)
 
 
+@pytest.mark.long
 def test_where_fewer_impacts_led_to_another_minimum_the_numbers_are_told() -> None:
     scenario = example("one_circle")
     t = simulate(scenario.replace({"stop.collisions": 25})).collisions["t"]
@@ -345,6 +348,7 @@ def test_where_fewer_impacts_led_to_another_minimum_the_numbers_are_told() -> No
     assert str(caught.value).endswith(told)
 
 
+@pytest.mark.long
 def test_where_the_method_does_not_arrive_the_numbers_are_told() -> None:
     scenario = example("three_arcs").replace({"stop.collisions": 16})
     start = {"collision.k": 0.99, "balls[2].density": 9000.0}
@@ -410,6 +414,7 @@ def test_other_columns_are_ignored() -> None:
     assert found.values.tolist() == fit(_circle(), instants, PATHS).values.tolist()
 
 
+@pytest.mark.long
 def test_the_command_writes_numbers_residuals_scenario_and_figure(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -491,6 +496,7 @@ def test_the_command_tells_what_is_wrong(
         assert words in capsys.readouterr().err
 
 
+@pytest.mark.long
 def test_instants_without_noise_give_a_number_as_short_as_its_double(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -541,6 +547,7 @@ def test_numbers_have_their_units_and_a_lone_body_is_refused(
     assert "found one body, expected two or more" in capsys.readouterr().err
 
 
+@pytest.mark.long
 def test_impacts_whose_derivatives_overflow_are_refused() -> None:
     """Each impact multiplies small changes by some 2.9, so that 10^154 is reached within 400."""
     scenario = example("falling_balls").replace({"stop.collisions": 700})

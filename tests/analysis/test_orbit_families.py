@@ -37,8 +37,6 @@ from vibro_cli.scenario.loading import scenario_of
 from vibro_cli.stress.scenes import VALLEY, Document, ball, scene, system_of, three_arcs
 from vibro_cli.systems.trace import simulate_system
 
-pytestmark = pytest.mark.long
-
 LINE_BETWEEN_VALLEYS = {
     "start_slope": -1.2,
     "arcs": [
@@ -89,6 +87,7 @@ def folded() -> tuple[Orbit, Branch]:
     return first, orbit_family(scenario_of(HOOPS), first, "gravity", 9.4, 9.9)
 
 
+@pytest.mark.long
 def test_a_fold_is_where_the_value_is_least(folded: tuple[Orbit, Branch]) -> None:
     _, branch = folded
     assert [one.kind for one in branch.special] == ["bound", "fold", "bound"]
@@ -107,6 +106,7 @@ def test_a_fold_is_where_the_value_is_least(folded: tuple[Orbit, Branch]) -> Non
     assert np.trace(_differences(fold.point.orbit)) == pytest.approx(4.0, abs=1e-4)
 
 
+@pytest.mark.long
 def test_a_family_turns_back_where_its_orbit_is_its_own_reversal() -> None:
     """Both bodies are at rest at once there, one multiplier only touches 1, the value is least.
 
@@ -126,6 +126,7 @@ def test_a_family_turns_back_where_its_orbit_is_its_own_reversal() -> None:
     assert other.state == pytest.approx(one.state * [1.0, -1.0, 1.0, -1.0], abs=1e-9)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("low", "high"), [(9.6, 9.9), (9.129, 10.417), (9.0, 10.8), (9.809, 9.815), (9.8099, 9.8129)]
 )
@@ -158,6 +159,7 @@ def test_a_family_turns_back_where_its_orbit_is_its_own_mirror_image(
     assert abs(other.state[0] - one.state[0]) > 0.01
 
 
+@pytest.mark.long
 def test_a_family_leaves_orbits_whose_phase_is_free_at_one_value() -> None:
     """Equal balls exchange their speeds, as if they passed through one another: each has a phase.
 
@@ -178,6 +180,7 @@ def test_a_family_leaves_orbits_whose_phase_is_free_at_one_value() -> None:
         assert np.diff(times, axis=0) == pytest.approx(found.period, rel=1e-9)
 
 
+@pytest.mark.long
 def test_a_family_of_orbits_whose_phase_is_free_is_followed_over_the_value() -> None:
     """Two balls on a level line may both be shifted; the steps are not spent on this shift."""
     balls = [
@@ -198,6 +201,7 @@ def test_a_family_of_orbits_whose_phase_is_free_is_followed_over_the_value() -> 
         assert shot.end == pytest.approx(point.orbit.state, abs=1e-9)
 
 
+@pytest.mark.long
 def test_steps_that_turn_too_far_become_no_shorter_than_the_one_that_is_taken(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -210,6 +214,7 @@ def test_steps_that_turn_too_far_become_no_shorter_than_the_one_that_is_taken(
     assert [one.kind for one in family.special] == ["bound", "bound"]
 
 
+@pytest.mark.long
 def test_a_family_of_very_many_orbits_ends_as_such(monkeypatch: pytest.MonkeyPatch) -> None:
     """This holds even if steps are shortened on the way: here each first try fails."""
     corrected, fails = Family._corrected, cycle((True, False))
@@ -226,6 +231,7 @@ def test_a_family_of_very_many_orbits_ends_as_such(monkeypatch: pytest.MonkeyPat
     assert [family.special[n].kind for n in (0, -1)] == ["points", "points"]
 
 
+@pytest.mark.long
 def test_two_changes_within_one_step_are_found(monkeypatch: pytest.MonkeyPatch) -> None:
     """The distance is below zero on only a twentieth of a step."""
 
@@ -241,6 +247,7 @@ def test_two_changes_within_one_step_are_found(monkeypatch: pytest.MonkeyPatch) 
     assert values == pytest.approx([1.502, 1.504], abs=1e-10)
 
 
+@pytest.mark.long
 def test_a_change_that_is_not_located_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     """The nearest orbit replaces it, together with the error of the search."""
 
@@ -278,6 +285,7 @@ SWINGING = scene(
 )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("document", "period", "times", "path", "low", "high"),
     [
@@ -308,6 +316,7 @@ ROUND = {"shape": "valley", "radius": 1.0, "end_slope": math.pi}
 CIRCLE = {"start_slope": -math.pi, "closed": True, "arcs": [ROUND]}
 
 
+@pytest.mark.long
 def test_a_family_goes_on_where_balls_are_half_a_round_from_where_they_were() -> None:
     """The gap over half the period then changes its sign without vanishing: nothing halves."""
     balls = [ball(-1.7225, mass=2.0, rate=-1.8473), ball(0.8535, mass=1.5228)]
@@ -325,6 +334,7 @@ def test_a_family_goes_on_where_balls_are_half_a_round_from_where_they_were() ->
         np.testing.assert_allclose(np.diff(run.collisions["t"][::2]), one.orbit.period, rtol=1e-9)
 
 
+@pytest.mark.long
 def test_a_halving_is_no_exchange_too() -> None:
     """At an orbit traversed twice a multiplier is at 1: its rounding is no passage."""
     balls = [
@@ -341,6 +351,7 @@ def test_a_halving_is_no_exchange_too() -> None:
         assert 4.0 - np.trace(_differences(one.orbit)) > 0.0
 
 
+@pytest.mark.long
 def test_a_halving_nearer_than_the_first_step_is_told_on_its_side_only() -> None:
     """On the other side the orbits are followed to the end of the range."""
     places = [
@@ -355,6 +366,7 @@ def test_a_halving_nearer_than_the_first_step_is_told_on_its_side_only() -> None
     assert np.trace(_differences(once)) == pytest.approx(0.0, abs=1e-5)
 
 
+@pytest.mark.long
 def test_a_family_does_not_go_over_to_the_orbit_of_a_third_of_its_period() -> None:
     """The family turns back where a multiplier of that orbit is a cube root of 1."""
     arc = {"shape": "valley", "radius": 1.6510713, "end_slope": 0.7164908}
@@ -376,6 +388,7 @@ def test_a_family_does_not_go_over_to_the_orbit_of_a_third_of_its_period() -> No
     assert np.trace(third.reduced) == pytest.approx(-1.0, abs=1e-4)
 
 
+@pytest.mark.long
 def test_a_family_whose_orbits_last_ever_longer_ends() -> None:
     """On a level line the speeds tend to zero with the energy above the bottom."""
     places = ((0.6440831, 0.1373106, -1.0352607), (0.9873855, 0.8138460, 0.8977933))
@@ -400,6 +413,7 @@ def _discriminant(found: Orbit) -> float:
     return float(one**2 - 4.0 * (0.5 * (one**2 - two) - 2.0))
 
 
+@pytest.mark.long
 def test_pairs_of_multipliers_that_meet_leave_the_circle() -> None:
     """The scene is three balls on a slope between walls."""
     places = ((1.0, 1.057, -0.787), (0.8, 1.599, -0.186), (0.86, 2.25, -1.464))
@@ -421,6 +435,7 @@ def test_pairs_of_multipliers_that_meet_leave_the_circle() -> None:
     assert _discriminant(torus.point.orbit) == pytest.approx(0.0, abs=1e-5)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("law", ["hedrih", "normal-impulse"])
 def test_a_family_goes_on_where_a_body_comes_to_cross_a_junction(law: str) -> None:
     """Above a certain energy the left ball rolls up onto the hump and back."""
@@ -440,6 +455,7 @@ def test_a_family_goes_on_where_a_body_comes_to_cross_a_junction(law: str) -> No
         assert np.sum(found.multipliers).real == pytest.approx(trace - 2.0, abs=1e-5)
 
 
+@pytest.mark.long
 def test_a_family_round_a_circle_ends_where_an_impact_comes_to_the_seam() -> None:
     """One of the colliding balls reaches the seam there, though the motion is not affected."""
     seam = 0.16402347
@@ -461,6 +477,7 @@ def test_a_family_round_a_circle_ends_where_an_impact_comes_to_the_seam() -> Non
         assert np.min(ends) < 1e-6
 
 
+@pytest.mark.long
 def test_a_family_whose_balls_always_bounce_at_once_goes_on() -> None:
     """With zero total momentum they reach both walls at one instant, whatever their masses."""
     line = {"start_slope": 0.0, "arcs": [{"shape": "line", "length": 3.0}]}
@@ -510,6 +527,7 @@ def test_one_orbit_alone_stands_in_the_middle_of_an_axis_of_its_size(value: floa
         assert axes.get_xlim() == pytest.approx((0.5 * value, 1.5 * value), rel=1e-9)
 
 
+@pytest.mark.long
 def test_the_table_of_a_folded_family_goes_along_it(folded: tuple[Orbit, Branch]) -> None:
     columns = orbit_columns(folded[1])
     values, kinds = columns["value"], columns["special"].tolist()
@@ -518,6 +536,7 @@ def test_the_table_of_a_folded_family_goes_along_it(folded: tuple[Orbit, Branch]
     assert np.all(np.diff(values[turn:]) > 0.0)
 
 
+@pytest.mark.long
 def test_multipliers_that_stay_at_minus_one_do_not_pass_it() -> None:
     """Equal falling balls have these multipliers at every gravity: they only exchange speeds."""
     scenario = example("falling_balls").replace({"balls[2].mass": 2.0})

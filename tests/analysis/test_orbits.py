@@ -44,8 +44,6 @@ from vibro_cli.scenario.problems import ScenarioError
 from vibro_cli.stress.scenes import CIRCLE, THREE_ARCS, VALLEY, ball, scene, system_of, valley
 from vibro_cli.systems.trace import simulate_system
 
-pytestmark = pytest.mark.long
-
 FALLING = Path(__file__).parents[2] / "scenarios" / "falling_balls.toml"
 PULL = 9.81 * math.sin(math.radians(30.0))
 
@@ -81,6 +79,7 @@ def _by_hand(lower: float, upper: float, speed: float) -> Any:
     return flight @ bounce @ flight @ impact
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("upper", [0.5, 1.0, 3.0])
 def test_the_orbit_of_one_impact_and_one_bounce_is_that_in_closed_form(upper: float) -> None:
     orbit = (
@@ -139,6 +138,7 @@ def _branch(low: float, high: float) -> Branch:
     return Family(_falling, find_orbit(_falling(), 1), 1.0, low, high).follow()
 
 
+@pytest.mark.long
 def test_an_orbit_with_both_multipliers_at_one_is_neutral(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
@@ -186,6 +186,7 @@ def _departure(orbit: Orbit, periods: int) -> float:
     return float(np.max(np.abs(times[0][:least] - times[1][:least])) / 1e-7)
 
 
+@pytest.mark.long
 def test_a_family_doubles_its_period_where_the_masses_are_equal() -> None:
     branch = _branch(0.8, 2.5)
     kinds = [one.kind for one in branch.special]
@@ -205,6 +206,7 @@ def test_a_family_doubles_its_period_where_the_masses_are_equal() -> None:
     assert _departure(stable, 20) < 60.0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("path", "low", "high", "changes"),
     [
@@ -227,6 +229,7 @@ def test_a_family_goes_to_the_end_of_what_a_scenario_may_have(
         assert point.orbit.energy == pytest.approx(family.points[0].orbit.energy, rel=1e-12)
 
 
+@pytest.mark.long
 def test_a_family_ends_where_an_impact_grazes() -> None:
     """At three times the mass another impact grazes the orbit of two impacts and three bounces."""
     system = _falling(1.5)
@@ -295,6 +298,7 @@ def test_a_start_that_a_scenario_may_not_have_is_no_start_of_an_orbit(
         admitted(system, state)
 
 
+@pytest.mark.long
 def test_a_step_over_the_seam_of_a_circle_is_none() -> None:
     """Newton's method moves the upper ball across the seam, into the other ball."""
     document = scene(CIRCLE, [ball(1.0), ball(2.5, mass=5.0, rate=-1.3)], time=15.0)
@@ -329,6 +333,7 @@ def test_a_motion_of_very_many_impacts_is_given_up(monkeypatch: pytest.MonkeyPat
         shoot(found.system, 6.0 * found.period)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("mass", [1.2, 1.5, 2.0])
 @pytest.mark.parametrize("angle", [0.4, 0.5])
 @pytest.mark.parametrize("impacts", [1, 2, 3])
@@ -372,6 +377,7 @@ def _after_pendulums(orbit: Orbit) -> Any:
     return z
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("slope", "angles", "mass", "impacts"),
     [
@@ -391,6 +397,7 @@ def test_orbits_are_found_where_many_motions_nearly_close(
     np.testing.assert_allclose(_after_pendulums(found), np.ravel(start), atol=1e-10)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("left", "right"), [((0.5, 0.07, 0.0), (0.7, 0.06, -0.2)), ((1.6, 0.1, 0.2), (1.8, 0.06, -0.1))]
 )
@@ -510,6 +517,7 @@ def test_a_body_alone_has_no_orbit_of_impacts() -> None:
         find_orbit(system_of(scene(VALLEY, [ball(-0.7)], time=9.0)))
 
 
+@pytest.mark.long
 def test_a_family_is_shown_as_curved_as_it_is_next_to_a_doubling() -> None:
     """A multiplier parts from -1 as the root there, so that a chord over a step would be far off.
 
@@ -527,6 +535,7 @@ def test_a_family_is_shown_as_curved_as_it_is_next_to_a_doubling() -> None:
         assert size[left] + share * (size[left + 1] - size[left]) == pytest.approx(known, abs=0.01)
 
 
+@pytest.mark.long
 def test_the_command_writes_table_and_figure(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -546,6 +555,7 @@ def test_the_command_writes_table_and_figure(
     assert (target / "orbits.png").stat().st_size > 1000
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("document", "place"),
     [
@@ -585,6 +595,7 @@ def test_an_orbit_of_any_size_is_found(length: int) -> None:
     np.testing.assert_allclose(other.multipliers, found.multipliers, rtol=1e-9)
 
 
+@pytest.mark.long
 def test_python_finds_what_the_command_finds(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -28,8 +28,6 @@ from vibro_cli.mechanics.reachability import (
 from vibro_cli.mechanics.system import Body
 from vibro_cli.mechanics.trace import ArcShape, Trace
 
-pytestmark = pytest.mark.long
-
 Array = NDArray[np.float64]
 SAMPLES = 120
 
@@ -123,12 +121,14 @@ def assert_no_sampled_point_is_touched(trace: Trace, radius: float) -> None:
                 assert distances(body, piece).min() >= radius - 1e-12
 
 
+@pytest.mark.long
 @settings(deadline=None)
 @given(traces(), st.floats(0.0, 0.5))
 def test_a_body_that_passes_touches_no_sampled_point(trace: Trace, radius: float) -> None:
     assert_no_sampled_point_is_touched(trace, radius)
 
 
+@pytest.mark.long
 @settings(deadline=None)
 @given(traces(), st.floats(0.01, 0.5))
 def test_a_body_that_is_refused_touches_another_piece(trace: Trace, radius: float) -> None:
@@ -170,6 +170,7 @@ def overlapping_over_one_between(trace: Trace, radii: tuple[float, float, float]
     return bool((between & (distances(a, c) <= radii[0] + radii[2])).any())
 
 
+@pytest.mark.long
 @settings(deadline=None, max_examples=300)
 @given(traces(pieces=4, turn=2.0), st.tuples(*[st.floats(0.01, 0.4)] * 3))
 def test_bodies_that_pass_never_touch_over_one_between(
@@ -203,6 +204,7 @@ def closed_traces(draw: st.DrawFn) -> Trace:
     return Trace.chain(0.0, shapes, closed=True)
 
 
+@pytest.mark.long
 @settings(deadline=None)
 @given(closed_traces(), st.floats(0.0, 0.5))
 def test_on_closed_traces_too_a_body_that_passes_touches_no_sampled_point(
@@ -235,6 +237,7 @@ def opposite_bodies_touch(trace: Trace, radii: tuple[float, ...]) -> bool:
     return False
 
 
+@pytest.mark.long
 @settings(deadline=None, max_examples=30)
 @given(closed_traces(), st.tuples(*[st.floats(0.01, 0.3)] * 4))
 def test_on_closed_traces_bodies_that_pass_never_touch_over_others(
