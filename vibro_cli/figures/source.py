@@ -74,7 +74,7 @@ class Recorded(Flights, Protocol):
 def kept(
     find: Callable[Concatenate[Run, More], Found],
 ) -> Callable[Concatenate[Run, More], Found]:
-    """Cache the last `_MOST_KEPT` results of a function of a run, for figures of several widths."""
+    """Cache the last `_MOST_KEPT` results of a function of a run or grid, for several figures."""
     known: WeakKeyDictionary[Any, dict[Any, Found]] = WeakKeyDictionary()
     takes = signature(find)
 

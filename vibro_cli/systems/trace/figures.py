@@ -133,7 +133,8 @@ _PORTRAIT_CAPTION = (
     "Rate against angle on each arc (speed against distance on lines): the branches that the body "
     "follows and its jumps at the impacts; lasting contact has its own colour, and branches are "
     "coloured by time up to the last impact if there are many. Behind them are separatrices, level "
-    "curves of energy, centres (+) and saddles (×). As A figs 1b and 2, B fig. 8, D fig. 1."
+    "curves of energy, centres (+) and saddles (×). If not all arcs fit a page, those around the "
+    "start are shown. As A figs 1b and 2, B fig. 8, D fig. 1."
 )
 FIGURES: dict[str, Kind[Recorded] | KindOfBody] = {
     "scene": Kind(
@@ -181,7 +182,8 @@ FIGURES: dict[str, Kind[Recorded] | KindOfBody] = {
         space_time,
         "Motion along the trace",
         "Arc length of the contact points against time, with the impacts; horizontal lines are the "
-        "junctions of the trace. Only the first part of a long run is shown.",
+        "junctions of the trace, unless they would merge. Only the first part of a long run is "
+        "shown.",
     ),
     "impact_map": Kind(
         impact_map,
