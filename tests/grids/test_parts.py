@@ -124,7 +124,7 @@ def test_an_estimate_is_of_points_and_not_of_what_the_first_of_them_prepares(
     small: Write, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     grid = load_grid(small(), [])
-    solver = TraceSolver(grid, "python")
+    solver = TraceSolver(grid, "compiled")
     clock = [0.0, 0.4]  # the time, and what the next solution takes in addition to its points
 
     def solve(points: np.ndarray) -> Solved:
@@ -133,4 +133,4 @@ def test_an_estimate_is_of_points_and_not_of_what_the_first_of_them_prepares(
 
     monkeypatch.setattr(workers, "solver_of", lambda *given: SimpleNamespace(solve=solve))
     monkeypatch.setattr(workers.time, "perf_counter", lambda: clock[0])
-    assert workers.estimate(grid, "python", 1000)[2] == pytest.approx(0.001)
+    assert workers.estimate(grid, "compiled", 1000)[2] == pytest.approx(0.001)
