@@ -118,7 +118,6 @@ class Flight(QuarticConstants):
     before_s: float  # (S, C, P) at the end of the flight before this one, on its piece
     before_c: float
     before_p: float
-    crossings: int  # of junctions since the motion of any body last changed, see Clock.steady
     flow_s: float  # start of the flow: state of the body, or of its group's pendulum
     flow_c: float
     flow_p: float
@@ -271,13 +270,9 @@ class Clock(Instant):
 
     collisions: int
     crossings: int
-    wall_impacts: int
     contacts: int
     held_pairs: int  # pairs in lasting contact now
     unlogged: int  # 1: some contact may have changed since it was logged
-    steady: int  # 1: the crossings of the flights count; 0: they do from the next one on, set to 0,
-    # since an impact or a change of contact has come between; -1: not before the next impact, since
-    # a wall was struck
     last_ball: int  # body of the last boundary event
     quiet_from: float
     energy_correction: float  # sum of |corrections|, J

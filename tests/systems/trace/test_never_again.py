@@ -12,7 +12,6 @@ from typing import Any
 import pytest
 from mpmath import mp
 
-from tests.systems.trace.test_contact_across import along_slopes_that_never_fall
 from tests.systems.trace.test_engines import FOLDER, bits
 from vibro_cli.api import load_scenario, simulate
 from vibro_cli.scenario import ScenarioError, scenario_of
@@ -23,8 +22,6 @@ from vibro_cli.systems.run import Run
 from vibro_cli.systems.trace import simulate_system
 
 Document = dict[str, Any]
-# Radii (m) and slopes at the ends of the pieces of a circle.
-ROUND = [(1.0, "-90 deg"), (1.0, "0 deg"), (1.0, "90 deg"), (1.0, "180 deg")]
 # Started at this angle (rad), ball 1 of three_arcs.toml has the energy of the crest (by halving).
 CREST = -1.1542046197210436
 
@@ -65,7 +62,7 @@ def test_bodies_that_the_crest_keeps_apart(document: Document) -> None:
 
 
 def test_bodies_apart_once_walls_have_taken_energy() -> None:
-    """Impacts on walls count like crossings towards the next trial of the proof."""
+    """The proof is tried after each impact on a wall, whatever the number of crossings."""
     document = three_arcs({"angle": -0.5, "speed": 3.0}, {"angle": 0.2})
     document["trace"]["start_slope"] = -0.95
     document["trace"]["arcs"][2]["end_slope"] = 0.95
@@ -95,70 +92,6 @@ def test_energies_so_near_a_crest_that_rounding_may_decide_prove_nothing(
         refused(document, monkeypatch)
     else:
         assert simulate(scenario_of(document)).summary_record()["collisions"] > 0
-
-
-def turning(document: Document) -> Document:
-    return document | {"trace": document["trace"] | {"turning": {"through_arc": 2, "rate": 0.5}}}
-
-
-def one_sided(document: Document) -> Document:
-    return document | {"trace": document["trace"] | {"surface": "one-sided"}}
-
-
-def sticking(document: Document) -> Document:
-    return document | {"collision": {"k": 0.5, "law": "normal-impulse"}}
-
-
-def beyond_the_crest(bodies: int) -> Document:
-    """Return two bodies that stick where two valleys meet, and one beyond a crest or none."""
-    document = sticking(three_arcs({"angle": -0.9}, {"angle": -0.3}))
-    document["trace"]["arcs"][2:] = [
-        {"shape": "valley", "radius": 1.0, "end_slope": "10 deg"},
-        {"shape": "valley", "radius": 0.7, "end_slope": "120 deg"},
-    ]
-    document["balls"].append({**document["balls"][1], "arc": 4, "angle": 0.3})
-    document["balls"] = document["balls"][-bodies:]
-    return document
-
-
-LOW = three_arcs({"angle": -0.9}, {"angle": 0.9})
-STICKING = sticking(three_arcs({"angle": -1.15}, {"arc": 1, "angle": 0.2}))
-
-
-@pytest.mark.parametrize("engine", driver.ENGINES)
-@pytest.mark.parametrize(
-    ("document", "contacts"),
-    [
-        (one_sided(LOW), 0),
-        (STICKING, 1),
-        (turning(beyond_the_crest(2)), 1),
-        (beyond_the_crest(3), 1),
-        (one_sided(beyond_the_crest(3)), 1),
-    ],
-)
-def test_motion_that_has_repeated_itself_goes_on(
-    document: Document, contacts: int, engine: str
-) -> None:
-    """Lasting contacts across junctions, and bodies that might lift off, were refused."""
-    run = simulate(scenario_of(document), engine)
-    found = run.summary_record()
-    assert (found["end_cause"], found["contacts"]) == ("no_more_collisions", contacts)
-    assert found["end_time"] < 200.0
-    later = until(document, 100.0 * found["end_time"])
-    assert bits(later.collisions) == bits(run.collisions)
-    record = later.summary_record()
-    assert (record["end_cause"], record["contacts"]) == ("time", contacts)
-    assert record["crossings"] > 50 * found["crossings"]
-
-
-def test_a_body_alone_goes_round_for_ever() -> None:
-    document = three_arcs({})
-    arcs = [{"shape": "valley", "radius": radius, "end_slope": end} for radius, end in ROUND]
-    document["trace"] = {"start_slope": "-180 deg", "arcs": arcs, "closed": True}
-    document["balls"] = [{"radius": 0.1, "mass": 1.0, "arc": 2, "angle": 0.0, "speed": 9.0}]
-    del document["collision"]
-    found = simulate(scenario_of(document)).summary_record()
-    assert (found["end_cause"], found["crossings"]) == ("no_more_collisions", 16)
 
 
 def test_an_open_end_that_is_reached_late_ends_the_run() -> None:
@@ -294,29 +227,14 @@ def drawn(number: int) -> Document:
     }
 
 
-def drawn_to_stick(number: int) -> Document:
-    """Draw bodies that stick, or one, where valleys and lines meet; some traces turn."""
-    rng = Random(number)
-    document = along_slopes_that_never_fall(number)
-    document["balls"] = document["balls"][: rng.choice([1, 2, 2])]
-    document["collision"]["k"] = rng.choice([0.0, 0.3, 0.6])
-    document["trace"]["surface"] = rng.choice(["one-sided", "two-sided"])
-    if rng.random() < 0.3:
-        document["trace"]["turning"] = {"x": rng.uniform(0.0, 2.0), "rate": rng.uniform(0.2, 1.5)}
-    return document | {"stop": {"collisions": 400}}
-
-
 @pytest.mark.long
-@pytest.mark.parametrize(
-    ("source", "count", "least"),
-    [(drawn, 300, 20), (partial(draw, 2), 300, 4), (drawn_to_stick, 40, 20)],
-)
+@pytest.mark.parametrize(("source", "least"), [(drawn, 20), (partial(draw, 2), 4)])
 def test_no_impact_follows_where_a_drawn_run_ends(
-    source: Callable[[int], Document], count: int, least: int, monkeypatch: pytest.MonkeyPatch
+    source: Callable[[int], Document], least: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Judge: the same scene solved with a stop by time a hundred times later, without the proof."""
     ended = 0
-    for number in range(count):
+    for number in range(300):
         try:
             system = system_of(source(number))
         except ScenarioError:

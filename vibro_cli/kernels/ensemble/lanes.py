@@ -117,7 +117,6 @@ class LaneSlot:
 
     point: int  # -1: none
     crossings: int  # so far
-    wall_impacts: int
     contacts: int  # so far
 
 
@@ -395,7 +394,6 @@ def _put_in(world: World, points: Points, group: LaneGroup, lane: int) -> None:
     slot = group.slots[lane]
     own = points.own[slot.point]
     slot.crossings = clock.crossings
-    slot.wall_impacts = clock.wall_impacts
     slot.contacts = clock.contacts
     run.t = insert(run.t, lane, clock.t)
     run.t_low = insert(run.t_low, lane, clock.t_low)
@@ -439,7 +437,6 @@ def _take_out(
     clock.t_low = extract(run.t_low, lane)
     clock.collisions = int(extract(run.collisions, lane))
     clock.crossings = slot.crossings
-    clock.wall_impacts = slot.wall_impacts
     clock.contacts = slot.contacts
     clock.energy_correction = extract(run.energy_correction, lane)
     for ball in range(2):

@@ -17,7 +17,7 @@ from vibro_cli.kernels.contact.first_contact import (
     polish_root_on_arc,
     short_bounce,
 )
-from vibro_cli.kernels.flow.flight import specific_energy_of_state, state_at
+from vibro_cli.kernels.flow.flight import state_at
 from vibro_cli.kernels.flow.flow import LINE, POLYNOMIAL
 from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.numerics.double_double import add_to_time, time_between
@@ -31,9 +31,7 @@ from vibro_cli.kernels.world import (
     TrackData,
     World,
     contact_of,
-    flight_along,
     flights_of,
-    number_along,
     track_of,
     track_on,
     tracks_of,
@@ -330,59 +328,25 @@ FOR_EVER = 1.0e-9
 
 @kernel
 def never_meet(world: World) -> bool:
-    """Return whether it is proved that no impact, lift-off or open end of the trace can follow.
+    """Return whether the energies of the bodies keep all neighbours apart for ever.
 
-    Between impacts an energy is constant, or falls at a wall; it must keep apart all neighbours
-    that are not in lasting contact. Where bodies are in lasting contact, may lift off or reach an
-    open end, they must also have repeated their motion. Bodies that are apart on a rotating trace
-    are not proved to stay so.
+    Between impacts an energy is constant, or falls at a wall. False if a body may lift off or reach
+    an open end of the trace, and where this is not proved: in lasting contact and on a rotating
+    trace.
     """
     settings = world.settings[0]
-    repeated = _repeated(world)
-    if not repeated:
-        if settings.one_sided == 1 or world.clock[0].held_pairs > 0:
-            return False
-        if settings.turning_square > 0.0 or reachable(world, 0)[0] <= -NEVER:
-            return False
+    if settings.one_sided == 1 or settings.turning_square > 0.0 or world.clock[0].held_pairs > 0:
+        return False
+    low_a, high_a = reachable(world, 0)
+    if low_a <= -NEVER:
+        return False
     for j in range(settings.pairs):
         pair = world.pairs[j]
-        if pair.held == 1:
-            continue
-        if settings.turning_square > 0.0:
-            return False
-        low_a, high_a = reachable(world, pair.a)
         low_b, high_b = reachable(world, pair.b)
         distance = pair.distance + FOR_EVER * world.flights[pair.a].size
         if low_b - high_a <= distance and low_a - high_b <= distance:
             return False
-    return True
-
-
-@kernel
-def _repeated(world: World) -> bool:
-    """Return whether every body repeats its motion for ever if no two meet.
-
-    A body alone, or a group, has one degree of freedom and a constant energy: it oscillates or goes
-    round. In one period it crosses each junction at most twice, each of its bodies. If it has
-    crossed more often since any motion last changed, a whole period has passed without an opened
-    contact, a lift-off or an end of the trace, as all others will. Rounding decides whether bodies
-    that rolled off a wall reach it again: nothing is proved before their next impact.
-    """
-    settings = world.settings[0]
-    clock = world.clock[0]
-    often = 2 * settings.pieces * settings.bodies
-    for ball in range(settings.bodies):
-        flight = world.flights[ball]
-        held = ball < settings.pairs and world.pairs[ball].held == 1
-        if flight.exit_t == NEVER and not (held and world.pairs[ball].release_t < NEVER):
-            continue
-        crossings = flight.crossings
-        if flight.grouped == 1:
-            crossings = 0
-            for step in range(flight.group_count):
-                crossings += flight_along(world, flight.group_first, step).crossings
-        if clock.steady < 1 or crossings <= often:
-            return False
+        low_a, high_a = low_b, high_b
     return True
 
 
@@ -398,37 +362,17 @@ def reachable(world: World, ball: int) -> tuple[float, float]:
             world.pieces[flight.piece], track_of(world, ball), flight.s, flight.c
         )
         return x, x
-    energy = _most_energy(world, ball)
-    low, high, left, right = _reachable_on(world, ball, flight.piece, flight.c, energy)
+    low, high, left, right = _reachable_on(world, ball, flight.piece, flight.c)
     if right:
-        low, high = _reachable_beyond(world, ball, 1, low, high, energy)
+        low, high = _reachable_beyond(world, ball, 1, low, high)
     if left:
-        low, high = _reachable_beyond(world, ball, -1, low, high, energy)
+        low, high = _reachable_beyond(world, ball, -1, low, high)
     return low, high
 
 
 @kernel
-def _most_energy(world: World, ball: int) -> float:
-    """Return the greatest energy over weight (m) of a body: that of its group, if all were its own.
-
-    None of the others has less than none, at its lowest place.
-    """
-    flight = world.flights[ball]
-    if flight.grouped == 0:
-        return flight.specific_energy
-    energy = 0.0
-    for step in range(flight.group_count):
-        number = number_along(world, flight.group_first, step)
-        body = world.bodies[number]
-        energy += body.weight * specific_energy_of_state(
-            world.flights[number], body, track_of(world, number), world.settings[0].gravity
-        )
-    return energy / world.bodies[ball].weight
-
-
-@kernel
 def _reachable_beyond(
-    world: World, ball: int, side: int, low: float, high: float, energy: float
+    world: World, ball: int, side: int, low: float, high: float
 ) -> tuple[float, float]:
     """Return the extremes of x, which are known on its piece, for a body that leaves it on a side.
 
@@ -444,7 +388,7 @@ def _reachable_beyond(
         piece = piece % settings.pieces
         track = track_on(world, ball, piece)
         c = track.left_c if side > 0 else track.right_c
-        next_low, next_high, left, right = _reachable_on(world, ball, piece, c, energy)
+        next_low, next_high, left, right = _reachable_on(world, ball, piece, c)
         low = min(low, next_low)
         high = max(high, next_high)
         if not (right if side > 0 else left):
@@ -454,7 +398,7 @@ def _reachable_beyond(
 
 @kernel
 def _reachable_on(
-    world: World, ball: int, number: int, c: float, energy: float
+    world: World, ball: int, number: int, c: float
 ) -> tuple[float, float, bool, bool]:
     """Return the extremes of x that a body reaches on a piece, and whether it reaches its ends.
 
@@ -463,8 +407,9 @@ def _reachable_on(
     """
     piece = world.pieces[number]
     track = track_on(world, ball, number)
+    flight = world.flights[ball]
     # A body that has almost no energy left still crosses a step that is due to rounding.
-    energy = energy * (1.0 + FOR_EVER) + CAUTION * world.flights[ball].size
+    energy = flight.specific_energy * (1.0 + FOR_EVER) + CAUTION * flight.size
     if piece.sign == 0.0:
         return _reachable_on_line(piece, track, energy)
     complement = (track.top - energy) / track.twice_radius - CAUTION

@@ -320,24 +320,13 @@ def _enters_next(world: World, ball: int, right: bool, p: float) -> bool:
     elif target >= settings.pieces:
         target = 0
         flight.winding_number += 1
-    _count_crossing(world, ball)
+    clock.crossings += 1
     flight.piece = target
     track = track_on(world, ball, target)
     flight.s = track.left_s if right else track.right_s
     flight.c = track.left_c if right else track.right_c
     flight.p = speed / track.speed_factor
     return True
-
-
-@kernel
-def _count_crossing(world: World, ball: int) -> None:
-    clock = world.clock[0]
-    clock.crossings += 1
-    if clock.steady == 0:
-        clock.steady = 1
-        for number in range(world.settings[0].bodies):
-            world.flights[number].crossings = 0
-    world.flights[ball].crossings += 1
 
 
 @kernel
@@ -391,8 +380,6 @@ def _hit_wall(world: World, ball: int, right: bool) -> int:
     restitution = settings.right_wall if right else settings.left_wall
     if restitution < 0.0:
         return END_OF_TRACE
-    world.clock[0].wall_impacts += 1
-    world.clock[0].steady = -1
     side = 1 if right else -1
     arriving = flight.p
     flight.p = -restitution * flight.p
@@ -477,10 +464,11 @@ def advance(world: World) -> int:
         elif pair >= 0:
             cause = release(world, pair)
         elif ball >= 0:
-            before = clock.crossings + clock.wall_impacts
+            crossings = clock.crossings
             cause = leave_piece(world, ball)
+            at_wall = clock.crossings == crossings
             if cause == RUNNING and settings.stop_t >= NEVER:
-                cause = _end_if_over(world, before)
+                cause = _end_if_over(world, at_wall)
         else:
             return _finish(world)
         if cause != RUNNING:
@@ -554,21 +542,21 @@ def _finish(world: World) -> int:
     return END_REST if resting else END_NO_MORE_COLLISIONS
 
 
-# Without a stop time the loop looks whether any pair can still meet: whenever the number of
-# crossings of junctions and impacts on walls becomes divisible by this.
+# Without a stop time the loop looks whether any pair can still meet: after each impact on a wall,
+# and after each crossing of a junction whose number is divisible by this.
 LOOKS = 16
 
 
 @kernel
-def _end_if_over(world: World, before: int) -> int:
+def _end_if_over(world: World, at_wall: bool) -> int:
     """End a run without a stop time if no pair can meet again, after the end of a flight.
 
-    ``before`` is the number of crossings and impacts on walls before it. Returns an end cause, or
-    RUNNING.
+    Returns an end cause, or RUNNING.
     """
     clock = world.clock[0]
-    now = clock.crossings + clock.wall_impacts
-    if now == before or now % LOOKS != 0 or clock.unlogged == 1 or not never_meet(world):
+    if clock.unlogged == 1 or (clock.crossings % LOOKS != 0 and not at_wall):
+        return RUNNING
+    if not never_meet(world):
         return RUNNING
     clock.quiet_from = clock.t
     return END_NO_MORE_COLLISIONS

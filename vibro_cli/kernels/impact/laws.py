@@ -242,7 +242,6 @@ def log_impact(world: World, j: int, wa: float, wb: float, law: int, loss: float
     row.contact = 0
     clock.impact_rows += 1
     clock.collisions += 1
-    clock.steady = 0
 
 
 @kernel
@@ -252,7 +251,6 @@ def hold(world: World, j: int, held: int, delay: float) -> None:
     pair = world.pairs[j]
     clock.held_pairs += held - pair.held
     clock.unlogged = 1
-    clock.steady = min(clock.steady, 0)
     pair.held = held
     pair.change_t = clock.t
     pair.change_t_low = clock.t_low
