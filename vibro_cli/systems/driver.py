@@ -431,7 +431,7 @@ def _write_back(value: Any, copy: Any) -> None:
             value[place] = tuple(getattr(record, name) for name in value.dtype.names)
 
 
-CHECKPOINT_FORMAT = 7
+CHECKPOINT_FORMAT = 6
 
 
 class CannotContinue(VibroError, ValueError):
