@@ -11,12 +11,12 @@ from vibro_cli.scenario import any_scenario_of
 from vibro_cli.stress.scenes import Document
 from vibro_cli.systems import system_named
 from vibro_cli.systems.run import Stretch
-from vibro_cli.systems.tangents import LoggedMap, followed
+from vibro_cli.systems.tangents import TangentMap, followed
 
 TOLD = {"n", "amplification", "digits_left", "smooth", "lyapunov_1", "lyapunov_error"}
 
 
-def follow(document: Document, engine: str = "compiled") -> tuple[LoggedMap, Any, Stretch]:
+def follow(document: Document, engine: str = "compiled") -> tuple[TangentMap, Any, Stretch]:
     scenario = any_scenario_of(document)
     system = system_named(scenario.system)
     return followed(system, system.build(scenario), system.limits(scenario), engine)

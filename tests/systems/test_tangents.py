@@ -23,7 +23,7 @@ from vibro_cli.storage.stored import open_run
 from vibro_cli.stress.scenes import Document, Plan
 from vibro_cli.systems.springs import stress as springs_stress
 from vibro_cli.systems.table import stress as table_stress
-from vibro_cli.systems.tangents import LoggedMap
+from vibro_cli.systems.tangents import TangentMap
 
 GROWN: Document = {"analysis": {"lyapunov": True}}
 DOCUMENTS: dict[str, Document] = {
@@ -54,8 +54,8 @@ def test_a_run_tells_of_exponents_in_all_its_tables(system: str, tmp_path: Path)
 
 @SYSTEMS
 def test_an_error_of_a_map_is_told(system: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    matrix = LoggedMap.matrix
-    monkeypatch.setattr(LoggedMap, "matrix", lambda own: matrix(own) * (1.0 + 1e-8))
+    matrix = TangentMap.matrix
+    monkeypatch.setattr(TangentMap, "matrix", lambda own: matrix(own) * (1.0 + 1e-8))
     (found,) = STRESS[system].check_tangent(Plan(seed=1, full=False, cases=2))
     assert not found.met
 

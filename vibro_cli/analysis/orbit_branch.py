@@ -47,7 +47,7 @@ from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.numerics.elementwise import Floats
 from vibro_cli.scenario.models import Scenario
 from vibro_cli.scenario.problems import ScenarioError, parsed_path
-from vibro_cli.systems.trace.tangents import time_scale
+from vibro_cli.systems.trace.system import time_scale
 
 ENERGY = "energy"
 """Stands for the path if the parameter is the energy."""

@@ -43,7 +43,8 @@ from vibro_cli.stress.scenes import (
 )
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.trace import simulate_system
-from vibro_cli.systems.trace.tangents import follow_system, time_scale
+from vibro_cli.systems.trace.system import time_scale
+from vibro_cli.systems.trace.tangents import follow_system
 
 # Greatest relative acceleration of motion in contact and with bounces instead, times gravity.
 PUSH = 4.0

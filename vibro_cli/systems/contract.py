@@ -36,7 +36,6 @@ if TYPE_CHECKING:
     from vibro_cli.systems.request import Limits, OutputRequest
     from vibro_cli.systems.run import Gathered, Stretch, Stretches
     from vibro_cli.systems.tables import Bodies, ImpactRows
-    from vibro_cli.systems.tangents import LoggedMap
 
 Columns = dict[str, Any]
 """Columns of equal length, by name."""
@@ -375,14 +374,9 @@ class System(ABC):
     exponents: ClassVar[int] = 0
     """Lyapunov exponents per body: the dimension of its state, or 0 without tangent maps."""
 
-    def tangents(self, system: Any) -> LoggedMap:
-        """Return the tangent map of a run, computed from its logs (systems/tangents.py).
-
-        Its kernel is ``follow`` of the loop, its time scale ``time_scale`` in ``system.py``.
-        """
-        from vibro_cli.systems.tangents import LoggedMap
-
-        return LoggedMap(self, system)
+    def time_scale(self, system: Any) -> Any:
+        """Return the time scale (s) of tangent maps, with ``time_scale`` in ``system.py``."""
+        return self.part("system").time_scale(system)
 
     # Figures: figures/kinds.py.
 

@@ -66,12 +66,15 @@ class EventLoop:
     records: Mapping[str, type]
     logs: Mapping[str, str]
     """Logs, each with the field of the clock that counts its rows."""
+    impacts: Mapping[str, str]
+    """Logs of impacts, by the name of their table."""
     state: tuple[str, ...]
     """The records that change during a run, which form its state."""
     follow: Callable[..., None] | None = None
     """Kernel that carries tangent vectors through the logs. Arguments: a world with the logs of a
     stretch, how much of it is known already, the cause and the time (two doubles, s) of the end,
-    the tangents (modified in place), scratch."""
+    the tangents (modified in place), a record of each type in ``scratch``."""
+    scratch: tuple[type, ...] = ()
     start: Callable[[Any], None] | None = None
     """Kernel that is called once, before the loop."""
     enter: Callable[[Any, Overrides | None], int] | None = None

@@ -16,7 +16,7 @@ from vibro_cli.systems.contract import Columns, ImpactLog, Sink, System
 from vibro_cli.systems.driver import record_array
 from vibro_cli.systems.request import OutputRequest, Sampling
 from vibro_cli.systems.run import Gathered, Stretch
-from vibro_cli.systems.tangents import exponent_table, grown_columns
+from vibro_cli.systems.tangents import TangentMap, exponent_table, grown_columns
 
 
 class SystemTables:
@@ -39,7 +39,7 @@ class SystemTables:
         self.motion = Gathered(system) if wanted.figures else None
         self._before: Any = None
         self._begun = False
-        self._tangents = kind.tangents(system) if wanted.lyapunov else None
+        self._tangents = TangentMap(kind, system) if wanted.lyapunov else None
         self._converging = "exponents" in names
         start = kind.part("system").initial_records(system)
         records = {

@@ -120,9 +120,11 @@ class TangentMap:
     of the times of impacts are computed too.
     """
 
-    def __init__(self, kind: System, system: Any, time_scale: float, times: bool = False) -> None:
-        self._follow, self._overrides = kind.loop.follow, kind.overrides(system)
-        self.time_scale = time_scale
+    def __init__(self, kind: System, system: Any, times: bool = False) -> None:
+        self._loop, self._overrides = kind.loop, kind.overrides(system)
+        self._world = kind.world(system, NO_LIMITS)
+        self._known = 0
+        self.time_scale = float(kind.time_scale(system))
         self._numbers = kind.exponents
         """Dimension of a body's state: displacements (m), then as many speeds (m/s)."""
         self.size = self._numbers * len(system.bodies)
@@ -130,23 +132,44 @@ class TangentMap:
         self.growth = Growth()
         self._times = times
         self._state = zeros(1, TangentState)
-        self._state["time_scale"] = time_scale
+        self._state["time_scale"] = self.time_scale
         self._kept = room_for(self.size, 0, False, self._state)
 
-    def go_on(
-        self, world: Any, known: int, stretch: Stretch, instants: Any, *scratch: Any
-    ) -> Columns:
-        """Follow a stretch, whose logs are those of `world` and whose impacts are at instants (s).
+    def take(self, stretch: Stretch) -> dict[str, Columns]:
+        """Follow a stretch; return ``amplification`` and ``smooth`` of its impacts, by table.
 
-        Returns the columns ``amplification`` and ``smooth`` of these impacts and, if requested,
-        ``times`` ([impact, number]): the derivatives of the instants with respect to displacements
-        (m) and speeds (m/s) at the start.
+        With `times` also ``times`` ([impact, number]): the derivatives of the times (s) of these
+        impacts with respect to displacements (m) and speeds (m/s) at the start. The impacts of
+        several logs are followed in the order of their events.
         """
+        parts = {table: stretch.logs[log] for table, log in self._loop.impacts.items()}
+        instants = np.concatenate([part["t"] for part in parts.values()])
+        order = np.arange(len(instants))
+        if len(parts) > 1:
+            events = np.concatenate([part["event"] for part in parts.values()])
+            order = np.argsort(events, kind="stable")
+        columns = self._followed(stretch, instants[order])
+        found = {name: np.empty_like(values) for name, values in columns.items()}
+        for name, values in columns.items():
+            found[name][order] = values
+        ends = np.cumsum([len(part) for part in parts.values()])[:-1]
+        split = {name: np.split(values, ends) for name, values in found.items()}
+        return {
+            table: {name: values[number] for name, values in split.items()}
+            for number, table in enumerate(parts)
+        }
+
+    def _followed(self, stretch: Stretch, instants: Any) -> Columns:
+        """Follow a stretch whose impacts are at instants (s); return their columns in order."""
+        self._world = with_logs(self._loop, self._world, stretch.engine, stretch.logs)
         kept = {name: getattr(self._kept, name) for name in ("frame", "product", "sums")}
         room = room_for(self.size, len(instants), self._times, self._state)
         room = room._replace(**kept)
-        end = stretch.end
-        called(self._follow, self._overrides, world, known, stretch.cause, *end, room, *scratch)
+        end, known = stretch.end, max(self._known, stretch.known)
+        of_stretch = self._world, known, stretch.cause, *end, room
+        scratch = (zeros(1, record) for record in self._loop.scratch)
+        called(self._loop.follow, self._overrides, *of_stretch, *scratch)
+        self._known = 1
         amplification, smooth, growth, times = map(
             np.asarray, (room.amplification, room.smooth, room.growth, room.times)
         )
@@ -186,58 +209,20 @@ class TangentMap:
         return found * units[:, None] / units[None, :]
 
 
-class LoggedMap(TangentMap):
-    """A tangent map whose kernel reads the logs as the run writes them.
-
-    The kernel's argument `known` is 0 in the first stretch and 1 afterwards.
-    """
-
-    def __init__(self, kind: System, system: Any) -> None:
-        super().__init__(kind, system, kind.part("system").time_scale(system))
-        self._kind = kind
-        self._world = kind.world(system, NO_LIMITS)
-        self._known = 0
-
-    def take(self, stretch: Stretch) -> dict[str, Columns]:
-        """Follow a stretch; return ``amplification`` and ``smooth`` of its impacts, by table.
-
-        The impacts of several logs are followed in the order of their events.
-        """
-        logs = stretch.logs
-        self._world = with_logs(self._kind.loop, self._world, stretch.engine, logs)
-        tables = {name: logs[one.log] for name, one in self._kind.impact_logs.items()}
-        parts = list(tables.values())
-        order = np.arange(len(parts[0]))
-        if len(parts) > 1:
-            order = np.argsort(np.concatenate([part["event"] for part in parts]), kind="stable")
-        times = np.concatenate([part["t"] for part in parts])[order]
-        columns = self.go_on(self._world, self._known, stretch, times)
-        self._known = 1
-        found = {name: np.empty_like(values) for name, values in columns.items()}
-        for name, values in columns.items():
-            found[name][order] = values
-        ends = np.cumsum([len(part) for part in parts])[:-1]
-        split = {name: np.split(values, ends) for name, values in found.items()}
-        return {
-            table: {name: values[number] for name, values in split.items()}
-            for number, table in enumerate(tables)
-        }
-
-
 def followed(
-    kind: System, system: Any, limits: Limits, engine_name: str = "compiled"
-) -> tuple[LoggedMap, dict[str, Columns], Stretch]:
+    kind: System, system: Any, limits: Limits, engine_name: str = "compiled", times: bool = False
+) -> tuple[TangentMap, dict[str, Columns], Stretch]:
     """Return the tangent map of a whole run, the columns of its impacts by table, and the run.
 
     Raises as ``systems.run.begun``.
     """
     whole, _ = begun(kind, system, limits, engine_name).whole()
-    found = kind.tangents(system)
+    found = TangentMap(kind, system, times)
     return found, found.take(whole), whole
 
 
 def grown_columns(grown: dict[str, Any], grazing: Any) -> dict[str, Any]:
-    """Return ``amplification, digits_left, smooth`` of impacts, from :meth:`LoggedMap.take`.
+    """Return ``amplification, digits_left, smooth`` of impacts, from :meth:`TangentMap.take`.
 
     NaN where unknown. An amplification beyond the greatest double is NaN too, and leaves no digit.
     """

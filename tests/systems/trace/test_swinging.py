@@ -12,7 +12,7 @@ from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.stress.scenes import scene, system_of, three_arcs, valley
 from vibro_cli.systems.driver import Driver
 from vibro_cli.systems.request import Limits
-from vibro_cli.systems.trace.event_loop import LOOP
+from vibro_cli.systems.trace.system import LOOP
 from vibro_cli.systems.trace.world import make_world
 
 VALLEY, CHAIN = valley(80), three_arcs(80)

@@ -33,12 +33,12 @@ from vibro_cli.stress.oracles.scene import mp, scene_of_system
 from vibro_cli.stress.oracles.sensitivity import differences
 from vibro_cli.stress.scenes import CIRCLE, THREE_ARCS, VALLEY, ball, scene, system_of
 from vibro_cli.systems import driver
-from vibro_cli.systems.driver import with_logs
 from vibro_cli.systems.request import Limits, OutputRequest
 from vibro_cli.systems.run import begun
+from vibro_cli.systems.tangents import TangentMap
 from vibro_cli.systems.trace import SYSTEM, simulate_system
-from vibro_cli.systems.trace.tangents import TangentMap, follow_system, time_scale
-from vibro_cli.systems.trace.world import make_world
+from vibro_cli.systems.trace.system import time_scale
+from vibro_cli.systems.trace.tangents import follow_system
 
 pytestmark = pytest.mark.long
 
@@ -311,11 +311,9 @@ def test_a_run_in_several_stretches_is_one_run(monkeypatch: pytest.MonkeyPatch) 
     for rows in ("FIRST_ROWS", "COMPILED_ROWS"):
         monkeypatch.setattr(driver, rows, 32)
     monkeypatch.setattr("vibro_cli.systems.run.LEAST_ROWS", 16)
-    parts = TangentMap(system, times=True)
-    world, found = make_world(system), []
-    for stretch in begun(SYSTEM, system, Limits(None, 60)).until(lambda: False):
-        world = with_logs(SYSTEM.loop, world, stretch.engine, stretch.logs, stretch.clock)
-        found.append(parts.take(world, stretch))
+    parts = TangentMap(SYSTEM, system, times=True)
+    stretches = begun(SYSTEM, system, Limits(None, 60)).until(lambda: False)
+    found = [parts.take(stretch)["collisions"] for stretch in stretches]
     assert len(found) > 2
     joined = {name: np.concatenate([one[name] for one in found]) for name in found[0]}
     joined |= {"matrix": parts.matrix(), "sums": parts.sums}

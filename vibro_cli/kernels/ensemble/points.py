@@ -1,7 +1,7 @@
 """Many runs one after another: their summaries, their impacts, their tangent maps.
 
 The runs differ in the initial states and masses of the bodies, in the coefficients of restitution
-and in the stop. Each has the same bits as a run of ``systems.trace.event_loop``, since the same
+and in the stop. Each has the same bits as a run of ``systems.trace.system``, since the same
 kernels work on the same structs.
 
 If the systems differ too, their numbers are arrays (see ``numerics.elementwise``). The functions

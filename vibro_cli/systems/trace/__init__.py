@@ -16,12 +16,12 @@ if TYPE_CHECKING:
     from vibro_cli.scenario.base import AnyScenario
     from vibro_cli.storage.stored import StoredRun
     from vibro_cli.systems.columns import Table
-    from vibro_cli.systems.driver import Driver, EventLoop
+    from vibro_cli.systems.driver import Driver
     from vibro_cli.systems.request import Limits, OutputRequest
     from vibro_cli.systems.run import Run, Stretch
-    from vibro_cli.systems.trace.event_loop import TraceStretches
     from vibro_cli.systems.trace.grid_solver import TraceSolver
     from vibro_cli.systems.trace.motion import LongMotion, Paths
+    from vibro_cli.systems.trace.system import TraceStretches
     from vibro_cli.systems.trace.tables import Tables
 
 
@@ -52,19 +52,8 @@ class Trace(System):
 
         return mechanics_warnings(system, scenario.stop.time)
 
-    @property
-    def loop(self) -> EventLoop:
-        from vibro_cli.systems.trace.event_loop import LOOP
-
-        return LOOP
-
     def one_sided(self, scenario: Any) -> bool:
         return bool(scenario.trace.surface == "one-sided")
-
-    def world(self, system: Any, limits: Limits) -> Any:
-        from vibro_cli.systems.trace.world import make_world
-
-        return make_world(system, limits)
 
     def overrides(self, system: Any) -> Overrides | None:
         if system.turning is None:
@@ -74,7 +63,7 @@ class Trace(System):
         return TURNING
 
     def stretches(self, driver: Driver, stop_time: float | None) -> TraceStretches:
-        from vibro_cli.systems.trace.event_loop import TraceStretches
+        from vibro_cli.systems.trace.system import TraceStretches
 
         return TraceStretches(driver, stop_time)
 

@@ -98,7 +98,7 @@ class Batch:
     ) -> Any:
         """Run all points and follow their tangent maps; impacts are not kept.
 
-        `scales` [point] are the time scales (s), see ``systems.trace.tangents.time_scale``. Returns
+        `scales` [point] are the time scales (s), see ``systems.trace.system.time_scale``. Returns
         the logarithms [point, direction] of the growth of a frame's vectors.
         """
         size = 2 * len(self.world.bodies)

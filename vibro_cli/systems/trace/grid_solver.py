@@ -40,6 +40,7 @@ from vibro_cli.systems.trace.ensemble import (
     stack_of,
 )
 from vibro_cli.systems.trace.motion import Places
+from vibro_cli.systems.trace.system import time_scale
 from vibro_cli.systems.trace.system_template import (
     Reader,
     Starts,
@@ -49,7 +50,6 @@ from vibro_cli.systems.trace.system_template import (
     is_quick,
 )
 from vibro_cli.systems.trace.tables import ImpactTable, runs_of, sidedness, summary_columns
-from vibro_cli.systems.trace.tangents import time_scale
 from vibro_cli.systems.trace.world import make_world
 
 

@@ -51,11 +51,10 @@ from vibro_cli.systems.contract import Sink
 from vibro_cli.systems.driver import called, with_logs, zeros
 from vibro_cli.systems.request import OutputRequest, Sampling
 from vibro_cli.systems.run import Gathered, Stretch
-from vibro_cli.systems.tangents import exponent_table, grown_columns
+from vibro_cli.systems.tangents import TangentMap, exponent_table, grown_columns
 from vibro_cli.systems.trace import SYSTEM
 from vibro_cli.systems.trace.events import NAMES, Events, event_columns
 from vibro_cli.systems.trace.motion import Paths, Places
-from vibro_cli.systems.trace.tangents import TangentMap
 from vibro_cli.systems.trace.world import make_world
 
 # A greater coefficient means a normal force of zero up to rounding: no coefficient suffices.
@@ -332,7 +331,7 @@ class Tables:
         self._results = Results(
             zeros(1, Outcome), zeros(bodies, FinalState), zeros(0, ImpactRow), zeros(1, Flight)
         )
-        self._tangents = TangentMap(system) if wanted.lyapunov else None
+        self._tangents = TangentMap(SYSTEM, system) if wanted.lyapunov else None
         self._wants_exponents = "exponents" in names
         self._waiting: dict[str, Any] = {}
 
@@ -344,7 +343,7 @@ class Tables:
         ended = stretch.cause != RUNNING
         grown = None
         if self._tangents is not None:
-            grown = self._tangents.take(world, stretch)
+            grown = self._tangents.take(stretch)["collisions"]
             if self._wants_exponents and ended:
                 self._sink("exponents", exponent_table(self._tangents))
         if self._impacts is not None and not (ended and known):

@@ -20,11 +20,27 @@ from vibro_cli.kernels.ensemble.libration_fast_path import proceed_in_libration
 from vibro_cli.kernels.events.event_detection import ROUNDS
 from vibro_cli.kernels.events.event_loop import advance, start
 from vibro_cli.kernels.tangent.follow import follow_tangents
-from vibro_cli.kernels.world import World
+from vibro_cli.kernels.world import Flight, World
+from vibro_cli.mechanics.system import TraceSystem
+from vibro_cli.numerics.elementwise import greatest_of
 from vibro_cli.systems import driver
 from vibro_cli.systems.driver import Driver, joined, records_of, zeros
 from vibro_cli.systems.run import Stretch, Stretches
 from vibro_cli.systems.trace.motion import last_of_each
+from vibro_cli.systems.trace.world import make_world as make_world  # a part of every system.py
+
+
+def time_scale(system: TraceSystem) -> Any:
+    """Return the time scale (s) of tangent maps: √(κρ/g) of body 1 on the widest arc.
+
+    On lines alone, ρ is ten times its radius. For a system of arrays the scale is an array.
+    """
+    body = system.bodies[0]
+    arcs = [piece for piece in system.trace.pieces if not piece.is_line]
+    length: Any = 10.0 * body.radius
+    if arcs:
+        length = greatest_of([piece.path_radius(body.radius) for piece in arcs])
+    return np.sqrt(body.kappa * length / system.gravity)
 
 
 def enter_advance(world: World, overrides: Overrides | None) -> int:
@@ -40,6 +56,7 @@ def enter_advance(world: World, overrides: Overrides | None) -> int:
 LOOP = driver.EventLoop(
     advance=advance,
     follow=follow_tangents,
+    scratch=(Flight,),
     records=records_of(World),
     logs={
         "impacts": "impact_rows",
@@ -47,6 +64,7 @@ LOOP = driver.EventLoop(
         "touches": "contact_rows",
         "segments": "segment_rows",
     },
+    impacts={"collisions": "impacts"},
     state=("clock", "flights", "pairs"),
     start=start,
     enter=enter_advance,
