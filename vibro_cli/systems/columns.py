@@ -164,12 +164,18 @@ def before_and_after(
     text: str,
     nullable: bool = False,
     value: Callable[[str, str], Value] | None = None,
+    words: tuple[str, ...] = (),
 ) -> Iterator[Column]:
-    """Yield a quantity of both bodies before and after the impact; arguments as in `phases`."""
-    for end, when, words in ENDS:
+    """Yield a quantity of both bodies, or if `words` are given a word, before and after the impact.
+
+    `text` has a field for the body and the time: "body a before the impact". `value` maps body
+    (`a` or `b`) and time (`pre` or `post`) to the ``value`` of the column.
+    """
+    kind: ColumnType = "string" if words else "float64"
+    for end, when, said in ENDS:
         own = None if value is None else value(end, when)
-        what = text.format(f"body {end} {words} the impact")
-        yield number(f"{name}_{end}_{when}", unit, what, nullable, own)
+        what = text.format(f"body {end} {said} the impact")
+        yield Column(f"{name}_{end}_{when}", kind, unit, what, nullable, words, own)
 
 
 def impact_tail(
@@ -212,23 +218,6 @@ IMPULSE = "impulse, m_b (v_b⁺ − v_b⁻), under the translational law (otherw
 def impulse() -> Column:
     """Return the column of the impulse on body b under the translational law, B (6)."""
     return number("impulse", "N s", IMPULSE, True, lambda rows: rows.impulse)
-
-
-def phases(
-    prefix: str,
-    text: str,
-    words: tuple[str, ...],
-    value: Callable[[str, str], Value] | None = None,
-) -> Iterator[Column]:
-    """Yield the regions of the phase plane of both bodies, before and after the impact.
-
-    `text` has a field for the body and the time: "body a before the impact". `value` maps body
-    (`a` or `b`) and time (`pre` or `post`) to the ``value`` of the column.
-    """
-    for end, when, said in ENDS:
-        of_end = None if value is None else value(end, when)
-        what = text.format(f"body {end} {said} the impact")
-        yield word(f"{prefix}_{end}_{when}", what, words, value=of_end)
 
 
 def grazing() -> Column:

@@ -346,6 +346,10 @@ class System(ABC):
         logs: Mapping[str, ImpactLog] = self.part("tables").IMPACT_LOGS
         return logs
 
+    def impact_log(self, table: str) -> str:
+        """Return the name of the log from which a table of impacts is made."""
+        return self.impact_logs[table].log
+
     def events(self, system: Any, logs: Any) -> Columns | None:
         """Return the columns of the table of events from a stretch's logs, or None without one."""
         return None

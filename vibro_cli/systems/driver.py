@@ -66,8 +66,6 @@ class EventLoop:
     records: Mapping[str, type]
     logs: Mapping[str, str]
     """Logs, each with the field of the clock that counts its rows."""
-    impacts: Mapping[str, str]
-    """Logs of impacts, by the name of their table."""
     state: tuple[str, ...]
     """The records that change during a run, which form its state."""
     follow: Callable[..., None] | None = None

@@ -122,6 +122,7 @@ class TangentMap:
 
     def __init__(self, kind: System, system: Any, times: bool = False) -> None:
         self._loop, self._overrides = kind.loop, kind.overrides(system)
+        self._impacts = {table: kind.impact_log(table) for table in kind.impact_tables}
         self._world = kind.world(system, NO_LIMITS)
         self._known = 0
         self.time_scale = float(kind.time_scale(system))
@@ -142,7 +143,7 @@ class TangentMap:
         impacts with respect to displacements (m) and speeds (m/s) at the start. The impacts of
         several logs are followed in the order of their events.
         """
-        parts = {table: stretch.logs[log] for table, log in self._loop.impacts.items()}
+        parts = {table: stretch.logs[log] for table, log in self._impacts.items()}
         instants = np.concatenate([part["t"] for part in parts.values()])
         order = np.arange(len(instants))
         if len(parts) > 1:

@@ -115,7 +115,6 @@ LOOP = EventLoop(
     follow=follow_bodies,
     records=records_of(World),
     logs={"impacts": "impact_rows", "states": "state_rows"},
-    impacts={"collisions": "impacts"},
     state=("clock", "springs", "pairs"),
     at_once="at_once",
     hurried="hurried",

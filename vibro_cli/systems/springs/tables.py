@@ -30,7 +30,6 @@ from vibro_cli.systems.columns import (
     of_clock,
     of_last,
     of_log,
-    phases,
     summary_balance,
     summary_head,
     word,
@@ -153,8 +152,9 @@ def _impact_columns() -> Iterator[Column]:
     kinetic = partial(methodcaller, "kinetic")
     yield from before_and_after("kinetic_energy", "J", KINETIC, value=kinetic)
     yield impulse()
-    yield from phases("regime", _REGIME, REGIMES, lambda *_: _never_progressive)
-    yield from phases("eight", _EIGHT, EIGHTS, partial(methodcaller, "eight"))
+    never, eight = (lambda *_: _never_progressive), partial(methodcaller, "eight")
+    yield from before_and_after("regime", "", _REGIME, value=never, words=REGIMES)
+    yield from before_and_after("eight", "", _EIGHT, value=eight, words=EIGHTS)
 
 
 COLLISIONS = Table("springs.collisions", "one impact of two neighbours", tuple(_impact_columns()))

@@ -94,7 +94,6 @@ LOOP = EventLoop(
     follow=follow_balls,
     records=records_of(World),
     logs={"pair_log": "pair_rows", "bounce_log": "bounce_rows"},
-    impacts={"collisions": "pair_log", "bounces": "bounce_log"},
     state=("clock", "balls", "meetings"),  # determine the tournament tree
     quiet_log=("bounce_log", "impacts on the wall"),
     other_stops={"stop_time": NEVER, "stop_bounces": UNLIMITED},

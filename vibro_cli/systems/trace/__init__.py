@@ -95,6 +95,9 @@ class Trace(System):
     def impact_logs(self) -> dict[str, ImpactLog]:
         return {}  # a kernel makes the columns of its impacts
 
+    def impact_log(self, table: str) -> str:
+        return "impacts"
+
     def trajectory(self, system: Any, stretch: Stretch, before: Any = None) -> Paths:
         from vibro_cli.systems.trace.tables import trajectory_of
 

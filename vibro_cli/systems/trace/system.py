@@ -64,7 +64,6 @@ LOOP = driver.EventLoop(
         "touches": "contact_rows",
         "segments": "segment_rows",
     },
-    impacts={"collisions": "impacts"},
     state=("clock", "flights", "pairs"),
     start=start,
     enter=enter_advance,

@@ -42,7 +42,6 @@ from vibro_cli.systems.columns import (
     impact_tail,
     impulse,
     number,
-    phases,
     summary_balance,
     summary_head,
     word,
@@ -126,8 +125,8 @@ def collisions(sided: bool = False) -> Table:
         ),
         *before_and_after("kinetic_energy", "J", KINETIC),
         impulse(),
-        *phases("regime", _REGIME, REGIMES),
-        *phases("eight", _EIGHT, EIGHTS),
+        *before_and_after("regime", "", _REGIME, words=REGIMES),
+        *before_and_after("eight", "", _EIGHT, words=EIGHTS),
     ]
     return Table("collisions", "one impact of one pair", tuple(columns))
 
