@@ -25,8 +25,6 @@ ENDS = {
     "turning_last_flight_at_the_bottom": "collisions",
     "turning_last_flights": "collisions",
 }
-# The limit of their impacts stops a body at a wall, which has no row.
-STOPPED_BY_A_LIMIT = {"heavy_ball_contracts_slowly", "light_body_between_great_impulses"}
 OVERLAP = 1e-12  # m: overlap of bodies at any sampled time
 MIRRORED = [path for path in CASES if path.stem.startswith("mirror_")]
 
@@ -62,11 +60,7 @@ def test_runs_to_its_stop_in_order_and_without_gaining_energy(path: Path) -> Non
         assert (np.diff(energy) <= 1e-9 * energy[0]).all()
 
 
-@pytest.mark.parametrize(
-    "path",
-    [path for path in CASES if path.stem not in STOPPED_BY_A_LIMIT],
-    ids=lambda path: path.stem,
-)
+@pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
 def test_energy_is_lost_in_the_rows_of_impacts_and_at_walls_only(path: Path) -> None:
     run = simulate(load_scenario(path))
     summary, events = run.summary_record(), run.events

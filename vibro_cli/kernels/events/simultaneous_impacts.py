@@ -297,14 +297,21 @@ def _is_endless(world: World, first: int, count: int) -> bool:
     """Return whether a sequence of simultaneous impacts is taken to its limit.
 
     A dissipative sequence that lasts this long contracts. One without dissipation ends, or it has
-    no limit because the bodies fill the space between two walls or a closed trace.
+    no limit because the bodies fill the space between two walls or a closed trace. A round in which
+    only walls are hit is carried out: the limit begins with the impact of a pair, whose row has the
+    losses of all others.
     """
+    if world.flights[first].impacts <= MOST_ROUNDS:
+        return False
+    rounding = SPEED_ROUNDING * share_fastest(world, first, count)
     dissipates = touches_dissipative_wall(world, first)
     dissipates = dissipates or touches_dissipative_wall(world, number_along(world, first, count))
+    closes = False
     for step in range(count):
-        pair = pair_along(world, first, step)
-        dissipates = dissipates or pair.restitution < 1.0
-    return dissipates and world.flights[first].impacts > MOST_ROUNDS
+        number = number_along(world, first, step)
+        dissipates = dissipates or world.pairs[number].restitution < 1.0
+        closes = closes or parting_speed(world, number) < -rounding
+    return dissipates and closes
 
 
 @kernel
@@ -316,7 +323,7 @@ def _limit(world: World, first: int, count: int) -> float:
     """
     clock = world.clock[0]
     law = closing_law(world, first, count)
-    loss = press_speeds(world, first, count, law)
+    taken = press_speeds(world, first, count, law)
     start_row = clock.impact_rows
     for step in range(count):
         pair = pair_along(world, first, step)
@@ -326,12 +333,14 @@ def _limit(world: World, first: int, count: int) -> float:
             row.simultaneous = 1  # it stands for all further impacts, those on walls too
             row.loss = half_approach(world, number_along(world, first, step), law)
     apply_impulses(world, first, count, law)
+    rows = clock.impact_rows - start_row
+    loss = 0.0
     for number in range(start_row, clock.impact_rows):
         row = world.impacts[number]
         pair = world.pairs[row.pair]
         row.speed_a_post = world.flights[pair.a].speed
         row.speed_b_post = world.flights[pair.b].speed
-        row.loss = pair.solution * (row.loss + half_approach(world, row.pair, law))
+        row.loss = pair.solution * (row.loss + half_approach(world, row.pair, law)) + taken / rows
         loss += row.loss
     return loss
 
