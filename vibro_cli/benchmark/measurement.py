@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import os
 import platform
-import queue
 import subprocess
 import sys
 import time
@@ -201,19 +200,9 @@ Work = TypeVar("Work")
 
 def shared_out(work: Iterable[Work], solvers: Sequence[Callable[[Work], int]]) -> int:
     """Let solvers, each in its own thread, share the work; return the sum of their results."""
-    free: queue.SimpleQueue[Callable[[Work], int]] = queue.SimpleQueue()
-    for solver in solvers:
-        free.put(solver)
-
-    def solved(one: Work) -> int:
-        solver = free.get()
-        try:
-            return solver(one)
-        finally:
-            free.put(solver)
-
+    left = iter(list(work))  # threads may share the iterator of a list
     with ThreadPoolExecutor(len(solvers)) as crew:
-        return sum(crew.map(solved, work))
+        return sum(crew.map(lambda solve: sum(map(solve, left)), solvers))
 
 
 def command(*arguments: str) -> int | None:
