@@ -6,6 +6,7 @@ import json
 import math
 import re
 import struct
+from decimal import Decimal
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ from vibro_cli import NoFit, NotMeasured, example, fit, load_scenario, simulate,
 from vibro_cli.analysis.fit import Fit, measured_of, read_measured
 from vibro_cli.analysis.impact_times import number_at
 from vibro_cli.commands.app import run_command_line
+from vibro_cli.commands.orbit import _rounded
 from vibro_cli.scenario import Scenario, scenario_of
 from vibro_cli.scenario.problems import parsed_path
 from vibro_cli.storage.folders import write_run
@@ -62,6 +64,50 @@ def test_restitution_and_a_mass_lie_in_their_95_percent_region_as_often_as_they_
     assert kstest(distances, chi2(2).cdf).pvalue > 0.01
     assert kstest([one.chi_square for one in found], chi2(10).cdf).pvalue > 0.01
     assert all(one.same_events for one in found)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("noise", [SIGMA, None])
+def test_intervals_hold_the_true_numbers_and_start_time_in_95_of_100_fits(
+    noise: float | None,
+) -> None:
+    """The clock is begun by the first impact, whose own error is that of the whole clock."""
+    rng, exact, true = np.random.default_rng(1), _instants(_circle(8)), np.array([0.9, 3.0, 0.0])
+    start = _circle().replace({"collision.k": 0.895, "balls[2].mass": 2.95})
+    inside = np.zeros(3)
+    for _ in range(300):
+        t = exact + rng.normal(0.0, SIGMA, len(exact))
+        found = fit(start, t - t[0], [*PATHS, "start_time"], noise)
+        interval = found.interval + np.array([0.0, 0.0, t[0]])[:, None]
+        inside += (interval[:, 0] < true) & (true < interval[:, 1])
+    assert np.all((inside >= 0.93 * 300) & (inside <= 0.97 * 300))
+
+
+@pytest.mark.parametrize("shift", [-0.7, 17.25, 2.0**21])
+def test_a_start_at_any_time_of_the_clock_is_fitted(shift: float) -> None:
+    """The clock changes no other number; errors are those of differences of motions."""
+    exact, step = _instants(_circle()), 1e-6
+    slopes = [
+        (_instants(_circle().replace({path: true + step})) - exact) / step
+        for path, true in zip(PATHS, TRUE, strict=True)
+    ]
+    jacobian = np.column_stack([*slopes, np.ones(len(exact))])
+    start = _circle().replace({"collision.k": 0.89, "balls[2].mass": 2.9})
+    found = fit(start, exact + shift, [*PATHS, "start_time"], SIGMA)
+    np.testing.assert_allclose(found.values, [*TRUE, shift], rtol=1e-9)
+    covariance = SIGMA**2 * np.linalg.inv(jacobian.T @ jacobian)
+    np.testing.assert_allclose(found.errors, np.sqrt(np.diag(covariance)), rtol=1e-3)
+    assert found.start[2] == pytest.approx(exact[0] + shift - _instants(start)[0], rel=1e-12)
+    assert found.same_events
+    alone = fit(_circle(), exact[2:] + shift, ["start_time"])
+    assert alone.scenario == _circle()
+    assert alone.values[0] - shift == pytest.approx(np.mean(exact[2:] - exact[:-2]), rel=1e-8)
+
+
+def test_a_start_time_keeps_its_bounds() -> None:
+    exact = _instants(_circle())
+    found = fit(_circle(), exact + 17.25, {"start_time": (17.0, 17.2)})
+    assert found.values[0] == 17.2
 
 
 @pytest.mark.long
@@ -322,6 +368,7 @@ def test_a_number_that_only_later_impacts_show_is_fitted() -> None:
         ({}, None, [], "found no free parameter"),
         ({}, None, ["collision.k", "collision.k"], "found 2 times"),
         ({}, None, {"collision.k": (0.0, 0.5)}, "expected a number from 0 to 0.5"),
+        ({}, None, {"balls[2].mass": (0.1, 2.0)}, "found 3 kg in the .* from 0.1 to 2 kg"),
         ({}, {"n": [1, 2, 99999], "t": [0.5, 0.7, 1.0]}, PATHS, "impacts in the motion"),
         ({}, {"t": [0.5, 0.7], "ball_a": [1, 3], "ball_b": [2, 4]}, ["collision.k"], "bodies 1"),
         ({}, {"t": [0.5, 0.7], "ball_a": [1, 1], "ball_b": [2, 3]}, ["collision.k"], "bodies 1"),
@@ -344,7 +391,7 @@ def test_where_fewer_impacts_led_to_another_minimum_the_numbers_are_told() -> No
     with pytest.raises(NoFit, match=r"found 19 impacts .* expected 24") as caught:
         fit(start, t, free)
     k, radius = fit(start, t[:12], free).values
-    told = f"the impacts before led to collision.k = {k:.4g}, balls[1].radius = {radius:.4g}"
+    told = f"the impacts before led to collision.k = {k:.4g}, balls[1].radius = {radius:.4g} m"
     assert str(caught.value).endswith(told)
 
 
@@ -394,6 +441,7 @@ def test_what_is_no_free_number_is_told(free: Any, words: str) -> None:
         ({"t": [1.0, 3.0, 2.0]}, "row 3: t: found 2, expected one greater"),
         ({"t": [10**400]}, "row 1: t: found 1000"),
         ({"t": [-1.0]}, "row 1: t"),
+        ({"t": [0.0]}, "row 1: t: found 0, expected .* greater than 0, or start_time among the"),
         ({"t": [1.0, 2.0], "n": [1, 1.5]}, "row 2: n: found 1.5, expected a whole"),
         ({"t": [1.0, 2.0], "n": [2, 1]}, "row 2: n"),
         ({"t": [1.0], "error": [0.0]}, "row 1: error"),
@@ -496,6 +544,14 @@ def test_the_command_tells_what_is_wrong(
         assert words in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("value", [-1.833, 3.21, 0.9, 87.3])
+@pytest.mark.parametrize("error", [2.5e-4, 0.011, 0.099])
+def test_numbers_end_at_the_second_digit_of_their_error(value: float, error: float) -> None:
+    second = Decimal(f"{error:.1e}").as_tuple().exponent
+    assert Decimal(_rounded(value, error)).as_tuple().exponent == second
+    assert float(_rounded(value, error)) == pytest.approx(value, abs=0.051 * error)
+
+
 @pytest.mark.long
 def test_instants_without_noise_give_a_number_as_short_as_its_double(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -541,6 +597,11 @@ def test_numbers_have_their_units_and_a_lone_body_is_refused(
     angle, k = (line.split(",")[0] for line in capsys.readouterr().out.splitlines()[1:3])
     assert re.search(r"angle +\S+ ± \S+ rad$", angle)
     assert re.search(r"collision\.k +\S+ ± \S+$", k)
+    clock = ["--free", "start_time=-9:9", "--free", "balls[1].angle=-0.7:1"]
+    assert run_command_line(["fit", *arguments[:-2], *clock]) == 0
+    _, start_time, _, bound = capsys.readouterr().out.splitlines()[:4]
+    assert re.search(r"start_time .* s, 95 % interval \S+ to \S+ s; initially \S+ s$", start_time)
+    assert "angle is bounded by -0.7 rad, within" in bound
     alone = _circle().resolved() | {"balls": [_circle().resolved()["balls"][0]]}
     file.write_text(json.dumps({name: alone[name] for name in alone if name != "collision"}))
     assert run_command_line(["fit", *arguments]) == 2

@@ -4,7 +4,9 @@ The sum of squares of ``(T_n(p) - t_n)/sigma_n`` over the measured impacts is mi
 trust-region method of ``scipy.optimize.least_squares``, with the derivatives of
 ``analysis.impact_times``. Fits use the first impacts, then twice as many and so on, so that the
 initial values need to be good for the first impacts only. The covariance of the parameters is
-``(J^T J)^-1`` at the solution, times the variance of the residuals if the noise is unknown.
+``(J^T J)^-1`` at the solution, times the variance of the residuals if the noise is unknown. If the
+start of the motion is not 0 on the clock of the measurements, it is a parameter, ``START_TIME``,
+with ``T_n(p)`` later by as much.
 
 Measured times come from a file or from a table in Python.
 """
@@ -29,6 +31,7 @@ from vibro_cli.assemble import build_system
 from vibro_cli.errors import VibroError, counted
 from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.numerics.elementwise import Floats, outside
+from vibro_cli.scenario.fields import unit_at, written
 from vibro_cli.scenario.models import Scenario
 from vibro_cli.scenario.problems import (
     KeyPath,
@@ -41,6 +44,8 @@ from vibro_cli.scenario.problems import (
 
 _BODIES = ("ball_a", "ball_b")
 COLUMNS = ("t", "n", "error", *_BODIES)
+START_TIME = "start_time"
+"""Stands for the path of the time (s) at which the motion starts on the measurements' clock."""
 _NAMED = 6
 """Number of columns of a table without times that its message names."""
 
@@ -63,10 +68,10 @@ class Measured:
     """[row, 2] numbers of the bodies, from 1, if known."""
 
 
-def read_measured(file: str | Path) -> Measured:
+def read_measured(file: str | Path, from_start: bool = True) -> Measured:
     """Return the measured times in a CSV or Parquet file, distinguished by its suffix.
 
-    Columns as for :func:`measured_of`; the ``collisions.parquet`` of a run is such a file.
+    Arguments as for :func:`measured_of`; the ``collisions.parquet`` of a run is such a file.
 
     Raises
     ------
@@ -95,13 +100,14 @@ def read_measured(file: str | Path) -> Measured:
                 name: [*map(read, table[name].to_pylist())]
                 for name in COLUMNS
                 if name in table.column_names
-            }
+            },
+            from_start,
         )
     except NotMeasured as error:
         raise NotMeasured(f"{path}: {error}") from error
 
 
-def measured_of(columns: Mapping[str, Any]) -> Measured:
+def measured_of(columns: Mapping[str, Any], from_start: bool = True) -> Measured:
     """Return the measured times in a table.
 
     Parameters
@@ -110,6 +116,8 @@ def measured_of(columns: Mapping[str, Any]) -> Measured:
         ``t``, ascending times (s). Optional: ``n``, the number of each impact from 1, if not all
         were measured; ``error``, the standard deviation of each time (s); ``ball_a`` and
         ``ball_b``, the numbers of the bodies from 1.
+    from_start
+        Whether times count from the start of the motion, so that they are greater than 0.
 
     Raises
     ------
@@ -120,7 +128,9 @@ def measured_of(columns: Mapping[str, Any]) -> Measured:
     t = _numbers(columns, "t")
     if not len(t):
         raise NotMeasured("found no rows, expected the times of impacts (s)")
-    _check(t > 0.0, t, "t", "a time after the start, greater than 0")
+    if from_start:
+        expected = f"a time after the start, greater than 0, or {START_TIME} among the parameters"
+        _check(t > 0.0, t, "t", expected)
     _check_growing(t, "t")
     number = np.arange(1, len(t) + 1)
     if "n" in columns:
@@ -209,7 +219,7 @@ class Free:
 
     @staticmethod
     def of(path: str, low: float = -math.inf, high: float = math.inf) -> Free:
-        """Return a number given by its path, such as ``collision.k`` or ``balls[1].mass``.
+        """Return a number given by its path, such as ``balls[1].mass``, or ``START_TIME``.
 
         Raises ``ValueError`` if the text is not a path or the bounds leave no interval.
         """
@@ -226,6 +236,16 @@ class Free:
     def name(self) -> str:
         """Path as text."""
         return path_text(self.path)
+
+    @property
+    def is_start_time(self) -> bool:
+        """Whether this is the time of the start, not a number of the scenario."""
+        return self.name == START_TIME
+
+    @property
+    def unit(self) -> str:
+        """Unit of the number, empty for a ratio."""
+        return "s" if self.is_start_time else written(unit_at(self.path, Scenario))
 
     @property
     def bounds(self) -> tuple[float, float]:
@@ -374,17 +394,33 @@ class _Problem:
         self._noise = np.full(len(measured.t), 1.0 if noise is None else noise)
         if measured.error is not None:
             self._noise = measured.error
+        self._clock = np.array([one.is_start_time for one in free], dtype=bool)
+        # The solver's values are differences from these: as a start_time may be of any size, it is
+        # the difference from the first guess.
+        self._origin = np.zeros(len(free))
         self._last: tuple[tuple[Any, ...], ImpactTimes] | None = None
         self.evaluations = 0
+
+    @property
+    def _t(self) -> Floats:
+        """Measured times (s) from the start of the motion, or from the first guess of it."""
+        return self._measured.t - self._origin[self._clock].sum()
+
+    @property
+    def _bounds(self) -> Floats:
+        """[end, number] of the bounds of the solver's values."""
+        found: Floats = np.array([one.bounds for one in self._free]).T - self._origin
+        return found
 
     def check(self) -> None:
         """Raise ``NoFit`` for faults that are known without solving anything."""
         rows, free = len(self._measured.t), len(self._free)
         if len(self._scenario.balls) == 1:
             raise NoFit("found one body, expected two or more: impacts on walls are not fitted")
-        lost = np.flatnonzero(self._noise < EPSILON * self._measured.t)
+        rounding = EPSILON * np.abs(self._measured.t)
+        lost = np.flatnonzero(self._noise < rounding)
         if self._known and len(lost):
-            row, least = lost[0], EPSILON * self._measured.t[lost[0]]
+            row, least = lost[0], rounding[lost[0]]
             raise NoFit(
                 f"impact {self._measured.number[row]}: found a noise of {self._noise[row]:.2g} s, "
                 f"expected no less than the rounding of its time, {least:.2g} s"
@@ -401,16 +437,28 @@ class _Problem:
             raise NoFit(f"found {times} for {parameters}, expected {least}")
 
     def values_at_start(self) -> Floats:
-        """Return the values of the parameters in the scenario."""
-        try:
-            found = np.array([number_at(self._scenario, one.path) for one in self._free])
-        except NoDerivative as error:
-            raise NoFit(str(error)) from error
-        for one, value in zip(self._free, found, strict=True):
-            if not one.low <= value <= one.high:
-                expected = f"a number from {one.low:g} to {one.high:g}"
-                raise NoFit(f"{one.name}: found {value:g} in the scenario, expected {expected}")
+        """Return the values in the scenario, and the start time that gives the first impact."""
+        found = np.zeros(len(self._free))
+        for n, one in enumerate(self._free):
+            if one.is_start_time:
+                continue
+            try:
+                found[n] = number_at(self._scenario, one.path)
+            except NoDerivative as error:
+                raise NoFit(str(error)) from error
+            if not one.low <= found[n] <= one.high:
+                value, expected = f"{found[n]:g} {one.unit}".rstrip(), self._in_bounds(one)
+                raise NoFit(f"{one.name}: found {value} in the scenario, expected {expected}")
+        if np.any(self._clock):
+            first = int(self._measured.number[0])
+            guess = self._measured.t[0] - self._impacts(found, first, None).t[first - 1]
+            self._origin = np.where(self._clock, guess, 0.0)
+            found[self._clock] = np.clip(0.0, *self._bounds[:, self._clock])
         return found
+
+    @staticmethod
+    def _in_bounds(one: Free) -> str:
+        return f"a number from {one.low:g} to {one.high:g} {one.unit}".rstrip()
 
     def stages(self) -> list[int]:
         """Return the numbers of rows to fit in successive stages."""
@@ -422,24 +470,30 @@ class _Problem:
 
     def changed(self, values: Floats) -> Scenario:
         pairs = zip(self._free, values, strict=True)
-        return self._scenario.replace({one.name: float(value) for one, value in pairs})
+        numbers = {one.name: float(value) for one, value in pairs if not one.is_start_time}
+        return self._scenario.replace(numbers)
 
     def motion(self, values: Floats, rows: int) -> ImpactTimes:
         """Return the computed impacts up to that of the last of `rows` rows.
 
         Raises ``NoFit`` if the motion lacks some of them or has no derivative.
         """
-        key = (rows, *values)
+        key = (rows, *values[~self._clock])
         if self._last is not None and self._last[0] == key:
             return self._last[1]
+        count, stop_time = int(self._measured.number[rows - 1]), PATIENCE * float(self._t[rows - 1])
+        found = self._impacts(values, count, stop_time)
+        self._check_pairs(found, rows)
+        self._last = key, found
+        return found
+
+    def _impacts(self, values: Floats, count: int, stop_time: float | None) -> ImpactTimes:
+        """Return so many impacts; raise ``NoFit`` if some are lacking or have no derivative."""
         self.evaluations += 1
-        count = int(self._measured.number[rows - 1])
+        paths = [one.path for one in self._free if not one.is_start_time]
         try:
             scenario = self.changed(values)
-            found = impact_times(
-                scenario, build_system(scenario), [one.path for one in self._free], count,
-                PATIENCE * float(self._measured.t[rows - 1]),
-            )  # fmt: skip
+            found = impact_times(scenario, build_system(scenario), paths, count, stop_time)
         except ScenarioError as error:
             raise NoFit("; ".join(str(one) for one in error.problems)) from error
         except NoDerivative as error:
@@ -449,8 +503,6 @@ class _Problem:
                 f"found {counted(len(found.t), 'impact')} in the motion, which then ends "
                 f"({found.end_cause.replace('_', ' ')}), expected {count}, as measured"
             )
-        self._check_pairs(found, rows)
-        self._last = key, found
         return found
 
     def _check_pairs(self, found: ImpactTimes, rows: int) -> None:
@@ -469,13 +521,16 @@ class _Problem:
     def _late(self, values: Floats, rows: int) -> Floats:
         """Return computed minus measured times, divided by their noise."""
         instants = self.motion(values, rows).t[self._measured.number[:rows] - 1]
-        late: Floats = (instants - self._measured.t[:rows]) / self._noise[:rows]
+        instants = instants + values[self._clock].sum()
+        late: Floats = (instants - self._t[:rows]) / self._noise[:rows]
         return late
 
     @np.errstate(over="ignore", invalid="ignore")  # such derivatives are refused
     def _jacobian(self, values: Floats, rows: int) -> Floats:
         """Return the derivatives of the residuals."""
-        derivative = self.motion(values, rows).derivative[self._measured.number[:rows] - 1]
+        derivative = np.ones((rows, len(self._free)))
+        of_impacts = self.motion(values, rows).derivative
+        derivative[:, ~self._clock] = of_impacts[self._measured.number[:rows] - 1]
         jacobian: Floats = derivative / self._noise[:rows, None]
         # Their squares are summed.
         lost = np.argwhere(~(np.abs(jacobian) < math.sqrt(sys.float_info.max / rows)))
@@ -533,13 +588,14 @@ class _Problem:
         return values
 
     def _in_words(self, values: Floats) -> str:
-        pairs = zip(self._free, values, strict=True)
-        return ", ".join(f"{one.name} = {value:.4g}" for one, value in pairs)
+        pairs = zip(self._free, values + self._origin, strict=True)
+        texts = (f"{one.name} = {value:.4g} {one.unit}".rstrip() for one, value in pairs)
+        return ", ".join(texts)
 
     def _least(self, values: Floats, shown: NDArray[np.int64], rows: int, tolerance: float) -> Any:
         """Minimise the sum of squares of the first rows over the parameters `shown`."""
         free = [self._free[n] for n in shown]
-        ends = np.array([one.bounds for one in free]).T
+        ends = self._bounds[:, shown]
         beyond = False
 
         def whole(some: Floats) -> Floats:
@@ -557,7 +613,8 @@ class _Problem:
                 return np.full(rows, np.nan)
 
         # The bounds 0 and 1 of restitution apply only if a step without them violates them.
-        for bounds in (np.array([(one.low, one.high) for one in free]).T, ends):
+        given = np.array([(one.low, one.high) for one in free]).T - self._origin[shown]
+        for bounds in (given, ends):
             found = least_squares(
                 late, values[shown], jac=lambda some: self._jacobian(whole(some), rows)[:, shown],
                 bounds=bounds, x_scale="jac", xtol=tolerance, ftol=tolerance, gtol=None,
@@ -602,14 +659,14 @@ class _Problem:
         found = self.motion(values, rows)
         noise = self._noise
         if not self._known:
-            rounding = EPSILON * float(self._measured.t[-1])
+            rounding = EPSILON * float(np.max(np.abs(self._measured.t)))
             variance = max(float(late @ late) / (rows - len(self._free)), rounding**2)
             covariance, noise = covariance * variance, noise * math.sqrt(variance)
         return Fit(
-            scenario=self.changed(values), free=self._free, start=start, values=values,
-            covariance=covariance, measured=self._measured, first=first,
-            residuals=-late * self._noise, noise=noise, noise_known=self._known, word=found.word,
-            same_events=self._stays(values, covariance, found.word),
+            scenario=self.changed(values), free=self._free, start=start + self._origin,
+            values=values + self._origin, covariance=covariance, measured=self._measured,
+            first=first, residuals=-late * self._noise, noise=noise, noise_known=self._known,
+            word=found.word, same_events=self._stays(values, covariance, found.word),
             evaluations=self.evaluations,
         )  # fmt: skip
 
@@ -622,7 +679,7 @@ class _Problem:
             for sign in (1.0, -1.0):
                 step = sign * radius * math.sqrt(max(length, 0.0)) * axis * sizes
                 try:
-                    at = np.clip(values + step, *np.array([one.bounds for one in self._free]).T)
+                    at = np.clip(values + step, *self._bounds)
                     if self.motion(at, len(self._measured.t)).word != word:
                         return False
                 except NoFit:

@@ -121,7 +121,11 @@ def differentiated(scenario: Scenario, paths: Sequence[KeyPath], more: int = 0) 
 
 
 def impact_times(
-    scenario: Scenario, system: TraceSystem, paths: Sequence[KeyPath], count: int, stop_time: float
+    scenario: Scenario,
+    system: TraceSystem,
+    paths: Sequence[KeyPath],
+    count: int,
+    stop_time: float | None,
 ) -> ImpactTimes:
     """Return the first impacts of a motion, and the derivatives of their times.
 
@@ -132,7 +136,7 @@ def impact_times(
     paths
         Paths of the numbers with respect to which times are differentiated.
     count, stop_time
-        Number of impacts, and the time (s) at which the motion stops in any case.
+        Number of impacts, and the time (s) at which the motion stops in any case, if there is one.
 
     Raises
     ------
@@ -272,7 +276,7 @@ class _Differentiation:
             else:
                 pair = (one.row, one.other)
                 delays.append(self._collide(self._impacts[len(delays)], pair, ends))
-        return np.array(delays).reshape(-1, self._size)
+        return np.array(delays).reshape(len(delays), self._size)
 
     def _ends(self) -> list[float]:
         """Return where on its piece the body of each row ended its previous flight."""

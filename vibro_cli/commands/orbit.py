@@ -229,7 +229,8 @@ class FitCommand:
         typer.Option(
             metavar="PATH[=LOW:HIGH]",
             help="Parameter to fit, and its bounds (SI units, radians), such as "
-            "balls[2].mass=0.1:10; repeatable.",
+            "balls[2].mass=0.1:10 (kg), or start_time, the time (s) of the start of the motion, if "
+            "it is not 0; repeatable.",
             autocompletion=scenario_keys,
         ),
     ]
@@ -276,7 +277,7 @@ class FitCommand:
             if folder is not None:
                 check_replaceable(folder, "fit")
             try:
-                measured = read_measured(self.measured)
+                measured = read_measured(self.measured, not any(one.is_start_time for one in free))
             except OSError as error:
                 text = " ".join(str(error.strerror or error).split())
                 raise CommandError(f"vibro: {self.measured}: cannot be read: {text}") from error
@@ -347,18 +348,14 @@ def record_of_fit(found: Fit) -> dict[str, Any]:
     }
 
 
-def _line_of_number(one: dict[str, Any]) -> str:
+def _line_of_number(one: dict[str, Any], unit: str) -> str:
     """Return a fitted number, its error and its interval as a line of text."""
-    from vibro_cli.scenario.fields import unit_at, written
-    from vibro_cli.scenario.models import Scenario
-    from vibro_cli.scenario.problems import parsed_path
-
     numbers = (one["value"], *one["interval"])
     value, low, high = (_rounded(number, one["error"]) for number in numbers)
-    error = f"{one['error']:.2g} {written(unit_at(parsed_path(one['path']), Scenario))}".rstrip()
+    after = f" {unit}" if unit else ""
     return (
-        f"  {one['path']:20} {value} ± {error}, 95 % interval {low} to {high}; "
-        f"initially {one['start']:.10g}"
+        f"  {one['path']:20} {value} ± {one['error']:.2g}{after}, 95 % interval {low} to "
+        f"{high}{after}; initially {one['start']:.10g}{after}"
     )
 
 
@@ -367,7 +364,8 @@ def _lines_of_fit(found: Fit) -> Iterator[str]:
     record = record_of_fit(found)
     impacts, motions = counted(record["impacts"], "impact"), counted(found.evaluations, "motion")
     yield f"{found.scenario.name}: {impacts}, {motions} solved"
-    yield from map(_line_of_number, record["numbers"])
+    for number, one in zip(record["numbers"], found.free, strict=True):
+        yield _line_of_number(number, one.unit)
     yield from _lines_of_bounds(found)
     for row, one in enumerate(found.free):
         for column, other in enumerate(found.free[:row]):
@@ -381,7 +379,7 @@ def _lines_of_fit(found: Fit) -> Iterator[str]:
                 f"  warning              {found.misplaced} of {record['impacts']} computed impacts "
                 "are nearer to another measured one than to their own: this is a wrong minimum, "
                 "impacts were missed or counted twice (give n), or the times are not in seconds "
-                "from the start of the motion"
+                "from the start of the motion (fit start_time)"
             )
     else:
         yield (
@@ -405,13 +403,16 @@ def _lines_of_bounds(found: Fit) -> Iterator[str]:
     for one, (low, high) in zip(found.free, found.interval, strict=True):
         for bound in one.bounds:
             if low < bound < high:
+                value = f"{bound:.10g} {one.unit}".rstrip()
                 yield (
-                    f"  bounds               {one.name} is bounded by {bound:.10g}, within its 95 "
-                    "% interval: error and interval ignore the bound"
+                    f"  bounds               {one.name} is bounded by {value}, within its 95 % "
+                    "interval: error and interval ignore the bound"
                 )
 
 
 def _rounded(value: float, error: float) -> str:
     """Return a number to two digits of its error, or its `repr` if that takes 17 or more."""
-    digits = 2 + math.floor(math.log10(abs(value) / error)) if abs(value) > error else 2
+    digits = 2
+    if abs(value) > error:
+        digits += math.floor(math.log10(abs(value))) - math.floor(math.log10(error))
     return f"{value:#.{digits}g}" if digits < 17 else repr(float(value))

@@ -212,7 +212,7 @@ def fit(
         file, as for ``vibro fit``.
     free
         Paths of the parameters, such as ``"collision.k"``, or their bounds by path (SI units,
-        radians).
+        radians); ``"start_time"`` for the time (s) of the start, if it is not 0.
     noise
         Standard deviation of the times (s), if known and not in the table.
 
@@ -231,10 +231,11 @@ def fit(
         numbers = [fits.Free.of(path, *_ends(path, free[path])) for path in free]
     else:
         numbers = [fits.Free.of(path) for path in checked("free", free, Listed("paths"))]
+    from_start = not any(one.is_start_time for one in numbers)
     if isinstance(measured, (str, Path)):
-        found = fits.read_measured(checked_path("measured", measured))
+        found = fits.read_measured(checked_path("measured", measured), from_start)
     else:
-        found = fits.measured_of(_columns_of(measured))
+        found = fits.measured_of(_columns_of(measured), from_start)
     return Fit.of(fits.fit_impacts(cast("Scenario", scenario), found, numbers, noise))
 
 
