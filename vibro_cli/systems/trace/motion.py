@@ -168,23 +168,6 @@ class InWords:
         return self[:]
 
 
-class _Sorted:
-    """Columns of records in another order; each is sorted on first use."""
-
-    def __init__(self, records: Any, order: Any) -> None:
-        self._records = records
-        self._order = order
-        self._columns: dict[str, Any] = {}
-
-    def __getitem__(self, name: str) -> Any:
-        if name not in self._columns:
-            self._columns[name] = self._records[name][self._order]
-        return self._columns[name]
-
-    def __len__(self) -> int:
-        return len(self._order)
-
-
 class Paths:
     """All flights of a stretch of a run with their ends, by body and then by time.
 
@@ -196,7 +179,7 @@ class Paths:
         self.overrides = SYSTEM.overrides(places.system)
         log, (end_t, end_t_low) = stretch.logs["log"], stretch.end
         order = np.argsort(log["body"].astype(np.int32), kind="stable")
-        self.log = _Sorted(log, order)
+        self.log = log.take(order)
         self.number = order
         self.body = self.log["body"]
         self.piece = self.log["piece"]
