@@ -15,7 +15,7 @@ from functools import partial
 from importlib import import_module
 from importlib.util import find_spec
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, NamedTuple, Protocol, TypeVar
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -148,6 +148,23 @@ class ImpactLog(NamedTuple):
     """End of the sentence "There ..." that stands for an empty table."""
 
 
+Found = TypeVar("Found")
+
+
+class Part(Generic[Found]):
+    """Attribute of a system: an object of a fixed name in a module of its folder."""
+
+    def __init__(self, module: str, name: str, without: Found | None = None) -> None:
+        """Let `without`, if given, stand for the object in a system that has no such module."""
+        self._module, self._name, self._without = module, name, without
+
+    def __get__(self, system: System, owner: type) -> Found:
+        if self._without is not None and not system.has_part(self._module):
+            return self._without
+        found: Found = getattr(system.part(self._module), self._name)
+        return found
+
+
 class System(ABC):
     """Everything that differs between systems."""
 
@@ -164,11 +181,8 @@ class System(ABC):
 
     # From the user's scenario to the system to solve: scenario/, assemble.py.
 
-    @property
-    def model(self) -> type[AnyScenario]:
-        """The pydantic model of the system's scenarios: ``MODEL`` in ``scenario.py``."""
-        model: type[AnyScenario] = self.part("scenario").MODEL
-        return model
+    model: Part[type[AnyScenario]] = Part("scenario", "MODEL")
+    """The pydantic model of the system's scenarios."""
 
     def build(self, scenario: Any) -> Any:
         """Build the system to solve from a scenario, with ``build`` in ``build.py``.
@@ -212,11 +226,8 @@ class System(ABC):
 
     # The solver: systems/driver.py, systems/run.py.
 
-    @property
-    def loop(self) -> EventLoop:
-        """The event loop with its records and logs: ``LOOP`` in ``system.py``."""
-        loop: EventLoop = self.part("system").LOOP
-        return loop
+    loop: Part[EventLoop] = Part("system", "LOOP")
+    """The event loop with its records and logs."""
 
     @property
     def kernels(self) -> tuple[Kernel, ...]:
@@ -258,16 +269,8 @@ class System(ABC):
 
         return RunSolver(grid, engine)
 
-    @property
-    def timed_scenes(self) -> Mapping[str, TimedScene]:
-        """Benchmark scenes by name: ``TIMED_SCENES`` in ``timed_scenes.py``.
-
-        Empty without that module.
-        """
-        if not self.has_part("timed_scenes"):
-            return {}
-        scenes: Mapping[str, TimedScene] = self.part("timed_scenes").TIMED_SCENES
-        return scenes
+    timed_scenes: Part[Mapping[str, TimedScene]] = Part("timed_scenes", "TIMED_SCENES", without={})
+    """Benchmark scenes by name."""
 
     # Tables, see systems/columns.py.
 
@@ -340,11 +343,8 @@ class System(ABC):
 
         return SystemTables(self, system, wanted, names, sink)
 
-    @property
-    def impact_logs(self) -> Mapping[str, ImpactLog]:
-        """The tables of impacts by name, with their logs: ``IMPACT_LOGS`` in ``tables.py``."""
-        logs: Mapping[str, ImpactLog] = self.part("tables").IMPACT_LOGS
-        return logs
+    impact_logs: Part[Mapping[str, ImpactLog]] = Part("tables", "IMPACT_LOGS")
+    """The tables of impacts by name, with their logs."""
 
     def impact_log(self, table: str) -> str:
         """Return the name of the log from which a table of impacts is made."""
@@ -384,11 +384,8 @@ class System(ABC):
 
     # Figures: figures/kinds.py.
 
-    @property
-    def figures(self) -> Mapping[str, Kind[Any] | KindOfBody]:
-        """The kinds of figure of a run, by name: ``FIGURES`` in ``figures.py``."""
-        figures: Mapping[str, Kind[Any] | KindOfBody] = self.part("figures").FIGURES
-        return figures
+    figures: Part[Mapping[str, Kind[Any] | KindOfBody]] = Part("figures", "FIGURES")
+    """The kinds of figure of a run, by name."""
 
     default_figures: ClassVar[tuple[str, ...]]
     """Kinds of figure that are drawn by default."""
@@ -418,16 +415,8 @@ class System(ABC):
     papers: ClassVar[tuple[str, ...]] = ()
     """Letters of the papers that describe the system, see report/words.py."""
 
-    @property
-    def shown_of_papers(self) -> ShownOfPapers:
-        """What is reproduced from the papers, by which commands: ``SHOWN`` in ``papers.py``.
-
-        Empty without that module.
-        """
-        if not self.has_part("papers"):
-            return ShownOfPapers({})
-        shown: ShownOfPapers = self.part("papers").SHOWN
-        return shown
+    shown_of_papers: Part[ShownOfPapers] = Part("papers", "SHOWN", without=ShownOfPapers({}))
+    """What is reproduced from the papers, by which commands."""
 
     @abstractmethod
     def method(self, scenario: Mapping[str, Any]) -> str:

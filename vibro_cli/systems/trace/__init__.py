@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
-from vibro_cli.systems.contract import ImpactLog, Sink, System
+from vibro_cli.systems.contract import Sink, System
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from vibro_cli.compile.kernel import Overrides
     from vibro_cli.grids.document import Grid
     from vibro_cli.mechanics.system import TraceSystem
-    from vibro_cli.scenario.base import AnyScenario
     from vibro_cli.storage.stored import StoredRun
     from vibro_cli.systems.columns import Table
     from vibro_cli.systems.driver import Driver
@@ -35,12 +34,6 @@ class Trace(System):
     has_families = True
     has_orbits = True
     exponents = 2
-
-    @property
-    def model(self) -> type[AnyScenario]:
-        from vibro_cli.scenario.models import Scenario
-
-        return Scenario
 
     def build(self, scenario: Any) -> Any:
         from vibro_cli.assemble import build_system
@@ -90,10 +83,6 @@ class Trace(System):
         from vibro_cli.systems.trace.tables import Tables
 
         return Tables(system, wanted, names, sink)
-
-    @property
-    def impact_logs(self) -> dict[str, ImpactLog]:
-        return {}  # a kernel makes the columns of its impacts
 
     def impact_log(self, table: str) -> str:
         return "impacts"

@@ -46,7 +46,7 @@ from vibro_cli.systems.columns import (
     summary_head,
     word,
 )
-from vibro_cli.systems.contract import Sink
+from vibro_cli.systems.contract import ImpactLog, Sink
 from vibro_cli.systems.driver import called, with_logs, zeros
 from vibro_cli.systems.request import OutputRequest, Sampling
 from vibro_cli.systems.run import Gathered, Stretch
@@ -166,6 +166,7 @@ MOTION = Table(
     ),
 )
 OTHER_TABLES = (EVENTS, MOTION)
+IMPACT_LOGS: Mapping[str, ImpactLog] = {}  # a kernel makes the columns of the impacts
 SUMMARY = Table(
     "summary",
     "one run",
