@@ -89,8 +89,9 @@ def apply(
     """
     changed = dict(data)  # what the path does not lead through stays shared
     root = model_of(data)
-    if path[:2] == ("collision", "k") and len(path) == 3:
-        _spread_restitution(changed, root)
+    if path[:2] == ("collision", "k") and len(path) == 3 and "collision" in data:
+        # A single k becomes a list, so that the k of one pair can be changed.
+        changed["collision"] = root.prepared(data)["collision"]
     place: Any = changed
     for depth in range(len(path) - 1):
         entered = copy(_entered(place, path, depth, root))
@@ -103,13 +104,6 @@ def apply(
                 place.pop(other, None)
     place[path[-1]] = value
     return changed
-
-
-def _spread_restitution(data: dict[str, Any], root: type[AnyScenario]) -> None:
-    """Expand a single k to a list, so that the k of one pair can be changed."""
-    spread = root.prepared(data)
-    if "collision" in spread:
-        data["collision"] = spread["collision"]
 
 
 def _entered(place: Any, path: KeyPath, depth: int, root: type[AnyScenario]) -> Any:

@@ -289,11 +289,6 @@ def with_columns(table: Table, *more: Column) -> Table:
     return replace(table, columns=(*table.columns, *more))
 
 
-def with_growth(table: Table) -> Table:
-    """Return a table of impacts with the columns ``GROWTH``."""
-    return with_columns(table, *GROWTH)
-
-
 def exponents(numbers: int | str, when: str = "") -> tuple[Column, ...]:
     """Return the columns of Lyapunov exponents: of a number of them, or of one letter for any.
 

@@ -282,13 +282,14 @@ class System(ABC):
 
         ``OTHER_TABLES`` in ``tables.py`` adds to the impacts, the summary and the exponents.
         """
-        from vibro_cli.systems.columns import converging, with_growth
+        from vibro_cli.systems.columns import GROWTH, converging, with_columns
 
         impacts = [self.impact_table(name) for name in self.impact_tables]
         others = self.part("tables").OTHER_TABLES
         if not self.exponents:
             return (*impacts, *others, self.summary_of("i", 0))
-        return (*map(with_growth, impacts), *others, self.summary_of("i", "i"), converging("i"))
+        grown = (with_columns(table, *GROWTH) for table in impacts)
+        return (*grown, *others, self.summary_of("i", "i"), converging("i"))
 
     def summary(self, bodies: int, grown: bool = False) -> Table:
         """Return the summary table for a number of bodies; `grown` adds Lyapunov exponents."""
@@ -311,7 +312,7 @@ class System(ABC):
 
         Raises `ValueError` for an unknown name.
         """
-        from vibro_cli.systems.columns import GROWTH, converging, with_growth
+        from vibro_cli.systems.columns import GROWTH, converging, with_columns
 
         if name == "summary":
             # Each body has its final position, or on a trace the piece that it is on.
@@ -322,7 +323,7 @@ class System(ABC):
             return converging(len(numbers - {"lyapunov_error"}))
         if name in self.impact_tables:
             table = self.impact_table(name, column_names)
-            return with_growth(table) if GROWTH[0].name in column_names else table
+            return with_columns(table, *GROWTH) if GROWTH[0].name in column_names else table
         for table in self.tables():
             if table.file == name:
                 return table
