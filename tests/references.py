@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import Any
 
 from tests.highprecision.decimals import scene_of_decimals
+from tests.highprecision.reference_solver import Impact, ReferenceSolver, events_of
 from vibro_cli.api import simulate
 from vibro_cli.assemble import build_system
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.scenario import Scenario, scenario_of
 from vibro_cli.stress import impacts
-from vibro_cli.stress.oracles.reference_solver import Impact, ReferenceSolver, events_of
 from vibro_cli.stress.oracles.scene import Scene, mp, scene_of_system
 from vibro_cli.stress.oracles.sensitivity import amplification
 from vibro_cli.systems.run import Run
@@ -35,6 +35,11 @@ def separation(impact: Impact) -> Any:
 
 
 # Name in the collision table: name in the reference files, and how the twin has it.
+PLACES: dict[str, tuple[str, Callable[[Impact], Any]]] = {
+    "t": ("t", lambda impact: impact.t),
+    "place_a": ("angle_a", lambda impact: impact.a.place),
+    "place_b": ("angle_b", lambda impact: impact.b.place),
+}
 SPEEDS: dict[str, tuple[str, Callable[[Impact], Any]]] = {
     "speed_a_pre": ("v_a_pre", lambda impact: impact.a.speed),
     "speed_b_pre": ("v_b_pre", lambda impact: impact.b.speed),
@@ -42,11 +47,7 @@ SPEEDS: dict[str, tuple[str, Callable[[Impact], Any]]] = {
     "speed_b_post": ("v_b_post", lambda impact: impact.after_b),
     "separation_speed": ("rel", separation),
 }
-PLACES = {"place_a": "angle_a", "place_b": "angle_b"}
-QUANTITIES = {
-    **{name: (PLACES.get(name, name), value) for name, value in impacts.QUANTITIES.items()},
-    **SPEEDS,
-}
+QUANTITIES = PLACES | SPEEDS
 
 
 def solved(run: Run, quantity: str, row: int) -> Any:

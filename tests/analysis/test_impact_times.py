@@ -10,12 +10,12 @@ import mpmath
 import numpy as np
 import pytest
 
+from tests.highprecision.reference_solver import ReferenceSolver, events_of
 from tests.systems.trace.test_tangents import SCENES
 from vibro_cli.analysis.impact_times import NoDerivative, impact_times
 from vibro_cli.assemble import build_system
 from vibro_cli.scenario import scenario_of
 from vibro_cli.scenario.problems import parsed_path
-from vibro_cli.stress.oracles.reference_solver import ReferenceSolver, events_of
 from vibro_cli.stress.oracles.scene import Scene, chain, scene_of_system
 from vibro_cli.stress.scenes import CIRCLE, THREE_ARCS, VALLEY, ball, scene
 from vibro_cli.systems.trace import simulate_system

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from tests import references
+from tests.highprecision.reference_solver import ArcMotion
 from tests.references import QUANTITIES
-from vibro_cli.stress.oracles.reference_solver import ArcMotion
 from vibro_cli.stress.oracles.scene import mp, slope_of
 
 pytestmark = pytest.mark.long

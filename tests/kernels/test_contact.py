@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from tests.bare_system import bare_system
+from tests.highprecision.reference_solver import ArcMotion, ReferenceSolver
 from tests.kernels.kernel_records import ball, flight_on_arc, three_arcs
 from vibro_cli.assemble import build_system
 from vibro_cli.kernels.contact.arc_contact import _released_step, inverted, is_last
@@ -18,7 +19,6 @@ from vibro_cli.kernels.flow.flight import snap_of_pendulum
 from vibro_cli.mechanics.system import Body, InitialState, TraceSystem
 from vibro_cli.scenario.loading import load_scenario
 from vibro_cli.stress.oracles.oracle import first_contact
-from vibro_cli.stress.oracles.reference_solver import ArcMotion, ReferenceSolver
 from vibro_cli.stress.oracles.scene import Real, mp, scene_of_system
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.trace import simulate_system

@@ -8,12 +8,12 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from tests.highprecision.reference_solver import ArcMotion
 from tests.kernels.kernel_records import flight_on_arc
 from vibro_cli.kernels.contact.first_contact import displacement
 from vibro_cli.kernels.flow.flow import LINE, advance_slightly, flow, time_of_flight
 from vibro_cli.kernels.numerics.elliptic import set_theta_constants
 from vibro_cli.kernels.world import Flight
-from vibro_cli.stress.oracles.reference_solver import ArcMotion
 from vibro_cli.stress.oracles.scene import Real, mp
 
 EPSILON = 2.0**-52

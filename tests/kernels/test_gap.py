@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.bare_system import bare_system
+from tests.highprecision.reference_solver import Place, ReferenceSolver
 from tests.kernels.kernel_records import Records, ball, records, three_arcs
 from vibro_cli.kernels.contact.contact_kinematics import (
     centre_position,
@@ -18,7 +19,6 @@ from vibro_cli.kernels.contact.contact_kinematics import (
 )
 from vibro_cli.mechanics.system import Body, InitialState
 from vibro_cli.mechanics.trace import ArcShape, Trace
-from vibro_cli.stress.oracles.reference_solver import Place, ReferenceSolver
 from vibro_cli.stress.oracles.scene import Real, mp, scene_of_system
 from vibro_cli.systems.trace.world import half_angle
 

@@ -8,6 +8,7 @@ import random
 import numpy as np
 import pytest
 
+from tests.highprecision.reference_solver import ArcMotion
 from vibro_cli.kernels.numerics.elliptic import QuarticConstants
 from vibro_cli.kernels.numerics.weierstrass_motion import (
     period_of,
@@ -17,7 +18,6 @@ from vibro_cli.kernels.numerics.weierstrass_motion import (
     time_to_place,
 )
 from vibro_cli.mechanics.potential import Pull
-from vibro_cli.stress.oracles.reference_solver import ArcMotion
 from vibro_cli.stress.oracles.scene import mp
 
 # tilt, spread, angle, P, whether the body turns over, and how near rounding may bring it.

@@ -1,8 +1,8 @@
 """The scenes on which all methods are measured, with their references; those of this solver alone.
 
 The folder ``references`` holds the times of the first impacts. They come from
-``stress.oracles.reference_solver``, a Taylor integration in 50 digits that starts from the same
-doubles as the methods.
+``stress.oracles.oracle``, a Taylor integration in 50 digits that starts from the same doubles as
+the methods.
 """
 
 from __future__ import annotations
@@ -123,6 +123,7 @@ def timed_scenes(part: str) -> dict[str, TimedScene]:
 
 
 DIGITS = 40
+_LONGEST = 1e4  # s: later than the compared impacts of every scene
 
 
 class ReferenceOutdated(Failure):
@@ -153,17 +154,15 @@ def reference_times(scene: Scene) -> list[str]:
 
 def computed_reference(scene: Scene) -> dict[str, Any]:
     """Compute the content of a scene's reference file; mpmath is required."""
-    from vibro_cli.stress.oracles.reference_solver import ReferenceSolver, events_of
-    from vibro_cli.stress.oracles.scene import mp, scene_of_system
-    from vibro_cli.systems.trace import simulate_system
+    from vibro_cli.stress.oracles.oracle import Oracle
+    from vibro_cli.stress.oracles.scene import mp
 
-    run = simulate_system(scene.system, None, scene.compared, "python")
-    impacts = ReferenceSolver(scene_of_system(scene.system)).follow(events_of(run))
+    impacts = Oracle.of(scene.system).impacts(scene.compared, mp.mpf(_LONGEST))
     return {
         "scenario": scene.document,
         "unit": "s",
         "digits": DIGITS,
-        "times": [mp.nstr(impact.t, DIGITS) for impact in impacts],
+        "times": [mp.nstr(one.t, DIGITS) for one in impacts],
     }
 
 

@@ -28,8 +28,7 @@ from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.scenario.problems import ScenarioError
 from vibro_cli.stress.drawing import draw
 from vibro_cli.stress.oracles.oracle import Bounce, Event, History, Oracle
-from vibro_cli.stress.oracles.reference_solver import events_of
-from vibro_cli.stress.oracles.scene import mp, scene_of_system
+from vibro_cli.stress.oracles.scene import mp
 from vibro_cli.stress.oracles.sensitivity import MOST_GROWTH, differences, error_of
 from vibro_cli.stress.physics import first_graze, size_of_places
 from vibro_cli.stress.scenes import (
@@ -299,10 +298,7 @@ def compared(document: Document) -> Verdict:
     known = int(np.argmax(np.append(lost, True)))
     if known == 0:
         return Verdict(why="the motion is lost in rounding at once")
-    oracle = Oracle(
-        scene_of_system(run.system), run.system.law,
-        run.system.inadmissible == "normal-impulse", MOST_EVENTS,
-    )  # fmt: skip
+    oracle = Oracle.of(run.system, MOST_EVENTS)
     why = ""
     try:
         oracle.run(mp.mpf(float(times[known - 1])), [mp.mpf(t) for t in times[:known]])
@@ -519,7 +515,7 @@ def smooth_impacts(document: Document) -> int:
     found = follow_system(system, stop, MOST_IMPACTS)
     good = found.smooth & (found.amplification < MOST_GROWTH)
     count = len(good) if good.all() else int(np.argmin(good))
-    # Lasting contact and rest at a wall remove directions; the twin supports neither.
+    # Lasting contact and rest at a wall remove directions; neighbouring motions show neither.
     kept = count > 0 and bool(np.isfinite(follow_system(system, None, count).sums).all())
     return count if kept else 0
 
@@ -529,9 +525,8 @@ def errors_of(system: TraceSystem, count: int) -> tuple[float, float]:
 
     Displacements (m) and speeds are made comparable by the time scale of the system.
     """
-    events = events_of(simulate_system(system, None, count))
     found = follow_system(system, None, count)
-    matrix, times = differences(scene_of_system(system), events, found.end_time)
+    matrix, times = differences(simulate_system(system, None, count))
     scale = np.tile([1.0, float(time_scale(system))], len(system.bodies))
     matrices = [one * scale[:, None] / scale[None, :] for one in (found.matrix, matrix)]
     instants = [one / scale for one in (found.times, times)]

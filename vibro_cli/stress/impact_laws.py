@@ -228,8 +228,7 @@ def check_accumulation(plan: Plan) -> list[Finding]:
             run = solve(document)
             closed = run.events["event"] == "contact_closed"
             found = float(run.events["t"][closed][0]) if closed.any() else float("nan")
-            oracle = Oracle(scene_of_system(run.system), run.system.law, False)
-            history = oracle.run(mp.mpf(LONGEST), last="contact_closed")
+            history = Oracle.of(run.system).run(mp.mpf(LONGEST), last=("contact_closed",))
             exact = history.events[-1].t
             error.take(float(abs(found - exact) / exact), document)
             ended.take(float(run.end_cause != "time"), document)

@@ -1,7 +1,6 @@
 """Checks of instants and places of impacts, and of the ends of single flights, against 50 digits.
 
-The reference solver gets the list of events and computes each of them anew from the same initial
-doubles; it rejects a history in which bodies overlap or leave their pieces. Starts 1e-3 to 1e-300
+The oracle finds the events by itself, from the same initial doubles. Starts 1e-3 to 1e-300
 rad off a crest are compared with elliptic integrals: when the body leaves, and where it goes. On
 traces that rotate about a vertical axis, energy and lasting contact are checked, too.
 """
@@ -9,7 +8,7 @@ traces that rotate about a vertical axis, energy and lasting contact are checked
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any
@@ -19,14 +18,9 @@ import numpy as np
 from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.mechanics.initial_conditions import out_of_order
 from vibro_cli.mechanics.system import InitialState, TraceSystem
-from vibro_cli.stress.oracles.arrangement import Arrangement
-from vibro_cli.stress.oracles.reference_solver import (
-    Impact,
-    ReferenceSolver,
-    SolverEvent,
-    events_of,
-)
-from vibro_cli.stress.oracles.scene import Path, mp, scene_of_system
+from vibro_cli.stress.oracles.motion import State
+from vibro_cli.stress.oracles.oracle import Event, Oracle
+from vibro_cli.stress.oracles.scene import mp
 from vibro_cli.stress.oracles.sensitivity import amplification
 from vibro_cli.stress.scenes import (
     CIRCLE,
@@ -47,12 +41,8 @@ from vibro_cli.stress.scenes import (
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.trace import simulate_system
 
-# The compared quantities of an impact, from the twin's record.
-QUANTITIES: dict[str, Callable[[Impact], Any]] = {
-    "t": lambda impact: impact.t,
-    "place_a": lambda impact: impact.a.place,
-    "place_b": lambda impact: impact.b.place,
-}
+# The compared quantities of an impact.
+QUANTITIES = ("t", "place_a", "place_b")
 
 
 def solved(run: Run, quantity: str, row: int) -> Any:
@@ -109,11 +99,12 @@ def check_impacts(plan: Plan) -> list[Finding]:
     )
     rng = np.random.default_rng([plan.seed, 29])
     for document, run, grown in _scenes(rng, plan.amount(4, 100)):
-        twin, exact, last = ReferenceSolver(scene_of_system(run.system)), [], None
-        for happening in events_of(run):
-            flight = _single_flight(run.system, twin, happening, last)
-            last = happening
-            exact += twin.follow([happening])
+        oracle, last, errors = Oracle.of(run.system), None, list[float]()
+        for states, lasts, event in _flights(oracle):
+            if event.kind == "impact":
+                errors.append(_error(run, len(errors), grown, oracle))
+            flight = _single_flight(run.system, states, event._replace(t=lasts), last)
+            last = event
             if flight is None:
                 continue
             start, error, resolution = flight
@@ -121,8 +112,23 @@ def check_impacts(plan: Plan) -> list[Finding]:
                 single.take(error, _as_document(document, start))
             else:
                 unresolved.take(error / resolution, _as_document(document, start))
-        whole.take(_error(run, grown, exact), document)
+        whole.take(max(errors), document)
     return [whole, single, unresolved] if unresolved.cases else [whole, single]
+
+
+def _flights(oracle: Oracle) -> Iterator[tuple[list[State], Any, Event]]:
+    """Yield every event up to the last impact, with the states at the one before, and the time (s).
+
+    Raises ArithmeticError if the motion of the oracle ends earlier.
+    """
+    events, impacts = oracle.history.events, 0
+    while impacts < FIRST:
+        states, begin, known = list(oracle.now.states), oracle.t, len(events)
+        oracle.run(mp.mpf(LONGEST), last=("crossing", "impact"))
+        if len(events) == known:
+            raise ArithmeticError(f"the oracle has {impacts} impacts, expected {FIRST}")
+        impacts += events[-1].kind == "impact"
+        yield states, oracle.t - begin, events[-1]
 
 
 def _scenes(
@@ -178,20 +184,19 @@ def _solve(system: TraceSystem) -> Run:
     return simulate_system(system, LONGEST, FIRST, "python")
 
 
-def _error(run: Run, grown: dict[str, list[float]], exact: list[Impact]) -> float:
-    """Return the greatest error of an instant or a place, in eps x amplification."""
-    worst = 0.0
-    for quantity, value in QUANTITIES.items():
-        for row, impact in enumerate(exact):
-            off = float(abs(solved(run, quantity, row) - value(impact)))
-            worst = max(worst, off / (EPSILON * grown[quantity][row]))
-    return worst
+def _error(run: Run, row: int, grown: dict[str, list[float]], oracle: Oracle) -> float:
+    """Return the greater error of the instant and places of an impact, in eps x amplification."""
+    exact = {"t": oracle.t}
+    for end in "ab":
+        exact[f"place_{end}"] = oracle.now.states[int(run.collisions[f"ball_{end}"][row]) - 1].place
+    off = {name: float(abs(solved(run, name, row) - value)) for name, value in exact.items()}
+    return max(off[name] / (EPSILON * grown[name][row]) for name in QUANTITIES)
 
 
 def _single_flight(
-    system: TraceSystem, twin: ReferenceSolver, event: SolverEvent, last: SolverEvent | None
+    system: TraceSystem, states: Sequence[State], event: Event, last: Event | None
 ) -> tuple[TraceSystem, float, float] | None:
-    """Solve the motion from one event to the next, from the twin's states rounded to doubles.
+    """Solve the motion from one event to the next, from the oracle's states rounded to doubles.
 
     Returns the system with this start, the error of the event's instant, and the instant's shift by
     an ulp of the start, both relative to the length of the flight; None if the bodies are not in
@@ -200,34 +205,29 @@ def _single_flight(
     Two bodies that have just collided are in contact: the left one is exactly at its rounded place,
     the right one where it touches the left one.
     """
-    places = [twin.at(number, twin.t) for number in range(len(system.bodies))]
-    states = [InitialState(now.piece, float(now.place), float(now.speed)) for now in places]
-    if any(out_of_order(*both) for both in pairwise(states)):
+    starts = [InitialState(now.piece, float(now.place), float(now.speed)) for now in states]
+    if any(out_of_order(*both) for both in pairwise(starts)):
         return None
-    system = replace(system, initial=tuple(states))
-    event = event._replace(t=float(mp.mpf(event.t) - twin.t))
-    start = Arrangement(scene_of_system(system))
-    bounces = False
-    if last is not None and last.kind == "impact":
-        start.into_contact()
-        bounces = (event.a, event.b) == (last.a, last.b)
-    own = ReferenceSolver(replace(start.scene, starts=tuple(start.states)))
-    begun = [own.at(number, mp.zero) for number in range(len(states))]
-    impacts = own.follow([event])
+    system = replace(system, initial=tuple(starts))
+    own = Oracle.of(system)
+    begun = own.now.states
+    own.run(2 * event.t, last=[event.kind])
+    impact = event.kind == "impact"
+    bounces = last is not None and impact and (event.a, event.b) == (last.a, last.b)
     moved = mp.zero
-    for number in (event.a, event.b) if impacts else (event.a,):
+    for number in (event.a, event.b) if impact else (event.a,):
         now = begun[number]
         if not bounces:
-            moved += abs(now.place) / Path(own.scene, number, now.piece).per_length
+            moved += abs(now.place) / own.now.path(number).per_length
         moved += abs(now.speed) * own.t
     error = abs(_first_event(system, event) - own.t)
-    speed = impacts[0].approach if impacts else own.at(event.a, own.t).speed
+    speed = own.history.bounces[0].before if impact else own.now.states[event.a].speed
     return system, float(error / own.t), float(EPSILON * moved / abs(speed) / own.t)
 
 
-def _first_event(system: TraceSystem, event: SolverEvent) -> Any:
+def _first_event(system: TraceSystem, event: Event) -> Any:
     """Return the solver's instant of the first event of the kind of `event`."""
-    run = simulate_system(system, 2.0 * event.t, 1, "python")
+    run = simulate_system(system, 2.0 * float(event.t), 1, "python")
     if event.kind == "impact":
         return solved(run, "t", 0) if len(run.collisions["n"]) else mp.inf
     events = run.events
@@ -355,7 +355,7 @@ def _first_impacts() -> Finding:
     for on_axis, rate in ((True, 1.7), (True, 3.6), (False, 0.8), (False, 1.2)):
         document = _turning_document(on_axis, rate, 0.95, "hedrih", collisions=10)
         run = solve(document, "compiled")
-        impacts = ReferenceSolver(scene_of_system(run.system)).follow(events_of(run))
+        impacts = Oracle.of(run.system).impacts(len(run.collisions["n"]), mp.mpf(LONGEST))
         for row, impact in enumerate(impacts):
             error.take(float(abs(solved(run, "t", row) / impact.t - 1)), document)
     return error

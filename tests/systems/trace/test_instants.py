@@ -195,7 +195,7 @@ def test_translational_closes_where_its_impacts_end() -> None:
     run = simulate(load_scenario(path), "python")
     row = list(run.events["event"]).index("contact_closed")
     oracle = Oracle(scene_of_system(run.system), run.system.law, False)
-    end = oracle.run(mp.mpf(10), last="contact_closed").events[-1].t
+    end = oracle.run(mp.mpf(10), last=("contact_closed",)).events[-1].t
     exact = oracle.now.states[0]
     closed = float(run.events["t"][row])
     assert abs(closed - float(end)) <= 1e-10 * closed

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from tests import references
+from tests.highprecision.reference_solver import ReferenceSolver, events_of
 from vibro_cli.api import load_scenario, simulate, simulate_streamed
-from vibro_cli.stress.oracles.reference_solver import ReferenceSolver, events_of
 from vibro_cli.stress.oracles.scene import mp, scene_of_system
 from vibro_cli.systems.request import OutputRequest, Sampling
 from vibro_cli.systems.run import Run

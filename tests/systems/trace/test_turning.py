@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.highprecision.reference_solver import ReferenceSolver, events_of
 from tests.references import QUANTITIES, SPEEDS, solved
 from tests.systems.trace.turning_scenes import (
     on_circle,
@@ -21,7 +22,6 @@ from vibro_cli.api import simulate
 from vibro_cli.compile.kinds import symbol_of
 from vibro_cli.kernels.rotating import TURNING
 from vibro_cli.scenario import load_scenario
-from vibro_cli.stress.oracles.reference_solver import ReferenceSolver, events_of
 from vibro_cli.stress.oracles.scene import scene_of_system
 from vibro_cli.stress.scenes import solve_any, system_of
 from vibro_cli.systems.run import Run

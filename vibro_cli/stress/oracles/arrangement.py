@@ -125,9 +125,9 @@ def runs_of(touches: Sequence[Touch]) -> list[list[Touch]]:
 
 
 def collide(
-    laws: Laws, touches: Sequence[Touch], speeds: list[Real], substitute: bool
+    laws: Laws, touches: Sequence[Touch], speeds: list[Real], substitute: bool, most: float
 ) -> tuple[list[Real], dict[int, str]]:
-    """Carry out all impacts of an instant.
+    """Carry out all impacts of an instant, or only the first until `most` touches had one.
 
     Returns the speeds after them, and the law of the last impact of every touch that had one.
     """
@@ -135,7 +135,7 @@ def collide(
     used: dict[int, str] = {}
     for _ in range(MOST_ROUNDS):
         closing = [touch for touch in touches if speed_of(touch.row, speeds) < least]
-        if not closing:
+        if not closing or len(used) >= most:
             return speeds, used
         for run in runs_of(closing):
             law = laws.law

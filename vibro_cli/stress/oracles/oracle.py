@@ -8,10 +8,12 @@ their end.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.stress.oracles.arrangement import (
     LEFT_WALL,
     RIGHT_WALL,
@@ -42,7 +44,7 @@ from vibro_cli.stress.oracles.motion import (
     whole,
     without_leading_zeros,
 )
-from vibro_cli.stress.oracles.scene import Path, Real, Scene, mp
+from vibro_cli.stress.oracles.scene import Path, Real, Scene, mp, scene_of_system
 
 REST = mp.mpf(10) ** -17  # s
 SAME = mp.mpf(10) ** -30  # s: events closer than this are simultaneous
@@ -50,6 +52,7 @@ SAME = mp.mpf(10) ** -30  # s: events closer than this are simultaneous
 BEYOND = mp.mpf("1.1")
 # Relative speeds left by a truncated sequence of impacts, in units of ``arrangement.ZERO``.
 LEFT_OVER = 1000
+MOST_EVENTS = 20_000
 
 
 class Event(NamedTuple):
@@ -114,11 +117,14 @@ class Oracle:
         Greatest number of events.
     """
 
-    def __init__(self, scene: Scene, law: str, substitute: bool, most_events: int = 20_000) -> None:
+    def __init__(
+        self, scene: Scene, law: str, substitute: bool, most_events: int = MOST_EVENTS
+    ) -> None:
         self.scene = scene
         self.laws = Laws(scene, law)
         self.substitute = substitute
         self.most_events = most_events
+        self._most_impacts = math.inf
         self.now = Arrangement(scene)
         self.now.into_contact()
         self.t = mp.zero
@@ -127,21 +133,29 @@ class Oracle:
         self._guess = mp.mpf(FIRST_STEP)
         self._longest = 0.0  # s, of the last step of the full order
 
-    def run(self, until: Real, times: Sequence[Real] = (), last: str = "") -> History:
+    @classmethod
+    def of(
+        cls, system: TraceSystem, most_events: int = MOST_EVENTS, scene: Scene | None = None
+    ) -> Oracle:
+        """Return the motion of a system, from exactly the doubles of the solver or from a scene."""
+        substitute = system.inadmissible == "normal-impulse"
+        return cls(scene or scene_of_system(system), system.law, substitute, most_events)
+
+    def run(self, until: Real, times: Sequence[Real] = (), last: Collection[str] = ()) -> History:
         """Continue to an instant (s) and return the record, with samples at the given instants.
 
-        The first event of the kind ``last`` ends the motion.
+        The first event of one of the kinds ``last`` ends the motion, which may be continued.
 
         Raises
         ------
         Undecided
             If the events depend on digits beyond the working precision, or are too many.
         """
-        waiting = list(times)
+        waiting, events = list(times), self.history.events
+        seen = len(events)
         try:
             self._happen([])
-            events, seen = self.history.events, 0
-            while self.t < until and all(event.kind != last for event in events[seen:]):
+            while self.t < until and all(event.kind not in last for event in events[seen:]):
                 seen = len(events)
                 if seen > self.most_events:
                     raise Undecided("too many events")
@@ -175,6 +189,30 @@ class Oracle:
         self.t = end
         if happening:
             self._happen(happening)
+
+    def impacts(self, count: int, until: Real) -> list[Bounce]:
+        """Continue to the impact of a number, counted from the start; return all impacts of pairs.
+
+        Impacts that follow from it at the same instant are not carried out.
+
+        Raises ArithmeticError if there are fewer until an instant (s).
+        """
+        self._most_impacts = count
+        while len(met := self._met()) < count:
+            self.run(until, last=("impact",))
+            if len(self._met()) == len(met):
+                raise ArithmeticError(f"the oracle has {len(met)} impacts, expected {count}")
+        return met
+
+    def _met(self) -> list[Bounce]:
+        """Return the impacts of pairs."""
+        return [one for one in self.history.bounces if len(one.bodies) == 2]
+
+    def at(self, t: Real) -> list[State]:
+        """Return the states at an instant (s) within a step of the present one, past or future."""
+        groups = self._groups()
+        step = expand_all(groups, mp.mpf(FIRST_STEP))
+        return _states(groups, whole((t - self.t) / step))
 
     # -- possible events of a step ------------------------------------------------------------
 
@@ -271,7 +309,8 @@ class Oracle:
                 self._cross(watch.key // 2, watch.key % 2 == 1)
         touches = self.now.touches(self.held)
         before = self.now.speeds
-        self.now.speeds, used = collide(self.laws, touches, before, self.substitute)
+        most = self._most_impacts - len(self._met())
+        self.now.speeds, used = collide(self.laws, touches, before, self.substitute, most)
         for touch in touches:
             if touch.key in used:
                 kind = "impact" if touch.key >= 0 else "wall"

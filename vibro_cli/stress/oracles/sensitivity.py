@@ -1,12 +1,12 @@
 """Growth of changes of the inputs: at each collision, and as the tangent map in 50 digits.
 
-Both come from differences of neighbouring motions: of the solver for the growth, and of twins (on a
-trace, the reference solver) for the map.
+Both come from differences of neighbouring motions: of the solver for the growth, of the oracle for
+the map, where its scenes can describe the system.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.mechanics.trace import ArcShape, Trace
 from vibro_cli.scenario.loading import any_scenario_of
-from vibro_cli.stress.oracles.reference_solver import ReferenceSolver, SolverEvent
-from vibro_cli.stress.oracles.scene import Path, Scene, mp
+from vibro_cli.stress.oracles.oracle import Oracle
+from vibro_cli.stress.oracles.scene import Path, Scene, mp, scene_of_system
 from vibro_cli.stress.scenes import Document, Finding, Plan
 from vibro_cli.systems import system_named
-from vibro_cli.systems.run import Stretch
+from vibro_cli.systems.run import Run, Stretch
 from vibro_cli.systems.tangents import followed
 
 # Large compared with the solver's rounding errors, small enough for a linear response.
@@ -92,6 +92,8 @@ def amplification(system: TraceSystem, solve: Solve) -> Columns:
 
 # Small enough to make second-order errors negligible, large compared with rounding in 50 digits.
 STEP = mp.mpf(10) ** -18
+# Greatest difference (s) between the end of a run and its last impact, at which it ends.
+NEARBY = 1.0e-9
 
 
 def derivative(
@@ -117,19 +119,61 @@ def derivative(
     return np.array(columns).T
 
 
-def differences(
-    scene: Scene, events: Sequence[SolverEvent], end: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the derivative of the state at an instant (s), and of the times of all impacts.
+Neighbours = tuple[Sequence[Any], Callable[[Sequence[Any]], Sequence[Any]]]
+"""The numbers of a motion's start, and the function from those of a start nearby to the end's."""
+
+
+def neighbours(
+    system: Any, scene: Scene, pairs: Sequence[Collection[int]], end: float
+) -> Neighbours:
+    """Return the start of a motion, and the oracle's map from starts nearby.
 
     Parameters
     ----------
-    scene
-        The scene to compute.
-    events
-        Its events, which are also those of its neighbours.
+    system, scene
+        The system, and its scene for the oracle.
+    pairs
+        The bodies (from 0) of every impact of the motion, in order.
     end
-        Instant (s) after all events.
+        Instant (s) of the end, which is after the last impact or, up to rounding, at it.
+
+    Returns
+    -------
+    Displacement (m) and speed (m/s) of each body at the start; and a function of these, which
+    returns those at the end followed by the instants (s) of the impacts.
+    """
+    until = mp.mpf(end)
+
+    def per_length(ball: int, piece: int) -> Any:
+        return Path(scene, ball, piece).per_length
+
+    def numbers_of(states: Iterable[Any]) -> list[Any]:
+        return [
+            number
+            for ball, (piece, place, speed) in enumerate(states)
+            for number in (place / per_length(ball, piece), speed)
+        ]
+
+    def follow(numbers: Sequence[Any]) -> list[Any]:
+        starts = tuple(
+            (piece, numbers[2 * ball] * per_length(ball, piece), numbers[2 * ball + 1])
+            for ball, (piece, _, _) in enumerate(scene.starts)
+        )
+        oracle = Oracle.of(system, scene=replace(scene, starts=starts))
+        met, instants = oracle.impacts(len(pairs), until + 1), []
+        for pair in pairs:  # those of one instant may come in another order
+            one = next(one for one in met if set(one.bodies) == set(pair))
+            met.remove(one)
+            instants.append(one.t)
+        if until > oracle.t + NEARBY:  # the motion ends later than with its last impact
+            oracle.run(until)
+        return [*numbers_of(oracle.at(until)), *instants]
+
+    return numbers_of(scene.starts), follow
+
+
+def differences(run: Run) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the derivative of the state at the end of a run, and of the times of its impacts.
 
     Returns
     -------
@@ -137,43 +181,16 @@ def differences(
     ``[2 body + 0 or 1, component]`` of displacements and speeds (m, m/s), and
     ``[impact, component]`` of times (s).
     """
-    count = len(scene.bodies)
-
-    def per_length(ball: int, piece: int) -> Any:
-        return Path(scene, ball, piece).per_length
-
-    def follow(numbers: Sequence[Any]) -> list[Any]:
-        starts = tuple(
-            (piece, numbers[2 * ball] * per_length(ball, piece), numbers[2 * ball + 1])
-            for ball, (piece, _, _) in enumerate(scene.starts)
-        )
-        twin = ReferenceSolver(replace(scene, starts=starts))
-        impacts = twin.follow(events)
-        now = [twin.at(ball, mp.mpf(end)) for ball in range(count)]
-        ends = [
-            number
-            for ball, one in enumerate(now)
-            for number in (one.place / per_length(ball, one.piece), one.speed)
-        ]
-        return [*ends, *(impact.t for impact in impacts)]
-
-    start = [
-        number
-        for ball, (piece, place, speed) in enumerate(scene.starts)
-        for number in (place / per_length(ball, piece), speed)
-    ]
+    sides = (run.collisions[name].tolist() for name in ("ball_a", "ball_b"))
+    pairs = [(a - 1, b - 1) for a, b in zip(*sides, strict=True)]
+    end = run.checkpoint()["end_time"]
+    start, follow = neighbours(run.system, scene_of_system(run.system), pairs, end)
     found = derivative(follow, start)
-    return found[: 2 * count], found[2 * count :]
+    return found[: len(start)], found[len(start) :]
 
 
 # Growth beyond which the rounding of the motion itself affects its derivatives.
 MOST_GROWTH = 1.0e4
-
-Neighbours = Callable[
-    [Any, Stretch], tuple[Sequence[float], Callable[[Sequence[Any]], Sequence[Any]]]
-]
-"""Function of a system and its run: the numbers of its start, and the function from the numbers of
-a start, with the same events, to those of the end."""
 
 
 def error_of(found: NDArray[np.float64], exact: NDArray[np.float64]) -> float:
@@ -184,7 +201,7 @@ def error_of(found: NDArray[np.float64], exact: NDArray[np.float64]) -> float:
 def check_maps(
     plan: Plan,
     drawn: Callable[[np.random.Generator], Document],
-    neighbours: Neighbours,
+    neighbours: Callable[[Any, Stretch], Neighbours],
     tried: str,
 ) -> Finding:
     """Return the greatest error of the tangent maps of random scenes."""
@@ -198,8 +215,8 @@ def check_maps(
     return worst
 
 
-def map_error(document: Document, neighbours: Neighbours) -> float | None:
-    """Return the error of the tangent map of a scene.
+def map_error(document: Document, neighbours: Callable[[Any, Stretch], Neighbours]) -> float | None:
+    """Return the error of the tangent map of a scene, given its system, run and neighbours.
 
     Returns None if there is no tangent map or no impact, or if rounding grows too much.
     """
@@ -214,5 +231,6 @@ def map_error(document: Document, neighbours: Neighbours) -> float | None:
         return None
     start, follow = neighbours(system, whole)
     units = found.units
-    maps = (one / units[:, None] * units[None, :] for one in (matrix, derivative(follow, start)))
+    exact = derivative(follow, start)[: len(start)]
+    maps = (one / units[:, None] * units[None, :] for one in (matrix, exact))
     return error_of(*maps)
