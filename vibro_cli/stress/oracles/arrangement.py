@@ -287,8 +287,9 @@ class Arrangement:
         """Return the acceleration of a body along its path without contact forces."""
         path = self.path(ball)
         c, s = path.tangent(self.states[ball].place)
-        arm = self.centre(ball)[0] - self.scene.axis
-        return (self.scene.turning_square * arm * c - self.scene.gravity * s) / path.body.kappa
+        x, force = self.centre(ball)[0], path.body.force
+        pull = self.scene.turning_square * (x - self.scene.axis) * c - self.scene.gravity * s
+        return pull / path.body.kappa + (force.at(x) if force else 0)
 
     def _bend(self, a: int, b: int) -> Real:
         """Return the separation acceleration due to curved paths and the turning of the normal."""

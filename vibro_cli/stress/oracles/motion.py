@@ -83,6 +83,7 @@ class Course:
         self._pull = whole(scene.gravity / path.body.kappa)
         self._turning = whole(scene.turning_square / path.body.kappa)
         self._axis = whole(scene.axis)
+        self._force = path.body.force and path.body.force.series(h)
 
     def series(self) -> tuple[Series, ...]:
         """Return all series."""
@@ -98,6 +99,8 @@ class Course:
             arm = self.x[: k + 1]
             arm[0] -= self._axis
             rate += scaled(self._turning, product(arm, self.c, k))
+        if self._force:
+            rate += self._force.append(k, self.x, self.v)
         self.rate.append(0 if still else rate)
 
     def advance(self, k: int) -> None:

@@ -75,17 +75,18 @@ class Piece:
     sign: int
     size: Real  # radius of an arc, length of a line, m
     slopes: tuple[Real, Real]
-    origin: tuple[Real, Real]  # centre of an arc, left end of a line
+    origin: tuple[Real, Real]  # centre of an arc, place 0 of a line
+    begin: Real = mp.zero  # place of the left end of a line
 
     @property
     def low(self) -> Real:
         """The place of the left end."""
-        return self.sign * self.slopes[0] if self.sign else mp.zero
+        return self.sign * self.slopes[0] if self.sign else self.begin
 
     @property
     def high(self) -> Real:
         """The place of the right end."""
-        return self.sign * self.slopes[1] if self.sign else self.size
+        return self.sign * self.slopes[1] if self.sign else self.begin + self.size
 
 
 @dataclass(frozen=True)
@@ -95,6 +96,12 @@ class Body:
     radius: Real
     mass: Real
     kappa: Real
+    force: Any = None
+    """Force along the path besides gravity, rotation and contacts; None for none.
+
+    `at(x)` returns the acceleration (m/s^2) at a place, `series(h)` an object that takes a step:
+    its `append(k, x, v)` returns coefficient k of the acceleration from the series of both.
+    """
 
 
 @dataclass(frozen=True)

@@ -1,230 +1,92 @@
 """Stress tests of bodies on springs: energy, time reversal, energy balance of accumulations.
 
-The reference solves ``x' = v, v' = -w^2 (x - l x u), u' = -x v u^3`` with ``u = 1/sqrt(b^2 + x^2)``
-by Taylor series in integer arithmetic, with the laws as printed in the papers. It uses neither the
-solver nor the energy. Bodies in lasting contact share the weighted mean of their accelerations.
+Tangent maps are compared with motions of the oracle, which takes springs as forces on a level line.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from vibro_cli.kernels.impact.laws import LAW_NAMES
-from vibro_cli.kernels.springs.world import CONTACT_CLOSED, CONTACT_OPENED
-from vibro_cli.stress.oracles.motion import Series, Whole, product, real, scaled, value_of, whole
-from vibro_cli.stress.oracles.scene import mp, speed_changes
-from vibro_cli.stress.oracles.sensitivity import check_maps
+from vibro_cli.stress.oracles import sensitivity
+from vibro_cli.stress.oracles.motion import Series, Whole, product, real, scaled, whole
+from vibro_cli.stress.oracles.scene import Body, Piece, Scene, mp
+from vibro_cli.stress.oracles.sensitivity import Neighbours, check_maps
 from vibro_cli.stress.scenes import Document, Finding, Plan, solve_any
 from vibro_cli.systems.run import Stretch
-from vibro_cli.systems.springs.system import SpringsSystem, singular_points
+from vibro_cli.systems.springs.system import Spring, SpringsSystem, singular_points
 
-ORDER = 44
-# Step as a fraction of the time scale of a spring; it is shortened if the last term of a series
-# exceeds `_LEFT_OUT`.
-_SHARE = mp.mpf("0.4")
-_LEFT_OUT = mp.mpf(2) ** -120
-_NEWTON = 6  # Newton steps from a root accurate to double precision
+# The line on which bodies move, far longer than their motions (m).
+_LINE = Piece(0, mp.mpf(200), (mp.zero, mp.zero), (mp.zero, mp.zero), mp.mpf(-100))
 
 
-@dataclass(frozen=True)
-class SolverEvent:
-    """An impact or the end of a lasting contact in the solver's run."""
+class _Force:
+    """The force of a spring, as the oracle takes it: ``x' = v, v' = -w^2 (x - l x u)``.
 
-    t: float
-    """Time (s) found by the solver."""
-    pair: int
-    """Index of the left body, from 0."""
-    law: str = ""
-    """Law of an impact; empty for an end of contact."""
-    closes: bool = False
-    """Whether lasting contact begins with it."""
+    x is measured from the foot, and ``u = 1/sqrt(b^2 + x^2)``.
+    """
 
+    def __init__(self, spring: Spring, rolling: Any) -> None:
+        self.square = mp.mpf(spring.stiffness) / rolling
+        self.length, self.height = mp.mpf(spring.length), mp.mpf(spring.height)
+        self.foot = mp.mpf(spring.foot)
 
-def solver_events(impacts: Any, states: Any, bodies: int) -> list[SolverEvent]:
-    """Return the impacts and ends of contact from the logs of a run, in order."""
-    found, known = [], 0
-    for row in states[::bodies]:
-        closes = bool(row["cause"] == CONTACT_CLOSED)
-        for impact in impacts[known : row["event"]]:
-            law = LAW_NAMES[impact["law"]]
-            found.append(SolverEvent(float(impact["t"]), int(impact["pair"]), law, closes))
-        if row["cause"] == CONTACT_OPENED:
-            found.append(SolverEvent(float(row["t"]), int(row["pair"])))
-        known = row["event"]
-    return found
+    def at(self, place: Any) -> Any:
+        """Return the acceleration (m/s^2) at a place."""
+        x = place - self.foot
+        return -self.square * (x - self.length * x / mp.hypot(self.height, x))
+
+    def series(self, h: Whole) -> _Series:
+        """Return the series of a step, in fractions of it."""
+        return _Series(self, h)
 
 
-class ReferenceSolver:
-    """Reference solver of bodies on springs; a state is ``x, v`` of each, x along the line."""
+class _Series:
+    """Series of a spring's force over a step; of u by ``u' = -x v u^3``."""
 
-    def __init__(self, system: SpringsSystem) -> None:
-        self.radii = [mp.mpf(body.radius) for body in system.bodies]
-        self.masses = [mp.mpf(body.mass) for body in system.bodies]
-        self.rolling = [mp.mpf(body.kappa) * body.mass for body in system.bodies]
-        self.springs = system.springs
-        self.restitution = system.restitution
-        self.squares = [
-            mp.mpf(spring.stiffness) / mass
-            for spring, mass in zip(system.springs, self.rolling, strict=True)
-        ]
-        self._held: set[int] = set()
-        self._state: list[list[Any]] = []
-
-    def end_of(self, start: Sequence[Any], events: Sequence[SolverEvent], end: float) -> list[Any]:
-        """Return the state at a time (s), after the `events` in between."""
-        self._held = set()
-        self._state = [
-            [start[2 * n] - mp.mpf(spring.foot), start[2 * n + 1]]
-            for n, spring in enumerate(self.springs)
-        ]
-        now, before = mp.zero, None
-        for one in events:
-            # An impact of a neighbour can end a contact; otherwise its force has vanished.
-            if one.law or one.t != before:
-                now = self._fly(now, mp.mpf(one.t), one)
-            before = one.t
-            if one.law:
-                self._collide(one)
-            else:
-                self._held.remove(one.pair)
-        self._fly(now, mp.mpf(end))
-        return [
-            number
-            for (x, v), spring in zip(self._state, self.springs, strict=True)
-            for number in (x + mp.mpf(spring.foot), v)
-        ]
-
-    def _fly(self, now: Any, until: Any, event: SolverEvent | None = None) -> Any:
-        """Advance to a time, or to an event near it; return the time reached."""
-        while True:
-            length = self._length()
-            bodies = self._expand(length)
-            tail = max(abs(value) for one in bodies for value in (*one.x[-2:], *one.v[-2:]))
-            share = min(mp.one, mp.root(_LEFT_OUT / max(real(tail), _LEFT_OUT), ORDER))
-            last = until - now <= share * length
-            if last:
-                share = (until - now) / length
-            place = whole(share)
-            if last and event is not None:
-                place = self._root(bodies, event, place)
-            self._state = [[real(value_of(one, place)) for one in (b.x, b.v)] for b in bodies]
-            now += real(place) * length
-            if last:
-                return now
-
-    def _length(self) -> Any:
-        """Return a trial step (s)."""
-        longest = mp.inf
-        for (x, v), spring, square in zip(self._state, self.springs, self.squares, strict=True):
-            size = mp.sqrt(mp.mpf(spring.height) ** 2 + x**2)
-            longest = min(longest, size / (abs(v) + mp.sqrt(square) * size))
-        return _SHARE * longest
-
-    def _expand(self, length: Any) -> list[_Body]:
-        """Return the bodies with their series over a step (s)."""
-        h = whole(length)
-        bodies = [
-            _Body(h, x, v, spring, square)
-            for (x, v), spring, square in zip(self._state, self.springs, self.squares, strict=True)
-        ]
-        groups = self._groups()
-        totals = [mp.fsum(self.rolling[n] for n in group) for group in groups]
-        shares = [
-            [(n, whole(self.rolling[n] / total)) for n in group]
-            for group, total in zip(groups, totals, strict=True)
-        ]
-        for k in range(ORDER):
-            free = [body.force(k) for body in bodies]
-            for group in shares:
-                mean = sum(scaled(share, free[n]) for n, share in group)
-                for n, _ in group:
-                    bodies[n].advance(k, mean)
-        return bodies
-
-    def _groups(self) -> list[list[int]]:
-        """Return the indices of the bodies of each group in lasting contact."""
-        found = [[0]]
-        for n in range(1, len(self.radii)):
-            if n - 1 in self._held:
-                found[-1].append(n)
-            else:
-                found.append([n])
-        return found
-
-    def _root(self, bodies: list[_Body], event: SolverEvent, place: Whole) -> Whole:
-        """Return the fraction of a step at which a gap, or the force in a contact, vanishes."""
-        series = self._gap(bodies, event.pair) if event.law else self._force(bodies, event.pair)
-        slope = [k * value for k, value in enumerate(series)][1:]
-        for _ in range(_NEWTON):
-            place -= whole(real(value_of(series, place)) / real(value_of(slope, place)))
-        return place
-
-    def _gap(self, bodies: list[_Body], pair: int) -> Series:
-        one, other = pair, pair + 1
-        touch = 2 * mp.sqrt(self.radii[one] * self.radii[other])
-        away = mp.mpf(self.springs[other].foot) - mp.mpf(self.springs[one].foot) - touch
-        series = [b - a for a, b in zip(bodies[one].x, bodies[other].x, strict=True)]
-        series[0] += whole(away)
-        return series
-
-    def _force(self, bodies: list[_Body], pair: int) -> Series:
-        """Return the contact force of a pair, from the accelerations of the bodies to its left."""
-        (group,) = [one for one in self._groups() if pair in one]
-        left = [n for n in group if n <= pair]
-        return [
-            sum(
-                scaled(whole(self.rolling[n]), bodies[n].free[k] - bodies[n].common[k])
-                for n in left
-            )
-            for k in range(ORDER)
-        ]
-
-    def _collide(self, one: SolverEvent) -> None:
-        pair = slice(one.pair, one.pair + 2)
-        k = mp.mpf(0 if one.closes else self.restitution[one.pair])
-        speeds = [state[1] for state in self._state[pair]]
-        changes = speed_changes(
-            one.law, k, speeds, self.radii[pair], self.masses[pair], self.rolling[pair]
-        )
-        for state, change in zip(self._state[pair], changes, strict=True):
-            state[1] += change
-        if one.closes:
-            self._held.add(one.pair)
-
-
-class _Body:
-    """Series of one body over a step, in fractions of the step, computed order by order."""
-
-    def __init__(self, h: Whole, x: Any, v: Any, spring: Any, square: Any) -> None:
-        self.h, self.square, self.length = h, whole(square), whole(mp.mpf(spring.length))
-        self.x, self.v = [whole(x)], [whole(v)]
-        self.free: Series = []  # acceleration without contact forces
-        self.common: Series = []  # acceleration of its group in lasting contact
-        self._u = [whole(1 / mp.sqrt(mp.mpf(spring.height) ** 2 + x**2))]
+    def __init__(self, force: _Force, h: Whole) -> None:
+        self._force, self._h = force, h
+        self._square, self._length = whole(force.square), whole(force.length)
+        self._x: Series = []
+        self._u: Series = []
         self._uu: Series = []
         self._uuu: Series = []
         self._xv: Series = []
 
-    def force(self, k: int) -> Whole:
-        """Return coefficient k of the free acceleration."""
-        stretch = self.x[k] - scaled(self.length, product(self.x, self._u, k))
-        self.free.append(-scaled(self.square, stretch))
-        return self.free[k]
+    def append(self, k: int, place: Series, v: Series) -> Whole:
+        """Return coefficient k of the acceleration, the next one."""
+        if k == 0:
+            self._x.append(place[0] - whole(self._force.foot))
+            self._u.append(whole(1 / mp.hypot(self._force.height, real(self._x[0]))))
+        else:
+            self._uu.append(product(self._u, self._u, k - 1))
+            self._uuu.append(product(self._uu, self._u, k - 1))
+            self._xv.append(product(self._x, v, k - 1))
+            self._u.append(-scaled(self._h, product(self._xv, self._uuu, k - 1)) // k)
+            self._x.append(place[k])
+        stretch = self._x[k] - scaled(self._length, product(self._x, self._u, k))
+        return -scaled(self._square, stretch)
 
-    def advance(self, k: int, acceleration: Whole) -> None:
-        """Compute coefficient k + 1 of all integrated series."""
-        self.common.append(acceleration)
-        self._uu.append(product(self._u, self._u, k))
-        self._uuu.append(product(self._uu, self._u, k))
-        self._xv.append(product(self.x, self.v, k))
-        self._u.append(-scaled(self.h, product(self._xv, self._uuu, k)) // (k + 1))
-        self.x.append(scaled(self.h, self.v[k]) // (k + 1))
-        self.v.append(scaled(self.h, acceleration) // (k + 1))
+
+def _scene(system: SpringsSystem) -> Scene:
+    """Return the scene of the oracle."""
+    bodies = []
+    for body, spring in zip(system.bodies, system.springs, strict=True):
+        mass, kappa = mp.mpf(body.mass), mp.mpf(body.kappa)
+        bodies.append(Body(mp.mpf(body.radius), mass, kappa, _Force(spring, kappa * mass)))
+    starts = ((0, mp.mpf(one.position), mp.mpf(one.speed)) for one in system.initial)
+    return Scene(
+        gravity=mp.one,  # of no effect on a level line
+        pieces=(_LINE,),
+        closed=False,
+        bodies=tuple(bodies),
+        starts=tuple(starts),
+        restitution=tuple(map(mp.mpf, system.restitution)),
+        walls=(None, None),
+    )
 
 
 def check(plan: Plan) -> list[Finding]:
@@ -350,9 +212,10 @@ def check_tangent(plan: Plan) -> list[Finding]:
     return [check_maps(plan, drawn, neighbours, tried)]
 
 
-def neighbours(system: Any, whole: Stretch) -> Any:
-    """Return the start of a run, and a map from nearby starts through the same events."""
-    events = solver_events(whole.logs["impacts"], whole.logs["states"], len(system.bodies))
-    twin = ReferenceSolver(system)
-    start = [number for one in system.initial for number in (one.position, one.speed)]
-    return start, lambda moved: twin.end_of(moved, events, whole.end[0])
+def neighbours(system: Any, whole: Stretch) -> Neighbours:
+    """Return the start of a run, and the oracle's map from starts nearby."""
+    impacts = whole.logs["impacts"]
+    # A pair may have several impacts at one instant, which are one of the oracle.
+    rows = dict.fromkeys(zip(impacts["t"].tolist(), impacts["pair"].tolist(), strict=True))
+    pairs = [(pair, pair + 1) for _, pair in rows]
+    return sensitivity.neighbours(system, _scene(system), pairs, whole.end[0])
