@@ -272,19 +272,20 @@ def test_an_orbit_on_a_trace_that_turns() -> None:
 
 
 @pytest.mark.parametrize(
-    ("trace", "ends", "angles"),
+    ("trace", "ends", "angles", "words"),
     [
-        (VALLEY, {}, [0.3, -0.3]),
-        (VALLEY, {}, [0.3, 0.4]),
-        (VALLEY, {"left": {"wall": 1.0}}, [math.radians(-169.0), 0.3]),
-        (VALLEY, {"right": {"wall": 1.0}}, [0.3, math.radians(169.0)]),
-        (CIRCLE, {}, [0.3, -3.0]),
-        (CIRCLE, {}, [-3.1, 3.1]),
-        (CIRCLE, {}, [-3.1, 0.3, 3.1]),
+        (VALLEY, {}, [0.3, 3.1], "body 2 would start off the trace"),
+        (VALLEY, {}, [0.3, -0.3], "body 2 would start left of body 1"),
+        (VALLEY, {}, [0.3, 0.4], "bodies 1 and 2 would start overlapping"),
+        (VALLEY, {"left": {"wall": 1.0}}, [math.radians(-169.0), 0.3], "body 1 would start in a"),
+        (VALLEY, {"right": {"wall": 1.0}}, [0.3, math.radians(169.0)], "body 2 would start in a"),
+        (CIRCLE, {}, [0.3, -3.0], "body 2 would start left of body 1"),
+        (CIRCLE, {}, [-3.1, 3.1], "bodies 1 and 2 would start overlapping"),
+        (CIRCLE, {}, [-3.1, 0.3, 3.1], "bodies 1 and 3 would start overlapping"),
     ],
 )
 def test_a_start_that_a_scenario_may_not_have_is_no_start_of_an_orbit(
-    trace: dict[str, Any], ends: dict[str, Any], angles: list[float]
+    trace: dict[str, Any], ends: dict[str, Any], angles: list[float], words: str
 ) -> None:
     document = scene(trace, [ball(angle) for angle in angles], time=9.0) | {"ends": ends}
     with pytest.raises(ScenarioError):
@@ -294,7 +295,7 @@ def test_a_start_that_a_scenario_may_not_have_is_no_start_of_an_orbit(
     state = np.zeros(2 * len(angles))
     left = system.trace.pieces[0].angle_start
     state[::2] = [0.9 * (angle - left) for angle in angles]
-    with pytest.raises(NoOrbit, match="would start"):
+    with pytest.raises(NoOrbit, match=words):
         admitted(system, state)
 
 
@@ -324,6 +325,22 @@ def test_an_orbit_round_a_circle_begins_with_its_balls_in_order() -> None:
     times = run.collisions["t"]
     assert len(times) == 20
     np.testing.assert_allclose(times[2:] - times[:-2], found.period, rtol=1e-11)
+
+
+def test_an_orbit_begins_midway_between_the_two_events_that_are_farthest_apart() -> None:
+    """This holds wherever the start lies on the orbit, here of two impacts and three bounces."""
+    system = _falling(1.5)
+    lower, upper = system.bodies
+    system = replace(system, bodies=(replace(lower, mass=1.0), upper))
+    known = find_orbit(started(system, np.array([0.525487566, 0.0, 1.433816428, 0.0])), 2)
+    run = simulate_system(known.system, known.period, None)
+    times = np.array([*known.shot.times, known.shot.times[0] + known.period])
+    assert len(times) == 6
+    for middle in 0.5 * (times[1:] + times[:-1]):
+        found = find_orbit(started(system, state_at(run, middle % known.period)), 2)
+        after, before = found.shot.times[0], found.period - found.shot.times[-1]
+        assert after == pytest.approx(before, rel=1e-9)
+        assert after + before == pytest.approx(np.max(np.diff(times)), rel=1e-9)
 
 
 def test_a_motion_of_very_many_impacts_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:

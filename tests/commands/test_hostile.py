@@ -214,3 +214,4 @@ def test_json_is_json_in_every_encoding(scenario: Path, tmp_path: Path, encoding
         '$V check small.toml --json --set "name=café κ 🎱"', tmp_path, PYTHONIOENCODING=encoding
     )
     assert json.loads(outcome.stdout)["name"] == "café κ 🎱"
+    assert ("κ" in outcome.stdout) == (encoding == "utf-8")

@@ -43,6 +43,15 @@ def test_the_table_has_names_units_and_aligned_numbers(vibro: Vibro, table: Path
     assert outcome.err == "rows 1 to 2 of 50\n"
 
 
+def test_the_only_row_of_a_table_is_listed_by_column(vibro: Vibro, tmp_path: Path) -> None:
+    """With some of its columns it is a table as any other."""
+    pq.write_table(pa.table({"mass": [2.5], "name": ["x"]}), tmp_path / "one.parquet")
+    listed = [line.split() for line in vibro("show", "one.parquet").text.splitlines()]
+    assert listed == [["mass", "2.5"], ["name", "x"]]
+    chosen = vibro("show", "one.parquet", "--columns", "mass,name").text.splitlines()
+    assert [chosen[0].split(), chosen[-1].split()] == [["row", "mass", "name"], ["1", "2.5", "x"]]
+
+
 @pytest.mark.parametrize(
     ("rows", "expected"),
     [

@@ -10,7 +10,7 @@ import pytest
 from tests.commands.conftest import Vibro
 from tests.fake_run import FakeRun
 from tests.systems.trace.test_energy import not_made
-from vibro_cli.commands.shared.terminal import size, summary_text
+from vibro_cli.commands.shared.terminal import duration, size, summary_text
 from vibro_cli.kernels.impact.laws import LAW_NAMES
 from vibro_cli.mechanics.system import LAWS
 from vibro_cli.scenario.models import Law
@@ -155,3 +155,11 @@ def test_every_law_has_its_words() -> None:
 )  # fmt: skip
 def test_bytes_have_three_digits_and_no_power_of_ten(number: float, text: str) -> None:
     assert size(number) == text
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"),
+    [(0.0321, "0.032 s"), (4.26, "4.3 s"), (45.4, "45 s"), (130, "2 min 10 s"), (11100, "3 h 5 min")],
+)
+def test_a_duration_is_in_units_that_are_read_at_once(seconds: float, text: str) -> None:
+    assert duration(seconds) == text

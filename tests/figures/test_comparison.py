@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from tests.analysis.traces import BALL, circle, landscape, line, three_arcs, valley
 from tests.figures.layout import assert_texts_are_apart, texts
 from vibro_cli.analysis.singular import Portrait, portrait_of
-from vibro_cli.figures.portraits.trace_phase_plane import comparison
+from vibro_cli.figures.portraits.trace_phase_plane import comparison, family
 
 PARTICLE = replace(BALL, kind="particle", inertia_ratio=0.0)
 DISK = replace(BALL, kind="disk", inertia_ratio=0.5, mass=7.0)
@@ -62,6 +62,26 @@ def test_the_bodies_are_named_with_their_kappa() -> None:
 @pytest.mark.parametrize("make", [three_arcs, circle, lambda body: landscape(*LINES, body=body)])
 def test_no_text_is_cut_off_or_overlaps_another(make: Any, width: str) -> None:
     assert_texts_are_apart(comparison(members(make), width))
+
+
+def test_the_junctions_are_marked_along_the_trace() -> None:
+    """They lie at the sums of radius times angle."""
+    figure = comparison(members())
+    lines = [line.get_xdata() for line in figure.axes[-1].lines]
+    upright = sorted(float(x[0]) for x in lines if len(x) == 2 and x[0] == x[1])
+    pieces = three_arcs().trace.pieces
+    lengths = [one.radius * (one.angle_end - one.angle_start) for one in pieces]
+    assert upright == pytest.approx(np.cumsum(lengths)[:-1], rel=1e-12)
+
+
+def test_one_level_line_in_a_family_is_explained() -> None:
+    """The equilibria of the other members are single points."""
+    level = portrait_of(landscape(*LINES))
+    tilted = portrait_of(landscape(-60.0, valley(1.0, 10), line(1.5), valley(1.0, 60)))
+    for both in ((level, tilted), (tilted, level), (tilted, tilted)):
+        figure = family([(str(number), one) for number, one in enumerate(both)])
+        explained = "line of equilibria" in [text.get_text() for text in texts(figure)]
+        assert explained == (level in both)
 
 
 def test_too_few_and_too_many_are_refused() -> None:

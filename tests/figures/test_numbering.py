@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+from matplotlib.figure import Figure
 
-from vibro_cli.figures.labels import place_numbers
+from vibro_cli.figures.labels import Named, place_numbers, write_names
 from vibro_cli.figures.source import Array
 
 SIZE = (60.0, 50.0)
@@ -26,13 +27,15 @@ def test_number_stands_close_to_its_point() -> None:
 
 
 def test_number_keeps_off_curves() -> None:
-    """A point between a curve above and one at its right: the free side is found."""
+    """Between a curve above and one at its right the free side is found, however they are drawn."""
     line = np.linspace(0.0, 60.0, 600)
     above = np.column_stack([line, np.full(600, 26.5)])
     right = np.column_stack([np.full(600, 31.5), line])
-    ((x, y),) = placed(["1"], [np.array([[30.0, 25.0]])], np.concatenate([above, right]))
-    assert x < 31.0
-    assert y < 25.5
+    drawn = np.concatenate([above, right])
+    for order in (np.arange(1200), np.random.default_rng(1).permutation(1200)):
+        ((x, y),) = placed(["1"], [np.array([[30.0, 25.0]])], drawn[order])
+        assert x < 31.0
+        assert y < 25.5
 
 
 def test_numbers_stay_in_the_panel_and_apart() -> None:
@@ -60,3 +63,6 @@ def test_numbers_without_room_are_left_out() -> None:
     for number, (x, y) in enumerate(places):
         for u, v in places[:number]:
             assert abs(x - u) > 2.5 or abs(y - v) >= 2.5
+    axes = Figure((2.0, 2.0)).add_axes((0.0, 0.0, 1.0, 1.0))
+    write_names(axes, [Named("88", (0.5, 0.5))] * 200, NOTHING)
+    assert 10 < len(axes.texts) < 100

@@ -139,6 +139,19 @@ def test_large_and_small_values_have_a_prefix(radius: float, gravity: float, wid
     assert shown == (2 if width == "single" else 4)
 
 
+@pytest.mark.parametrize("width", ["single", "double"])
+def test_every_value_stands_behind_its_symbol(width: str) -> None:
+    figure = velocities(run_of("three_arcs", TWELVE), width)
+    assert figure is not None
+    for axes in figure.axes:
+        shown = [(*text.get_position(), text.get_text()) for text in axes.texts]
+        values = [one for one in shown if one[2].startswith("= ")]
+        assert len(values) >= 4
+        for x, line, _ in values:
+            before = [one for one in shown if one[1] == line and one[0] < x]
+            assert max(before)[2].startswith("$")
+
+
 def test_an_inadmissible_impact_is_named() -> None:
     figure = velocities(run_of("unequal_hedrih", TWELVE), "double")
     assert figure is not None

@@ -44,6 +44,8 @@ WRONG = {
     "two generators": BASE + AXIS + "values = [0.9]\nlinspace = [0, 1, 2]",
     "no path": BASE + "[[axes]]\nvalues = [0.9]",
     "two kinds of path": BASE + AXIS + 'paths = ["gravity"]\nvalues = [1]',
+    "more than a count": BASE + AXIS + "linspace = [0, 1, 2, 3]",
+    "more than random values": BASE + AXIS + "uniform = [0, 1, 2, 3]",
     "no count": BASE + AXIS + "linspace = [0, 1]",
     "an unknown mode": BASE + 'mode = "random"\n' + AXIS + "values = [0.9]",
     "a design without n": BASE + 'mode = "sobol"\n' + AXIS + "uniform = [0.1, 0.9]",

@@ -134,3 +134,21 @@ def test_an_estimate_is_of_points_and_not_of_what_the_first_of_them_prepares(
     monkeypatch.setattr(workers, "solver_of", lambda *given: SimpleNamespace(solve=solve))
     monkeypatch.setattr("time.perf_counter", lambda: clock[0])
     assert workers.estimate(grid, "compiled", 1000)[2] == pytest.approx(0.001)
+
+
+def test_a_column_with_few_numbers_has_a_dictionary() -> None:
+    """It stands in the file once for each of them, and other numbers themselves."""
+    rows = 20_000
+    columns = {
+        "few": np.tile(np.arange(5.0), rows // 5),
+        "many": np.random.default_rng(1).random(rows),
+        "late": np.append(np.zeros(rows // 4), np.random.default_rng(2).random(rows - rows // 4)),
+    }
+    table = pa.table(columns)
+    part = chunk_writer.PartFile(table.schema, [])
+    part.add(table.to_batches())
+    group = pq.read_metadata(pa.BufferReader(part.finish())).row_group(0)
+    found = {group.column(n).path_in_schema: group.column(n) for n in range(3)}
+    named = [name for name, column in found.items() if column.has_dictionary_page]
+    assert named == ["few"]
+    assert 8 * found["few"].total_compressed_size < found["many"].total_compressed_size

@@ -132,6 +132,22 @@ def test_standard_input(form: str, monkeypatch: pytest.MonkeyPatch) -> None:
     assert scenario == parse_scenario(text("three_arcs"), overrides=["name=from-input"])
 
 
+def test_a_text_that_is_too_long_is_told_and_not_cut(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The last of a million bytes may be read, from a file and from standard input."""
+    content = text("three_arcs").encode().ljust(1_000_000, b"#")
+    for more in (b"", b"#", b"#" * 1000):
+        (tmp_path / "long.toml").write_bytes(content + more)
+        monkeypatch.setattr("sys.stdin", _Input(content + more))
+        for source in (tmp_path / "long.toml", "-"):
+            if not more:
+                assert load_scenario(source).gravity == 9.81
+                continue
+            with pytest.raises(ScenarioError, match="expected at most 1,000,000 bytes"):
+                load_scenario(source)
+
+
 def test_the_name_is_the_files_stem(tmp_path: Path) -> None:
     path = tmp_path / "my arcs.v2.TOML"
     path.write_bytes(b"\xef\xbb\xbf" + text("three_arcs").replace("\n", "\r\n").encode())

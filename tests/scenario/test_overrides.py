@@ -99,6 +99,7 @@ def test_an_override_replaces_the_files_alternative_but_not_another_override() -
         ("gravity[1]=2", "gravity", "as a whole"),
         ("balls[1].angle[1]=2", "balls[1].angle", "as a whole"),
         ("output.times[1]=2", "output.times", "as a whole"),
+        ("balls[1][2]=3", "balls[1]", "as a whole"),
         ("collision.k=2", "collision.k", "a number from 0 to 1"),
         ("balls[1].angle=3 kg", "balls[1].angle", "an angle"),
         ("balls[1].angle=nan", "balls[1].angle", "a finite number"),
