@@ -90,9 +90,6 @@ def _joined(one: Kind, other: Kind) -> Kind | None:
         if kind.size and kind.is_numeric:
             numbers = (FLOAT, INT, BOOL) if kind.form == "lanes" else (BOOL,)
             return kind if beside in numbers else None
-    if one.form == other.form == "tuple" and len(one.item) == len(other.item):
-        items = [kind for kind in map(_joined, one.item, other.item) if kind is not None]
-        return tuple_of(items) if len(items) == len(one.item) else None
     if one.is_numeric and other.is_numeric:
         return FLOAT if FLOAT in (one, other) else INT
     return None

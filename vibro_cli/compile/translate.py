@@ -421,10 +421,6 @@ class Function:
             return f"py::in_all<{kind.size}>(({one}){code})"
         if (kind, given) in ((t.FLOAT, t.INT), (t.FLOAT, t.BOOL), (t.INT, t.BOOL)):
             return f"({kind.cpp})({code})"
-        if kind.form == "tuple" and t.joined(kind, given) == kind:
-            items = [Value(f"given.at{n}", item) for n, item in enumerate(given.item)]
-            codes = [self._cast(*pair, node) for pair in zip(items, kind.item, strict=True)]
-            return f"[](auto given) {{ return {kind.cpp}{{{', '.join(codes)}}}; }}({code})"
         self._fail(node, f"found a value of type {given.cpp}, expected {kind.cpp}")
 
     def _condition(self, node: ast.expr, kinds: Sequence[Kind] = (t.BOOL, t.INT)) -> str:
