@@ -266,6 +266,11 @@ def test_an_orbit_on_a_trace_that_turns() -> None:
     assert found.residual < 1e-13
     assert np.prod(found.multipliers) == pytest.approx(1.0, abs=1e-12)
     again = simulate_system(found.system, 20.0 * found.period, None)
+    kept = [
+        energy_of(found.system, state)
+        for state in state_at(again, np.linspace(0.0, again.end_time, 37))
+    ]
+    np.testing.assert_allclose(kept, found.energy, rtol=1e-12)
     gaps = np.diff(again.collisions["t"])
     assert len(gaps) == 19
     np.testing.assert_allclose(gaps, found.period, rtol=1e-11)

@@ -106,7 +106,8 @@ def strides(step: int) -> int:
 @kernel
 def constants(i: int, j: int) -> float:
     pair = (FACTORS[i], TABLE[i][j])
-    return pair[0] + pair[1] + math.pi + float(len(FACTORS))
+    three = (0.0625 * pair[0], 16.0, 256.0 * pair[1])
+    return pair[0] + pair[1] + math.pi + float(len(FACTORS)) + three[i] * three[i + j]
 
 
 @kernel
@@ -414,6 +415,22 @@ def test_what_the_subset_does_not_have_is_told_with_its_place(
     code = function.__code__
     assert path.endswith("test_translate.py")
     assert 0 <= int(line) - code.co_firstlineno <= 5
+
+
+def test_no_two_kernels_have_one_name() -> None:
+    """The second of a name has that of its module before it; a third cannot be told apart."""
+
+    def twin() -> Any:
+        @kernel
+        def twin(a: float) -> float:
+            return a
+
+        return twin
+
+    program = Program("twins", ())
+    assert [program.name_of(twin()) for _ in range(2)] == ["twin", "test_translate_twin"]
+    with pytest.raises(TranslationError, match=r"another kernel is called test_translate_twin"):
+        program.name_of(twin())
 
 
 def test_the_source_points_to_the_kernels() -> None:

@@ -99,6 +99,8 @@ def test_a_grid_of_many_parts_is_divided_the_same_way_again(
     assert density is not None
     assert compiled is not None
     assert density.tolist() == compiled.tolist()
+    # Sections have as many impacts as a block, or up to one more.
+    assert len(density) <= grid.design.points * expected.mean / 4 < len(density) + 1
     divided = Chunks.of(grid, expected, density)
     assert isinstance(divided.division, tuple)
     assert divided.count > 2
