@@ -25,6 +25,7 @@ from vibro_cli.analysis.fit import Fit, measured_of, read_measured
 from vibro_cli.analysis.impact_times import number_at
 from vibro_cli.commands.app import run_command_line
 from vibro_cli.commands.orbit import _rounded
+from vibro_cli.figures.analyses import fit_figure
 from vibro_cli.scenario import Scenario, scenario_of
 from vibro_cli.scenario.problems import parsed_path
 from vibro_cli.storage.folders import write_run
@@ -659,3 +660,21 @@ def test_columns_without_times_are_named() -> None:
     assert str(refused.value) == (
         """found no column 't' but "time" and "n", expected the times of impacts (s)"""
     )
+
+
+def test_the_figure_of_a_fit_has_its_residuals_in_milliseconds_over_the_impacts() -> None:
+    found = {
+        "n": np.array([1, 2, 3]),
+        "noise": np.array([1e-3, 2e-3, 1e-3]),
+        "first": np.array([4e-3, -3e-3, 5e-3]),
+        "residual": np.array([1e-3, -2e-3, 0.5e-3]),
+    }
+    panels = fit_figure(found).axes
+    assert [axes.get_xlabel() for axes in panels] == ["", "impact $n$"]
+    for axes, name in zip(panels, ("first", "residual"), strict=True):
+        (points,) = [line for line in axes.lines if len(line.get_xdata()) == 3]
+        assert points.get_xdata() == pytest.approx([1, 2, 3])
+        assert points.get_ydata() == pytest.approx(1e3 * found[name])
+        low, high = axes.get_ylim()
+        assert low < min(1e3 * (found[name] - found["noise"]))
+        assert high > max(1e3 * (found[name] + found["noise"]))

@@ -84,7 +84,7 @@ def control(limit: int) -> int:
         found += 100 * i
     for i in range(2, 4):
         found += 10000 * i
-    n = 0
+    n: int = 0
     while not n >= 3:
         n += 1
     return found + n + i

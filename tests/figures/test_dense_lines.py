@@ -19,12 +19,14 @@ from vibro_cli.analysis.levels import Landscape
 from vibro_cli.api import simulate as simulate_any
 from vibro_cli.figures.chart import draw_marks
 from vibro_cli.figures.portraits.trajectory import MOST_BRANCHES, trajectory
+from vibro_cli.figures.runs import over_time
 from vibro_cli.figures.runs.over_time import (
     energies,
     energy_course,
     energy_lines,
     seen,
     space_time,
+    timeline,
 )
 from vibro_cli.scenario import any_scenario_of
 from vibro_cli.systems import NAMES as SYSTEMS
@@ -335,3 +337,14 @@ def test_junctions_are_drawn_unless_they_merge_into_grey(pairs: int, drawn: int)
     starts = {piece.start_s for piece in run.system.trace.pieces[1:]}
     level = [set(np.asarray(one.get_ydata()).tolist()) for one in figure.axes[0].lines]
     assert sum(len(one) == 1 and one <= starts for one in level) == drawn
+
+
+def test_a_line_over_time_that_is_sampled_in_parts_is_that_of_one_sample(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(over_time, "_AT_ONCE", 500)
+    run = simulate_any(example("three_arcs").replace({"stop.time": 1.0}))
+    for ball in (1, 2):
+        time, way = timeline(run, ball, 1.0)
+        assert len(time) > 1000
+        assert way.tolist() == run.sample(time)["s"][ball - 1 :: 2].tolist()

@@ -9,8 +9,9 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
-from vibro_cli.figures.chart import Sheet, plane_axes
+from vibro_cli.figures.chart import Sheet, count_axis, plane_axes, positive_axis
 from vibro_cli.figures.maps import Coordinate
 from vibro_cli.figures.ticks import (
     Ticks,
@@ -268,3 +269,26 @@ def test_a_round_number_is_not_above_and_there_is_one_just_below_a_power_of_ten(
     assert below == pytest.approx(0.5 * ten)
     for value, expected in ((1.001, 1.0), (1.999, 1.0), (2.001, 2.0), (4.999, 2.0), (5.001, 5.0)):
         assert round_below(value * ten) == pytest.approx(expected * ten)
+
+
+@pytest.mark.parametrize("impacts", range(1, 8))
+def test_each_of_few_impacts_has_its_number(impacts: int) -> None:
+    axes = Figure().add_axes((0.1, 0.1, 0.8, 0.8))
+    count_axis(axes, np.arange(1, impacts + 1))
+    assert [text.get_text() for text in axes.get_xticklabels()] == [
+        str(number) for number in range(1, impacts + 1)
+    ]
+    low, high = axes.get_xlim()
+    assert low < 1.0 <= impacts < high
+
+
+@pytest.mark.parametrize("values", [[1e-3, 7.0], [0.99, 1.01e5], [1e-30, 1e30]])
+def test_a_logarithmic_axis_encloses_its_values_and_powers_of_ten(values: list[float]) -> None:
+    axes = Figure().add_axes((0.1, 0.1, 0.8, 0.8))
+    positive_axis(axes, np.array([*values, 0.0, np.nan]), "x", "m")
+    low, high = axes.get_ylim()
+    powers = axes.get_yticks()
+    assert low <= min(powers) <= min(values)
+    assert max(values) <= high
+    assert max(powers) <= high
+    assert len(powers) > 1

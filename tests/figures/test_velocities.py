@@ -166,6 +166,16 @@ def test_no_impact_has_no_plan() -> None:
         velocities(run, "triple")
 
 
+def test_the_circle_of_contact_points_is_seen_from_the_side_as_a_chord_of_the_body() -> None:
+    figure = contact_points(run_of("three_arcs", TWELVE))
+    assert figure is not None
+    for axes in figure.axes[::2]:
+        lines = [np.asarray(line.get_xydata()) for line in axes.lines]
+        level = [line for line in lines if len(line) == 2 and np.ptp(line[:, 1]) == 0.0]
+        (chord,) = [line for line in level if np.allclose(np.hypot(*line.T), 1.0)]
+        assert chord[0, 0] == -chord[1, 0] != 0.0
+
+
 @pytest.mark.parametrize("width", ["single", "double"])
 @pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
 def test_values_over_contact_points_stay_over_their_own_panel(unit: float, width: str) -> None:

@@ -6,6 +6,7 @@ import random
 import threading
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import hypothesis
 import numpy as np
@@ -154,3 +155,17 @@ def test_a_column_with_few_numbers_has_a_dictionary() -> None:
     named = [name for name, column in found.items() if column.has_dictionary_page]
     assert named == ["few"]
     assert 8 * found["few"].total_compressed_size < found["many"].total_compressed_size
+
+
+@pytest.mark.parametrize("sizes", [(1000,), (25, 40), (10, 10, 10)])
+@pytest.mark.parametrize("count", [32, 100])
+def test_a_sample_is_spread_over_every_axis(sizes: tuple[int, ...], count: int) -> None:
+    grid: Any = SimpleNamespace(design=SimpleNamespace(points=1000))
+    found = workers.spread(grid, count)
+    assert 0.9 * count < len(found) <= count
+    assert np.all(np.diff(found) > 0)
+    for size, places in zip(sizes, np.unravel_index(found, sizes), strict=True):
+        # Between values that occur there are no gaps of more than a few mean distances.
+        values = np.unique([-1, *places, size])
+        assert np.max(np.diff(values)) <= 1 + 4.0 * size / count
+    assert workers.spread(grid, 1000).tolist() == list(range(1000))
