@@ -5,8 +5,12 @@ from __future__ import annotations
 from itertools import product
 from pathlib import Path
 
+import numpy as np
+from scipy.stats import kstest
+
 from vibro_cli.assemble import build_system
-from vibro_cli.grids.document import document_at
+from vibro_cli.grids.axes import Array
+from vibro_cli.grids.document import document_at, load_grid
 from vibro_cli.scenario import ScenarioError
 from vibro_cli.scenario.loading import load_document, scenario_of
 from vibro_cli.systems.trace.system_template import Reader, SystemTemplate
@@ -55,3 +59,23 @@ def test_words_are_read_alone() -> None:
             continue
         assert isinstance(found, SystemTemplate)
         assert (found.system.law, found.system.restitution) == (law, (k,))
+
+
+def test_random_values_are_uniform_and_each_axis_has_its_own(tmp_path: Path) -> None:
+    def shares(seed: int) -> list[Array]:
+        path = tmp_path / "random.toml"
+        path.write_text(
+            f'base = "{SCENARIOS / "three_arcs.toml"}"\nseed = {seed}\n'
+            '[[axes]]\npath = "collision.k"\nuniform = [0.2, 0.9, 400]\n'
+            '[[axes]]\npath = "balls[1].angle"\nuniform = [-1.4, -1.0, 400]\n'
+        )
+        one, other = (axis.at(np.arange(400))[0] for axis in load_grid(path).design.axes)
+        return [(one - 0.2) / 0.7, (other + 1.4) / 0.4]
+
+    axes = [*shares(1), *shares(2)]
+    for number, one in enumerate(axes):
+        assert kstest(one, "uniform").pvalue > 1e-3
+        for other in [one[:-1], *(other[1:] for other in axes[:number])]:
+            # Neither successive values of an axis nor two axes are correlated.
+            assert abs(np.corrcoef(one[1:], other)[0, 1]) < 4.0 / np.sqrt(399)
+    assert [one.tolist() for one in shares(1)] == [one.tolist() for one in axes[:2]]
