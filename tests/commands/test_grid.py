@@ -80,7 +80,9 @@ def test_a_grid_is_solved_verified_and_found_finished(vibro: Vibro, grid: Path) 
 def test_the_summary_of_a_grid_gives_a_reason_and_the_next_command(
     vibro: Vibro, grid: Path
 ) -> None:
-    lines = vibro("grid", grid).err.splitlines()
+    outcome = vibro("grid", grid)
+    assert outcome.out == b""
+    lines = outcome.err.splitlines()
     assert lines[:4] == [
         "sweep: 6 points, 7 impacts",
         "  points     3 invalid; 1 reached an end of the trace",
