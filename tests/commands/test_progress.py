@@ -105,6 +105,24 @@ def test_what_is_drawn_is_told_on_a_terminal(folder: Path) -> None:
     assert b"drawing" not in processes.call(folder, "report", "run").stderr
 
 
+def test_a_line_is_redrawn_twice_a_second(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """However often points are added; it tells the time since the beginning."""
+    clock = [100.0]
+    monkeypatch.setattr("time.monotonic", lambda: clock[0])
+    monkeypatch.setattr(terminal, "_settings", {"as_json": False, "least": "info"})
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
+    monkeypatch.setenv("TERM", "xterm")
+    progress = terminal.Progress(4000)
+    for _ in range(1000):  # in ten seconds
+        clock[0] += 0.01
+        progress.add(1, 5)
+    lines = capfd.readouterr().err.split("\r\x1b[K")[1:]
+    assert 18 <= len(lines) <= 20
+    assert re.search(r" of 4,000 points  500 impacts/s  3\d s left", lines[-1])
+
+
 def test_what_is_measured_is_told_until_each_result_comes(
     monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:

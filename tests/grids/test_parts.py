@@ -95,6 +95,7 @@ def test_a_grid_of_many_parts_is_divided_the_same_way_again(
     monkeypatch.setattr(workers, "_LEAST_SHARE", 1)
     grid = load_grid(small(), ["stop.collisions=4"])
     expected = workers.expected_impacts(grid)
+    assert expected.most <= 4.0
     density = workers.impact_density(grid, expected, "python")
     compiled = workers.impact_density(grid, expected, "compiled")
     assert density is not None
