@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from vibro_cli.errors import VibroError
+
 Instants = NDArray[np.float64]
 
 UNLIMITED = 2**62
@@ -130,7 +132,8 @@ class Sampling:
         """Yield the next instants before the end (s) of a stretch, in arrays of limited length.
 
         When the run has ended, these are all that remain. At least one array is yielded. Arrays
-        are made one at a time, since a stretch may have any number of instants.
+        are made one at a time, since a stretch may have any number of instants up to 2^53, above
+        which `VibroError` is raised.
         """
         first, self._sampled = self._sampled, self._count(end, ended)
         for number in range(first, max(self._sampled, first + 1), _AT_ONCE):
@@ -147,6 +150,9 @@ class Sampling:
         if self._times is not None:
             return int(np.sum(_reached(self._times, end) if ended else self._times < end))
         assert self._step is not None
+        if end > 2**53 * self._step:  # beyond it numbers of instants are not exact
+            found = f"output.step: found {self._step!r} s, more than 2^53 instants"
+            raise VibroError(f"{found} until t = {end!r} s; expected a longer step")
         count = int(np.floor(end / self._step * (1.0 + ROUNDING))) + 1
         while not ended and count > 0 and (count - 1) * self._step >= end:
             count -= 1

@@ -15,6 +15,7 @@ import pytest
 from tests import references
 from tests.highprecision.reference_solver import ReferenceSolver, events_of
 from vibro_cli.api import load_scenario, simulate, simulate_streamed
+from vibro_cli.errors import VibroError
 from vibro_cli.stress.oracles.scene import mp, scene_of_system
 from vibro_cli.systems.request import OutputRequest, Sampling
 from vibro_cli.systems.run import Run
@@ -177,6 +178,14 @@ def test_instants_without_number_take_no_memory() -> None:
     first, second = next(parts), next(parts)
     expected = np.arange(len(first) + len(second)) * 1e-12
     assert np.array_equal(np.concatenate([first, second]), expected)
+
+
+@pytest.mark.parametrize("step", [5e-324, 1e-300, 60.0 * 2.0**-54])
+@pytest.mark.parametrize("ended", [False, True])
+def test_instants_whose_numbers_are_not_exact_are_refused(step: float, ended: bool) -> None:
+    """They were counted down from 1e301 one by one for ever, or overflowed."""
+    with pytest.raises(VibroError, match=r"output.step: found .* expected a longer step"):
+        next(Sampling(OutputRequest(step=step)).until(60.0, ended))
 
 
 def test_a_signal_ends_a_run_in_the_midst_of_very_many_samples() -> None:
