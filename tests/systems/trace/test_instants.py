@@ -227,3 +227,28 @@ def test_light_body_that_goes_nowhere_comes_to_rest() -> None:
     # It gives way at once to where the heavy body brings it, and each impact takes energy.
     energy = run.sample(np.linspace(0.0, 0.46, 1001))["energy"].reshape(1001, -1).sum(axis=1)
     assert (np.diff(energy) <= 1e-12 * energy[0]).all()
+
+
+@pytest.mark.usefixtures("no_hang")
+@pytest.mark.parametrize(("count", "rate"), [(1, 0.0), (1, 0.7), (3, 0.0)])
+def test_bodies_that_roll_off_a_wall_come_back_to_it_without_an_impact(
+    count: int, rate: float
+) -> None:
+    arcs = [
+        {"shape": "line", "length": 0.7},
+        {"shape": "valley", "radius": 0.87, "end_slope": 0.05},
+        {"shape": "valley", "radius": 1.37, "end_slope": 1.5},
+    ]
+    balls = [{"radius": 0.05, "mass": 1.0, "arc": 1, "position": 0.05}]
+    balls += [{"radius": 0.05, "mass": 1.0, "arc": 1, "touching": "previous"}] * (count - 1)
+    document = scene({"start_slope": -0.94, "arcs": arcs}, balls, 0.0, time=20.0)
+    document["trace"]["turning"] = {"x": 1.0, "rate": rate}
+    document["ends"] = {"left": {"wall": 0.5}, "right": {"wall": 0.5}}
+    run = simulate(scenario_of(document))
+    # They come back to rest every 3 s. In 40 digits too there is no impact then.
+    oracle = Oracle(scene_of_system(run.system), run.system.law, False)
+    assert not oracle.run(mp.mpf("3.2")).bounces
+    assert not np.any(run.events["event"] == "wall")
+    assert len(run.collisions["t"]) == 0
+    s = run.sample(np.arange(0.0, 20.0, 0.01))["s"][::count]
+    assert np.count_nonzero(np.diff(np.sign(np.diff(s))) > 0) == 6

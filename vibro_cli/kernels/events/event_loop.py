@@ -31,6 +31,7 @@ from vibro_cli.kernels.events.simultaneous_impacts import (
 )
 from vibro_cli.kernels.flow.flight import (
     LIFT_OFF,
+    NOWHERE,
     SLOW,
     arc_energy,
     begin_flight,
@@ -42,6 +43,7 @@ from vibro_cli.kernels.flow.flight import (
     specific_energy_of_state,
     state_at,
 )
+from vibro_cli.kernels.flow.flow import acceleration_at
 from vibro_cli.kernels.impact.chattering import FORCED
 from vibro_cli.kernels.impact.impulse_chain import (
     bounce_is_lost,
@@ -54,6 +56,7 @@ from vibro_cli.kernels.impact.laws import (
     NORMAL_IMPULSE,
     do_part,
     impact_of_pair,
+    is_graze,
     log_impact,
 )
 from vibro_cli.kernels.numerics.constants import EPSILON, LATEST, NEVER
@@ -81,6 +84,7 @@ from vibro_cli.kernels.world import (
     PairData,
     TrackData,
     World,
+    flight_along,
     flights_of,
     number_along,
     track_of,
@@ -381,6 +385,8 @@ def _hit_wall(world: World, ball: int, right: bool) -> int:
     if restitution < 0.0:
         return END_OF_TRACE
     side = 1 if right else -1
+    if flight.impacts == 0 and _turns_at_wall(world, ball, side):
+        return RUNNING
     arriving = flight.p
     flight.p = -restitution * flight.p
     bound = flight.grouped == 1 or flight.impacts > 0 or bounce_is_lost(world, ball, side)
@@ -404,6 +410,36 @@ def _hit_wall(world: World, ball: int, right: bool) -> int:
     launch_chain(world, first, count, SEGMENT)
     last_row_of(world, ball).cause = WALL
     return RUNNING
+
+
+# Rounding of the height of bodies in contact, whose energy is not carried, over that of one alone.
+GROUP_ROUNDING = 8.0
+# A flight that arrives with more than this share of the speed it has lost does not turn there.
+TURNED = 1.0e-4
+
+
+@kernel
+def _turns_at_wall(world: World, ball: int, side: int) -> bool:
+    """Return whether a body turns at a wall, up to the rounding of its height: let it roll off.
+
+    A body that has rolled off a wall from rest comes back as high as that. Rounding alone would
+    decide whether it hits the wall.
+    """
+    flight = world.flights[ball]
+    track = track_of(world, ball)
+    speed = abs(track.speed_factor * flight.p)
+    age = flight.exit_after
+    pull = -side * acceleration_at(flight, track.path_radius, age, flight.s, flight.c)
+    rounding = NOWHERE * flight.size * (GROUP_ROUNDING if flight.grouped == 1 else 1.0)
+    if not 0.0 < speed <= TURNED * pull * age or not is_graze(speed, pull, rounding):
+        return False
+    first, count = ball, 0
+    if flight.grouped == 1:
+        first, count = run_around(world, ball if side < 0 else ball - 1, False)
+    for step in range(count + 1):
+        flight_along(world, first, step).p = 0.0
+    relaunch_run(world, first, count, SEGMENT)
+    return True
 
 
 @kernel
