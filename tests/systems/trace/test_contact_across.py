@@ -213,3 +213,35 @@ def test_contacts_without_a_force_on_a_slope_are_not_opened_by_rounding() -> Non
         found = run.summary_record()
         assert (found["end_cause"], found["collisions"], found["contacts"]) == ("time", 1, 1)
         assert found["crossings"] > 60
+
+
+def pair_on_three_lines(slope: float, speed: float) -> dict[str, Any]:
+    """A disk and a ball in contact ahead of it, on the first of three lines in a row."""
+    pair = {"radius": 0.05, "arc": 1, "speed": speed}
+    balls = [
+        {**pair, "mass": 1.0, "body": "disk", "position": 0.7},
+        {**pair, "mass": 2.0, "body": "ball", "touching": "previous"},
+    ]
+    trace = {"start_slope": slope, "arcs": [{"shape": "line", "length": 1.0}] * 3}
+    return scene(trace, balls, 0.0, time=0.9)
+
+
+def test_slow_bodies_in_contact_cross_lines_in_a_row() -> None:
+    # The crossings alone took 2,000,000 segments of 10 ms, after which the run was refused.
+    document = pair_on_three_lines(0.0, 1e-5)
+    document["balls"].append({**document["balls"][0], "arc": 3, "position": 0.5, "speed": 0.0})
+    run = simulate(scenario_of({**document, "stop": {"collisions": 1}}))
+    assert run.collisions["t"][0] == pytest.approx((2.5 - 0.7 - 0.2) / 1e-5, rel=1e-15)
+
+
+def test_bodies_in_contact_cross_sloping_lines_at_one_acceleration() -> None:
+    # Uphill the disk is held back less than the ball and pushes it: (sum m)/(sum kappa m) for both.
+    run = simulate(scenario_of(pair_on_three_lines(0.3, 3.0)))
+    assert list(run.events["event"]).count("crossing") == 4
+    pull = -mpf("9.81") * mpmath.sin(mpf(0.3)) * 3 / (mpf("1.5") + 2 * mpf("1.4"))
+    times = np.linspace(0.0, 0.9, 100)
+    motion = run.sample(times)
+    s = [float(mpf("0.7") + 3 * mpf(t) + pull * mpf(t) ** 2 / 2) for t in times]
+    np.testing.assert_allclose(motion["s"][::2], s, rtol=0.0, atol=2e-15)
+    speeds = [float(3 + pull * mpf(t)) for t in times]
+    np.testing.assert_allclose(motion["speed"][::2], speeds, rtol=0.0, atol=2e-15)

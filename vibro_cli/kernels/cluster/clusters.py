@@ -241,7 +241,7 @@ def _first_negative(flight: Flight, a: float, b: float, c: float) -> float:
 
 @kernel
 def launch_group(world: World, first: int, count: int) -> None:
-    """Launch ``count`` bodies in contact on one piece, to the right from ``first`` on."""
+    """Launch ``count`` bodies in contact on one piece or lines in a row, from ``first`` on."""
     piece = world.flights[first].piece
     if world.pieces[piece].sign == 0.0:
         launch_group_on_line(world, first, count)

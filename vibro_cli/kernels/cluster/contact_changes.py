@@ -19,6 +19,7 @@ from vibro_cli.kernels.contact.contact_kinematics import (
     free_acceleration,
     free_approach,
     mobility,
+    on_one_line,
     parting_speed,
     present_gap,
     set_normals,
@@ -328,17 +329,17 @@ def launch_chain(world: World, first: int, count: int, cause: int) -> None:
 
 @kernel
 def _launch_together(world: World, first: int, count: int, cause: int) -> None:
-    one_piece = True
+    one_path = True
     for step in range(count - 1):
         pair = pair_along(world, first, step)
         a, b = flights_of(world, pair)
         # On a single circle they must be side by side, or on both sides of its seam.
-        one_piece = (
-            one_piece
-            and a.piece == b.piece
+        one_path = (
+            one_path
+            and (a.piece == b.piece or on_one_line(world, a, b))
             and b.winding_number - a.winding_number + pair.seam == 0
         )
-    if one_piece:
+    if one_path:
         launch_group(world, first, count)
     else:
         launch_across(world, first, count)

@@ -272,6 +272,15 @@ def mobility(world: World, ball: int) -> float:
 
 
 @kernel
+def on_one_line(world: World, a: Flight, b: Flight) -> bool:
+    """Return whether two bodies are on one straight line, of one piece or several in a row."""
+    for piece in range(a.piece, b.piece + 1):
+        if world.pieces[piece].sign != 0.0:
+            return False
+    return a.piece <= b.piece
+
+
+@kernel
 def free_acceleration(world: World, ball: int) -> float:
     """Return the tangential acceleration (m/s^2) of a body under gravity alone."""
     flight = world.flights[ball]

@@ -6,7 +6,11 @@ import math
 
 from vibro_cli.compile.kernel import kernel
 from vibro_cli.kernels.contact.arc_contact import contact_on_arc
-from vibro_cli.kernels.contact.contact_kinematics import centre_position, centre_tangent
+from vibro_cli.kernels.contact.contact_kinematics import (
+    centre_position,
+    centre_tangent,
+    on_one_line,
+)
 from vibro_cli.kernels.contact.first_contact import (
     UNFINISHED,
     contact_by_distance,
@@ -158,7 +162,7 @@ def _time_of_contact(world: World, j: int, laps: int, ahead: float, limit: float
     touching = pair.touching
     if touching == 0 and _are_both_pairs(world, pair):
         touching = world.pairs[1 - j].touching
-    straight = laps == 0 and _on_one_line(world, a, b)
+    straight = laps == 0 and on_one_line(world, a, b)
     if a.form == LINE and b.form == LINE and straight:
         between = world.pieces[b.piece].start_s - world.pieces[a.piece].start_s
         return contact_on_line(world, j, ages, touching, limit, between)
@@ -179,15 +183,6 @@ def _are_both_pairs(world: World, pair: PairData) -> bool:
     settings = world.settings[0]
     a, b = flights_of(world, pair)
     return settings.pairs == 2 and settings.bodies == 2 and a.piece != b.piece
-
-
-@kernel
-def _on_one_line(world: World, a: Flight, b: Flight) -> bool:
-    """Return whether two bodies are on one straight line, of one piece or several in a row."""
-    for piece in range(a.piece, b.piece + 1):
-        if world.pieces[piece].sign != 0.0:
-            return False
-    return a.piece <= b.piece
 
 
 @kernel
