@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 from vibro_cli.mechanics.system import TraceSystem
@@ -257,7 +257,7 @@ class Oracle:
         for ball, course in courses.items():
             for right, wall in enumerate((LEFT_WALL, RIGHT_WALL)):
                 place = self.now.wall_place(ball, wall)
-                if place is not None and wall in self.held:
+                if self.scene.endless or (place is not None and wall in self.held):
                     continue
                 shape = self.now.path(ball).shape
                 goal = whole((shape.high if right else shape.low) if place is None else place)
@@ -413,17 +413,7 @@ def first_contact(scene: Scene, until: Real) -> Real | None:
 
     Each body stays on its piece, which extends beyond its ends.
     """
-    now = Arrangement(scene)
-    t, guess = mp.zero, mp.mpf(FIRST_STEP)
-    while t < until:
-        groups = [Group(scene, [n], [state], []) for n, state in enumerate(now.states)]
-        step = expand_all(groups, guess)
-        (one,), (other,) = (group.courses for group in groups)
-        rest = whole((until - t) / step)
-        u = first_zero(_distance(one, other, now.reach(0)), min(1 << BITS, rest))
-        if u is not None:
-            return t + real(u) * step
-        now.states = _states(groups, 1 << BITS)
-        t += step
-        guess = step * GROWTH
-    return None
+    free = replace(scene, endless=True, walls=(None, None))
+    oracle = Oracle(free, "normal-impulse", substitute=True)
+    met = oracle.run(until, last=("impact",)).bounces
+    return met[0].t if met else None

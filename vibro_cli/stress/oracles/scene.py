@@ -117,6 +117,7 @@ class Scene:
     walls: tuple[Real | None, Real | None]
     axis: Real = mp.zero  # x of the axis about which the trace rotates, m
     turning_square: Real = mp.zero  # square of its rate, 1/s^2
+    endless: bool = False  # whether bodies stay on their pieces, which extend beyond their ends
 
 
 class Path:
