@@ -40,8 +40,19 @@ from vibro_cli.commands.app import run_command_line
 from vibro_cli.figures import style
 from vibro_cli.figures.analyses import branch_figure
 from vibro_cli.mechanics.system import TraceSystem
+from vibro_cli.scenario import scenario_of
 from vibro_cli.scenario.problems import ScenarioError
-from vibro_cli.stress.scenes import CIRCLE, THREE_ARCS, VALLEY, ball, scene, system_of, valley
+from vibro_cli.stress.scenes import (
+    CIRCLE,
+    THREE_ARCS,
+    VALLEY,
+    WALLS,
+    ball,
+    scene,
+    system_of,
+    three_arcs,
+    valley,
+)
 from vibro_cli.systems.trace import simulate_system
 
 FALLING = Path(__file__).parents[2] / "scenarios" / "falling_balls.toml"
@@ -475,6 +486,41 @@ def test_the_multipliers_under_the_translational_law_are_those_of_the_full_map()
         instants = found.period * np.linspace(0.01, 0.99, 9)
         energies = [energy_of(found.system, state_at(run, float(t))) for t in instants]
         np.testing.assert_allclose(energies, found.energy, rtol=1e-13)
+
+
+def _beside_an_orbit(name: str) -> TraceSystem:
+    """Return a system with an orbit close by, on a line, three arcs, a circle or a turning line."""
+    line = {"start_slope": 0.2, "arcs": [{"shape": "line", "length": 3.0}]}
+    lone = {"radius": 0.1, "arc": 1, "mass": 1.0, "position": 0.3, "speed": 0.0}
+    balls = [lone, lone | {"position": 1.0, "mass": 0.7, "speed": 0.5}]
+    turning = line | {"turning": {"rate": 0.5, "x": 1.0}}
+    documents = {
+        "line": scene(line, balls, time=20.0) | WALLS,
+        "arcs": scene(three_arcs(100), [ball(-0.5, arc=3), ball(0.5, arc=3, mass=1.5)], time=20.0),
+        "circle": scene(CIRCLE, [ball(-0.5), ball(0.5, mass=1.5)], time=20.0),
+        "turning": scene(turning, balls, time=20.0) | WALLS,
+    }
+    return system_of(documents[name])
+
+
+@pytest.mark.parametrize("name", ["line", "arcs", "circle", "turning"])
+def test_the_energy_of_an_orbit_is_that_of_its_run(name: str) -> None:
+    """The run's is computed by the event loop, from the lowest position of each body."""
+    found = find_orbit(_beside_an_orbit(name), 1)
+    run = simulate_system(found.system, found.period, None)
+    assert found.energy_start == pytest.approx(run.summary["energy_start"], rel=1e-12)
+
+
+def test_rounding_does_not_choose_between_equal_intervals() -> None:
+    """The orbit, of two impacts, is its own time reversal."""
+    scenario = scenario_of(scene(valley(150), [ball(-0.54), ball(0.5, mass=1.5)], 1.0, time=30.0))
+    system = build_system(scenario)
+    near = [state_of(system) * (1.0 + change) for change in np.linspace(-1e-9, 1e-9, 9)]
+    found = [find_orbit(started(system, state), 2, None, 30.0) for state in near]
+    gaps = np.diff([*found[0].shot.times, found[0].shot.times[0] + found[0].period])
+    assert gaps == pytest.approx(0.5 * found[0].period, rel=1e-9)
+    for one in found:
+        np.testing.assert_allclose(one.state, found[0].state, rtol=1e-3)
 
 
 def test_impacts_by_two_laws_that_keep_no_energy_have_no_orbit() -> None:

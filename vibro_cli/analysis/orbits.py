@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from vibro_cli.analysis.levels import Landscape
 from vibro_cli.assemble import with_start_of
 from vibro_cli.errors import VibroError
 from vibro_cli.kernels.numerics.constants import EPSILON
@@ -139,6 +140,17 @@ class Orbit:
             gaps = gap_of(self.system, states[:-later], states[later:])
             found[parts] = (gaps * scale_of(self.system)).ravel()
         return found
+
+    @property
+    def energy_start(self) -> float:
+        """Energy (J) as in the summary of a run: each body's is 0 at rest at its lowest place."""
+        total = 0.0
+        for ball, start in enumerate(self.system.initial, 1):
+            landscape = Landscape.of(self.system, ball)
+            piece = self.system.trace.pieces[start.piece]
+            rate = start.speed / landscape.path_scale(piece)
+            total += float(landscape.energy(piece, start.position, rate))
+        return total
 
     @property
     def stable(self) -> bool:
@@ -393,7 +405,8 @@ def begun_between(orbit: Orbit, longest: bool = False) -> Orbit:
     In a family the start is thus a well-defined state, and events do not pass it. An orbit so
     unstable that rounding lets it close from its old start only is returned unchanged. With
     ``longest`` it starts in the longest interval between events in which the bodies are in order;
-    they are not between two bodies' crossings of the seam of a closed trace.
+    they are not between two bodies' crossings of the seam of a closed trace. Of several of equal
+    length it is the one with the first of the following events by name, then by time.
 
     Raises
     ------
@@ -403,11 +416,13 @@ def begun_between(orbit: Orbit, longest: bool = False) -> Orbit:
     times, period = orbit.shot.instants, orbit.period
     middles = [0.5 * (times[0] + times[-1] - period)]
     if longest:
-        times = orbit.shot.times
+        times, word = orbit.shot.times, orbit.shot.word
         gaps = np.diff([*times, times[0] + period])
-        middles = [
-            times[after] + 0.5 * float(gaps[after]) for after in np.argsort(-gaps, kind="stable")
-        ]
+        # Of an orbit that is its own time reversal rounding must not choose one of two intervals.
+        sizes = np.round(gaps / gaps.max(), 6)
+        following = [(-size, word[n + 1 :] + word[: n + 1]) for n, size in enumerate(sizes)]
+        order = sorted(range(len(gaps)), key=following.__getitem__)
+        middles = [times[n] + 0.5 * float(gaps[n]) for n in order]
     run = simulate_system(orbit.system, period, None)
     for middle in middles:
         if abs(middle) < CLOSED * period:

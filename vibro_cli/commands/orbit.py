@@ -163,6 +163,7 @@ def _plain(one: Orbit) -> dict[str, Any]:
         "period": one.period,
         "events": list(one.shot.word),
         "energy": one.energy,
+        "energy_start": one.energy_start,
         "residual": one.residual,
         "stable": one.stable,
         "verdict": one.verdict,
@@ -178,7 +179,10 @@ def _lines(name: str, found: Orbit, branch: Branch | None) -> Iterator[str]:
     """Yield the results as lines of text."""
     yield f"{name}: period {found.period:.15g} s, closes to within {found.residual:.1e}"
     yield f"  events       {' '.join(found.shot.word)}"
-    yield f"  energy       {found.energy:.12g} J relative to the trace's left end"
+    yield (
+        f"  energy       {found.energy:.12g} J relative to the trace's left end; energy_start of "
+        f"its run {found.energy_start:.12g} J"
+    )
     yield f"  multipliers  {_multipliers(found)}: {found.verdict}"
     for body, state in enumerate(found.system.initial, 1):
         unit = "m" if found.system.trace.pieces[state.piece].is_line else "rad"
