@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -18,7 +19,7 @@ from vibro_cli.analysis.levels import Landscape
 from vibro_cli.analysis.singular import portrait_of
 from vibro_cli.assemble import build_system
 from vibro_cli.figures.labels import LEADER
-from vibro_cli.figures.portraits.layers import background
+from vibro_cli.figures.portraits.layers import background, saddle_energies
 from vibro_cli.figures.portraits.trace_phase_plane import (
     behind_along,
     comparison,
@@ -267,6 +268,26 @@ def test_a_level_piece_of_the_trace_is_named_where_it_is_drawn() -> None:
     at_rest = name.axes.transData.transform((0.0, 0.0))[1]
     low, high = name.get_window_extent().intervaly
     assert not low <= at_rest <= high  # beside the line, not over it
+
+
+def test_separatrices_of_very_many_heights_leave_room_between_them() -> None:
+    """Drawn as wide as usual, those of 60 saddles covered more of their panel than they left."""
+    slopes = [30 + 8 * math.sin(2.3 * n) for n in range(60)]  # the slopes make the heights differ
+    waves = [shape for s in slopes for shape in (valley(1.0, s), hump(0.5, 0.9 * s - 62.0))]
+    hills = landscape(-60, *waves, valley(1.0, 60))
+    portrait = portrait_of(hills)
+    assert len(saddle_energies(portrait.points)) == 60
+    figure = structure(portrait, "double")
+    axes = figure.axes[-1]
+    inked = 0.0
+    for drawn in axes.collections:
+        assert isinstance(drawn, LineCollection)
+        pixels = map(axes.transData.transform, drawn.get_segments())
+        length = sum(np.hypot(*np.diff(curve, axis=0).T).sum() for curve in pixels)
+        inked += length * drawn.get_linewidth()[0] * figure.dpi / 72.0
+    box = axes.get_window_extent()
+    assert inked < 0.3 * box.width * box.height
+    assert_texts_are_apart(figure)
 
 
 @pytest.mark.parametrize("width", ["single", "double"])

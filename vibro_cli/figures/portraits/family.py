@@ -99,7 +99,10 @@ def draw_family(
 
 
 def name_points(panel: Panel, names: Sequence[str], behind: Background) -> None:
-    """Write the name of each singular point beside it; of very many every third, fifth, …"""
+    """Write the name of each singular point beside it; of very many every third, fifth, …
+
+    Many names fill no more than half of the width, as most of it is lines.
+    """
     named = [
         Named(name, (point.position + 0.5 * point.extent, 0.0))
         for name, point in zip(names, behind.points, strict=True)
@@ -108,7 +111,8 @@ def name_points(panel: Panel, names: Sequence[str], behind: Background) -> None:
     if not named:
         return
     full = sum(text_width(one.text) + _MARK for one in named) / panel.width
-    named = named[:: 1 + 2 * math.ceil(0.5 * (full - 1.0))]  # odd: centres and saddles alternate
+    if full > 1.0:
+        named = named[:: 1 + 2 * math.ceil(full - 0.5)]  # odd: centres and saddles alternate
     scale = panel.scale
     dark = (*behind.eights, *behind.separatrices) * _DARK
     lines = [line * scale for one in (*dark, *behind.levels) for line in both_halves(one)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -32,7 +33,7 @@ from vibro_cli.mechanics.trace import Piece
 
 
 def legend_of(path: Trajectory, behind: Background, others: Sequence[Entry]) -> list[Entry]:
-    """Return the legend entries of a portrait: run, then `others`, then background."""
+    """Return the legend entries of a portrait: run, then background, then `others`."""
     jumps, marked = path.jumps, coloured_until(path) is None
     entries = [("start", START)]
     if np.any(path.first.made):
@@ -45,7 +46,7 @@ def legend_of(path: Trajectory, behind: Background, others: Sequence[Entry]) -> 
         entries.append((why_not_made(jumps.through[~jumps.made]), NOT_MADE))
     if any(np.any(branches.contact) for branches in path.branches):
         entries.append(("lasting contact", CONTACT))
-    return [*entries, *others, *behind_entries(behind)]
+    return [*entries, *behind_entries(behind), *others]
 
 
 def behind_entries(*behind: Background) -> list[Entry]:
@@ -239,6 +240,14 @@ CURVES = (
 """The curves of a background: attribute, name in the legend, style and drawing order."""
 
 
+_MOST_WIDE = 8
+"""Number of curves through saddles on one piece above which lines are thinner, ..."""
+_THIN = 0.3
+"""... but not thinner than this (pt), ..."""
+_CROWDED = 0.25
+"""... and at this share of the number level curves are left out."""
+
+
 def by_time(look: Look, times: Array, until: float) -> Look:
     """Return the style of lines coloured by their times (s), from 0 to `until`."""
     coloured = {"array": times, "cmap": style.time_colours(), "norm": Normalize(0.0, until)}
@@ -256,9 +265,16 @@ def fainter(lines: int) -> float:
 
 
 def draw_background(one: Panel, behind: Background) -> None:
-    """Draw the separatrices, level curves and singular points of one piece."""
+    """Draw the separatrices, level curves and singular points of one piece.
+
+    Lines of very many saddles are thinner, and level curves between them are left out.
+    """
+    through = Counter(curve.piece for curve in (*behind.eights, *behind.separatrices))
+    share = _MOST_WIDE / max(_MOST_WIDE, *through.values())
     for curves, _, look, order in CURVES:
-        draw_curves(one, getattr(behind, curves), order, look)
+        if curves != "levels" or share > _CROWDED:
+            thin = {"linewidth": max(share * look["linewidth"], min(_THIN, look["linewidth"]))}
+            draw_curves(one, getattr(behind, curves), order, look | thin)
     draw_points(one, behind.points, 1.3)
 
 
