@@ -270,7 +270,7 @@ def draw_background(one: Panel, behind: Background) -> None:
     Lines of very many saddles are thinner, and level curves between them are left out.
     """
     through = Counter(curve.piece for curve in (*behind.eights, *behind.separatrices))
-    share = _MOST_WIDE / max(_MOST_WIDE, *through.values())
+    share = _MOST_WIDE / max([_MOST_WIDE, *through.values()])
     for curves, _, look, order in CURVES:
         if curves != "levels" or share > _CROWDED:
             thin = {"linewidth": max(share * look["linewidth"], min(_THIN, look["linewidth"]))}
