@@ -271,6 +271,23 @@ def test_volumes_shrink_by_the_square_of_the_restitution_at_each_impact(
         np.testing.assert_allclose(exponents[:2], -exponents[:1:-1], atol=0.002)
 
 
+@pytest.mark.parametrize("name", ["rotation", "valley of three", "normal-impulse"])
+@pytest.mark.parametrize("turning", [{}, {"x": 0.3, "rate": 1.1}])
+def test_the_map_of_elastic_motion_is_symplectic(name: str, turning: dict[str, float]) -> None:
+    """In q and κ m v of each body, through junctions, walls, and impacts on two pieces."""
+    document = SCENES[name] | {"collision": {"law": "normal-impulse", "k": 1.0}}
+    document |= {"ends": {end: {"wall": 1.0} for end in WALLS}} if "ends" in document else {}
+    system = system_of(_turning(document, **turning) if turning else document)
+    matrix = follow_system(system, None, 4).matrix
+    weights = np.diag([body.rolling_mass for body in system.bodies])
+    form = np.kron(weights, [[0.0, 1.0], [-1.0, 0.0]])
+    kept = matrix.T @ form @ matrix - form
+    assert np.max(np.abs(kept)) < 1e-13 * np.max(weights) * np.max(np.abs(matrix)) ** 2
+    values = np.linalg.eigvals(matrix)
+    for value in values:  # in pairs of μ and 1/μ
+        assert np.min(np.abs(values * value - 1.0)) < 1e-6
+
+
 @pytest.mark.parametrize("rate", [0.0, 1.5])
 def test_at_rest_on_a_crest_exponents_are_those_of_a_saddle(rate: float) -> None:
     """Vectors grow so much in the one flight that without care all become parallel to rounding."""
