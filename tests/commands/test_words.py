@@ -5,11 +5,13 @@ import re
 from pathlib import Path
 from typing import Any, get_args
 
+import numpy as np
 import pytest
 
 from tests.commands.conftest import Vibro
 from tests.fake_run import FakeRun
 from tests.systems.trace.test_energy import not_made
+from vibro_cli import example, simulate
 from vibro_cli.commands.shared.terminal import duration, size, summary_text
 from vibro_cli.kernels.impact.laws import LAW_NAMES
 from vibro_cli.mechanics.system import LAWS
@@ -35,6 +37,20 @@ def test_the_whole_summary() -> None:
         "  files      my results/name",
         "  next       vibro report 'my results/name'",
     ]
+
+
+@pytest.mark.parametrize("mass", [1.0, 2.0])
+def test_it_is_said_when_chaotic_motion_has_lost_its_digits(mass: float) -> None:
+    """With equal masses the motion is regular, and keeps its digits."""
+    changes = {"balls[1].mass": mass, "stop.collisions": 500}
+    run = simulate(example("falling_balls").replace(changes))
+    text = " ".join(summary_text("name", dict(run.summary), None).split())
+    said = re.search(r"; after some (\S+) s no digit is accurate", text)
+    digits = run.collisions["digits_left"]
+    assert (said is not None) is bool(np.any(digits == 0.0)) is (mass == 2.0)
+    if said is not None:
+        first = run.collisions["t"][np.argmax(digits == 0.0)]
+        assert float(said[1]) == pytest.approx(first, rel=0.25)
 
 
 @pytest.mark.parametrize("changes", [{}, {"min_normal_force": -51.7324}, {"quiet_from": 1 / 3}])

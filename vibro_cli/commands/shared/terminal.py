@@ -6,6 +6,7 @@ import codecs
 import contextlib
 import io
 import json
+import math
 import os
 import shlex
 import sys
@@ -251,6 +252,8 @@ def _accuracy(record: Mapping[str, Any]) -> str:
 
 
 def _exponents(record: Mapping[str, Any]) -> str:
+    from vibro_cli.systems.tangents import ROUNDING
+
     rates = [value for name, value in record.items() if name.startswith("lyapunov_")]
     if rates[0] is None:
         contact = "; lasting contact across two pieces has no tangent map"
@@ -258,8 +261,13 @@ def _exponents(record: Mapping[str, Any]) -> str:
     lost = rates.count(None)
     text = f"the greatest {quantity(rates[0], '1/s', digits=4)}"
     if lost:
-        return f"{text}; {counted(lost, 'direction')} lost in lasting contact"
-    return f"{text}, the sum {quantity(sum(rates), '1/s', digits=2)}"
+        text += f"; {counted(lost, 'direction')} lost in lasting contact"
+    else:
+        text += f", the sum {quantity(sum(rates), '1/s', digits=2)}"
+    known = -math.log(ROUNDING)
+    if rates[0] * record["end_time"] <= known:
+        return text
+    return f"{text}; after some {quantity(known / rates[0], 's', digits=2)} no digit is accurate"
 
 
 def _validity(record: Mapping[str, Any], one_sided: bool) -> str:
