@@ -461,6 +461,12 @@ def test_a_body_on_a_junction_is_found_again_on_its_piece() -> None:
         assert end - 1e-14 < begun.initial[0].position <= end
 
 
+def test_bodies_that_stay_in_contact_have_no_orbit() -> None:
+    """Their motion goes on, with a tangent map, but cannot return to a start without contact."""
+    with pytest.raises(NoOrbit, match="bodies stay in contact"):
+        shoot(system_of(scene(VALLEY, [ball(-0.3), ball(0.2)], 0.0, time=9.0)), 3.0)
+
+
 def test_impacts_that_take_energy_have_no_orbit() -> None:
     system = system_of(scene(VALLEY, [ball(-0.7), ball(0.6)], 0.8, time=9.0))
     with pytest.raises(NoOrbit):

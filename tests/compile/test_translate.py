@@ -242,6 +242,11 @@ def test_numbers_are_written_exactly(value: Any) -> None:
 
 
 @kernel
+def of_no_type_in_a_tuple(a: float) -> tuple[float, str]:
+    return a, ""
+
+
+@kernel
 def of_no_type(a) -> float:  # type: ignore[no-untyped-def]
     return float(a)
 
@@ -390,6 +395,7 @@ def of_no_variable(a: float) -> float:
         (of_membership, "a in FACTORS"),
         (of_no_variable, "ENTRIES is no variable"),
         (of_no_type, "expected a type of numbers"),
+        (of_no_type_in_a_tuple, "expected a type of numbers"),
         (of_text, "str is no kernel"),
         (of_list, "a kernel has no list"),
         (of_two_types, "x is given values of two types"),

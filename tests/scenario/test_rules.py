@@ -29,6 +29,11 @@ def test_a_name_has_1_to_100_characters_and_at_most_200_bytes(name: str, accepte
         assert bad_paths(data(name=name)) == ["name"]
 
 
+@pytest.mark.parametrize("key", ["axes", "base", "scenario"])
+def test_one_key_of_a_grid_does_not_make_a_grid_of_a_scenario(key: str) -> None:
+    assert bad_paths(data() | {key: "x"}) == [key]
+
+
 def test_defaults_are_those_of_the_interface() -> None:
     scenario = good(data())
     assert scenario.name == "scenario"

@@ -106,6 +106,7 @@ def test_the_schema_describes_every_key() -> None:
         assert table["additionalProperties"] is False
         for key, value in table["properties"].items():
             assert value.get("description"), key
+            assert value["description"].split(" ") == value["description"].split()
     assert "null" not in json.dumps(schema)
 
 
