@@ -197,6 +197,31 @@ def _departure(orbit: Orbit, periods: int) -> float:
     return float(np.max(np.abs(times[0][:least] - times[1][:least])) / 1e-7)
 
 
+def test_every_orbit_of_a_family_is_that_in_closed_form() -> None:
+    """Around equal masses, where the period doubles; the range begins beside the first orbit."""
+    first = find_orbit(_falling(1.986), 1)
+    branch = Family(_falling, first, 1.986, 1.985, 2.005).follow()
+    values = np.array([point.value for point in branch.points])
+    assert (values[0], values[-1]) == (1.985, 2.005)
+    assert np.all(np.diff(values) > 0.0)
+    assert np.max(np.diff(values)) < 0.06 * 0.02
+    for point in branch.points:
+        found = point.orbit
+        assert found.system.bodies[1].mass == point.value
+        assert found.energy == pytest.approx(first.energy, rel=1e-12)
+        expected = np.linalg.eigvals(_by_hand(2.0, point.value, 0.5 * found.period * PULL))
+        expected = expected[np.argsort(-np.abs(expected - 1.0))][:2]
+        assert sorted(found.multipliers, key=_key) == pytest.approx(
+            sorted(expected, key=_key), abs=1e-7
+        )
+    start, doubling, end = branch.special
+    assert (start.kind, doubling.kind, end.kind) == ("bound", "doubling", "bound")
+    assert (start.after, end.after) == (0, len(values) - 1)
+    assert doubling.point.value == pytest.approx(2.0, abs=1e-9)
+    assert values[doubling.after] <= doubling.point.value < values[doubling.after + 1]
+    assert doubling.fault == ""
+
+
 @pytest.mark.long
 def test_a_family_doubles_its_period_where_the_masses_are_equal() -> None:
     branch = _branch(0.8, 2.5)
