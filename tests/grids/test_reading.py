@@ -151,6 +151,11 @@ def test_columns_that_are_no_paths_are_told_and_can_be_left_out(write: Path) -> 
         load_grid(write)
     write.write_text(AXIS + 'table = "points.csv"\npath = "collision.k"\n')
     assert load_grid(write).design.columns(np.arange(2))[("collision", "k")].tolist() == [0.5, 0.6]
+    write.write_text(AXIS + 'table = "points.csv"\npath = "gravity"\n')
+    with pytest.raises(
+        ScenarioError, match=r"columns collision.k and date, expected a column grav"
+    ):
+        load_grid(write)
 
 
 def test_a_column_of_a_table_may_have_numbers_with_and_without_units(write: Path) -> None:
@@ -164,6 +169,13 @@ WRONG = {
     "more points than Sobol's sequence has": (
         f'mode = "sobol"\nn = {2**30 + 1}\n{AXIS}path = "gravity"\nuniform = [9.0, 10.0]\n',
         ["n: found 1073741825, expected a whole number from 1 to 1073741824"],
+    ),
+    "more points than a number can hold": (
+        'base = "base.toml"\n'
+        '[[axes]]\npath = "gravity"\nlinspace = [1, 9, 300000]\n'
+        '[[axes]]\npath = "collision.k"\nlinspace = [0, 1, 300000]\n'
+        '[[axes]]\npath = "balls[1].mass"\nlinspace = [1, 9, 300000]\n',
+        ["axes: found 27000000000000000 points, expected fewer than 2^53"],
     ),
     "no base": ("mode = 'zip'\n", ["found none of them, expected one of base or scenario"]),
     "unknown path": (
