@@ -12,6 +12,7 @@ from tests.gallery import GALLERY, run_of
 from vibro_cli.api import simulate
 from vibro_cli.figures.kinds import draw_one
 from vibro_cli.figures.runs.contact_points import contact_points
+from vibro_cli.figures.runs.scene import scene
 from vibro_cli.figures.runs.velocities import striking, touching_point, velocities
 from vibro_cli.figures.style import render
 from vibro_cli.scenario import any_scenario_of, load_scenario
@@ -137,6 +138,40 @@ def test_large_and_small_values_have_a_prefix(radius: float, gravity: float, wid
     table = [run.collisions[f"omega_b_{when}"][:shown] for when in ("pre", "post")]
     assert told == pytest.approx(np.transpose(table).ravel(), rel=6e-3)
     assert shown == (2 if width == "single" else 4)
+
+
+def test_the_line_of_centres_and_the_tangent_cross_in_the_impact_point() -> None:
+    run = run_of("three_arcs", TWELVE)
+    figure = velocities(run)
+    assert figure is not None
+    for number, axes in enumerate(figure.axes):
+        pair = striking(run, number // 2)
+        touch, normal = touching_point(pair)
+        lines = [np.asarray(line.get_xydata()) for line in axes.lines]
+        halves = [
+            line[1] - touch
+            for line in lines
+            if len(line) == 2 and np.allclose(line.mean(axis=0), touch) and np.ptp(line) > 0.0
+        ]
+        tangent, centres = sorted(halves, key=lambda half: abs(float(half @ normal)))
+        assert tangent @ normal == pytest.approx(0.0, abs=1e-12)
+        assert abs(centres @ normal) == pytest.approx(np.hypot(*centres), rel=1e-12)
+        for half in (tangent, centres):
+            assert np.hypot(*half) > max(one.body.radius for one in pair)
+
+
+def test_the_angle_of_a_body_is_drawn_from_the_vertical_to_the_body() -> None:
+    run = run_of("three_arcs", TWELVE)
+    (axes,) = scene(run).axes
+    for body, start in zip(run.system.bodies, run.system.initial, strict=True):
+        piece = run.system.trace.pieces[start.piece]
+        origin = np.array(piece.centre)
+        towards = np.array(piece.body_centre(start.position, body.radius)) - origin
+        lines = [np.asarray(line.get_xydata()) - origin for line in axes.lines]
+        arcs = [line for line in lines if len(line) == 60 and np.ptp(np.hypot(*line.T)) < 1e-12]
+        ends = [(one[0], one[-1]) / np.hypot(*one[0]) for one in arcs]
+        expected = [[0.0, np.sign(towards[1])], towards / np.hypot(*towards)]
+        assert any(np.allclose(one, expected, rtol=0.0, atol=1e-9) for one in ends)
 
 
 @pytest.mark.parametrize("width", ["single", "double"])
