@@ -12,10 +12,11 @@ from tests.gallery import GALLERY, run_of
 from vibro_cli.api import simulate
 from vibro_cli.figures.kinds import draw_one
 from vibro_cli.figures.runs.contact_points import contact_points
-from vibro_cli.figures.runs.scene import scene
+from vibro_cli.figures.runs.scene import scene, visited
 from vibro_cli.figures.runs.velocities import striking, touching_point, velocities
 from vibro_cli.figures.style import render
 from vibro_cli.scenario import any_scenario_of, load_scenario
+from vibro_cli.stress import scenes
 
 TWELVE = "stop.collisions=12"
 NAMES = ["three_arcs", "unequal_hedrih", "closed_three_balls", "horizontal_line_1_3"]
@@ -172,6 +173,23 @@ def test_the_angle_of_a_body_is_drawn_from_the_vertical_to_the_body() -> None:
         ends = [(one[0], one[-1]) / np.hypot(*one[0]) for one in arcs]
         expected = [[0.0, np.sign(towards[1])], towards / np.hypot(*towards)]
         assert any(np.allclose(one, expected, rtol=0.0, atol=1e-9) for one in ends)
+
+
+@pytest.mark.parametrize("places", [[(0.1, -0.97), (0.2, -0.95)], [(0.95, -0.2), (0.97, -0.1)]])
+def test_a_part_of_a_trace_is_shown_around_its_bodies(places: list[tuple[float, float]]) -> None:
+    """Within the trace, with the whole bodies, and of a mirror image the mirror image."""
+    centres, radius, end = np.array(places), 0.01, np.array([1.0, 1.0])
+    balls = [scenes.ball(angle, radius=radius) for angle in (-1.0, 1.0)]
+    system = scenes.system_of(scenes.scene(scenes.VALLEY, balls, time=1.0))
+    low, high = visited(system, centres, -end, end)
+    assert np.all(-end <= low)
+    assert np.all(low < np.min(centres, axis=0) - radius)
+    assert np.all(np.max(centres, axis=0) + radius < high)
+    assert np.all(high <= end)
+    assert np.all(high - low < 0.5)
+    mirror = np.array([-1.0, 1.0])
+    other = visited(system, centres * mirror, -end, end)
+    assert np.sort(other * mirror, axis=0) == pytest.approx(np.array([low, high]), rel=1e-12)
 
 
 @pytest.mark.parametrize("width", ["single", "double"])
