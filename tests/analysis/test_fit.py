@@ -672,7 +672,7 @@ def test_the_figure_of_a_fit_has_its_residuals_in_milliseconds_over_the_impacts(
     panels = fit_figure(found).axes
     assert [axes.get_xlabel() for axes in panels] == ["", "impact $n$"]
     for axes, name in zip(panels, ("first", "residual"), strict=True):
-        (points,) = [line for line in axes.lines if len(line.get_xdata()) == 3]
+        (points,) = [line for line in axes.lines if len(np.asarray(line.get_xdata())) == 3]
         assert points.get_xdata() == pytest.approx([1, 2, 3])
         assert points.get_ydata() == pytest.approx(1e3 * found[name])
         low, high = axes.get_ylim()

@@ -67,7 +67,7 @@ def test_no_text_is_cut_off_or_overlaps_another(make: Any, width: str) -> None:
 def test_the_junctions_are_marked_along_the_trace() -> None:
     """They lie at the sums of radius times angle."""
     figure = comparison(members())
-    lines = [line.get_xdata() for line in figure.axes[-1].lines]
+    lines = [np.asarray(line.get_xdata()) for line in figure.axes[-1].lines]
     upright = sorted(float(x[0]) for x in lines if len(x) == 2 and x[0] == x[1])
     pieces = three_arcs().trace.pieces
     lengths = [one.radius * (one.angle_end - one.angle_start) for one in pieces]
