@@ -295,6 +295,17 @@ def test_a_family_ends_where_an_impact_grazes() -> None:
     assert beyond.approach < 0.1 * last.orbit.shot.approach
 
 
+def test_energy_is_kept_by_motions_and_impacts_on_a_trace_that_turns() -> None:
+    balls = [ball(-1.2), ball(0.3, arc=3, mass=1.3)]
+    document = scene(THREE_ARCS, balls, 1.0, "normal-impulse", time=5.0)
+    document["trace"] = document["trace"] | {"turning": {"through_arc": 1, "rate": 1.5}}
+    system = system_of(document)
+    run = simulate_system(system, 5.0, None)
+    assert len(run.collisions["t"]) == 3
+    energies = [energy_of(system, state) for state in state_at(run, np.linspace(0.0, 5.0, 37))]
+    np.testing.assert_allclose(energies, energies[0], rtol=1e-12)
+
+
 def test_an_orbit_on_a_trace_that_turns() -> None:
     document = scene(CIRCLE, [ball(-0.6), ball(0.6, mass=1.3)], 1.0, "normal-impulse", collisions=1)
     document["trace"] = document["trace"] | {"turning": {"through_arc": 1, "rate": 0.5}}
@@ -302,11 +313,6 @@ def test_an_orbit_on_a_trace_that_turns() -> None:
     assert found.residual < 1e-13
     assert np.prod(found.multipliers) == pytest.approx(1.0, abs=1e-12)
     again = simulate_system(found.system, 20.0 * found.period, None)
-    kept = [
-        energy_of(found.system, state)
-        for state in state_at(again, np.linspace(0.0, again.end_time, 37))
-    ]
-    np.testing.assert_allclose(kept, found.energy, rtol=1e-12)
     gaps = np.diff(again.collisions["t"])
     assert len(gaps) == 19
     np.testing.assert_allclose(gaps, found.period, rtol=1e-11)
