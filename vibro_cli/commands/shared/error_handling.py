@@ -104,7 +104,7 @@ def _lack(fault: Exception) -> str:
     """Name the exhausted resource (memory or threads), or "" for other faults."""
     ends = ("failed to map segment from shared object", os.strerror(errno.ENOMEM))
     if isinstance(fault, MemoryError) or (
-        isinstance(fault, ImportError) and str(fault).endswith(ends)
+        isinstance(fault, ImportError) and str(fault).rstrip().endswith(ends)
     ):
         return "out of memory"
     threads = ("can't start new thread", "Failed to launch worker thread")
