@@ -404,7 +404,8 @@ class _Problem:
     @property
     def _t(self) -> Floats:
         """Measured times (s) from the start of the motion, or from the first guess of it."""
-        return self._measured.t - self._origin[self._clock].sum()
+        found: Floats = self._measured.t - self._origin[self._clock].sum()
+        return found
 
     @property
     def _bounds(self) -> Floats:
