@@ -200,7 +200,8 @@ def _departure(orbit: Orbit, periods: int) -> float:
 def test_every_orbit_of_a_family_is_that_in_closed_form() -> None:
     """Around equal masses, where the period doubles; the range begins beside the first orbit."""
     first = find_orbit(_falling(1.986), 1)
-    branch = Family(_falling, first, 1.986, 1.985, 2.005).follow()
+    family = Family(_falling, first, 1.986, 1.985, 2.005)
+    branch = family.follow()
     values = np.array([point.value for point in branch.points])
     assert (values[0], values[-1]) == (1.985, 2.005)
     assert np.all(np.diff(values) > 0.0)
@@ -214,11 +215,18 @@ def test_every_orbit_of_a_family_is_that_in_closed_form() -> None:
         assert sorted(found.multipliers, key=_key) == pytest.approx(
             sorted(expected, key=_key), abs=1e-7
         )
+    # Along the tangent the period changes with the mass as between the neighbours.
+    before, here, after = branch.points[10:13]
+    chord = after.along - before.along
+    tangent = family._tangent(here, chord)
+    assert tangent[-2] / tangent[-1] == pytest.approx(chord[-2] / chord[-1], rel=1e-3)
     start, doubling, end = branch.special
     assert (start.kind, doubling.kind, end.kind) == ("bound", "doubling", "bound")
     assert (start.after, end.after) == (0, len(values) - 1)
     assert doubling.point.value == pytest.approx(2.0, abs=1e-9)
     assert values[doubling.after] <= doubling.point.value < values[doubling.after + 1]
+    # Orbits follow closely where the multipliers part.
+    assert doubling.point.value - values[doubling.after] < 0.1 * np.max(np.diff(values))
     assert doubling.fault == ""
 
 
