@@ -10,6 +10,7 @@ import pytest
 from vibro_cli.stress import digits
 from vibro_cli.stress.drawing import draw
 from vibro_cli.stress.scenes import VALLEY, Document, Plan, ball, scene, system_of
+from vibro_cli.systems.trace import simulate_system
 from vibro_cli.systems.trace.tangents import follow_system
 
 TOUCHING: Document = {"radius": 0.1, "mass": 1.0, "arc": 1, "touching": "previous"}
@@ -27,6 +28,14 @@ def test_two_bodies_reach_two_walls_at_one_instant() -> None:
     map_error, times_error = digits.errors_of(system_of(draw(0, 205)), 2)
     assert map_error <= 1e-12
     assert times_error <= 1e-12
+
+
+def test_a_run_ends_with_the_first_of_two_impacts_at_one_instant() -> None:
+    """Neighbours, in which the other one may come first, leave it out too."""
+    system = system_of(draw(11, 357))
+    first, second = simulate_system(system, None, 2).collisions["t"]
+    assert first == second
+    assert max(digits.errors_of(system, 1)) <= 1e-12
 
 
 def test_an_error_is_told(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from vibro_cli.stress.oracles.motion import State
+from vibro_cli.stress.oracles.motion import Course, Group, State, real, squared_distance
 from vibro_cli.stress.oracles.scene import Path, Real, Scene, mp, weight_and_response
 
 # Speeds below this share of the greatest count as zero.
@@ -125,9 +125,9 @@ def runs_of(touches: Sequence[Touch]) -> list[list[Touch]]:
 
 
 def collide(
-    laws: Laws, touches: Sequence[Touch], speeds: list[Real], substitute: bool, most: float
+    laws: Laws, touches: Sequence[Touch], speeds: list[Real], substitute: bool
 ) -> tuple[list[Real], dict[int, str]]:
-    """Carry out all impacts of an instant, or only the first until `most` touches had one.
+    """Carry out all impacts of an instant.
 
     Returns the speeds after them, and the law of the last impact of every touch that had one.
     """
@@ -135,7 +135,7 @@ def collide(
     used: dict[int, str] = {}
     for _ in range(MOST_ROUNDS):
         closing = [touch for touch in touches if speed_of(touch.row, speeds) < least]
-        if not closing or len(used) >= most:
+        if not closing:
             return speeds, used
         for run in runs_of(closing):
             law = laws.law
@@ -243,13 +243,16 @@ class Arrangement:
 
     def accelerations(self, touches: Sequence[Touch], held: Sequence[int] = ()) -> list[Real]:
         """Return the separation accelerations of touches if forces hold some together (indices)."""
-        free = [self._free(ball) for ball in range(len(self.states))]
+        courses = [self._course(ball) for ball in range(len(self.states))]
         found = []
         for touch in touches:
-            value = mp.fsum(touch.row[n] * free[n] for n in touch.bodies)
-            if len(touch.bodies) == 2:
-                value += self._bend(*touch.bodies)
-            found.append(value)
+            one, *other = touch.bodies
+            if other:  # of the distance, from that of its square
+                reach = self.scene.bodies[one].radius + self.scene.bodies[other[0]].radius
+                square = squared_distance(courses[one], courses[other[0]])
+                found.append(real(square[2]) / reach)
+            else:
+                found.append(touch.row[one] * real(courses[one].rate[0]))
         if not held:
             return found
         rows = [touches[n].row for n in held]
@@ -283,24 +286,8 @@ class Arrangement:
         held, _ = self.pressing(touches[:-1])
         return -self.accelerations(touches, held)[-1]
 
-    def _free(self, ball: int) -> Real:
-        """Return the acceleration of a body along its path without contact forces."""
-        path = self.path(ball)
-        c, s = path.tangent(self.states[ball].place)
-        x, force = self.centre(ball)[0], path.body.force
-        pull = self.scene.turning_square * (x - self.scene.axis) * c - self.scene.gravity * s
-        return pull / path.body.kappa + (force.at(x) if force else 0)
-
-    def _bend(self, a: int, b: int) -> Real:
-        """Return the separation acceleration due to curved paths and the turning of the normal."""
-        (ax, ay), (bx, by) = (self.centre(n) for n in (a, b))
-        size = mp.hypot(bx - ax, by - ay)
-        total, velocity = mp.zero, []
-        for sign, n in ((-1, a), (1, b)):
-            path, state = self.path(n), self.states[n]
-            c, s = path.tangent(state.place)
-            inward = ((by - ay) * c - (bx - ax) * s) / size
-            total += sign * path.curvature * state.speed**2 * inward
-            velocity.append((state.speed * c, state.speed * s))
-        (au, av), (bu, bv) = velocity
-        return total + ((bu - au) ** 2 + (bv - av) ** 2) / size
+    def _course(self, ball: int) -> Course:
+        """Return the first terms of a body's motion without contact forces, in powers of 1 s."""
+        group = Group(self.scene, [ball], [self.states[ball]], [])
+        group.expand(mp.one, 2)
+        return group.courses[0]

@@ -83,7 +83,7 @@ class Course:
         self._pull = whole(scene.gravity / path.body.kappa)
         self._turning = whole(scene.turning_square / path.body.kappa)
         self._axis = whole(scene.axis)
-        self._force = path.body.force and path.body.force.series(h)
+        self._force = path.body.force and path.body.force(h)
 
     def series(self) -> tuple[Series, ...]:
         """Return all series."""
@@ -112,6 +112,15 @@ class Course:
         self.s.append(scaled(along, self._curvature_h) // (k + 1))
         self.q.append(scaled(self.v[k], self._per_length_h) // (k + 1))
         self.v.append(scaled(self.rate[k], self._h) // (k + 1))
+
+
+def squared_distance(one: Course, other: Course) -> Series:
+    """Return the series of the squared distance of two centres."""
+    sides = [
+        [after - before for before, after in zip(*axis, strict=True)]
+        for axis in ((one.x, other.x), (one.y, other.y))
+    ]
+    return [sum(product(side, side, k) for side in sides) for k in range(len(one.x))]
 
 
 class Group:

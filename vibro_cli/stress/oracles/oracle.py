@@ -8,8 +8,8 @@ their end.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Collection, Sequence
+from collections import Counter
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
@@ -30,7 +30,6 @@ from vibro_cli.stress.oracles.motion import (
     FIRST_STEP,
     GROWTH,
     ORDER,
-    Course,
     Group,
     Series,
     State,
@@ -39,8 +38,8 @@ from vibro_cli.stress.oracles.motion import (
     expand_all,
     first_zero,
     order_for,
-    product,
     real,
+    squared_distance,
     whole,
     without_leading_zeros,
 )
@@ -124,7 +123,7 @@ class Oracle:
         self.laws = Laws(scene, law)
         self.substitute = substitute
         self.most_events = most_events
-        self._most_impacts = math.inf
+        self._left: Counter[int] | None = None  # impacts that pairs may still make
         self.now = Arrangement(scene)
         self.now.into_contact()
         self.t = mp.zero
@@ -193,16 +192,21 @@ class Oracle:
     def impacts(self, count: int, until: Real) -> list[Bounce]:
         """Continue to the impact of a number, counted from the start; return all impacts of pairs.
 
-        Impacts that follow from it at the same instant are not carried out.
-
         Raises ArithmeticError if there are fewer until an instant (s).
         """
-        self._most_impacts = count
         while len(met := self._met()) < count:
             self.run(until, last=("impact",))
             if len(self._met()) == len(met):
                 raise ArithmeticError(f"the oracle has {len(met)} impacts, expected {count}")
         return met
+
+    def allow(self, pairs: Iterable[Collection[int]]) -> None:
+        """Let pairs of bodies collide only as often as they are among these, then pass through."""
+        keys = {frozenset(bodies): key for key, bodies in enumerate(self.now.pairs)}
+        self._left = Counter(keys[frozenset(pair)] for pair in pairs)
+
+    def _may_collide(self, key: int) -> bool:
+        return self._left is None or key < 0 or self._left[key] > 0
 
     def _met(self) -> list[Bounce]:
         """Return the impacts of pairs."""
@@ -266,9 +270,10 @@ class Oracle:
                 kind = "crossing" if place is None else "wall"
                 found.append(_Watch(kind, 2 * ball + right, way))
         for pair, (a, b) in enumerate(self.now.pairs):
-            if pair not in self.held:
-                distance = _distance(courses[a], courses[b], self.now.reach(pair))
-                found.append(_Watch("impact", pair, distance))
+            if pair not in self.held and self._may_collide(pair):
+                square = squared_distance(courses[a], courses[b])
+                square[0] -= whole(self.now.reach(pair) ** 2)
+                found.append(_Watch("impact", pair, square))
         return [*found, *self._openings(groups)]
 
     def _openings(self, groups: Sequence[Group]) -> list[_Watch]:
@@ -309,8 +314,10 @@ class Oracle:
                 self._cross(watch.key // 2, watch.key % 2 == 1)
         touches = self.now.touches(self.held)
         before = self.now.speeds
-        most = self._most_impacts - len(self._met())
-        self.now.speeds, used = collide(self.laws, touches, before, self.substitute, most)
+        able = [touch for touch in touches if self._may_collide(touch.key)]
+        self.now.speeds, used = collide(self.laws, able, before, self.substitute)
+        if self._left is not None:
+            self._left.subtract(key for key in used if key >= 0)
         for touch in touches:
             if touch.key in used:
                 kind = "impact" if touch.key >= 0 else "wall"
@@ -395,17 +402,6 @@ def _states(groups: Sequence[Group], share: Whole) -> list[State]:
         for ball, state in zip(group.balls, group.at(share), strict=True)
     }
     return [found[ball] for ball in sorted(found)]
-
-
-def _distance(one: Course, other: Course, reach: Real) -> Series:
-    """Return the series of the squared distance of two centres less that of contact."""
-    sides = [
-        [after - before for before, after in zip(*axis, strict=True)]
-        for axis in ((one.x, other.x), (one.y, other.y))
-    ]
-    total = [sum(product(side, side, k) for side in sides) for k in range(len(one.x))]
-    total[0] -= whole(reach * reach)
-    return total
 
 
 def first_contact(scene: Scene, until: Real) -> Real | None:

@@ -99,8 +99,8 @@ class Body:
     force: Any = None
     """Force along the path besides gravity, rotation and contacts; None for none.
 
-    `at(x)` returns the acceleration (m/s^2) at a place, `series(h)` an object that takes a step:
-    its `append(k, x, v)` returns coefficient k of the acceleration from the series of both.
+    A function of a step h that returns an object, whose `append(k, x, v)` returns coefficient k of
+    the acceleration from the series of place and speed.
     """
 
 

@@ -160,6 +160,7 @@ def neighbours(
             for ball, (piece, _, _) in enumerate(scene.starts)
         )
         oracle = Oracle.of(system, scene=replace(scene, starts=starts))
+        oracle.allow(pairs)
         met, instants = oracle.impacts(len(pairs), until + 1), []
         for pair in pairs:  # those of one instant may come in another order
             one = next(one for one in met if set(one.bodies) == set(pair))

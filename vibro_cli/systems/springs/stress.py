@@ -6,6 +6,7 @@ Tangent maps are compared with motions of the oracle, which takes springs as for
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -24,32 +25,15 @@ _LINE = Piece(0, mp.mpf(200), (mp.zero, mp.zero), (mp.zero, mp.zero), mp.mpf(-10
 
 
 class _Force:
-    """The force of a spring, as the oracle takes it: ``x' = v, v' = -w^2 (x - l x u)``.
+    """Series of a spring's acceleration ``-w^2 (x - l x u)`` over a step, as the oracle takes it.
 
-    x is measured from the foot, and ``u = 1/sqrt(b^2 + x^2)``.
+    x is measured from the foot; ``u = 1/sqrt(b^2 + x^2)`` obeys ``u' = -x v u^3``.
     """
 
-    def __init__(self, spring: Spring, rolling: Any) -> None:
-        self.square = mp.mpf(spring.stiffness) / rolling
-        self.length, self.height = mp.mpf(spring.length), mp.mpf(spring.height)
-        self.foot = mp.mpf(spring.foot)
-
-    def at(self, place: Any) -> Any:
-        """Return the acceleration (m/s^2) at a place."""
-        x = place - self.foot
-        return -self.square * (x - self.length * x / mp.hypot(self.height, x))
-
-    def series(self, h: Whole) -> _Series:
-        """Return the series of a step, in fractions of it."""
-        return _Series(self, h)
-
-
-class _Series:
-    """Series of a spring's force over a step; of u by ``u' = -x v u^3``."""
-
-    def __init__(self, force: _Force, h: Whole) -> None:
-        self._force, self._h = force, h
-        self._square, self._length = whole(force.square), whole(force.length)
+    def __init__(self, spring: Spring, rolling: Any, h: Whole) -> None:
+        self._h, self._square = h, whole(mp.mpf(spring.stiffness) / rolling)
+        self._length, self._height = whole(mp.mpf(spring.length)), mp.mpf(spring.height)
+        self._foot = whole(mp.mpf(spring.foot))
         self._x: Series = []
         self._u: Series = []
         self._uu: Series = []
@@ -59,8 +43,8 @@ class _Series:
     def append(self, k: int, place: Series, v: Series) -> Whole:
         """Return coefficient k of the acceleration, the next one."""
         if k == 0:
-            self._x.append(place[0] - whole(self._force.foot))
-            self._u.append(whole(1 / mp.hypot(self._force.height, real(self._x[0]))))
+            self._x.append(place[0] - self._foot)
+            self._u.append(whole(1 / mp.hypot(self._height, real(self._x[0]))))
         else:
             self._uu.append(product(self._u, self._u, k - 1))
             self._uuu.append(product(self._uu, self._u, k - 1))
@@ -76,7 +60,7 @@ def _scene(system: SpringsSystem) -> Scene:
     bodies = []
     for body, spring in zip(system.bodies, system.springs, strict=True):
         mass, kappa = mp.mpf(body.mass), mp.mpf(body.kappa)
-        bodies.append(Body(mp.mpf(body.radius), mass, kappa, _Force(spring, kappa * mass)))
+        bodies.append(Body(mp.mpf(body.radius), mass, kappa, partial(_Force, spring, kappa * mass)))
     starts = ((0, mp.mpf(one.position), mp.mpf(one.speed)) for one in system.initial)
     return Scene(
         gravity=mp.one,  # of no effect on a level line
