@@ -15,6 +15,7 @@ from vibro_cli import example, simulate
 from vibro_cli.commands.shared.terminal import duration, size, summary_text
 from vibro_cli.kernels.impact.laws import LAW_NAMES
 from vibro_cli.mechanics.system import LAWS
+from vibro_cli.report.words import ending
 from vibro_cli.scenario.models import Law
 from vibro_cli.systems.columns import END_CAUSES
 
@@ -179,3 +180,12 @@ def test_bytes_have_three_digits_and_no_power_of_ten(number: float, text: str) -
 )
 def test_a_duration_is_in_units_that_are_read_at_once(seconds: float, text: str) -> None:
     assert duration(seconds) == text
+
+
+def test_a_run_that_is_followed_as_far_as_times_reach_was_not_stopped() -> None:
+    assert lines(end_time=1e100)[0] == (
+        "name: ended at t = 1e+100 s: the bodies move on for ever; without stop.time a run is "
+        "followed until then"
+    )
+    assert ending("time", 1e100).startswith("The bodies move on for ever")
+    assert ending("time", 60.0) == "The stop time was reached."

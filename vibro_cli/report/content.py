@@ -86,7 +86,7 @@ def report_html(runs: Sequence[StoredRun], beside: Path) -> bytes:
                 "anchor": f"run{place}",
                 "name": name,
                 "folder": run.folder and str(run.folder),
-                "ending": ending(run.summary["end_cause"]),
+                "ending": ending(run.summary["end_cause"], run.summary["end_time"]),
                 "versions": versions(run.manifest),
                 "figures": shown,
                 **section,
@@ -406,7 +406,7 @@ def compared(
     differing = [
         path for path in paths if len({repr(setting.get(path)) for setting in settings}) > 1
     ]
-    endings = [ending(run.summary["end_cause"]) for run in runs]
+    endings = [ending(run.summary["end_cause"], run.summary["end_time"]) for run in runs]
     return {
         "names": list(names),
         "results": [

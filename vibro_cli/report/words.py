@@ -14,7 +14,7 @@ import numpy as np
 from vibro_cli.mechanics.system import DRY_FRICTION
 from vibro_cli.scenario.fields import Model, field_at, unit_at
 from vibro_cli.scenario.problems import parsed_path
-from vibro_cli.systems.columns import END_CAUSES, Column
+from vibro_cli.systems.columns import Column, end_in_words
 from vibro_cli.systems.contract import System
 
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -35,9 +35,9 @@ REFERENCES = {
 }
 
 
-def ending(cause: str) -> str:
-    """Return an end cause, or the status of a run without one, as a sentence."""
-    words = END_CAUSES.get(cause) or _STATES.get(cause, cause)
+def ending(cause: str, time: float | None = None) -> str:
+    """Return an end cause and its time (s), or the status of a run without one, as a sentence."""
+    words = _STATES.get(cause) or end_in_words(cause, time)
     return f"{words[:1].upper()}{words[1:]}."
 
 

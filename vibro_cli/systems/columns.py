@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 from vibro_cli.kernels.impact.laws import LAW_NAMES
+from vibro_cli.kernels.numerics.constants import LATEST
 from vibro_cli.systems.contract import Columns
 
 SCHEMA_VERSION = "1"
@@ -32,6 +33,14 @@ END_CAUSES = {
     "accumulation": "infinitely many impacts accumulated in finite time, which is not solved",
 }
 """Meanings of the causes that end a run."""
+
+
+def end_in_words(cause: str, time: float | None) -> str:
+    """Return the cause of an end at a time (s) in words."""
+    if cause == "time" and time == LATEST:
+        return "the bodies move on for ever; without stop.time a run is followed until then"
+    return END_CAUSES.get(cause, cause)
+
 
 ColumnType = Literal["float64", "int64", "bool", "string"]
 Value = Callable[[Any], Any]

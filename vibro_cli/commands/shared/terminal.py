@@ -202,11 +202,11 @@ def summary_text(
 
 
 def _ending(record: Mapping[str, Any]) -> str:
-    from vibro_cli.systems.columns import END_CAUSES
+    from vibro_cli.systems.columns import end_in_words
 
     if record["status"] != "ok":
         return f"{record['status']}: {record['reason']}"
-    cause = END_CAUSES.get(record["end_cause"], record["end_cause"])
+    cause = end_in_words(record["end_cause"], record["end_time"])
     return f"ended at t = {quantity(record['end_time'], 's')}: {cause}"
 
 
