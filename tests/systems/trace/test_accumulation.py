@@ -114,3 +114,35 @@ def _assert_low(run: Run, end: float, lasted: float, k: float) -> None:
     assert end - float(rows["t"][last]) == pytest.approx(lasted, rel=1e-9)
     speed = abs(float(rows["separation_speed"][last]))
     assert 0.25 * speed * lasted * (1.0 - k) <= 1.01e-10 / (1.0 - k) * 0.24
+
+
+PAIR = [
+    {"radius": 0.05, "mass": 1.0, "arc": 1, "angle": -0.5},
+    {"radius": 0.05, "mass": 2.0, "arc": 1, "angle": -0.3},
+]
+DISH = {"start_slope": -1.5, "arcs": [{"shape": "valley", "radius": 1.0, "end_slope": 1.5}]}
+
+
+@pytest.mark.parametrize("left", [True, False])
+def test_bounces_are_not_summed_beyond_the_hit_of_a_third_body(left: bool) -> None:
+    # It comes amid the last 1e-5 s of the bounces, which would be summed without it.
+    third = {"radius": 0.05, "mass": 1.5, "arc": 1, "angle": 0.9, "speed": 2.1805346625256923}
+    balls = [*PAIR, third]
+    if left:
+        balls = [{**ball, "angle": -ball["angle"]} for ball in reversed(balls)]
+        balls[0]["speed"] = -third["speed"]
+    run = simulate_system(system_of(scene(DISH, balls, 0.3, time=0.868)), 0.868, None)
+    oracle = Oracle(scene_of_system(run.system), run.system.law, False)
+    oracle.run(mp.mpf(0.868))
+    exact = [float(state.speed) for state in oracle.now.states]
+    np.testing.assert_allclose(run.sample([0.868])["speed"], exact, rtol=0.0, atol=1e-13)
+
+
+def test_bounces_end_when_they_do_without_a_body_far_away() -> None:
+    closed = []
+    trace = {**DISH, "start_slope": -3.1}
+    for far in ([], [{**PAIR[0], "angle": -3.0}]):
+        run = simulate_system(system_of(scene(trace, [*far, *PAIR], 0.3, time=0.9)), 0.9, None)
+        row = list(run.events["event"]).index("contact_closed")
+        closed.append((run.events["t"][row], run.events["value"][row]))
+    assert closed[0] == closed[1]

@@ -14,10 +14,10 @@ from vibro_cli.api import simulate
 from vibro_cli.assemble import build_system
 from vibro_cli.kernels.contact.contact_kinematics import set_normals
 from vibro_cli.kernels.events import event_loop
-from vibro_cli.kernels.events.simultaneous_impacts import MOST_ROUNDS
-from vibro_cli.kernels.impact.chattering import press_speeds
-from vibro_cli.kernels.impact.impulse_chain import apply_impulses
-from vibro_cli.kernels.impact.laws import NORMAL_IMPULSE
+from vibro_cli.kernels.events.simultaneous_impacts import MOST_ROUNDS, _is_endless
+from vibro_cli.kernels.impact.chattering import half_approach, press_speeds
+from vibro_cli.kernels.impact.impulse_chain import apply_impulses, simultaneous_impulses
+from vibro_cli.kernels.impact.laws import NORMAL_IMPULSE, TRANSLATIONAL
 from vibro_cli.kernels.world import World
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.scenario import ScenarioError, load_scenario, scenario_of
@@ -91,6 +91,55 @@ def test_limit_is_the_nearest_motion_that_does_not_close(seed: int, left: bool) 
     expected, _ = nearest_motion(masses, speeds, left)
     found = [flight.speed for flight in world.flights]
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("law", [TRANSLATIONAL, NORMAL_IMPULSE])
+@pytest.mark.parametrize("seed", range(10))
+def test_losses_of_plastic_impulses_add_up_to_the_energy_lost(seed: int, law: int) -> None:
+    rng = np.random.default_rng(seed)
+    count = int(rng.integers(2, 6))
+    world = row_at_a_wall((10.0 ** rng.uniform(-1.0, 1.0, count)).tolist(), True)
+    for ball in range(count):
+        body = world.bodies[ball]
+        if law == TRANSLATIONAL:  # conserves m v, but loses energy of rolling
+            body.kappa = rng.uniform(1.0, 2.0)
+            body.rolling_mass = body.kappa * body.mass
+        world.flights[ball].speed = rng.uniform(-1.0, 1.0)
+    for j in range(count - 1):
+        set_normals(world, j)
+
+    def energy() -> float:
+        balls = zip(world.bodies, world.flights, strict=True)
+        return sum(0.5 * body.rolling_mass * flight.speed**2 for body, flight in balls)
+
+    before = energy()
+    halves = [half_approach(world, j, law) for j in range(count - 1)]
+    simultaneous_impulses(world, 0, count - 1, law, 1)
+    apply_impulses(world, 0, count - 1, law)
+    losses = [
+        world.pairs[j].solution * (half + half_approach(world, j, law))
+        for j, half in enumerate(halves)
+    ]
+    assert sum(losses) == pytest.approx(before - energy(), abs=1e-13)
+
+
+@pytest.mark.parametrize("lossy", [None, "left", "right", 0, 1, 2])
+def test_limit_is_taken_if_any_contact_of_a_row_takes_energy(lossy: str | int | None) -> None:
+    world = row_at_a_wall([1.0, 2.0, 3.0, 4.0], lossy != "right")
+    settings = world.settings[0]
+    settings.left_wall = 0.5 if lossy == "left" else 1.0
+    settings.right_wall = 0.5 if lossy == "right" else 1.0
+    for j in range(3):
+        set_normals(world, j)
+        world.pairs[j].restitution = 0.5 if lossy == j else 1.0
+    world.flights[2].speed = 1.0
+    world.flights[0].impacts = MOST_ROUNDS + 1
+    assert _is_endless(world, 0, 3) == (lossy is not None)
+    world.flights[0].impacts = MOST_ROUNDS
+    assert not _is_endless(world, 0, 3)
+    world.flights[0].impacts = MOST_ROUNDS + 1
+    world.flights[2].speed = 0.0  # no pair closes
+    assert not _is_endless(world, 0, 3)
 
 
 def test_sequence_that_contracts_slowly_is_taken_to_its_limit() -> None:
