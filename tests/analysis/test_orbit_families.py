@@ -402,6 +402,8 @@ def test_a_family_whose_orbits_last_ever_longer_ends() -> None:
     family = orbit_family(scenario_of(document), first, "energy", bottom - 1.0, -7.0)
     assert [one.kind for one in family.special] == ["period", "bound"]
     assert len(family.points) < 300
+    last, before = (point.orbit.period for point in family.points[:2])
+    assert last > 30.0 * first.period >= before
     moving = [(one.value - bottom) * one.orbit.period**2 for one in family.points[:20]]
     np.testing.assert_allclose(moving, moving[0], rtol=0.2)
 
