@@ -86,6 +86,12 @@ def test_what_is_no_scenario_is_told(use: Callable[[Any], object], found: object
         use(found)
 
 
+def test_a_table_without_a_portrait_is_told() -> None:
+    """In a loop over scenarios ``except VibroError`` did not catch this."""
+    with pytest.raises(VibroError, match="found no wall, expected an ellipse or a circle"):
+        portrait(example("skew_impact"))
+
+
 def test_a_sweep_of_what_is_no_scenario_is_told() -> None:
     found: Any = {"name": "mine"}
     with pytest.raises(TypeError, match=r"'mine'\} \(dict\), expected a scenario"):

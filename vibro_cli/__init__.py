@@ -53,6 +53,7 @@ if TYPE_CHECKING:
     from vibro_cli.storage.folders import NotContinuable as NotContinuable
     from vibro_cli.storage.frame import Table as Table
     from vibro_cli.storage.stored import NotAGrid as NotAGrid
+    from vibro_cli.systems.contract import NoPortrait as NoPortrait
     from vibro_cli.systems.driver import CannotContinue as CannotContinue
     from vibro_cli.systems.driver import TooQuiet as TooQuiet
 
@@ -81,6 +82,7 @@ _HOME = {
     "vibro_cli.storage.files": ("FolderRefused",),
     "vibro_cli.storage.folders": ("NotContinuable",),
     "vibro_cli.storage.stored": ("NotAGrid",),
+    "vibro_cli.systems.contract": ("NoPortrait",),
     "vibro_cli.systems.driver": ("CannotContinue", "TooQuiet"),
 }
 _MODULES = {name: module for module, names in _HOME.items() for name in names}

@@ -112,8 +112,10 @@ def portrait(scenario: AnyScenario, body: int = 1, width: str = "double") -> Dra
     ------
     ScenarioError
         If the scenario is mechanically impossible.
+    NoPortrait
+        For a table without an ellipse or a circle around the balls.
     ValueError
-        For an invalid body or width, and for a table without a portrait.
+        For an invalid body or width.
     """
     system = build_any(scenario)
     body = checked("body", body, Count(1, len(system.bodies)))

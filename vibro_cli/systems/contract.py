@@ -17,6 +17,8 @@ from importlib.util import find_spec
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, NamedTuple, Protocol, TypeVar
 
+from vibro_cli.errors import VibroError
+
 if TYPE_CHECKING:
     from pathlib import Path
 
@@ -68,7 +70,7 @@ class TimedScene(NamedTuple):
     """Divisor of the number of impacts, for scenes with slow impacts."""
 
 
-class NoPortrait(ValueError):
+class NoPortrait(VibroError, ValueError):
     """The system has no portrait; the message says what was found and what was expected."""
 
 
