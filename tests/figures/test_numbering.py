@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from matplotlib.figure import Figure
 
-from vibro_cli.figures.labels import Named, place_numbers, write_names
+from vibro_cli.figures.labels import HEIGHT_REACHED, Named, place_numbers, write_names
 from vibro_cli.figures.source import Array
 
 SIZE = (60.0, 50.0)
@@ -66,3 +67,17 @@ def test_numbers_without_room_are_left_out() -> None:
     axes = Figure((2.0, 2.0)).add_axes((0.0, 0.0, 1.0, 1.0))
     write_names(axes, [Named("88", (0.5, 0.5))] * 200, NOTHING)
     assert 10 < len(axes.texts) < 100
+
+
+def test_what_is_higher_than_numbers_reach_does_not_move_them() -> None:
+    """Numbers on a point in a dense band stand beyond it, the first one as far as any can."""
+    middle = [np.array([[30.0, 25.0]])] * 40
+    curves = np.random.default_rng(1).uniform((0.0, 0.0), SIZE, (5000, 2))
+    band = np.random.default_rng(2).uniform((0.0, 19.0), (60.0, 31.0), (100_000, 2))
+    curves = np.concatenate([curves, band])
+    near = curves[np.abs(curves[:, 1] - 25.0) < HEIGHT_REACHED]
+    places = placed(["8"], middle[:1], near)
+    assert abs(places[0][1] - 25.0) + 1.25 == pytest.approx(HEIGHT_REACHED)
+    assert placed(["8"], middle[:1], curves) == places
+    every = place_numbers(["8"] * 40, middle, curves, SIZE)
+    assert place_numbers(["8"] * 40, middle, near, SIZE) == every

@@ -184,6 +184,8 @@ _CLEAR = 0.5
 """Room between two numbers side by side, and between a number and the frame (mm)."""
 _DISTANCES = (1.9, 2.6, 3.4, 4.4, 5.8, 7.4)
 """Distances of a number from its point that are tried (mm)."""
+HEIGHT_REACHED = max(_DISTANCES) + 0.5 * _HIGH
+"""Greatest height (mm) above or below its point that a number covers."""
 _DIRECTIONS = 12
 _FAR = 2.0
 """Cost of 1 mm of distance from the point; covering one point of a curve costs 1."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import product
+from itertools import chain, product
 from typing import TypeVar
 
 import numpy as np
@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import Cell, in_rows
 from vibro_cli.figures.labels import (
+    HEIGHT_REACHED,
     LINE,
     Entry,
     Named,
@@ -115,17 +116,22 @@ def name_points(panel: Panel, names: Sequence[str], behind: Background) -> None:
         named = named[:: 1 + 2 * math.ceil(full - 0.5)]  # odd: centres and saddles alternate
     scale = panel.scale
     dark = (*behind.eights, *behind.separatrices) * _DARK
-    lines = [line * scale for one in (*dark, *behind.levels) for line in both_halves(one)]
+    lines = (line for one in (*dark, *behind.levels) for line in both_halves(one))
     rest = [(one.position, one.position + one.extent) for one in behind.points if one.extent]
-    lines += [np.column_stack([ends, np.zeros(2)]) * scale for ends in rest] * _NEVER
+    level = [np.column_stack([ends, np.zeros(2)]) for ends in rest] * _NEVER
     marks = np.array([one.point for one in named]) * scale
     on_marks = [marks + _MARK * np.array(step) for step in product((-1.0, 0.0, 1.0), repeat=2)]
-    obstacles = np.concatenate([*map(_evenly, lines), *on_marks * _NEVER])
+    near = [_near_names(line * scale) for line in chain(lines, level)]
+    obstacles = np.concatenate([*near, *on_marks * _NEVER])
     write_names(panel.axes, named, obstacles / scale)
 
 
-def _evenly(line: Array) -> Array:
-    """Return evenly spaced points of a line (mm), so that their number measures its length."""
+def _near_names(line: Array) -> Array:
+    """Return evenly spaced points of a line (mm), so that their number measures its length.
+
+    Points that no name beside the axis can cover are left out, as there may be millions.
+    """
     along = np.append(0.0, np.cumsum(np.hypot(*np.diff(line, axis=0).T)))
     at = np.arange(0.0, along[-1], _STEP)
-    return np.column_stack([np.interp(at, along, values) for values in line.T])
+    points: Array = np.column_stack([np.interp(at, along, values) for values in line.T])
+    return points[np.abs(points[:, 1]) < HEIGHT_REACHED]
