@@ -284,7 +284,7 @@ def test_separatrices_of_very_many_heights_leave_room_between_them() -> None:
         assert isinstance(drawn, LineCollection)
         pixels = map(axes.transData.transform, drawn.get_segments())
         length = sum(np.hypot(*np.diff(curve, axis=0).T).sum() for curve in pixels)
-        inked += length * drawn.get_linewidth()[0] * figure.dpi / 72.0
+        inked += length * float(np.max(drawn.get_linewidth())) * figure.dpi / 72.0
     box = axes.get_window_extent()
     assert inked < 0.3 * box.width * box.height
     assert_texts_are_apart(figure)

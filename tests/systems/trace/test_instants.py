@@ -288,7 +288,7 @@ def test_bodies_that_roll_off_a_wall_come_back_to_it_without_an_impact(
         {"shape": "valley", "radius": 0.87, "end_slope": 0.05},
         {"shape": "valley", "radius": 1.37, "end_slope": 1.5},
     ]
-    balls = [{"radius": 0.05, "mass": 1.0, "arc": 1, "position": 0.05}]
+    balls: list[dict[str, Any]] = [{"radius": 0.05, "mass": 1.0, "arc": 1, "position": 0.05}]
     balls += [{"radius": 0.05, "mass": 1.0, "arc": 1, "touching": "previous"}] * (count - 1)
     document = scene({"start_slope": -0.94, "arcs": arcs}, balls, 0.0, time=20.0)
     document["trace"]["turning"] = {"x": 1.0, "rate": rate}
