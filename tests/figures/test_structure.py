@@ -287,6 +287,7 @@ def test_separatrices_of_very_many_heights_leave_room_between_them() -> None:
         inked += length * float(np.max(drawn.get_linewidth())) * figure.dpi / 72.0
     box = axes.get_window_extent()
     assert inked < 0.3 * box.width * box.height
+    assert collections(figure, -1, 1.0)  # the level curves that the legend names
     assert_texts_are_apart(figure)
 
 

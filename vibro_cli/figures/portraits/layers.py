@@ -210,6 +210,8 @@ _HAIR = 0.008
 _MARK = 0.7
 """Radius of a mark with some room around it (mm)."""
 _FEW = 60
+_FEW_SADDLES = 8
+"""Number of curves through saddles on one piece above which lines of a background are thinner."""
 _THINNEST = 0.3
 _MANY = 150
 _FAINTEST = 0.15
@@ -240,23 +242,15 @@ CURVES = (
 """The curves of a background: attribute, name in the legend, style and drawing order."""
 
 
-_MOST_WIDE = 8
-"""Number of curves through saddles on one piece above which lines are thinner, ..."""
-_THIN = 0.3
-"""... but not thinner than this (pt), ..."""
-_CROWDED = 0.25
-"""... and at this share of the number level curves are left out."""
-
-
 def by_time(look: Look, times: Array, until: float) -> Look:
     """Return the style of lines coloured by their times (s), from 0 to `until`."""
     coloured = {"array": times, "cmap": style.time_colours(), "norm": Normalize(0.0, until)}
     return {name: value for name, value in look.items() if name != "color"} | coloured
 
 
-def thinner(width: float, lines: int) -> float:
+def thinner(width: float, lines: int, few: int = _FEW) -> float:
     """Return the width (pt) of each of many lines, given the width for a few lines."""
-    return float(np.clip(width * math.sqrt(_FEW / max(lines, 1)), _THINNEST, width))
+    return float(np.clip(width * math.sqrt(few / max(lines, 1)), _THINNEST, width))
 
 
 def fainter(lines: int) -> float:
@@ -265,16 +259,12 @@ def fainter(lines: int) -> float:
 
 
 def draw_background(one: Panel, behind: Background) -> None:
-    """Draw the separatrices, level curves and singular points of one piece.
-
-    Lines of very many saddles are thinner, and level curves between them are left out.
-    """
+    """Draw the separatrices, level curves and singular points of one piece."""
     through = Counter(curve.piece for curve in (*behind.eights, *behind.separatrices))
-    share = _MOST_WIDE / max([_MOST_WIDE, *through.values()])
+    most = max(through.values(), default=0)
     for curves, _, look, order in CURVES:
-        if curves != "levels" or share > _CROWDED:
-            thin = {"linewidth": max(share * look["linewidth"], min(_THIN, look["linewidth"]))}
-            draw_curves(one, getattr(behind, curves), order, look | thin)
+        thin = {"linewidth": thinner(look["linewidth"], most, _FEW_SADDLES)}
+        draw_curves(one, getattr(behind, curves), order, look | thin)
     draw_points(one, behind.points, 1.3)
 
 
