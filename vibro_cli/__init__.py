@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from vibro_cli.analysis.orbits import NoOrbit as NoOrbit
     from vibro_cli.analysis.orbits import Orbit as Orbit
     from vibro_cli.api import NotRecalled as NotRecalled
+    from vibro_cli.errors import NoPortrait as NoPortrait
     from vibro_cli.errors import VibroError as VibroError
     from vibro_cli.figures.film import NoFilm as NoFilm
     from vibro_cli.grids.dataset import FolderInUse as FolderInUse
@@ -53,7 +54,6 @@ if TYPE_CHECKING:
     from vibro_cli.storage.folders import NotContinuable as NotContinuable
     from vibro_cli.storage.frame import Table as Table
     from vibro_cli.storage.stored import NotAGrid as NotAGrid
-    from vibro_cli.systems.contract import NoPortrait as NoPortrait
     from vibro_cli.systems.driver import CannotContinue as CannotContinue
     from vibro_cli.systems.driver import TooQuiet as TooQuiet
 
@@ -62,7 +62,7 @@ _HOME = {
     "vibro_cli.analysis.fit": ("NoFit", "NotMeasured"),
     "vibro_cli.analysis.orbits": ("NoOrbit", "Orbit"),
     "vibro_cli.api": ("NotRecalled",),
-    "vibro_cli.errors": ("VibroError",),
+    "vibro_cli.errors": ("NoPortrait", "VibroError"),
     "vibro_cli.figures.film": ("NoFilm",),
     "vibro_cli.grids.dataset": ("FolderInUse", "GridChanged", "NoManifest", "Verdict"),
     "vibro_cli.interface": ("Drawing", "check", "example", "load_scenario", "portrait"),
@@ -82,7 +82,6 @@ _HOME = {
     "vibro_cli.storage.files": ("FolderRefused",),
     "vibro_cli.storage.folders": ("NotContinuable",),
     "vibro_cli.storage.stored": ("NotAGrid",),
-    "vibro_cli.systems.contract": ("NoPortrait",),
     "vibro_cli.systems.driver": ("CannotContinue", "TooQuiet"),
 }
 _MODULES = {name: module for module, names in _HOME.items() for name in names}

@@ -26,6 +26,10 @@ class Failure(VibroError, RuntimeError):
     """A valid request failed: a command ends with exit code 1."""
 
 
+class NoPortrait(VibroError, ValueError):
+    """The system has no portrait; the message says what was found and what was expected."""
+
+
 class NoLibrary(Failure):
     """No library of kernels is available for this machine; the message says what to do."""
 

@@ -13,13 +13,13 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from vibro_cli import NoFilm, systems
+from vibro_cli import NoFilm, NoPortrait, systems
 from vibro_cli.report.content import setting
 from vibro_cli.report.papers import analogy
 from vibro_cli.scenario.fields import json_schema, settings
 from vibro_cli.storage.stored import StoredRun
 from vibro_cli.stress import suite
-from vibro_cli.systems.contract import NoPortrait, System
+from vibro_cli.systems.contract import System
 from vibro_cli.systems.describe import lines_of, own_settings
 
 NAME = "newton"

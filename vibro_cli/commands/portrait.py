@@ -276,9 +276,9 @@ def _analysed(
     options: PortraitCommand, scenario: "AnyScenario", system: Any
 ) -> tuple[dict[str, Any], dict[str, bytes]]:
     """Return the singular points of each body, and the files of the figures."""
+    from vibro_cli.errors import NoPortrait
     from vibro_cli.interface import pictures
     from vibro_cli.systems import system_named
-    from vibro_cli.systems.contract import NoPortrait
 
     kind = system_named(scenario.system)
     if options.compare and not kind.has_comparisons:

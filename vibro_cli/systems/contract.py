@@ -17,8 +17,6 @@ from importlib.util import find_spec
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, NamedTuple, Protocol, TypeVar
 
-from vibro_cli.errors import VibroError
-
 if TYPE_CHECKING:
     from pathlib import Path
 
@@ -68,10 +66,6 @@ class TimedScene(NamedTuple):
     """Parts of the benchmark: ``"systems"`` times the event loop, ``"command"`` whole commands."""
     share: int = 1
     """Divisor of the number of impacts, for scenes with slow impacts."""
-
-
-class NoPortrait(VibroError, ValueError):
-    """The system has no portrait; the message says what was found and what was expected."""
 
 
 class Tables(Protocol):
@@ -465,6 +459,8 @@ class System(ABC):
         ``portrait`` in ``portrait.py``; raises `NoPortrait` if the system has none.
         """
         if not self.has_part("portrait"):
+            from vibro_cli.errors import NoPortrait
+
             raise NoPortrait(f'found system = "{self.name}", expected a system that has portraits')
         found: tuple[dict[str, Any], dict[str, Figure]]
         found = self.part("portrait").portrait(system, width, drawn)

@@ -23,12 +23,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from vibro_cli.errors import NoPortrait
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import Sheet
 from vibro_cli.figures.style import mark, width_of
 from vibro_cli.figures.ticks import angle_ticks, label_axis, vertical_ticks
 from vibro_cli.numerics.elementwise import Floats
-from vibro_cli.systems.contract import NoPortrait
 from vibro_cli.systems.request import Limits
 from vibro_cli.systems.run import simulate
 from vibro_cli.systems.table import SYSTEM
