@@ -247,6 +247,10 @@ class Free:
         """Unit of the number, empty for a ratio."""
         return "s" if self.is_start_time else written(unit_at(self.path, Scenario))
 
+    def with_unit(self, text: str) -> str:
+        """Return a text with the unit after it, if there is one."""
+        return f"{text} {self.unit}".rstrip()
+
     @property
     def bounds(self) -> tuple[float, float]:
         """Bounds; those of a coefficient of restitution are limited to 0 and 1, inclusive."""
@@ -448,18 +452,17 @@ class _Problem:
             except NoDerivative as error:
                 raise NoFit(str(error)) from error
             if not one.low <= found[n] <= one.high:
-                value, expected = f"{found[n]:g} {one.unit}".rstrip(), self._in_bounds(one)
-                raise NoFit(f"{one.name}: found {value} in the scenario, expected {expected}")
+                value = one.with_unit(f"{found[n]:g}")
+                ends = one.with_unit(f"{one.low:g} to {one.high:g}")
+                raise NoFit(
+                    f"{one.name}: found {value} in the scenario, expected a number from {ends}"
+                )
         if np.any(self._clock):
             first = int(self._measured.number[0])
             guess = self._measured.t[0] - self._impacts(found, first, None).t[first - 1]
             self._origin = np.where(self._clock, guess, 0.0)
             found[self._clock] = np.clip(0.0, *self._bounds[:, self._clock])
         return found
-
-    @staticmethod
-    def _in_bounds(one: Free) -> str:
-        return f"a number from {one.low:g} to {one.high:g} {one.unit}".rstrip()
 
     def stages(self) -> list[int]:
         """Return the numbers of rows to fit in successive stages."""
@@ -590,8 +593,7 @@ class _Problem:
 
     def _in_words(self, values: Floats) -> str:
         pairs = zip(self._free, values + self._origin, strict=True)
-        texts = (f"{one.name} = {value:.4g} {one.unit}".rstrip() for one, value in pairs)
-        return ", ".join(texts)
+        return ", ".join(one.with_unit(f"{one.name} = {value:.4g}") for one, value in pairs)
 
     def _least(self, values: Floats, shown: NDArray[np.int64], rows: int, tolerance: float) -> Any:
         """Minimise the sum of squares of the first rows over the parameters `shown`."""

@@ -352,15 +352,12 @@ def record_of_fit(found: Fit) -> dict[str, Any]:
     }
 
 
-def _line_of_number(one: dict[str, Any], unit: str) -> str:
+def _line_of_number(one: dict[str, Any], free: Free) -> str:
     """Return a fitted number, its error and its interval as a line of text."""
     numbers = (one["value"], *one["interval"])
     value, low, high = (_rounded(number, one["error"]) for number in numbers)
-    after = f" {unit}" if unit else ""
-    return (
-        f"  {one['path']:20} {value} ± {one['error']:.2g}{after}, 95 % interval {low} to "
-        f"{high}{after}; initially {one['start']:.10g}{after}"
-    )
+    error, high, start = map(free.with_unit, (f"{one['error']:.2g}", high, f"{one['start']:.10g}"))
+    return f"  {one['path']:20} {value} ± {error}, 95 % interval {low} to {high}; initially {start}"
 
 
 def _lines_of_fit(found: Fit) -> Iterator[str]:
@@ -369,7 +366,7 @@ def _lines_of_fit(found: Fit) -> Iterator[str]:
     impacts, motions = counted(record["impacts"], "impact"), counted(found.evaluations, "motion")
     yield f"{found.scenario.name}: {impacts}, {motions} solved"
     for number, one in zip(record["numbers"], found.free, strict=True):
-        yield _line_of_number(number, one.unit)
+        yield _line_of_number(number, one)
     yield from _lines_of_bounds(found)
     for row, one in enumerate(found.free):
         for column, other in enumerate(found.free[:row]):
@@ -407,7 +404,7 @@ def _lines_of_bounds(found: Fit) -> Iterator[str]:
     for one, (low, high) in zip(found.free, found.interval, strict=True):
         for bound in one.bounds:
             if low < bound < high:
-                value = f"{bound:.10g} {one.unit}".rstrip()
+                value = one.with_unit(f"{bound:.10g}")
                 yield (
                     f"  bounds               {one.name} is bounded by {value}, within its 95 % "
                     "interval: error and interval ignore the bound"
