@@ -11,7 +11,7 @@ from tests.gallery import hard_case
 from vibro_cli.stress import digits
 from vibro_cli.stress.drawing import draw
 from vibro_cli.stress.oracles.oracle import History, Oracle
-from vibro_cli.stress.oracles.scene import mp, scene_of_system
+from vibro_cli.stress.oracles.scene import mp
 from vibro_cli.stress.scenes import VALLEY, Document, ball, scene, solve, system_of
 from vibro_cli.systems.run import Run
 
@@ -115,7 +115,7 @@ def three_that_touch(k: float, speed: float) -> Document:
 
 def motion_of_oracle(document: Document, t: float) -> Any:
     system = system_of(document)
-    oracle = Oracle(scene_of_system(system), system.law, False, digits.MOST_EVENTS)
+    oracle = Oracle.of(system, digits.MOST_EVENTS)
     oracle.run(mp.mpf(t), [mp.mpf(t)])
     (bodies,) = oracle.history.samples
     return [value for state, x, y in bodies for value in (x, y, state.speed)]

@@ -53,7 +53,7 @@ def energy(found: Scene, row: Any) -> Any:
 def test_first_impacts_of_the_references(name: str) -> None:
     """The twin is given the sequence of events; the oracle finds it."""
     system, impacts = references.system(name), references.twin_of_doubles(name)[:4]
-    oracle = Oracle(scene_of_system(system), system.law, False)
+    oracle = Oracle.of(system)
     history = oracle.run(impacts[-1].t + mp.mpf(10) ** -6)
     found = [event.t for event in history.events if event.kind == "impact"]
     if history.end_cause == "inadmissible":

@@ -58,7 +58,7 @@ def test_bounces_end_when_their_continuation_does(k: float, median: float, worst
         closed = run.events["event"] == "contact_closed"
         found, lasted = (float(run.events[name][closed][0]) for name in ("t", "value"))
         told = Oracle(scene_of_system(run.system), run.system.law, True).run(
-            mp.mpf(ENDS), last="contact_closed"
+            mp.mpf(ENDS), last=("contact_closed",)
         )
         errors.append(float(abs(found / told.events[-1].t - 1)))
         assert lasted > 1e-6
@@ -100,7 +100,7 @@ def test_rounding_of_places_is_not_taken_back_in_the_times_of_the_last_bounces(
     closed = run.events["event"] == "contact_closed"
     found, lasted = (float(run.events[name][closed][0]) for name in ("t", "value"))
     told = Oracle(scene_of_system(run.system), run.system.law, True).run(
-        mp.mpf(ENDS), last="contact_closed"
+        mp.mpf(ENDS), last=("contact_closed",)
     )
     assert lasted < 2e-6
     assert abs(float(found - told.events[-1].t)) <= 1e-11
@@ -132,7 +132,7 @@ def test_bounces_are_not_summed_beyond_the_hit_of_a_third_body(left: bool) -> No
         balls = [{**ball, "angle": -ball["angle"]} for ball in reversed(balls)]
         balls[0]["speed"] = -third["speed"]
     run = simulate_system(system_of(scene(DISH, balls, 0.3, time=0.868)), 0.868, None)
-    oracle = Oracle(scene_of_system(run.system), run.system.law, False)
+    oracle = Oracle.of(run.system)
     oracle.run(mp.mpf(0.868))
     exact = [float(state.speed) for state in oracle.now.states]
     np.testing.assert_allclose(run.sample([0.868])["speed"], exact, rtol=0.0, atol=1e-13)

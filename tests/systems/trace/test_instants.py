@@ -22,7 +22,7 @@ from vibro_cli.kernels.world import World
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.scenario import ScenarioError, load_scenario, scenario_of
 from vibro_cli.stress.oracles.oracle import Oracle
-from vibro_cli.stress.oracles.scene import mp, scene_of_system
+from vibro_cli.stress.oracles.scene import mp
 from vibro_cli.stress.physics import distance_from_image
 from vibro_cli.stress.scenes import scene, system_of
 from vibro_cli.systems.request import Limits
@@ -243,7 +243,7 @@ def test_translational_closes_where_its_impacts_end() -> None:
     path = CASES / "translational_closes_by_its_momentum.toml"
     run = simulate(load_scenario(path), "python")
     row = list(run.events["event"]).index("contact_closed")
-    oracle = Oracle(scene_of_system(run.system), run.system.law, False)
+    oracle = Oracle.of(run.system)
     end = oracle.run(mp.mpf(10), last=("contact_closed",)).events[-1].t
     exact = oracle.now.states[0]
     closed = float(run.events["t"][row])
@@ -295,7 +295,7 @@ def test_bodies_that_roll_off_a_wall_come_back_to_it_without_an_impact(
     document["ends"] = {"left": {"wall": 0.5}, "right": {"wall": 0.5}}
     run = simulate(scenario_of(document))
     # They come back to rest every 3 s. In 40 digits too there is no impact then.
-    oracle = Oracle(scene_of_system(run.system), run.system.law, False)
+    oracle = Oracle.of(run.system)
     assert not oracle.run(mp.mpf("3.2")).bounces
     assert not np.any(run.events["event"] == "wall")
     assert len(run.collisions["t"]) == 0

@@ -97,10 +97,10 @@ class Body:
     mass: Real
     kappa: Real
     force: Any = None
-    """Force along the path besides gravity, rotation and contacts; None for none.
+    """Acceleration along the path by another force than gravity, rotation and contacts, or None.
 
-    A function of a step h that returns an object, whose `append(k, x, v)` returns coefficient k of
-    the acceleration from the series of place and speed.
+    A function of a step (s) that returns an object, whose `append(k, place, speed)` returns
+    coefficient k of its series from those of place and speed, for k = 0, 1, 2, ... in turn.
     """
 
 
