@@ -176,7 +176,11 @@ def test_a_wrong_minimum_tells_of_impacts_that_are_nearer_to_another(
     command = ["fit", str(tmp_path / "start.json"), str(tmp_path / "t.csv"), *free]
     assert run_command_line(command) == 0
     warning = f"{others} of 20 computed impacts are nearer to another measured one"
-    assert warning in capsys.readouterr().out
+    told = capsys.readouterr().out
+    assert warning in told
+    assert "not in seconds from the start of the motion (fit start_time)\n" in told
+    assert run_command_line([*command, "--free=start_time"]) == 0
+    assert "or the times are not in seconds\n" in capsys.readouterr().out
     assert run_command_line([*command, "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["misplaced"] == others
 

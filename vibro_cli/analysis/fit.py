@@ -259,6 +259,11 @@ class Free:
         return self.low, self.high
 
 
+def has_start_time(free: Iterable[Free]) -> bool:
+    """Whether the time of the start is among the numbers to be fitted."""
+    return any(one.is_start_time for one in free)
+
+
 @dataclass(frozen=True)
 class Fit:
     """Fitted parameters and their uncertainty."""

@@ -269,7 +269,7 @@ class FitCommand:
     def __call__(self) -> int:
         """Read, fit, draw, write and print."""
         with leaving():
-            from vibro_cli.analysis.fit import NoFit, fit_impacts, read_measured
+            from vibro_cli.analysis.fit import NoFit, fit_impacts, has_start_time, read_measured
             from vibro_cli.interface import pictures
             from vibro_cli.interface.analyses import Fit
             from vibro_cli.storage.files import check_replaceable
@@ -281,7 +281,7 @@ class FitCommand:
             if folder is not None:
                 check_replaceable(folder, "fit")
             try:
-                measured = read_measured(self.measured, not any(one.is_start_time for one in free))
+                measured = read_measured(self.measured, not has_start_time(free))
             except OSError as error:
                 text = " ".join(str(error.strerror or error).split())
                 raise CommandError(f"vibro: {self.measured}: cannot be read: {text}") from error
@@ -362,6 +362,8 @@ def _line_of_number(one: dict[str, Any], free: Free) -> str:
 
 def _lines_of_fit(found: Fit) -> Iterator[str]:
     """Yield the results as lines of text."""
+    from vibro_cli.analysis.fit import has_start_time
+
     record = record_of_fit(found)
     impacts, motions = counted(record["impacts"], "impact"), counted(found.evaluations, "motion")
     yield f"{found.scenario.name}: {impacts}, {motions} solved"
@@ -376,11 +378,13 @@ def _lines_of_fit(found: Fit) -> Iterator[str]:
     if found.likelihood is None:
         yield "  noise                not given: errors are estimated from the residuals"
         if found.misplaced:
+            clock = "seconds from the start of the motion (fit start_time)"
+            if has_start_time(found.free):
+                clock = "seconds"
             yield (
                 f"  warning              {found.misplaced} of {record['impacts']} computed impacts "
                 "are nearer to another measured one than to their own: this is a wrong minimum, "
-                "impacts were missed or counted twice (give n), or the times are not in seconds "
-                "from the start of the motion (fit start_time)"
+                f"impacts were missed or counted twice (give n), or the times are not in {clock}"
             )
     else:
         yield (

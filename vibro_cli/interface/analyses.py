@@ -231,7 +231,7 @@ def fit(
         numbers = [fits.Free.of(path, *_ends(path, free[path])) for path in free]
     else:
         numbers = [fits.Free.of(path) for path in checked("free", free, Listed("paths"))]
-    from_start = not any(one.is_start_time for one in numbers)
+    from_start = not fits.has_start_time(numbers)
     if isinstance(measured, (str, Path)):
         found = fits.read_measured(checked_path("measured", measured), from_start)
     else:
