@@ -301,3 +301,27 @@ def test_bodies_that_roll_off_a_wall_come_back_to_it_without_an_impact(
     assert len(run.collisions["t"]) == 0
     s = run.sample(np.arange(0.0, 20.0, 0.01))["s"][::count]
     assert np.count_nonzero(np.diff(np.sign(np.diff(s))) > 0) == 6
+
+
+@pytest.mark.parametrize(("length", "arriving"), [(1e6, 1e-4), (10.0, 4e-7)])
+def test_slow_impacts_on_a_wall_are_carried_out(length: float, arriving: float) -> None:
+    # A share of the trace's length counted as rounding of the height of a body in its valley.
+    valley = {"shape": "valley", "radius": 1.0, "end_slope": 0.5}
+    arcs = [valley, {"shape": "line", "length": length}]
+    wall = mp.asin(mp.mpf(0.1) / (1 - mp.mpf(0.1))) - mp.mpf(0.9)
+    rise = (1 - mp.mpf(0.1)) * (mp.cos(0.5) - mp.cos(wall))
+    speed = mp.sqrt(2 * mp.mpf(9.81) * rise / mp.mpf("1.4") + mp.mpf(arriving) ** 2)
+    ball = {"radius": 0.1, "mass": 1.0, "arc": 1, "angle": -0.5, "speed": -float(speed)}
+    document = scene({"start_slope": -0.9, "arcs": arcs}, [ball], time=2.0)
+    document["ends"] = {"left": {"wall": 1.0}, "right": "stop"}
+    run = simulate(scenario_of(document))
+    oracle = Oracle.of(run.system)
+    oracle.run(mp.mpf(2))
+    impact = oracle.history.bounces[0]
+    assert float(-impact.before) == pytest.approx(arriving, rel=1e-2)
+    walls = run.events["t"][run.events["event"] == "wall"]
+    # A unit in the last place of the speed moves the instant by it, over the speed at the wall.
+    assert walls == pytest.approx([float(impact.t)], abs=1e-15 / arriving)
+    last = float(oracle.now.states[0].speed)
+    assert run.sample(2.0)["speed"][0] == pytest.approx(last, abs=1e-14 / arriving)
+    assert abs(run.summary_record()["energy_drift"]) < 1e-15

@@ -31,7 +31,6 @@ from vibro_cli.kernels.events.simultaneous_impacts import (
 )
 from vibro_cli.kernels.flow.flight import (
     LIFT_OFF,
-    NOWHERE,
     SLOW,
     arc_energy,
     begin_flight,
@@ -43,7 +42,7 @@ from vibro_cli.kernels.flow.flight import (
     specific_energy_of_state,
     state_at,
 )
-from vibro_cli.kernels.flow.flow import acceleration_at
+from vibro_cli.kernels.flow.flow import acceleration_at, height_of
 from vibro_cli.kernels.impact.chattering import FORCED
 from vibro_cli.kernels.impact.impulse_chain import (
     bounce_is_lost,
@@ -56,7 +55,6 @@ from vibro_cli.kernels.impact.laws import (
     NORMAL_IMPULSE,
     do_part,
     impact_of_pair,
-    is_graze,
     log_impact,
 )
 from vibro_cli.kernels.numerics.constants import EPSILON, LATEST, NEVER
@@ -412,8 +410,10 @@ def _hit_wall(world: World, ball: int, right: bool) -> int:
     return RUNNING
 
 
-# Rounding of the height of bodies in contact, whose energy is not carried, over that of one alone.
-GROUP_ROUNDING = 8.0
+# Rounding of the height to which a body alone comes back, as a share of it: twice the most found.
+HEIGHT_ROUNDING = 4.0 * EPSILON
+# ... of bodies in contact, whose energy is not carried, over that of one alone.
+GROUP_ROUNDING = 64.0
 # A flight that arrives with more than this share of the speed it has lost does not turn there.
 TURNED = 1.0e-4
 
@@ -430,8 +430,13 @@ def _turns_at_wall(world: World, ball: int, side: int) -> bool:
     speed = abs(track.speed_factor * flight.p)
     age = flight.exit_after
     pull = -side * acceleration_at(flight, track.path_radius, age, flight.s, flight.c)
-    rounding = NOWHERE * flight.size * (GROUP_ROUNDING if flight.grouped == 1 else 1.0)
-    if not 0.0 < speed <= TURNED * pull * age or not is_graze(speed, pull, rounding):
+    gravity, kappa = world.settings[0].gravity, world.bodies[ball].kappa
+    # Not of the trace's length, which on a long trace would hide impacts that are well resolved.
+    rounding = HEIGHT_ROUNDING * height_of(track, gravity, kappa, flight.s, flight.c)
+    if flight.grouped == 1:
+        rounding *= GROUP_ROUNDING
+    kinetic = 0.5 * kappa * speed * speed / gravity
+    if not 0.0 < speed <= TURNED * pull * age or kinetic > rounding:
         return False
     first, count = ball, 0
     if flight.grouped == 1:
