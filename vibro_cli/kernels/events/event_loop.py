@@ -410,7 +410,7 @@ def _hit_wall(world: World, ball: int, right: bool) -> int:
     return RUNNING
 
 
-# Rounding of the height to which a body alone comes back, as a share of it: twice the most found.
+# Rounding of the height to which a body alone comes back, as a share of it.
 HEIGHT_ROUNDING = 4.0 * EPSILON
 # ... of bodies in contact, whose energy is not carried, over that of one alone.
 GROUP_ROUNDING = 64.0
