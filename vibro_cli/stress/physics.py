@@ -357,15 +357,29 @@ def first_graze(run: Run) -> float:
     flights = run.flights()
     hits = (flights["cause_end"] == "wall") & (flights["cause_start"] != "wall")
     hits &= flights["t_end"] > flights["t_start"]
+    turned = _first_turn(flights)
     if not hits.any():
-        return math.inf
+        return turned
     motion = run.sample(np.unique(flights["t_end"][hits]), "before")
     size = max(float(np.abs(motion[axis]).max()) for axis in ("x", "y"))
     slow = motion["speed"] ** 2 <= 2.0 * run.system.gravity * PLACES * size
     for t, ball in zip(motion["t"][slow], motion["ball"][slow], strict=True):
         if (hits & (flights["t_end"] == t) & (flights["ball"] == ball)).any():
-            return float(t)
-    return math.inf
+            return min(float(t), turned)
+    return turned
+
+
+def _first_turn(flights: dict[str, Any]) -> float:
+    """Return when a body that has rolled off a wall first turns there without an impact (s).
+
+    A segment at rest follows one that ends with the speed left by rounding. Infinite if none.
+    """
+    order = np.lexsort((flights["t_start"], flights["ball"]))
+    own = {name: values[order] for name, values in flights.items()}
+    turns = (own["cause_end"][:-1] == "segment") & (own["cause_start"][1:] == "segment")
+    turns &= (own["rate_end"][:-1] != 0.0) & (own["rate_start"][1:] == 0.0)
+    turns &= (own["t_end"] > own["t_start"])[:-1] & (own["ball"][:-1] == own["ball"][1:])
+    return float(own["t_start"][1:][turns].min(initial=math.inf))
 
 
 def size_of_places(run: Run, places: Iterable[float]) -> float:
