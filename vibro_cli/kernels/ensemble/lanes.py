@@ -69,27 +69,20 @@ def range_in_lanes(
 ) -> tuple[Lanes, Lanes, bool]:
     """Return the extremes of ``S^2`` over a flight that ends in a state, and where they are unsure.
 
-    Bounds of the quarter period K decide whether a half period, and half of it, fit into the
-    flight: K is ``pi/2`` over a mean of 1 and k' (see ``kernels.flow.flow.half_period``).
+    The angle of the flow's theta functions grows by pi in half a period.
     """
     start = libration.flow_s * libration.flow_s
     end = s * s
-    low = min(start, end)
-    high = max(start, end)
-    argument = libration.frequency * duration
-    root = math.sqrt(libration.complementary_modulus)
-    above = argument * ((1.0 + root) * (1.0 + root))
-    below = argument * math.sqrt(2.0 * (1.0 + libration.complementary_modulus) * root)
-    none = above < 2.0 * math.pi * (1.0 - 2.0 * CAUTION)
-    half = mask_and(
-        below > math.pi * (1.0 + 2.0 * CAUTION), above < 4.0 * math.pi * (1.0 - 2.0 * CAUTION)
-    )
-    whole = below > 2.0 * math.pi * (1.0 + 2.0 * CAUTION)
+    angle = libration.frequency * duration * libration.argument_scale
+    whole = angle > math.pi
     turned = mask_and(libration.flow_p * p <= 0.0, abs(libration.flow_p) > 0.0)
-    high = select(mask_or(whole, turned), libration.parameter, high)
-    inward = mask_and(libration.flow_s * libration.flow_c * libration.flow_p < 0.0, half)
-    low = select(mask_or(mask_or(whole, libration.flow_s * s < 0.0), inward), 0.0, low)
-    return low, high, mask_not(mask_or(mask_or(none, half), whole))
+    high = select(mask_or(whole, turned), libration.parameter, max(start, end))
+    inward = libration.flow_s * libration.flow_c * libration.flow_p < 0.0
+    again = mask_or(whole, mask_and(inward, angle > 0.5 * math.pi))
+    low = select(mask_or(again, libration.flow_s * s < 0.0), 0.0, min(start, end))
+    margin = math.pi * CAUTION
+    unsure = mask_or(abs(angle - math.pi) < margin, abs(angle - 0.5 * math.pi) < margin)
+    return low, high, unsure
 
 
 @struct
