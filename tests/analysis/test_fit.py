@@ -554,6 +554,7 @@ def test_the_command_tells_what_is_wrong(
         (["none.parquet", *free], "none.parquet: cannot be read: No such file"),
         (["good.csv", "--free", "colision.k"], 'colision.k: found the unknown key "colision"'),
         (["good.csv", "--free", "balls[2].mas"], 'did you mean "mass"?'),
+        (["good.csv", "--free", "strat_time"], 'or start_time (did you mean "start_time"?)'),
         (["good.csv", "--free", "balls[3].mass"], "found balls[3] of 2"),
         (["circle.json", *free], "expected .csv or .parquet"),
         (["bad.csv", "--free", "collision.k=1:0"], "expected PATH or PATH=LOW:HIGH"),

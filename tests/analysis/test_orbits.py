@@ -750,6 +750,7 @@ def test_python_finds_what_the_command_finds(
         ),
         (["--vary", "balls[2].density=3:4"], "found no number, expected one given in the scenario"),
         (["--vary", "balls[2].mas=3:4"], 'did you mean "mass"?'),
+        (["--vary", "enrgy=3:4"], ', or energy (did you mean "energy"?)'),
         (["--vary", "balls[5].mass=3:4"], "found balls[5] of 2, expected a number from 1 to 2"),
         (["--impacts", "1", "--set", "collision.k=0.9"], "no orbit: impacts lose energy"),
         (

@@ -3,6 +3,7 @@
 import re
 import time
 from collections.abc import Iterator
+from itertools import groupby
 from pathlib import Path
 
 import pytest
@@ -10,6 +11,7 @@ import pytest
 from tests.commands import processes
 from tests.scenario.texts import parse_scenario
 from tests.two_balls import SCENARIO
+from vibro_cli import example, fit, orbit, orbit_family
 from vibro_cli.api import simulate
 from vibro_cli.commands.shared import terminal
 from vibro_cli.figures.kinds import draw_all
@@ -152,3 +154,26 @@ def test_each_figure_is_told_before_it_is_drawn() -> None:
         for drawn in draw_all(run, ["portrait", "energy"]):
             assert told[-1] == drawn.title
     assert told == [*(f"Phase portrait and energies of body {n}" for n in (1, 2)), "Energies"]
+
+
+def test_each_motion_of_a_fit_is_told() -> None:
+    told: list[str] = []
+    scenario = example("three_arcs").replace({"stop.collisions": 20})
+    measured = simulate(scenario).collisions["t"]
+    with WORK.to(told.append):
+        found = fit(scenario.replace({"collision.k": 0.88}), measured, ["collision.k"])
+    # The initial residuals, and then ever more impacts.
+    stages = [key for key, _ in groupby(int(line.rsplit(" ", 1)[1]) for line in told)]
+    assert stages == [20, 4, 8, 16, 20]
+    assert [line.split(",")[0] for line in told] == [
+        f"motion {number}" for number in range(1, found.evaluations + 1)
+    ]
+
+
+def test_the_value_of_each_orbit_of_a_family_is_told() -> None:
+    told: list[str] = []
+    scenario = example("falling_balls")
+    with WORK.to(told.append):
+        family = orbit_family(scenario, orbit(scenario, 1), "balls[2].mass", 0.99, 1.01)
+    numbers = {float(line.removeprefix("orbit near ")) for line in told}
+    assert {point.value for point in family.points[:: len(family.points) - 1]} <= numbers

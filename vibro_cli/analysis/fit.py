@@ -31,6 +31,7 @@ from vibro_cli.assemble import build_system
 from vibro_cli.errors import VibroError, counted
 from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.numerics.elementwise import Floats, outside
+from vibro_cli.progress import WORK
 from vibro_cli.scenario.fields import unit_at, written
 from vibro_cli.scenario.models import Scenario
 from vibro_cli.scenario.problems import (
@@ -453,7 +454,7 @@ class _Problem:
             if one.is_start_time:
                 continue
             try:
-                found[n] = number_at(self._scenario, one.path)
+                found[n] = number_at(self._scenario, one.path, START_TIME)
             except NoDerivative as error:
                 raise NoFit(str(error)) from error
             if not one.low <= found[n] <= one.high:
@@ -499,6 +500,7 @@ class _Problem:
     def _impacts(self, values: Floats, count: int, stop_time: float | None) -> ImpactTimes:
         """Return so many impacts; raise ``NoFit`` if some are lacking or have no derivative."""
         self.evaluations += 1
+        WORK.report(f"motion {self.evaluations}, up to impact {count:,}")
         paths = [one.path for one in self._free if not one.is_start_time]
         try:
             scenario = self.changed(values)

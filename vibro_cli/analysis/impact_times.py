@@ -36,7 +36,7 @@ from vibro_cli.mechanics.trace import sine_cosine
 from vibro_cli.numerics import elementwise
 from vibro_cli.numerics.elementwise import Dual, Floats, change_of, value_of
 from vibro_cli.scenario.models import Scenario
-from vibro_cli.scenario.problems import KeyPath, ScenarioError, path_text
+from vibro_cli.scenario.problems import KeyPath, ScenarioError, path_text, suggestion
 from vibro_cli.systems.driver import body_record, with_logs
 from vibro_cli.systems.request import Limits
 from vibro_cli.systems.run import begun
@@ -69,8 +69,10 @@ class ImpactTimes:
         return self._differentiation.derivative()
 
 
-def number_at(scenario: Scenario, path: KeyPath) -> float:
+def number_at(scenario: Scenario, path: KeyPath, other: str = "") -> float:
     """Return the number that a scenario has at a path.
+
+    `other` is a name that the caller accepts besides the paths of the scenario.
 
     Raises
     ------
@@ -88,6 +90,8 @@ def number_at(scenario: Scenario, path: KeyPath) -> float:
         except ScenarioError as error:
             problem = error.problems[0]
             message = f"{path_text(path)}: found {problem.found}, expected {problem.expected}"
+            if other and len(path) == 1:
+                message += f", or {other}{suggestion(path_text(path), [other])}"
             raise NoDerivative(message) from error
     if isinstance(found, tuple) and found and len(set(found)) == 1:
         found = found[0]

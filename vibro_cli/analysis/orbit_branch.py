@@ -45,6 +45,7 @@ from vibro_cli.assemble import build_system
 from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.numerics.elementwise import Floats
+from vibro_cli.progress import WORK
 from vibro_cli.scenario.models import Scenario
 from vibro_cli.scenario.problems import ScenarioError, parsed_path
 from vibro_cli.systems.trace.system import time_scale
@@ -145,7 +146,7 @@ def family_of(scenario: Scenario, found: Orbit, path: str, low: float, high: flo
         return build_system(scenario.replace({path: value}))
 
     try:
-        here = found.energy if path == ENERGY else number_at(scenario, parsed_path(path))
+        here = found.energy if path == ENERGY else number_at(scenario, parsed_path(path), ENERGY)
     except NoDerivative as error:
         raise NoOrbit(str(error)) from error
     if not low <= here <= high:
@@ -298,6 +299,7 @@ class Family:
 
     def _corrected(self, guess: Floats, tangent: Floats) -> Point:
         """Return the orbit near a guess in the plane normal to a tangent (Newton's method)."""
+        WORK.report(f"orbit near {guess[-1] / self._units[-1]:.6g}")
         along, residual = guess, np.inf
         for _ in range(MOST_STEPS):
             state, (period, value) = (along / self._units)[:-2], (along / self._units)[-2:]

@@ -18,7 +18,7 @@ from vibro_cli.commands.shared.options import (
     scenario_keys,
     set_option,
 )
-from vibro_cli.commands.shared.terminal import print_found, say
+from vibro_cli.commands.shared.terminal import print_found, progress_shown, say
 from vibro_cli.errors import counted
 
 if TYPE_CHECKING:
@@ -103,7 +103,8 @@ class OrbitCommand:
                 check_replaceable(folder, "orbit")
             try:
                 found = orbit(scenario, self.impacts, self.period)
-                family = None if span is None else orbit_family(scenario, found, *span)
+                with progress_shown("following"):
+                    family = None if span is None else orbit_family(scenario, found, *span)
             except NoOrbit as error:
                 raise CommandError(f"vibro: {scenario.name}: no orbit: {error}") from error
             drawn = {}
@@ -286,7 +287,8 @@ class FitCommand:
                 text = " ".join(str(error.strerror or error).split())
                 raise CommandError(f"vibro: {self.measured}: cannot be read: {text}") from error
             try:
-                found = Fit.of(fit_impacts(scenario, measured, free, self.noise))
+                with progress_shown("fitting"):
+                    found = Fit.of(fit_impacts(scenario, measured, free, self.noise))
             except NoFit as error:
                 raise CommandError(f"vibro: {scenario.name}: no fit: {error}") from error
             drawn = {}
