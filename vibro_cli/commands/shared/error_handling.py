@@ -198,7 +198,18 @@ def reason(error: OSError) -> str:
     text = error.strerror or str(error)
     if error.errno == errno.EBADF and not error.filename:
         text = "standard output is closed"
+    if error.errno == errno.ENOENT and not error.filename and _is_nowhere():
+        text = 'the working directory was removed or replaced; enter it again: cd "$PWD"'
     return " ".join((f"{error.filename}: {text}" if error.filename else text).split())
+
+
+def _is_nowhere() -> bool:
+    """Return whether the working directory no longer exists."""
+    try:
+        os.getcwd()
+    except FileNotFoundError:
+        return True
+    return False
 
 
 def _done(parse: Callable[[], Task]) -> int:
