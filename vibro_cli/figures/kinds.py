@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -35,8 +35,6 @@ from vibro_cli.systems.columns import COUNTED
 if TYPE_CHECKING:
     from vibro_cli.storage.stored import StoredGrid
 
-Source = TypeVar("Source")
-
 
 @dataclass(frozen=True)
 class Drawn:
@@ -50,46 +48,31 @@ class Drawn:
 
 
 @dataclass(frozen=True)
-class Kind(Generic[Source]):
-    """One kind of figure of a whole run, or of a grid."""
+class Kind:
+    """One kind of figure of a run or of a grid."""
 
-    draw: Callable[[Source, str], Figure | None]
-    """Draws a run or grid at a width; returns None if there is nothing to show."""
+    draw: Callable[..., Figure | None]
+    """Draws a run or grid, or a body (from 1) of a run, at a width; None if there is nothing to
+    show."""
     title: str
+    """Title, to which the number of the body is appended, if any."""
     caption: str
     needs: str = ""
     """For a grid: the condition under which there is something to show."""
     dimensions: int = 2
     """For a grid: the number of its axes that the figure is over."""
+    of_bodies: bool = False
+    """Whether there is a figure for each body of a run."""
 
-    def drawn(self, name: str, run: Source, width: str) -> Iterator[Drawn]:
-        """Yield the figure, if there is anything to show."""
-        WORK.report(self.title)
-        figure = self.draw(run, width)
-        if figure is not None:
-            yield Drawn(name, self.title, self.caption, figure)
-
-
-@dataclass(frozen=True)
-class KindOfBody:
-    """One kind of figure that is drawn for each body of a run."""
-
-    draw: Callable[[Any, int, str], Figure]
-    """Draws a body (from 1) of a run at a width."""
-    title: str
-    """Title, to which the number of the body is appended."""
-    caption: str
-
-    def of(self, name: str, run: Any, ball: int, width: str) -> Drawn:
-        """Return the figure of one body (from 1)."""
-        title = f"{self.title} {ball}"
+    def drawn(self, name: str, title: str, *drawn_from: Any) -> Drawn | None:
+        """Return the figure with its name and title, or None if there is nothing to show."""
         WORK.report(title)
-        figure = self.draw(run, ball, width)
-        return Drawn(f"{name}_{ball}", title, self.caption, figure)
+        figure = self.draw(*drawn_from)
+        return None if figure is None else Drawn(name, title, self.caption, figure)
 
 
 PORTRAIT = "portrait"
-INTERVALS: Kind[Any] = Kind(
+INTERVALS = Kind(
     intervals,
     "Intervals between impacts",
     "Time since the previous impact; points on a falling straight line are an accumulation of "
@@ -102,7 +85,7 @@ ENERGY_CAPTION = (
     "equal intervals are drawn, and the energies themselves are faint. If no body ever has a "
     "hundredth of the greatest total energy, only the total is drawn."
 )
-EXPONENTS: Kind[Any] = Kind(
+EXPONENTS = Kind(
     exponents,
     "Lyapunov exponents",
     "Exponents of the run up to its impacts, the greatest first, with a band of ±2 standard "
@@ -121,7 +104,7 @@ def listed(run: Any, names: Sequence[str] | None = None) -> list[tuple[str, int]
         if name not in kinds:
             known = ", ".join(kinds)
             raise ValueError(f"unknown kind of figure {name!r}, expected some of {known}")
-        bodies = 1 if isinstance(kinds[name], Kind) else len(run.system.bodies)
+        bodies = len(run.system.bodies) if kinds[name].of_bodies else 1
         found += [(name, body) for body in range(1, bodies + 1)]
     return found
 
@@ -149,10 +132,11 @@ def draw_one(run: Any, name: str, body: int = 1, width: str = "double") -> Drawn
     if not isinstance(name, str) or name not in kinds:
         known = ", ".join(kinds)
         raise ValueError(f"found the kind of figure {name!r}, expected one of {known}")
-    kind, bodies = kinds[name], len(run.system.bodies)
-    if isinstance(kind, Kind):
-        return next(kind.drawn(name, run, width), None)
-    return kind.of(name, run, checked("body", body, Count(1, bodies)), width)  # type: ignore[no-any-return]
+    kind: Kind = kinds[name]
+    if not kind.of_bodies:
+        return kind.drawn(name, kind.title, run, width)
+    body = checked("body", body, Count(1, len(run.system.bodies)))
+    return kind.drawn(f"{name}_{body}", f"{kind.title} {body}", run, body, width)
 
 
 CONTACT_WORDS = "last impact before contact [s]"
@@ -213,7 +197,7 @@ def _is_mapped(grid: StoredGrid, name: str) -> bool:
 
 
 _OVER_TWO = "Over the two axes with the most values, the first of them horizontal"
-GRID_KINDS: dict[str, Kind[StoredGrid]] = {
+GRID_KINDS = {
     "endings": Kind(
         ending_map,
         "How the runs end",
@@ -316,11 +300,11 @@ def draw_grid(
             partial(column_map, name=column), column.replace("_", " ").capitalize(), caption
         )
     for name, kind in kinds.items():
-        figures = list(kind.drawn(name, grid, width))
-        if name in maps and not figures:
-            why = "found no map, expected two axes that change, and values"
-            raise NothingToShow(f"{maps[name]}: {why}")
-        for drawn in figures:
+        drawn = kind.drawn(name, kind.title, grid, width)
+        if drawn is not None:
             shown = parameter_map(grid, kind.dimensions, numbers_first=kind.dimensions == 1)
             held = f" Held: {shown.held}." if shown is not None and shown.fixed else ""
             yield replace(drawn, caption=drawn.caption + held)
+        elif name in maps:
+            why = "found no map, expected two axes that change, and values"
+            raise NothingToShow(f"{maps[name]}: {why}")

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from vibro_cli.compile.kernel import Kernel, Overrides
     from vibro_cli.figures.film import Frames
-    from vibro_cli.figures.kinds import Kind, KindOfBody
+    from vibro_cli.figures.kinds import Kind
     from vibro_cli.grids.document import Grid
     from vibro_cli.grids.solving import Solver
     from vibro_cli.scenario.base import AnyScenario
@@ -381,7 +381,7 @@ class System(ABC):
 
     # Figures: figures/kinds.py.
 
-    figures: Part[Mapping[str, Kind[Any] | KindOfBody]] = Part("figures", "FIGURES")
+    figures: Part[Mapping[str, Kind]] = Part("figures", "FIGURES")
     """The kinds of figure of a run, by name."""
 
     default_figures: ClassVar[tuple[str, ...]]

@@ -31,7 +31,7 @@ from vibro_cli.figures.chart import (
     value_axis,
 )
 from vibro_cli.figures.film import Frames, Ground, Link, Panel, trails_of
-from vibro_cli.figures.kinds import ENERGY_CAPTION, EXPONENTS, INTERVALS, PORTRAIT, Kind, KindOfBody
+from vibro_cli.figures.kinds import ENERGY_CAPTION, EXPONENTS, INTERVALS, PORTRAIT, Kind
 from vibro_cli.figures.labels import Named, ring, short_number, write_names
 from vibro_cli.figures.runs.over_impacts import speed_map
 from vibro_cli.figures.runs.over_time import (
@@ -376,8 +376,8 @@ _PORTRAIT_CAPTION = (
     "energy, the separatrix, centres (+) and saddles (×). Below, the energy of the spring and the "
     "total energy. As C fig. 5b."
 )
-FIGURES: dict[str, Kind[Any] | KindOfBody] = {
-    "scene": Kind[Run](
+FIGURES = {
+    "scene": Kind(
         springs_scene,
         "The bodies with their springs",
         "To scale, at the start and at the first impacts: centres C, feet A of the springs at "
@@ -385,17 +385,17 @@ FIGURES: dict[str, Kind[Any] | KindOfBody] = {
         "lengths of the arrows are proportional to the speeds. For each impact, the distance "
         "between the centres is given. As C fig. 5a.",
     ),
-    PORTRAIT: KindOfBody(
-        springs_portrait, "Phase portrait and energies of body", _PORTRAIT_CAPTION
+    PORTRAIT: Kind(
+        springs_portrait, "Phase portrait and energies of body", _PORTRAIT_CAPTION, of_bodies=True
     ),
-    "motion": Kind[Run](
+    "motion": Kind(
         springs_places,
         "Motion along the line",
         "Positions of the centres against time, with the impacts; thin horizontal lines are the "
         "feet of the springs. Only the first part of a long run is shown.",
     ),
-    "energy": Kind[Run](springs_energies, "Energies", ENERGY_CAPTION),
-    "impact_map": Kind[Run](
+    "energy": Kind(springs_energies, "Energies", ENERGY_CAPTION),
+    "impact_map": Kind(
         springs_impact_map,
         "Impact map",
         f"Approach speed against the position of the centre of the left body at the impact.{MANY}",

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import body_look
 from vibro_cli.figures.film import Frames, Ground, States, trail
-from vibro_cli.figures.kinds import ENERGY_CAPTION, EXPONENTS, INTERVALS, Kind, KindOfBody
+from vibro_cli.figures.kinds import ENERGY_CAPTION, EXPONENTS, INTERVALS, Kind
 from vibro_cli.figures.labels import (
     Named,
     draw_legend,
@@ -386,15 +386,15 @@ def _energy(run: Run, ball: int, until: float) -> tuple[Array, Array]:
     return np.column_stack([events["t"], ends]).ravel(), np.repeat(energy, 2)
 
 
-FIGURES: dict[str, Kind[Any] | KindOfBody] = {
-    "plan": Kind[Run](
+FIGURES = {
+    "plan": Kind(
         table_plan,
         "Plan of the table",
         "The wall, the path of every ball from its start, where its number stands, and the balls "
         "as they touch; if there are few impacts, black arrows show the velocities at the start, "
         "and before (open) and after (filled) each impact. As C figs 1 and 4.",
     ),
-    "velocities": Kind[Run](
+    "velocities": Kind(
         table_velocities,
         "Plan of velocities and angles",
         "The first impacts from above, before and after: velocities and paths of the centres C, "
@@ -402,10 +402,10 @@ FIGURES: dict[str, Kind[Any] | KindOfBody] = {
         "the impact point T, and the arrival angle α and the outgoing angle α′ between the path "
         "and the normal. As C figs 1, 2b, 2c and 4.",
     ),
-    "contact_points": Kind[Run](
+    "contact_points": Kind(
         table_contact_points, POINTS_TITLE, POINTS_CAPTION + " As C figs 2a and 3."
     ),
-    "energy": Kind[Run](table_energies, "Energies", ENERGY_CAPTION),
+    "energy": Kind(table_energies, "Energies", ENERGY_CAPTION),
     "intervals": INTERVALS,
     "exponents": EXPONENTS,
 }

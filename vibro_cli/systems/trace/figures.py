@@ -18,7 +18,6 @@ from vibro_cli.figures.kinds import (
     INTERVALS,
     PORTRAIT,
     Kind,
-    KindOfBody,
 )
 from vibro_cli.figures.portraits.energies import energy_portrait
 from vibro_cli.figures.portraits.portrait import phase_portrait
@@ -136,7 +135,7 @@ _PORTRAIT_CAPTION = (
     "curves of energy, centres (+) and saddles (×). If not all arcs fit a page, those around the "
     "start are shown. As A figs 1b and 2, B fig. 8, D fig. 1."
 )
-FIGURES: dict[str, Kind[Recorded] | KindOfBody] = {
+FIGURES = {
     "scene": Kind(
         scene,
         "The trace and the bodies at the start",
@@ -145,14 +144,15 @@ FIGURES: dict[str, Kind[Recorded] | KindOfBody] = {
         "and angles φ (in a valley) or ψ (on a hump); arrows show initial speeds. "
         "As A fig. 2a, B fig. 6, D fig. 1a, b.",
     ),
-    PORTRAIT: KindOfBody(phase_portrait, "Phase portrait of body", _PORTRAIT_CAPTION),
-    "energy_portrait": KindOfBody(
+    PORTRAIT: Kind(phase_portrait, "Phase portrait of body", _PORTRAIT_CAPTION, of_bodies=True),
+    "energy_portrait": Kind(
         energy_portrait,
         "Phase portrait and energies along the trace of body",
         "Above, the speed of the centre against arc length: the branches that the body follows and "
         "its jumps, figure eights as single closed curves, separatrices, level curves, centres (+) "
         "and saddles (×). Below, the potential energy and, for each branch, the total energy of "
         "the body. As A (abstract), B III.3.6, D.",
+        of_bodies=True,
     ),
     "plan": Kind(
         plan,
