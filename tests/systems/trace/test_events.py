@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from vibro_cli.api import load_scenario, simulate
-from vibro_cli.stress.scenes import scene, solve_any
+from vibro_cli.stress.oracles.oracle import Oracle
+from vibro_cli.stress.oracles.scene import mp
+from vibro_cli.stress.scenes import scene, solve, solve_any
 
 HARD = Path(__file__).parents[2] / "hard_cases"
 # Groups that part as one of them crosses, or that come over the seam of a circle together.
@@ -67,3 +69,23 @@ def test_the_event_that_ends_a_run_has_the_time_of_its_end() -> None:
         run = solve_any(scene(trace, balls, 0.5, time=9.0) | {"ends": {"right": {"wall": 0.9}}})
         assert run.end_cause == "lift_off"
         assert run.events["t"][-1] == run.end_time == run.collisions["t"][-1]
+
+
+@pytest.mark.usefixtures("no_hang")
+@pytest.mark.parametrize("rate", [0.0, 1.5])
+@pytest.mark.parametrize("heavy_left", [True, False])
+@pytest.mark.parametrize("ratio", [10.0, 1e8])
+def test_a_heavy_body_parts_from_a_light_one_in_time(
+    ratio: float, heavy_left: bool, rate: float
+) -> None:
+    # The rounding of the heavy body's forces moved the instant by 1e-9 s.
+    balls = [{"radius": 0.15, "mass": ratio}, {"radius": 0.001, "mass": 1.0}]
+    balls = balls if heavy_left else balls[::-1]
+    arcs = [{"shape": "valley", "radius": 0.7, "end_slope": 1.2}]
+    trace = {"start_slope": -1.2, "arcs": arcs, "turning": {"x": 0.3, "rate": rate}}
+    first = {**balls[0], "arc": 1, "angle": -0.6 if heavy_left else 0.5}
+    document = scene(trace, [first, {**balls[1], "arc": 1, "touching": "previous"}], 0.0, time=1.0)
+    run = solve(document)
+    history = Oracle.of(run.system).run(mp.mpf(1), last=("contact_opened",))
+    opened = run.events["t"][run.events["event"] == "contact_opened"]
+    assert opened[0] == pytest.approx(float(history.events[-1].t), abs=2e-15)

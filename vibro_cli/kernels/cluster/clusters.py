@@ -82,12 +82,38 @@ def force_coefficients(
 ) -> tuple[float, float]:
     """Return ``(U, V)`` of the moment ``U sin f + V cos f`` between the first bodies and the rest.
 
-    This is the mean from the balance of the first ``bodies_left`` bodies of a group and from that
-    of the others; f is the angle of the group's pendulum.
+    It follows from the balance of the first ``bodies_left`` bodies of a group, and from that of the
+    others (see :func:`share_of_left`); f is the angle of the group's pendulum.
     """
     left_u, left_v = _balance(world, first, 0, bodies_left)
     right_u, right_v = _balance(world, first, bodies_left, count)
-    return 0.5 * (left_u - right_u), 0.5 * (left_v - right_v)
+    share = share_of_left(world, first, count, bodies_left)
+    rest = 1.0 - share
+    return share * left_u - rest * right_u, share * left_v - rest * right_v
+
+
+# The balance of bodies that are heavier than the others by this has too much rounding to count.
+UNEQUAL = 50.0
+
+
+@kernel
+def share_of_left(world: World, first: int, count: int, bodies_left: int) -> float:
+    """Return the share of the balance of a group's first bodies in the moment between both sides.
+
+    A balance is a difference of moments as large as the inertias of its bodies: beside a heavy
+    body nothing would be left of the moment on a light one. It is the mean if both are alike.
+    """
+    left = 0.0
+    right = 0.0
+    for step in range(count):
+        inertia, _, _, _ = moments_of_body(world, number_along(world, first, step))
+        if step < bodies_left:
+            left = max(left, inertia)
+        else:
+            right = max(right, inertia)
+    if left > UNEQUAL * right:
+        return 0.0
+    return 1.0 if right > UNEQUAL * left else 0.5
 
 
 @kernel

@@ -20,6 +20,7 @@ from vibro_cli.kernels.cluster.clusters import (
     begin_on_line,
     lever_of,
     moments_of_body,
+    share_of_left,
 )
 from vibro_cli.kernels.cluster.trace_forces import (
     AT_WAY,
@@ -221,7 +222,8 @@ def moment_between(world: World, first: int, count: int, bodies_left: int) -> Ha
     """Return the moment (N m) of a group's first bodies on the rest, in the group's angle."""
     left = _drive(world, first, 0, bodies_left)
     right = _drive(world, first, bodies_left, count)
-    return combined(scaled(0.5, left), -0.5, right)
+    share = share_of_left(world, first, count, bodies_left)
+    return combined(scaled(share, left), share - 1.0, right)
 
 
 @kernel
