@@ -28,6 +28,8 @@ StructClass = TypeVar("StructClass", bound=type)
 
 # Lanes of a register of 512 bits; on processors with shorter registers several are used.
 LANES = 8
+# Bytes of a line of the processor's cache. Lanes that cross one take twice as long to read.
+CACHE_LINE = 64
 
 # For the type checker, lanes are numbers and comparisons of them booleans.
 Lanes = float
@@ -67,17 +69,23 @@ def is_struct(value: Any) -> bool:
     return isinstance(value, type) and hasattr(value, "fields")
 
 
+def has_lanes(cls: type) -> bool:
+    """Return whether a struct has fields in lanes."""
+    return "Lanes" in cls.fields.values()  # type: ignore[attr-defined]
+
+
 def struct(cls: StructClass) -> StructClass:
     """Turn a class of annotated fields into one with slots and zeros as initial values.
 
     The mapping ``fields`` of the result gives the kind of each field by name: ``float``, ``int``,
     ``Series`` (a short row of floats, such as the coefficients of a polynomial), ``Lanes`` or
-    ``Two``. The fields of base classes that are structs come first.
+    ``Two``. The fields of base classes that are structs come first, and those in lanes before all.
     """
     fields: dict[str, str] = {}
     for base in reversed(cls.__mro__):
         fields.update(getattr(base, "fields", {}))
     fields.update(cls.__annotations__)
+    fields = dict(sorted(fields.items(), key=lambda field: field[1] != "Lanes"))
     zeros: dict[str, Callable[[], Any]] = {"int": int, "Series": lambda: [0.0] * SERIES_LENGTH}
     values = [(name, zeros.get(kind, float)) for name, kind in fields.items()]
 
@@ -97,7 +105,7 @@ def struct(cls: StructClass) -> StructClass:
 
 @cache
 def dtype(cls: type) -> Any:
-    """Return the structured numpy type of a struct."""
+    """Return the structured numpy type of a struct; one with lanes fills whole cache lines."""
     import numpy as np
 
     kinds: dict[str, Any] = {
@@ -108,7 +116,10 @@ def dtype(cls: type) -> Any:
         "Two": (np.float64, (1, 2)),
     }
     fields = cls.fields  # type: ignore[attr-defined]
-    return np.dtype([(name, kinds[kind]) for name, kind in fields.items()])
+    layout: Any = {"names": list(fields), "formats": [kinds[kind] for kind in fields.values()]}
+    if has_lanes(cls):
+        layout["itemsize"] = -(-np.dtype(layout).itemsize // CACHE_LINE) * CACHE_LINE
+    return np.dtype(layout)
 
 
 def interpreted_copies(rows: Any, cls: type) -> list[Any]:

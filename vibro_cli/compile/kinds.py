@@ -11,7 +11,15 @@ from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from vibro_cli.compile.kernel import LANES, SERIES_LENGTH, Kernel, Overrides, is_struct
+from vibro_cli.compile.kernel import (
+    CACHE_LINE,
+    LANES,
+    SERIES_LENGTH,
+    Kernel,
+    Overrides,
+    has_lanes,
+    is_struct,
+)
 
 
 class Kind(NamedTuple):
@@ -150,6 +158,8 @@ def declaration(kind: Kind) -> str:
     """Return the C++ declaration of a type; structs have the layout of their structured array."""
     head = f"struct {getattr(kind.item, '__name__', '')}"
     if kind.form == "struct":
+        if has_lanes(kind.item):
+            head = f"struct alignas({CACHE_LINE}) {kind.item.__name__}"
         fields = [_in_struct(name, field(kind.item, name)) for name in kind.item.fields]
     elif kind.form == "world":
         fields = [f"{each.cpp} {name}" for name, each in fields_of(kind.item).items()]

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from vibro_cli.compile import kernel as engine
-from vibro_cli.compile.kernel import LANES, dtype
+from vibro_cli.compile.kernel import CACHE_LINE, LANES, dtype
 from vibro_cli.compile.native import compiled
 from vibro_cli.kernels.contact.libration_contact_lanes import BodyLanes, LibrationLanes
 from vibro_cli.kernels.ensemble.lanes import LaneGroup, LaneSlot, RunLanes, run_points_in_lanes
@@ -131,8 +131,8 @@ def same_in_every_lane(cls: type) -> list[str]:
 def in_whole_lines(count: int, cls: type) -> Any:
     """Return records of lanes aligned to the processor's cache lines."""
     kind = engine.dtype(cls)
-    room = np.zeros(count * kind.itemsize + 64, dtype=np.uint8)
-    offset = -room.ctypes.data % 64
+    room = np.zeros(count * kind.itemsize + CACHE_LINE, dtype=np.uint8)
+    offset = -room.ctypes.data % CACHE_LINE
     return room[offset : offset + count * kind.itemsize].view(kind)
 
 
