@@ -125,6 +125,7 @@ def test_a_short_run_without_figures_imports_nothing_it_does_not_use(tmp_path: P
     found = set(outcome.stderr.split())
     heavy = {"scipy", "matplotlib", "PIL", "pandas", "jinja2", "ruamel", "mpmath", "rich"}
     assert not heavy & {name.partition(".")[0] for name in found}
+    assert "pyarrow.compute" not in found  # a tenth of the whole run
     own = {name for name in found if name.startswith("vibro_cli.")}
     layers = {name.split(".")[1] for name in own}
     assert not layers & {

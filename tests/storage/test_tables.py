@@ -16,6 +16,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from tests.fake_run import columns_of
+from vibro_cli.storage import tables
 from vibro_cli.storage.tables import (
     as_array,
     parquet_bytes,
@@ -25,7 +26,7 @@ from vibro_cli.storage.tables import (
     stream,
     to_arrow,
 )
-from vibro_cli.systems.columns import Table
+from vibro_cli.systems.columns import Column, Table
 from vibro_cli.systems.trace import SYSTEM
 from vibro_cli.systems.trace import tables as of_trace
 
@@ -94,6 +95,24 @@ def test_words_and_strided_columns_are_kept() -> None:
     assert found["event"].to_pylist() == ["Übergang", "", "κ→∞"]
     assert found["t"].to_pylist() == [0.0, 2.0, 4.0]
     assert found["ball"].to_pylist() == [0, None, 4]
+
+
+@pytest.mark.parametrize("rows", [0, 1, tables._FEW_ROWS, tables._FEW_ROWS + 1])
+def test_words_of_few_and_of_many_rows_are_kept(rows: int) -> None:
+    words = ("none", "", "κ→∞", "Übergang")
+    table = Table(
+        "words",
+        "one row",
+        (
+            Column("coded", "string", "", "a word as its code", words=words),
+            Column("given", "string", "", "a word, or none", nullable=True),
+        ),
+    )
+    codes = np.arange(rows) % 3
+    given = [None if row % 5 == 0 else words[row % 4] for row in range(rows)]
+    found = written(table, {"coded": codes, "given": np.array(given, dtype=object)})
+    assert found["coded"].to_pylist() == [words[code] for code in codes]
+    assert found["given"].to_pylist() == given
 
 
 def test_writing_does_not_import_pandas() -> None:
