@@ -3,12 +3,16 @@
 import math
 import re
 import tracemalloc
+from io import BytesIO
 from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection, PatchCollection, PathCollection
+from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.figure import Figure
+from matplotlib.image import imread
 from matplotlib.text import Annotation
 
 from tests.effort import calls
@@ -17,7 +21,7 @@ from tests.gallery import run_of
 from vibro_cli import example, simulate
 from vibro_cli.analysis.levels import Landscape
 from vibro_cli.api import simulate as simulate_any
-from vibro_cli.figures.chart import draw_marks
+from vibro_cli.figures.chart import draw_by_colour
 from vibro_cli.figures.portraits.trajectory import MOST_BRANCHES, trajectory
 from vibro_cli.figures.runs import over_time
 from vibro_cli.figures.runs.over_time import (
@@ -28,6 +32,7 @@ from vibro_cli.figures.runs.over_time import (
     space_time,
     timeline,
 )
+from vibro_cli.figures.style import render
 from vibro_cli.scenario import any_scenario_of
 from vibro_cli.systems import NAMES as SYSTEMS
 from vibro_cli.systems import system_named
@@ -58,21 +63,25 @@ def test_a_line_of_few_points_is_as_it_is() -> None:
 
 
 def test_dense_marks_are_where_the_points_are_on_any_scale() -> None:
-    axes = Figure(figsize=(4.0, 3.0)).add_axes((0.1, 0.1, 0.8, 0.8))
+    axes = (figure := Figure(figsize=(4.0, 3.0))).add_axes((0.1, 0.1, 0.8, 0.8))
     axes.set_yscale("log")
     axes.set_xlim(0.0, 10.0)
     axes.set_ylim(1e-3, 1e3)
+    axes.set_axis_off()
     across, along = np.array([2.5, 7.5, 5.0, 11.0]), np.array([1.0, 10.0, 0.0, 1.0])
-    draw_marks(axes, across, along, 1.0, "#000000")
-    (image,) = axes.images
-    rows, columns = np.nonzero(np.asarray(image.get_array())[..., 3])
-    high, wide = np.asarray(image.get_array()).shape[:2]
-    places = (columns + 0.5) / wide * 10.0, 10.0 ** ((rows + 0.5) / high * 6.0 - 3.0)
+    black = ScalarMappable(Normalize(0.0, 1.0), ListedColormap(["#000000"]))
+    look: Any = {"marker": "o", "markersize": 1.0, "markeredgewidth": 0.0}
+    draw_by_colour(axes, across, along, np.ones(4), black, **look)
+    shown = imread(BytesIO(render(figure, "png", 300.0)))[::-1, :, 0]
+    rows, columns = np.nonzero(shown < 0.5)
+    high, wide = shown.shape
+    place, level = ((columns + 0.5) / wide - 0.1) / 0.8, ((rows + 0.5) / high - 0.1) / 0.8
+    places = place * 10.0, 10.0 ** (level * 6.0 - 3.0)
     for one, other in zip(across[:2], along[:2], strict=True):
         near = (np.abs(places[0] - one) < 0.05) & (np.abs(np.log10(places[1] / other)) < 0.05)
         assert near.any()
-    # Each is a disc of 0.35 mm in pixels of 0.06 mm; a value of 0 and one beyond are not there.
-    assert 40 < len(rows) < 80
+    # Each is a disc of 0.35 mm in pixels of 0.085 mm; a value of 0 and one beyond are not there.
+    assert 20 < len(rows) < 40
 
 
 def test_energies_on_springs_take_as_many_calls_for_ten_times_as_many_impacts() -> None:

@@ -9,11 +9,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import Colormap, Normalize, to_rgba
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
-from matplotlib.image import AxesImage
-from matplotlib.transforms import IdentityTransform
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from vibro_cli.figures import style
 from vibro_cli.figures.labels import Entry, draw_legend, room_for, rows_of, short_number
@@ -341,18 +340,12 @@ def distinct_lines(
 
 
 MANY = " If there are very many impacts, those at the same spot are drawn as one dot."
-"""Sentence for the captions of figures with marks drawn by :func:`draw_marks`."""
+"""Sentence for the captions of figures whose marks are `last_in_each_pixel`."""
 MOST_MARKS = 200_000
 """Number of points above which each is drawn as a pixel."""
-_PIXEL = 0.06
-"""Size of such a pixel (mm)."""
-_POINT = 25.4 / 72.0
-"""A typographic point (mm)."""
 _CELLS = (5120, 1024)
-"""Number of half pixels across and along the widest chart over time."""
+"""Number of cells across and along the widest chart over time, each half a pixel of print."""
 _AT_ONCE = 1 << 18
-_EDGE = 1e-9
-"""Share of the axes by which rounding may move a point beyond their edge."""
 
 
 def draw_dots(
@@ -369,39 +362,38 @@ def draw_dots(
             linewidths=edge, edgecolors=style.FRAME_GREY,
         )  # fmt: skip
         dots.set_rasterized(len(values) > MOST_VECTOR_POINTS)
-        return
-    pixels = _pixels(axes, across, along, values)
-    _show(axes, pixels, _Dots, cmap=colours, norm=norm)
-
-
-def draw_marks(
-    axes: Axes, across: Array, along: Array, diameter: float, colour: str | Colormap
-) -> None:
-    """Draw round marks for very many points; points in the same pixel are drawn once.
-
-    Parameters
-    ----------
-    axes
-        Axes of any scale, with their limits set.
-    across, along
-        Coordinates, shape (points,); values that are not finite are left out.
-    diameter
-        Diameter of a mark, in typographic points.
-    colour
-        One colour for all marks, or a colour map over their numbers; then later marks lie over
-        earlier ones.
-    """
-    numbers = np.arange(1.0, len(across) + 1.0)
-    pixels = _spread(_pixels(axes, across, along, numbers), 0.5 * diameter * _POINT / _PIXEL)
-    there = np.isfinite(pixels)
-    shown = np.zeros((*pixels.shape, 4), dtype=np.uint8)
-    if isinstance(colour, Colormap):
-        # Convert to bytes here: matplotlib would resample the values as masked doubles.
-        share = (pixels[there] - 1.0) / max(len(across) - 1, 1)
-        shown[there] = colour(share, bytes=True)
     else:
-        shown[there] = np.round(255.0 * np.array(to_rgba(colour)))
-    _show(axes, shown)
+        draw_by_colour(axes, across, along, values, ScalarMappable(norm, colours), marker=",")
+
+
+def draw_by_colour(
+    axes: Axes, across: Array, along: Array, values: Array, colours: ScalarMappable, **look: Any
+) -> None:
+    """Draw very many marks in the colours of their values, later ones over those in their pixel.
+
+    All marks of one colour are one line, since matplotlib draws these several times as fast as
+    marks that each have a colour. The limits and scales of the axes must be set.
+    """
+    rows = last_in_each_pixel(axes, across, along)
+    across, along, values = across[rows], along[rows], values[rows]
+    shades = colours.to_rgba(values, bytes=True)
+    codes = shades.view(np.uint32).ravel()
+    _, first, code = np.unique(codes, return_index=True, return_inverse=True)
+    for number in np.argsort(values[first]).tolist():
+        own, colour = code == number, shades[first[number]] / 255.0
+        axes.plot(across[own], along[own], linestyle="none", color=colour, rasterized=True, **look)
+
+
+def last_in_each_pixel(axes: Axes, across: Array, along: Array) -> Integers:
+    """Return the rows of the points that are the last in their pixel of the figure.
+
+    Without those that are not finite. The limits and scales of the axes must be set.
+    """
+    places = axes.transData.transform(np.column_stack([across, along]))
+    finite = np.flatnonzero(np.isfinite(places).all(axis=1))
+    column, row = np.floor(places[finite]).astype(np.int64).T
+    _, last = np.unique((column * (1 << 20) + row)[::-1], return_index=True)
+    return finite[np.sort(len(finite) - 1 - last)]
 
 
 def distinguishable(across: Array, values: Array) -> Integers:
@@ -424,64 +416,3 @@ def distinguishable(across: Array, values: Array) -> Integers:
         row[~positive[some]] = 0.0
         last[column.astype(np.int64) * rows + row.astype(np.int64)] = some
     return last[last >= 0]
-
-
-def _pixels(axes: Axes, across: Array, along: Array, values: Array) -> Array:
-    """Return the pixels of axes, lowest row first: the value of the last point in each, or NaN."""
-    wide, tall = panel_size(axes)
-    columns, rows = max(1, round(wide / _PIXEL)), max(1, round(tall / _PIXEL))
-    pixels = np.full((rows, columns), np.nan)
-    to_axes = axes.transData + axes.transAxes.inverted()
-    for first in range(0, len(values), _AT_ONCE):
-        some = slice(first, first + _AT_ONCE)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            place = to_axes.transform(np.column_stack([across[some], along[some]]))
-            inside = np.all((place >= -_EDGE) & (place <= 1.0 + _EDGE), axis=1)
-        column, row = np.floor(place[inside] * (columns, rows)).astype(np.int64).T
-        pixels[np.clip(row, 0, rows - 1), np.clip(column, 0, columns - 1)] = values[some][inside]
-    return pixels
-
-
-def _spread(pixels: Array, radius: float) -> Array:
-    """Spread each pixel over a disc of a radius in pixels; overlapping discs keep the maximum."""
-    from scipy.ndimage import grey_dilation
-
-    reach = np.arange(-int(radius), int(radius) + 1)
-    disc = reach**2 + reach[:, None] ** 2 <= radius * radius
-    empty = np.nan_to_num(pixels, nan=-np.inf)
-    spread: Array = grey_dilation(empty, footprint=disc, mode="constant", cval=-np.inf)
-    spread[spread == -np.inf] = np.nan
-    return spread
-
-
-class _Dots(AxesImage):
-    """An image whose pixels all remain visible, though those of the output may be larger.
-
-    An AxesImage would be resampled: whole rows and columns would be left out, and with them dots.
-    """
-
-    def make_image(
-        self, renderer: Any, magnification: float = 1.0, unsampled: bool = False
-    ) -> tuple[NDArray[np.uint8], float, float, Any]:
-        """Return the RGBA pixels of the output, lowest row first, and where they are."""
-        pixels: np.ma.MaskedArray[Any, Any] = np.ma.asarray(self.get_array())
-        box = self.axes.bbox
-        size = np.array([box.height, box.width]) * magnification
-        if np.all(size >= pixels.shape):
-            return super().make_image(renderer, magnification, unsampled)
-        there = ~np.ma.getmaskarray(pixels)
-        row, column = ((np.argwhere(there) + 0.5) * (size / pixels.shape)).astype(np.int64).T
-        shown = np.zeros((*np.ceil(size).astype(np.int64), 4), dtype=np.uint8)
-        shown[row, column] = self.to_rgba(pixels.data[there], bytes=True)
-        return shown, box.x0, box.y0, IdentityTransform()
-
-
-def _show(axes: Axes, pixels: NDArray[Any], kind: type[AxesImage] = AxesImage, **look: Any) -> None:
-    """Draw pixels that fill axes: values with a colour map in `look`, or RGBA pixels."""
-    image = kind(
-        axes, extent=(0.0, 1.0, 0.0, 1.0), origin="lower", interpolation="nearest",
-        transform=axes.transAxes, zorder=2.0, **look,
-    )  # fmt: skip
-    image.set_data(pixels)
-    image.set_rasterized(True)
-    axes.add_artist(image)

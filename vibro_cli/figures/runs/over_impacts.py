@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from vibro_cli.figures import style
@@ -20,7 +22,8 @@ from vibro_cli.figures.chart import (
     count_axis,
     distinct_lines,
     distinguishable,
-    draw_marks,
+    draw_by_colour,
+    last_in_each_pixel,
     log_axis,
     positive_axis,
     stacked,
@@ -31,7 +34,7 @@ from vibro_cli.figures.labels import Bar, Entry, draw_legend
 from vibro_cli.figures.portraits import layers
 from vibro_cli.figures.runs.over_time import energy_residuals, room_after
 from vibro_cli.figures.source import Array, Recorded, Table, goes_through, kept, why_not_made
-from vibro_cli.figures.style import line, mark, panel_size
+from vibro_cli.figures.style import Look, line, mark, panel_size
 from vibro_cli.figures.ticks import angle_ticks, label_axis, limits_apart, number_ticks
 from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.mechanics.trace import VALLEY, Piece
@@ -112,7 +115,8 @@ def speed_map(
         for at in distinct_lines(lines, (low, high), panel_size(axes)[0]):
             axes.axvline(at, color=style.LEVEL_GREY, linewidth=0.4, zorder=0.8)
         if len(number) > MOST_VECTOR_POINTS:
-            draw_marks(axes, place, speed, math.sqrt(size), style.time_colours())
+            shades = ScalarMappable(Normalize(1.0, len(number)), style.time_colours())
+            draw_by_colour(axes, place, speed, number, shades, zorder=2.0, **_small(size))
         draw_legend(figure, [], Bar("impact 1", str(len(number))))
     return figure
 
@@ -127,6 +131,11 @@ def _only_arc(run: Recorded) -> Piece | None:
 def _dot(number: int) -> float:
     """Return the area of a dot (pt²), the smaller the more dots there are."""
     return float(np.clip(1200.0 / number, 1.0, 9.0))
+
+
+def _small(size: float) -> Look:
+    """Return the style of one of very many dots, without an edge, of an area (pt²)."""
+    return {"marker": "o", "markersize": math.sqrt(size), "markeredgewidth": 0.0}
 
 
 def intervals(run: Recorded, width: str = "single") -> Figure | None:
@@ -220,11 +229,12 @@ def _draw_dots(
     `number` is the number of all points, if only some are given.
     """
     number = number or len(along)
-    size = math.sqrt(_dot(number))
+    size = _dot(number)
     if number > MOST_VECTOR_POINTS:
-        draw_marks(axes, across, along, size, DOT["color"])
+        rows = last_in_each_pixel(axes, across, along)
+        axes.plot(across[rows], along[rows], rasterized=True, **(DOT | look | _small(size)))
     else:
-        axes.plot(across, along, **(DOT | look | {"markersize": size}))
+        axes.plot(across, along, **(DOT | look | {"markersize": math.sqrt(size)}))
 
 
 _ERRORS = 2.0
