@@ -56,6 +56,7 @@ if TYPE_CHECKING:
     from vibro_cli.storage.stored import NotAGrid as NotAGrid
     from vibro_cli.systems.driver import CannotContinue as CannotContinue
     from vibro_cli.systems.driver import TooQuiet as TooQuiet
+    from vibro_cli.systems.request import TooManyInstants as TooManyInstants
 
 _HOME = {
     "vibro_cli.analysis.basins": ("NoBasins",),
@@ -83,6 +84,7 @@ _HOME = {
     "vibro_cli.storage.folders": ("NotContinuable",),
     "vibro_cli.storage.stored": ("NotAGrid",),
     "vibro_cli.systems.driver": ("CannotContinue", "TooQuiet"),
+    "vibro_cli.systems.request": ("TooManyInstants",),
 }
 _MODULES = {name: module for module, names in _HOME.items() for name in names}
 

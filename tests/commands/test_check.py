@@ -116,6 +116,22 @@ def test_very_many_samples_are_a_warning(vibro: Vibro, step: str, told: bool) ->
     assert found["warnings"] == [words] * told
 
 
+@pytest.mark.parametrize("stop", ["time", "collisions"])
+def test_a_step_whose_multiples_are_not_exact_is_refused_by_name(
+    vibro: Vibro, scenario: Path, stop: str
+) -> None:
+    """The instants of doubles are whole multiples of the step only up to 2^53 of them."""
+    step = 2.0**-54 * 20.0 if stop == "time" else 1e-17
+    text = SCENARIO.partition("[stop]")[0]
+    scenario.write_text(f"{text}[stop]\n{stop} = 20\n\n[output]\nstep = {step!r}\n")
+    outcome = vibro("run", scenario, "--no-figures")
+    assert outcome.code == 2
+    assert f"output.step: found {step!r}" in outcome.err
+    assert outcome.err.startswith(f"{scenario}:" if stop == "time" else "vibro: small: output.step")
+    longer = ["--set", f"output.step={4.0 * step!r}"] if stop == "time" else []
+    assert vibro("check", scenario, "-q", *longer).code == 0
+
+
 def test_what_is_doubtful_is_a_warning(vibro: Vibro, scenario: Path) -> None:
     overrides = ("--set", "collision.law=translational", "--set", "balls[2].body=disk")
     (found,) = vibro("check", scenario, "--json", *overrides).lines

@@ -236,6 +236,7 @@ def test_turning_about_an_arc_or_a_place() -> None:
         ("output", {"times": 3.0}, "output.times"),
         ("output", {"step": 0}, "output.step"),
         ("output", {"step": 1, "times": [1]}, "output.times"),
+        ("output", {"step": "1e-17 ns"}, "output.step"),
         ("output", {"friction": -1}, "output.friction"),
         ("output", {"turning_points": 1}, "output.turning_points"),
         ("balls", [], "balls"),

@@ -312,6 +312,7 @@ def followed(options: RunCommand, scenario: "AnyScenario") -> Iterator[None]:
     """Show the progress of the run in the block; report a run that cannot be continued."""
     from vibro_cli.progress import RUN
     from vibro_cli.systems.driver import CannotContinue
+    from vibro_cli.systems.request import TooManyInstants
 
     progress = RunProgress(scenario.name, scenario.stop.time, scenario.stop.collisions)
     try:
@@ -319,6 +320,8 @@ def followed(options: RunCommand, scenario: "AnyScenario") -> Iterator[None]:
             yield
     except CannotContinue as error:
         raise CommandError(f"vibro: {options.earlier} cannot be continued: {error}") from error
+    except TooManyInstants as error:
+        raise CommandError(f"vibro: {scenario.name}: {error}") from error
     finally:
         progress.end()
 

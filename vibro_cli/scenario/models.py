@@ -324,9 +324,14 @@ def _end_faults(data: Data) -> Iterator[Fault]:
 
 
 def output_faults(data: Data) -> Iterator[Fault]:
-    """Check that the sampled motion has a step or ascending times."""
+    """Check that the sampled motion has ascending times, or a step whose multiples are exact."""
     output = section(data, "output")
     yield from one_of(output, SAMPLES, ("output",), needed=False)
+    step = kinds.TIME.read_or_none(output.get("step"))
+    end = kinds.TIME.read_or_none(section(data, "stop").get("time"))
+    if step and end and end > 2**53 * step:  # their numbers are not exact beyond
+        expected = f"a step that is not shorter than stop.time / 2^53 = {end / 2**53:.3g} s"
+        yield Fault(("output", "step"), shown(output["step"]), expected)
     times = output.get("times")
     if not isinstance(times, list):
         return

@@ -120,6 +120,10 @@ class OutputRequest:
 NOTHING_MORE = OutputRequest()
 
 
+class TooManyInstants(VibroError):
+    """The step of the sampled motion is so short that its multiples are not exact."""
+
+
 class Sampling:
     """The instants of the motion table, as a run reaches them; given times must ascend."""
 
@@ -133,7 +137,7 @@ class Sampling:
 
         When the run has ended, these are all that remain. At least one array is yielded. Arrays
         are made one at a time, since a stretch may have any number of instants up to 2^53, above
-        which `VibroError` is raised.
+        which `TooManyInstants` is raised.
         """
         first, self._sampled = self._sampled, self._count(end, ended)
         for number in range(first, max(self._sampled, first + 1), _AT_ONCE):
@@ -152,7 +156,7 @@ class Sampling:
         assert self._step is not None
         if end > 2**53 * self._step:  # beyond it numbers of instants are not exact
             found = f"output.step: found {self._step!r} s, more than 2^53 instants"
-            raise VibroError(f"{found} until t = {end!r} s; expected a longer step")
+            raise TooManyInstants(f"{found} until t = {end!r} s; expected a longer step")
         count = int(np.floor(end / self._step * (1.0 + ROUNDING))) + 1
         while not ended and count > 0 and (count - 1) * self._step >= end:
             count -= 1
