@@ -459,3 +459,36 @@ def test_a_body_that_stays_at_rest_is_seen_among_level_curves(
         energies = np.asarray(figure.axes[1].lines[0].get_ydata())
         bottom, top = figure.axes[1].get_ylim()
         assert 0.5 * (top - bottom) < np.ptp(energies) < top - bottom
+
+
+@pytest.mark.parametrize("kind", ["portrait", "energy_portrait"])
+def test_walls_are_where_the_bodies_meet_them(kind: str) -> None:
+    """Compared with where the solver records the impacts on the walls; both bodies have one."""
+    ends = {"ends.left.wall": 0.8, "ends.right.wall": 0.8}
+    arc = {"trace.closed": False, "trace.start_slope": -1.0, "trace.arcs[1].end_slope": 1.0}
+    start = {"balls[1].rate": 3.2, "stop.collisions": 6}
+    run = simulate(example("one_circle").replace(arc | ends | start))
+    for ball, side in ((1, -1.0), (2, 1.0)):
+        met = (run.events["event"] == "wall") & (run.events["ball"] == ball)
+        figure = run.figure(kind, body=ball).figure
+        walls = [
+            float(line.get_xdata()[0])
+            for axes in figure.axes
+            for line in axes.lines
+            if line.get_linewidth() == layers.WALL["linewidth"] and len(set(line.get_xdata())) == 1
+        ]
+        rho = 1.0 - run.scenario.balls[ball - 1].radius
+        place = side * (1.0 - math.asin(run.scenario.balls[ball - 1].radius / rho))
+        if kind == "energy_portrait":
+            place = 1.0 + place
+            np.testing.assert_allclose(run.events["s"][met], place, rtol=1e-14)
+        np.testing.assert_allclose(walls, place, rtol=1e-14)
+        assert len(walls) == (1 if kind == "portrait" else 2)
+        assert "wall" in shown(figure)
+
+
+def test_a_portrait_of_a_few_impacts_has_no_bitmap() -> None:
+    """Its overview drew the jumps as an image in vector files."""
+    figure = phase_portrait(on_circle(5, start=-0.4, spread=0.1), 1)
+    assert len(figure.axes) == 2
+    assert not style.has_rasters(figure)

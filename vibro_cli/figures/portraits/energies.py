@@ -27,6 +27,7 @@ from vibro_cli.figures.portraits.portrait import (
     legend_rows,
     seen,
     stays_at_rest,
+    walls_of,
 )
 from vibro_cli.figures.portraits.trace_phase_plane import (
     behind_along,
@@ -114,7 +115,8 @@ def energy_portrait(run: Recorded, ball: int, width: str = "single") -> Figure:
     energies = 0.5 * landscape.body.kappa * landscape.body.mass * branches.rate**2
     below = _potential_at(landscape, branches.position)
     energies += below
-    behind = behind_along(portrait)
+    walls = tuple((0, float(piece.arc_length(place))) for piece, place in walls_of(run, ball))
+    behind = replace(behind_along(portrait), walls=walls)
     window = _window(landscape.trace, path, behind)
     behind = seen(behind, [window])
     with style.journal():
@@ -127,6 +129,7 @@ def energy_portrait(run: Recorded, ball: int, width: str = "single") -> Figure:
         draw_energies(lower, path, energies, coloured_until(path))
         for panel in (upper, lower):
             draw_junctions(panel, landscape.trace)
+        layers.draw_walls(lower, behind)
         if stays_at_rest(path):
             limit_energies(lower, highest_energy(portrait))
         else:

@@ -59,6 +59,7 @@ def behind_entries(*behind: Background) -> list[Entry]:
             if any(getattr(one, curves) for one in behind)
         ),
         *((kind, POINT | {"marker": mark}) for kind, mark in MARKER.items() if kind in kinds),
+        *([("wall", WALL)] if any(one.walls for one in behind) else []),
     ]
 
 
@@ -94,6 +95,8 @@ class Background:
     """Figure eights, if they are drawn separately from other separatrices."""
     arc_separatrices: tuple[LevelCurve, ...] = ()
     """On a trace without a saddle, the separatrices of the full circles that contain the arcs."""
+    walls: tuple[tuple[int, float], ...] = ()
+    """Index of the piece and position at which the body touches a wall, for each wall it meets."""
 
 
 def background(
@@ -230,6 +233,7 @@ BEFORE = mark("o", 2.8, "white", style.VERMILLION)
 AFTER = mark("o", 2.8, style.VERMILLION, style.VERMILLION)
 NOT_MADE = mark("X", 4.0, "white", style.VERMILLION)
 START = mark("s", 3.6, style.GREEN, style.BLACK, 0.5)
+WALL = line(style.SEPARATRIX_GREY, 2.0)
 WINDOW: Look = {"facecolor": "#ececec", "edgecolor": style.FRAME_GREY, "linewidth": 0.35}
 POINT = mark("+", 3.2, style.SEPARATRIX_GREY) | {"markeredgewidth": 0.6}
 MARKER = {CENTRE: "+", SADDLE: "x"}
@@ -266,6 +270,14 @@ def draw_background(one: Panel, behind: Background) -> None:
         thin = {"linewidth": thinner(look["linewidth"], most, _FEW_SADDLES)}
         draw_curves(one, getattr(behind, curves), order, look | thin)
     draw_points(one, behind.points, 1.3)
+    draw_walls(one, behind)
+
+
+def draw_walls(one: Panel, behind: Background) -> None:
+    """Draw the positions of a piece at which the body touches a wall."""
+    for piece, position in behind.walls:
+        if piece == one.piece.index:
+            one.axes.axvline(position + one.shift, zorder=1.8, **WALL)
 
 
 def draw_curves(one: Panel, curves: Sequence[LevelCurve], order: float, look: Look) -> None:
@@ -353,7 +365,7 @@ def draw_jumps(one: Panel, jumps: Jumps, marked: bool) -> None:
     collection = LineCollection(list(np.stack(ends, axis=1)), zorder=2.2, **JUMP)
     if not marked:
         collection.set(zorder=1.9, **many_jumps(len(jumps.made)))
-        collection.set_rasterized(True)
+        collection.set_rasterized(2 * int(np.sum(made)) > MOST_VECTOR_POINTS)
     one.axes.add_collection(collection, autolim=False)
     if marked:
         for rate, look in ((jumps.before, BEFORE), (jumps.after, AFTER)):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -19,6 +20,7 @@ from vibro_cli.figures.portraits.trace_phase_plane import highest_energy, highes
 from vibro_cli.figures.portraits.trajectory import Trajectory, trajectory
 from vibro_cli.figures.source import Array, Recorded
 from vibro_cli.figures.style import width_of
+from vibro_cli.mechanics.initial_conditions import wall_position
 from vibro_cli.mechanics.trace import Piece
 
 _FAR = 3.0
@@ -69,8 +71,25 @@ def seen(behind: Background, shown: Sequence[Window]) -> Background:
         for one in shown
         if one.piece.index == point.piece and one.low <= point.position <= one.high
     )
+    walls = tuple(
+        (piece, position)
+        for piece, position in behind.walls
+        for one in shown
+        if one.piece.index == piece and one.low <= position <= one.high
+    )
     curves = {name: tuple(filter(within, getattr(behind, name))) for name, *_ in layers.CURVES}
-    return Background(points=points, **curves)
+    return Background(points=points, walls=walls, **curves)
+
+
+def walls_of(run: Recorded, ball: int) -> tuple[tuple[Piece, float], ...]:
+    """Return pieces and positions at which a body (from 1) touches walls, those of its own side."""
+    system, last = run.system, len(run.system.bodies)
+    left, right = system.trace.pieces[0], system.trace.pieces[-1]
+    ends = [(left, False)] * (ball == 1 and system.left_end is not None)
+    ends += [(right, True)] * (ball == last and system.right_end is not None)
+    radius = system.bodies[ball - 1].radius
+    places = [(piece, wall_position(piece, radius, on_right)) for piece, on_right in ends]
+    return tuple((piece, place) for piece, place in places if not math.isnan(place))
 
 
 def _is_small(piece: Piece, path: Trajectory, behind: Background) -> bool:
@@ -164,15 +183,17 @@ def _behind(run: Recorded, ball: int, path: Trajectory, pieces: Sequence[Piece])
     For a body at rest, whose energy has no level curve, it is that of the portrait without a run.
     """
     landscape = Landscape.of(run.system, ball)
+    walls = tuple((piece.index, position) for piece, position in walls_of(run, ball))
     if stays_at_rest(path):
         whole = portrait_of(landscape)
-        return background(landscape, pieces, highest_energy(whole), highest_place(whole))
+        found = background(landscape, pieces, highest_energy(whole), highest_place(whole))
+        return replace(found, walls=walls)
     highest = max(
         float(np.max(landscape.energy(piece, branches.position[:, 0], branches.rate[:, 0])))
         for piece, branches in zip(run.system.trace.pieces, path.branches, strict=True)
         if len(branches.time)
     )
-    return background(landscape, pieces, highest)
+    return replace(background(landscape, pieces, highest), walls=walls)
 
 
 def draw_motion(panels: Sequence[Panel], path: Trajectory, behind: Background) -> None:
