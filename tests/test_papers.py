@@ -72,6 +72,20 @@ def test_the_page_has_the_outgoing_velocities_of_the_examples(letter: str, name:
     assert after == pytest.approx(expected, rel=1e-14)
 
 
+def test_the_line_of_the_appendix_is_inclined() -> None:
+    """B's appendix: m v̇ = −m g sin α in translation, J_P ω̇ = −m g r sin α of a ball that rolls."""
+    (command,) = (row[2] for row in rows_of("B") if row[0] == "B appendix")
+    words = shlex.split(command)
+    overrides = [words[n + 1] for n, word in enumerate(words) if word == "--set"]
+    run = simulate(load_any(words[2], overrides))
+    times = np.linspace(0.0, run.collisions["t"][0], 9)
+    for ball, share in ((1, 1.0), (2, 5.0 / 7.0)):
+        rows = run.sample(times, side="before")
+        v, s = (rows[name][rows["ball"] == ball] for name in ("speed", "s"))
+        fallen = v[0] ** 2 - v**2
+        np.testing.assert_allclose(fallen, share * 9.81 * (s - s[0]), rtol=1e-12, atol=1e-13)
+
+
 def test_two_bodies_in_translation() -> None:
     """B (4)-(12), with 2 kg and 1 kg at 1 and -1 m/s: not equal and opposite after it."""
     run = run_of("translation")

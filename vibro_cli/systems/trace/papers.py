@@ -118,12 +118,14 @@ _B: tuple[PaperRow, ...] = (
      "`portrait_2` (upper), `portrait_1` (lower)"),
     ("B fig. 9", "configurations at the first two impacts", _RUN_TWO, "`plan`"),
     ("B III.3.6", "energy jumps of both balls", _RUN_CIRCLE, "`energy`"),
-    ("B appendix", "m v̇ = F, J_P ω̇ = M: motion under gravity on inclined lines",
-     "vibro run scenarios/line_between_valleys.toml --figures scene,portrait",
-     "`scene`, `portrait_1`"),
+    ("B appendix", "m v̇ = F, J_P ω̇ = M: a particle and a ball under gravity on an inclined line",
+     "vibro run scenarios/falling_balls.toml --set trace.arcs[1].length=4 --set "
+     "balls[2].body=ball --set stop.collisions=6 --figures scene,energy_portrait -o "
+     "outputs/inclined",
+     "`scene`; `energy_portrait_1`, `_2`: v² falls by 2 g s sin 30°, of the ball by 5/7 of it"),
     ("B references 28, 29 (cited)", "two particles on a circle between impact limiters, here "
      "without their Coulomb friction", _RUN_LIMITERS,
-     "`scene`, `portrait_2`; the walls: table of events"),
+     "`scene`, `portrait_1`, `portrait_2` with the walls"),
 )  # fmt: skip
 _D: tuple[PaperRow, ...] = (
     ("D fig. 1a, (1), (2)", "a particle on a series of arcs",
