@@ -85,7 +85,7 @@ def recalled(scenario: AnyScenario, checkpoint: Mapping[str, Any]) -> Run:
     again = run.simulate(kind, build_any(scenario), limits, wanted=kind.wanted(scenario), cut=cut)
     if cut:
         return again.cut_back(checkpoint)
-    _check_recalled(again.checkpoint()["state"], checkpoint)
+    _check_recalled(again.state, checkpoint)
     return again
 
 

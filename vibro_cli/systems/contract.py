@@ -114,17 +114,14 @@ class Flights(Protocol):
 
 
 class Motion(Flights, Protocol):
-    """The motion of a finished run."""
+    """The motion of a finished run, whose logs need not be kept."""
+
+    @property
+    def state(self) -> dict[str, Any]:
+        """The complete state of the run after its last event."""
 
     def sample(self, times: Any, side: str = "after", extrapolate: bool = False) -> Columns:
         """Return the columns of the motion table: one row per body at each time (s)."""
-
-
-class LongMotion(Motion, Protocol):
-    """The motion of a run that is too long for its logs to be kept."""
-
-    state: dict[str, Any]
-    """The complete state of the run after its last event."""
 
 
 class ImpactLog(NamedTuple):
@@ -361,7 +358,7 @@ class System(ABC):
 
     def long_motion(
         self, system: Any, limits: Limits, rows: Mapping[str, int], interrupted: bool
-    ) -> LongMotion | None:
+    ) -> Motion | None:
         """Return the motion of a run that is too long to be kept, or None if it is short enough.
 
         `rows` are the lengths of its logs when it ended or was `interrupted`.

@@ -324,7 +324,8 @@ class Run:
     wanted: OutputRequest
     whole: Stretch = field(repr=False)
     """The whole run as one stretch."""
-    _state: dict[str, Any] = field(repr=False)
+    state: dict[str, Any] = field(repr=False)
+    """The complete state after the last event."""
     _tables: dict[str, Columns | None] = field(default_factory=dict, repr=False)
 
     @property
@@ -444,7 +445,7 @@ class Run:
         """
         whole = self.whole
         rows = {name: len(log) for name, log in whole.logs.items()}
-        return checkpoint_of(self.end_cause, self.end_time, whole.clock, rows, self._state)
+        return checkpoint_of(self.end_cause, self.end_time, whole.clock, rows, self.state)
 
     def history(self) -> dict[str, Any]:
         """Return the logs of the whole run, from which its tables and figures are made.
@@ -469,7 +470,7 @@ class Run:
             cause=END_INTERRUPTED,
             records=records,
         )
-        return replace(self, whole=whole, _state=state, _tables={})
+        return replace(self, whole=whole, state=state, _tables={})
 
 
 def simulate(
@@ -506,7 +507,7 @@ class Gathered:
     """The motion of a run, gathered stretch by stretch."""
 
     state: dict[str, Any]
-    """Complete state after the last event; set by `solved_again` only."""
+    """The complete state after the last event; set by `solved_again` only."""
 
     def __init__(self, system: Any) -> None:
         self.system = system
