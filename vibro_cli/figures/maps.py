@@ -333,32 +333,20 @@ def ended(grid: StoredGrid) -> Column:
     return np.where(summary["status"] == "ok", summary["end_cause"], summary["status"])
 
 
-@dataclass(frozen=True)
-class Endings(Categories):
-    """The end causes of some points as categories."""
-
-    causes: tuple[str, ...]
-    """The causes that occur, in the order of `COLOURS`."""
-
-    @staticmethod
-    def of(grid: StoredGrid, rows: Integers) -> Endings:
-        """Return the end causes of the points in the given rows of the summary."""
-        found = ended(grid)[rows]
-        code = np.full(len(rows), -1)
-        causes: list[str] = []
-        for name in COLOURS:
-            here = found == name
-            if np.any(here):
-                code[here] = len(causes)
-                causes.append(name)
-        if np.any(code < 0):
-            raise ValueError(f"there is no colour for the ending {found[code < 0][0]!r}")
-        counts = np.bincount(code, minlength=len(causes)).tolist()
-        names = [
-            f"{WORDS.get(cause, cause.replace('_', ' '))} ({grouped(count)})"
-            for cause, count in zip(causes, counts, strict=True)
-        ]
-        return Endings(code, tuple(names), tuple(COLOURS[cause] for cause in causes), tuple(causes))
+def endings(grid: StoredGrid, rows: Integers) -> Categories:
+    """Return the end causes of the points in the given rows of the summary, as categories."""
+    found = ended(grid)[rows]
+    causes = [name for name in COLOURS if np.any(found == name)]
+    each = np.array([found == name for name in causes])
+    known = np.any(each, axis=0)
+    if not np.all(known):
+        raise ValueError(f"there is no colour for the ending {found[~known][0]!r}")
+    names = [
+        f"{WORDS.get(cause, cause.replace('_', ' '))} ({grouped(int(np.sum(here)))})"
+        for cause, here in zip(causes, each, strict=True)
+    ]
+    palette = tuple(COLOURS[cause] for cause in causes)
+    return Categories(np.argmax(each, axis=0), tuple(names), palette)
 
 
 def grouped(count: int) -> str:
@@ -390,10 +378,8 @@ def ending_map(grid: StoredGrid, width: str = "single") -> Figure | None:
     shown = parameter_map(grid, 2)
     if shown is None:
         return None
-    endings = Endings.of(grid, shown.rows)
-    if len(np.unique(endings.code)) == 1:
-        return None
-    return category_map(shown, width, endings)
+    found = endings(grid, shown.rows)
+    return None if len(found.names) == 1 else category_map(shown, width, found)
 
 
 def category_map(shown: ParameterMap, width: str, found: Categories) -> Figure:

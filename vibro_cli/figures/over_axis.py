@@ -29,9 +29,9 @@ from vibro_cli.figures.chart import (
 from vibro_cli.figures.labels import Bar, draw_legend
 from vibro_cli.figures.maps import (
     Coordinate,
-    Endings,
     ParameterMap,
     ended,
+    endings,
     parameter_map,
     set_axis,
 )
@@ -73,7 +73,7 @@ def curves(grid: StoredGrid, width: str = "single") -> Figure | None:
     shown = parameter_map(grid, 1, numbers_first=True)
     if shown is None:
         return None
-    endings = Endings.of(grid, shown.rows)
+    ends = endings(grid, shown.rows)
 
     def column(name: str) -> Array:
         return np.asarray(grid.summary[name][shown.rows], dtype=np.float64)
@@ -95,9 +95,9 @@ def curves(grid: StoredGrid, width: str = "single") -> Figure | None:
         return None
     panels = [one for one in panels if _varies(one[0])] or panels[:1]
     with style.journal():
-        figure, drawn = stacked(width, [_ROW[width]] * len(panels), entries=endings.entries())
-        across, colours, norm = shown.coordinates[0], endings.colours(), endings.norm()
-        code = endings.code.astype(np.float64)
+        figure, drawn = stacked(width, [_ROW[width]] * len(panels), entries=ends.entries())
+        across, colours, norm = shown.coordinates[0], ends.colours(), ends.norm()
+        code = ends.code.astype(np.float64)
         size = float(np.clip(1500.0 / len(shown.rows), 0.5, 7.0))
         edge = 0.2 if size > 2.0 else 0.0
         for axes, (values, symbol, unit) in zip(drawn, panels, strict=True):

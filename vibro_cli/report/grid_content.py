@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -9,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from vibro_cli.figures.kinds import draw_grid
-from vibro_cli.figures.maps import Endings
+from vibro_cli.figures.maps import COLOURS, ended
 from vibro_cli.report.html import pictured, rendered
 from vibro_cli.report.words import (
     cell,
@@ -70,11 +71,11 @@ def grid_html(grid: StoredGrid, beside: Path, columns: Sequence[str] = ()) -> by
 
 def _endings(grid: StoredGrid) -> list[list[str]]:
     """Return the end causes, or statuses of points without one, with their numbers of points."""
-    found = Endings.of(grid, np.arange(grid.points))
-    counts = np.bincount(found.code, minlength=len(found.causes)).tolist()
+    counts = Counter(ended(grid).tolist())
     return [
-        [cause.replace("_", " "), str(count), ending(cause)]
-        for cause, count in zip(found.causes, counts, strict=True)
+        [cause.replace("_", " "), str(counts[cause]), ending(cause)]
+        for cause in COLOURS
+        if cause in counts
     ]
 
 
