@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 HALF_PERIOD = 1.0
 
 
-@dataclass
+@dataclass(eq=False)
 class HandMade:
     """The recorded run of one body; what it strikes is outside the picture."""
 

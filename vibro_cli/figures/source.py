@@ -80,8 +80,6 @@ def kept(
 
     @wraps(find)
     def found(run: Run, /, *args: More.args, **more: More.kwargs) -> Found:
-        if not callable(getattr(run, "__hash__", None)):
-            return find(run, *args, **more)
         given = takes.bind(run, *args, **more)
         given.apply_defaults()
         of_run, asked = known.setdefault(run, {}), (given.args[1:], *given.kwargs.items())
