@@ -189,20 +189,6 @@ def begun(
     return kind.stretches(Driver(kind.loop, world, engine, earlier, overrides), limits.time)
 
 
-class NotMade:
-    """A sink that passes rows on to another one and counts the impacts not carried out."""
-
-    def __init__(self, sink: Sink) -> None:
-        self.number = 0
-        self._sink = sink
-
-    def add(self, name: str, rows: Any) -> None:
-        """Pass on rows of a table."""
-        if name == "collisions":
-            self.number += int(np.sum(~made(rows)))
-        self._sink(name, rows)
-
-
 def stream(
     kind: System,
     system: Any,
@@ -223,13 +209,13 @@ def stream(
     if names is None:
         names = [table.file for table in kind.tables()]
     calls = partial(aside, given_up=Event()) if in_background else _at_once
-    counted = NotMade(sink)
-    refusal = None
+    refusal, not_made = None, 0
     with calls(_ROWS_AHEAD) as write, calls(_AHEAD) as make:
-        tables = kind.table_maker(system, wanted, names, partial(write, counted.add))
+        tables = kind.table_maker(system, wanted, names, partial(write, sink))
         try:
             for last in stretches.until(interrupted):
                 make(tables.take, last)
+                not_made += int(np.sum(~made(last.logs[kind.impact_log("collisions")])))
         except TooQuiet as error:
             refusal = error
     end, cause = last.end[0], END_NAMES[stretches.cause]
@@ -241,7 +227,7 @@ def stream(
         summary=tables.summary(),
         _checkpoint=checkpoint_of(cause, end, last.clock, stretches.driver.rows, stretches.state),
         motion=tables.motion,
-        not_made=counted.number,
+        not_made=not_made,
     )
     if refusal is not None:
         refusal.streamed = streamed
