@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from vibro_cli.errors import VibroError
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import body_look, distinct_lines, limits_around, number_plane
-from vibro_cli.figures.source import Array, Flags
+from vibro_cli.figures.source import Array
 from vibro_cli.figures.style import panel_size
 from vibro_cli.progress import WORK
 from vibro_cli.systems.columns import made
@@ -453,19 +453,12 @@ def _gif(film: Film, rate: int) -> bytes:
     for frame in range(1, len(film.frames.time)):
         shown = Image.fromarray(film.picture(frame))
         now = np.asarray(shown.quantize(palette=first, dither=Image.Dither.NONE))
-        left, upper, right, lower = _box(now != before)
+        box = Image.fromarray(now != before).getbbox() or (0, 0, 1, 1)  # one pixel if none changes
+        left, upper, right, lower = box
         changes = np.where(now == before, np.uint8(_COLOURS), now)[upper:lower, left:right]
         parts += getdata(Image.fromarray(changes), (left, upper), **look)
         before = now
     return b"".join([*parts, b";"])
-
-
-def _box(changed: Flags) -> tuple[int, int, int, int]:
-    """Return the left, upper, right and lower edges of the changed region; one pixel if none."""
-    rows, columns = (np.flatnonzero(np.any(changed, axis=axis)) for axis in (1, 0))
-    if not len(rows):
-        return 0, 0, 1, 1
-    return int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1
 
 
 def _mp4(film: Film, rate: int) -> bytes:
