@@ -150,7 +150,6 @@ def time_colours() -> Colormap:
     return ListedColormap(matplotlib.colormaps["viridis"](np.linspace(0.0, 0.88, 256)))
 
 
-FORMATS = ("png", "pdf", "svg")
 _COMPRESSION = 3
 """Compression level of PNG: higher levels take twice the time to save a twentieth of the bytes."""
 
@@ -160,6 +159,7 @@ _METADATA: dict[str, dict[str, str | None]] = {
     "pdf": {"CreationDate": None, "Creator": "vibro", "Producer": None},
     "svg": {"Date": None, "Creator": "vibro"},
 }
+FORMATS = tuple(_METADATA)
 
 
 def render(figure: Figure, form: str, dpi: float = DPI) -> bytes:
