@@ -21,11 +21,11 @@ from vibro_cli.figures.style import MM, Look, line, panel_size, width_of
 from vibro_cli.figures.ticks import (
     CHARACTER,
     Ticks,
+    angle_ticks,
     in_one_unit,
     label_axis,
     limits_apart,
     number_ticks,
-    vertical_angle_ticks,
     vertical_ticks,
 )
 from vibro_cli.kernels.numerics.constants import EPSILON
@@ -201,7 +201,7 @@ def value_axis(axes: Axes, values: ArrayLike, symbol: str, unit: str, whole: boo
     axes.set_ylim(low, high)
     height = panel_size(axes)[1]
     if unit == "rad":
-        ticks = vertical_angle_ticks(low, high, height)
+        ticks = angle_ticks(low, high, height, vertical=True)
     else:
         ticks = vertical_ticks(low, high, height, whole)
     label_axis(axes.yaxis, ticks, symbol, unit)

@@ -35,7 +35,6 @@ from vibro_cli.figures.ticks import (
     label_axis,
     log_ticks,
     number_ticks,
-    vertical_angle_ticks,
     vertical_ticks,
 )
 from vibro_cli.scenario.fields import written
@@ -141,7 +140,7 @@ class Coordinate:
         numbers = (vertical_ticks if vertical else number_ticks)(low, high, length)
         if self.unit != "rad":
             return numbers
-        parts = (vertical_angle_ticks if vertical else angle_ticks)(low, high, length)
+        parts = angle_ticks(low, high, length, vertical)
         return parts if len(parts.places) >= LEAST else numbers
 
 

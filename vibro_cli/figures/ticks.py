@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
@@ -93,52 +93,28 @@ class Ticks:
     """The labels are relative to this number."""
 
 
-def angle_ticks(low: float, high: float, width: float) -> Ticks:
-    """Return ticks (rad) at multiples of π/2ⁿ for an axis from `low` to `high`, `width` mm wide.
+def angle_ticks(low: float, high: float, length: float, vertical: bool = False) -> Ticks:
+    """Return ticks (rad) at multiples of π/2ⁿ for an axis from `low` to `high`, `length` mm long.
 
-    The step is the largest that gives enough ticks, as far as there is room. Angles too small for
-    parts of π get decimal numbers.
+    The step is the largest that gives enough ticks, as far as there is room for the labels. Angles
+    too small for parts of π get decimal numbers.
     """
-
-    def fit(step: float, ticks: Ticks) -> bool:
-        return _fits(ticks.labels, step * width / (high - low))
-
-    return _parts_of_pi(low, high, fit) or number_ticks(low, high, width)
-
-
-def vertical_angle_ticks(low: float, high: float, height: float) -> Ticks:
-    """Return ticks (rad) at multiples of π/2ⁿ for a vertical axis `height` mm high.
-
-    Angles too small for parts of π get decimal numbers.
-    """
-    edge = _EDGE / height * (high - low)
-
-    def fit(step: float, ticks: Ticks) -> bool:
-        return step / (high - low) * height >= _LINE
-
-    return _parts_of_pi(low + edge, high, fit) or vertical_ticks(low, high, height)
-
-
-def _parts_of_pi(low: float, high: float, fit: Callable[[float, Ticks], bool]) -> Ticks | None:
-    """Return ticks (rad) at multiples of ever smaller parts of π, until there are enough.
-
-    Stops before a step that `fit`, a test of the step and its ticks, rejects. Returns None if there
-    are fewer than two ticks.
-    """
+    first = low + _EDGE / length * (high - low) if vertical else low
     chosen = None
     for part in _PARTS_OF_PI:
         step = float(part) * math.pi
-        if high - low > _MOST * step:
+        if high - first > _MOST * step:
             break
-        numbers = range(math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9) + 1)
+        numbers = range(math.ceil(first / step - 1e-9), math.floor(high / step + 1e-9) + 1)
         labels = tuple(part_of_pi(part * number) for number in numbers)
-        ticks = Ticks(tuple(number * step for number in numbers), labels)
-        if not fit(step, ticks):
+        room = step * length / (high - low)
+        if not (room >= _LINE if vertical else _fits(labels, room)):
             break
-        chosen = ticks if len(numbers) > 1 else None
+        places = tuple(number * step for number in numbers)
+        chosen = Ticks(places, labels) if len(numbers) > 1 else None
         if len(numbers) >= _ENOUGH:
             break
-    return chosen
+    return chosen or (vertical_ticks if vertical else number_ticks)(low, high, length)
 
 
 def number_ticks(low: float, high: float, width: float, whole: bool = False) -> Ticks:
