@@ -110,6 +110,29 @@ def test_the_break_of_a_rack_with_little_bounce_stays_symmetric_and_admissible(c
         assert np.array_equal(final[name], sign * final[name][mirror])
 
 
+@pytest.mark.parametrize(
+    ("x", "speed", "radius", "across"),
+    [
+        (1.8590624786635572, 3.7597679680147422, 0.17237803311822986, 0.3447560662364597),
+        (0.8377412625560281, 2.9695068587181024, 0.1, 0.19999999999999998),
+        (1.4057698762114228, 1.8445580151562055, 0.1312114975445247, 0.2624229950890494),
+    ],
+)
+def test_a_ball_that_just_touches_two_on_its_way_between_them_hits_both(
+    x: float, speed: float, radius: float, across: float
+) -> None:
+    # The approach of both pairs is below rounding, but the same: neither is left out.
+    places = [(0.0, 0.0, speed), (x, across), (x, -across)]
+    run = solve(table([ball(*place, radius=radius) for place in places], k=0.5, time=10.0))
+    hits = run.collisions
+    assert len(hits["t"]) == 2
+    assert hits["t"][0] == hits["t"][1]
+    assert hits["simultaneous"].all()
+    final = run.sample([10.0])
+    assert final["velocity_y"][0] == 0.0
+    assert final["velocity_y"][1] == -final["velocity_y"][2] != 0.0
+
+
 @pytest.mark.parametrize("k", [1.0, 0.7, 0.0])
 def test_a_ball_hits_two_that_touch(k: float) -> None:
     """From the middle: v' = (1 - 6 (1 + k)/10), the others (1 + k) 3/10 along x each."""
