@@ -752,10 +752,10 @@ def test_python_finds_what_the_command_finds(
         (["--vary", "balls[2].mas=3:4"], 'did you mean "mass"?'),
         (["--vary", "enrgy=3:4"], ', or energy (did you mean "energy"?)'),
         (["--vary", "balls[5].mass=3:4"], "found balls[5] of 2, expected a number from 1 to 2"),
-        (["--impacts", "1", "--set", "collision.k=0.9"], "no orbit: impacts lose energy"),
+        (["--impacts", "1", "--set", "collision.k=0.9"], "no orbit: impacts of bodies lose energy"),
         (
             ["--set", "ends.left.wall=0.875"],
-            "impacts lose energy: found a coefficient of restitution of 0.875, expected 1",
+            "impacts on walls lose energy: found a coefficient of restitution of 0.875, expected 1",
         ),
         (["--vary", "collision.k=0.5:1"], "collision.k: found a coefficient of restitution, exp"),
         (["--vary", "ends.left.wall=0.5:1"], "ends.left.wall: found a coefficient of restitution"),

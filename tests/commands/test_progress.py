@@ -170,10 +170,14 @@ def test_each_motion_of_a_fit_is_told() -> None:
     ]
 
 
-def test_the_value_of_each_orbit_of_a_family_is_told() -> None:
+def test_the_search_for_an_orbit_and_the_value_of_each_orbit_of_a_family_are_told() -> None:
     told: list[str] = []
     scenario = example("falling_balls")
     with WORK.to(told.append):
-        family = orbit_family(scenario, orbit(scenario, 1), "balls[2].mass", 0.99, 1.01)
+        found = orbit(scenario, 1)
+    assert {line.rsplit(" ", 1)[0] for line in told} == {"the motion closes to within"}
+    told.clear()
+    with WORK.to(told.append):
+        family = orbit_family(scenario, found, "balls[2].mass", 0.99, 1.01)
     numbers = {float(line.removeprefix("orbit near ")) for line in told}
     assert {point.value for point in family.points[:: len(family.points) - 1]} <= numbers

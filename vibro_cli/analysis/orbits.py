@@ -24,6 +24,7 @@ from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.mechanics import initial_conditions
 from vibro_cli.mechanics.system import LAWS, InitialState, TraceSystem, neighbours
 from vibro_cli.numerics.elementwise import Floats
+from vibro_cli.progress import WORK
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.trace import simulate_system
 from vibro_cli.systems.trace.system import time_scale
@@ -44,7 +45,7 @@ ROUNDING = 1.0e-6
 MOST_STEPS = 40
 # A motion is abandoned after this many impacts in a period.
 MOST_IMPACTS = 10_000
-_LOSSY = "impacts lose energy: found a coefficient of restitution of {:g}, expected 1"
+_LOSSY = "{} lose energy: found a coefficient of restitution of {:g}, expected 1"
 # Periods below this fraction of the first guess are rejected: over a time of 0 any motion closes.
 LEAST_PERIOD = 1.0e-6
 # Fractions of Newton's step to be tried in turn, and penalties of long steps relative to the
@@ -345,7 +346,7 @@ def shoot(system: TraceSystem, period: float) -> Shot:
     if run.end_cause == "collisions":
         raise NoOrbit(f"found {MOST_IMPACTS} impacts in a period, expected fewer")
     if run.end_cause != "time":
-        raise NoOrbit(f"the motion ends: {run.end_cause}")
+        raise NoOrbit(f"the motion ends: {run.end_cause.replace('_', ' ')}")
     if np.ptp(_shares(system)) > 0.0 and np.any(run.collisions["law"] != system.law):
         raise NoOrbit("impacts by normal-impulse among translational ones do not conserve energy")
     matrix = matrix_of(run)
@@ -474,7 +475,7 @@ def newton(system: TraceSystem, state: Floats, period: float, energy: float | No
     shot = shoot(admitted(system, state), period)
     walls = [end.restitution for end in (system.left_end, system.right_end) if end is not None]
     if any(event.endswith("|") for event in shot.word) and all(k != 1.0 for k in walls):
-        raise NoOrbit(_LOSSY.format(walls[0]))
+        raise NoOrbit(_LOSSY.format("impacts on walls", walls[0]))
     guess = _Guess(state, period, shot, residual_of(system, shot, state, energy))
     searches = (_shares_of_newton, False), (_steps_of_marquardt, False), (_steps_of_marquardt, True)
     for steps, bent in searches:
@@ -536,6 +537,7 @@ def _improved(
     scale, tau = scale_of(system), float(time_scale(system))
     columns = np.append(1.0 / scale, 1.0 / (system.gravity * tau))  # scales periods by a speed
     for _ in range(MOST_STEPS):
+        WORK.report(f"the motion closes to within {guess.residual:.1e}")
         rows, right = equations(system, guess.shot, guess.state, energy)
         for step, most in steps(rows * columns, right):
             new = _stepped(system, guess, step * columns, energy)
@@ -606,10 +608,10 @@ def nearest_return(system: TraceSystem, impacts: int | None, longest: float | No
     times = run.collisions["t"]
     least = impacts or 1
     if len(times) <= least:
-        words = (
-            f"found {len(times)} until the run ended ({run.end_cause}), expected more than {least}"
+        cause = run.end_cause.replace("_", " ")
+        raise NoOrbit(
+            f"impacts: found {len(times)} until the run ended ({cause}), expected more than {least}"
         )
-        raise NoOrbit(f"impacts: {words}")
     wanted = range(1, len(times)) if impacts is None else range(impacts, impacts + 1)
     state, scale, best = state_of(system), scale_of(system), (np.inf, 0.0)
     flow = velocity(system, state) * scale
@@ -650,7 +652,7 @@ def find_orbit(
     if len(system.bodies) < 2:
         raise NoOrbit("found one body, expected two or more for an orbit of impacts")
     if all(k != 1.0 for k in system.restitution):
-        raise NoOrbit(_LOSSY.format(system.restitution[0]))
+        raise NoOrbit(_LOSSY.format("impacts of bodies", system.restitution[0]))
     if period is None:
         period = nearest_return(system, impacts, longest)
     orbit = gone_through_once(newton(system, state_of(system), period))

@@ -102,7 +102,8 @@ class OrbitCommand:
                 folder = Path(self.output or Path("outputs") / f"{scenario.name}-orbit")
                 check_replaceable(folder, "orbit")
             try:
-                found = orbit(scenario, self.impacts, self.period)
+                with progress_shown("searching"):
+                    found = orbit(scenario, self.impacts, self.period)
                 with progress_shown("following"):
                     family = None if span is None else orbit_family(scenario, found, *span)
             except NoOrbit as error:
