@@ -132,8 +132,8 @@ _PORTRAIT_CAPTION = (
     "Rate against angle on each arc (speed against distance on lines): the branches that the body "
     "follows and its jumps at the impacts; lasting contact has its own colour, and branches are "
     "coloured by time up to the last impact if there are many. Behind them are separatrices, level "
-    "curves of energy, centres (+) and saddles (×). If not all arcs fit a page, those around the "
-    "start are shown. As A figs 1b and 2, B fig. 8, D fig. 1."
+    "curves of energy, centres (+), saddles (×), and the walls that the body meets. If not all "
+    "arcs fit a page, those around the start are shown. As A figs 1b and 2, B fig. 8, D fig. 1."
 )
 FIGURES = {
     "scene": Kind(
@@ -149,9 +149,9 @@ FIGURES = {
         energy_portrait,
         "Phase portrait and energies along the trace of body",
         "Above, the speed of the centre against arc length: the branches that the body follows and "
-        "its jumps, figure eights as single closed curves, separatrices, level curves, centres (+) "
-        "and saddles (×). Below, the potential energy and, for each branch, the total energy of "
-        "the body. As A (abstract), B III.3.6, D.",
+        "its jumps, figure eights as single closed curves, separatrices, level curves, centres "
+        "(+), saddles (×), and the walls that it meets. Below, the potential energy and, for each "
+        "branch, the total energy of the body. As A (abstract), B III.3.6, D.",
         of_bodies=True,
     ),
     "plan": Kind(
