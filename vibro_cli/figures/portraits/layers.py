@@ -212,6 +212,8 @@ _HAIR = 0.008
 """Greatest distance of a drawn curve from the true one (mm)."""
 _MARK = 0.7
 """Radius of a mark with some room around it (mm)."""
+_MOST_LINES = 500
+"""Number of jumps on one piece above which they are an image in vector files."""
 _FEW = 60
 _FEW_SADDLES = 8
 """Number of curves through saddles on one piece above which lines of a background are thinner."""
@@ -365,7 +367,7 @@ def draw_jumps(one: Panel, jumps: Jumps, marked: bool) -> None:
     collection = LineCollection(list(np.stack(ends, axis=1)), zorder=2.2, **JUMP)
     if not marked:
         collection.set(zorder=1.9, **many_jumps(len(jumps.made)))
-        collection.set_rasterized(2 * int(np.sum(made)) > MOST_VECTOR_POINTS)
+        collection.set_rasterized(int(np.sum(made)) > _MOST_LINES)
     one.axes.add_collection(collection, autolim=False)
     if marked:
         for rate, look in ((jumps.before, BEFORE), (jumps.after, AFTER)):
