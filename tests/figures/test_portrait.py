@@ -487,6 +487,13 @@ def test_walls_are_where_the_bodies_meet_them(kind: str) -> None:
         assert "wall" in shown(figure)
 
 
+def test_a_wall_that_is_not_met_is_not_drawn() -> None:
+    run = simulate(example("turning_valley"))
+    assert run.scenario.ends.left != "stop"
+    assert not np.any((run.events["event"] == "wall") & (run.events["ball"] == 1))
+    assert "wall" not in shown(run.figure("portrait", body=1).figure)
+
+
 def test_a_portrait_of_a_few_impacts_has_no_bitmap() -> None:
     """Its overview drew the jumps as an image in vector files."""
     figure = phase_portrait(on_circle(5, start=-0.4, spread=0.1), 1)

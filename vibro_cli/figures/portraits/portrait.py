@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -18,7 +17,7 @@ from vibro_cli.figures.portraits.layers import Background, background, coloured_
 from vibro_cli.figures.portraits.panels import RIGHT, Panel, Window, label, lay_out, on_a_page
 from vibro_cli.figures.portraits.trace_phase_plane import highest_energy, highest_place
 from vibro_cli.figures.portraits.trajectory import Trajectory, trajectory
-from vibro_cli.figures.source import Array, Recorded
+from vibro_cli.figures.source import Array, Recorded, flights_of
 from vibro_cli.figures.style import width_of
 from vibro_cli.mechanics.initial_conditions import wall_position
 from vibro_cli.mechanics.trace import Piece
@@ -28,6 +27,8 @@ _FAR = 3.0
 _SMALL = 0.13
 """Share of the arc's phase plane below which a motion is too small to be read on it."""
 _MARGIN = 1.08
+_NEAR = 1e-6
+"""Distance from a wall's position, as a share of the piece, at which a flight begins there."""
 _ROOM = 0.15
 """Room left and right of the motion, as a share of its extent."""
 
@@ -82,14 +83,18 @@ def seen(behind: Background, shown: Sequence[Window]) -> Background:
 
 
 def walls_of(run: Recorded, ball: int) -> tuple[tuple[Piece, float], ...]:
-    """Return pieces and positions at which a body (from 1) touches walls, those of its own side."""
-    system, last = run.system, len(run.system.bodies)
-    left, right = system.trace.pieces[0], system.trace.pieces[-1]
-    ends = [(left, False)] * (ball == 1 and system.left_end is not None)
-    ends += [(right, True)] * (ball == last and system.right_end is not None)
-    radius = system.bodies[ball - 1].radius
-    places = [(piece, wall_position(piece, radius, on_right)) for piece, on_right in ends]
-    return tuple((piece, place) for piece, place in places if not math.isnan(place))
+    """Return pieces and positions at which a body (from 1) meets walls in a run."""
+    flights, pieces = run.flights(), run.system.trace.pieces
+    mine = flights_of(flights, ball)
+    met = mine[flights["cause_start"][mine] == "wall"]
+    starts = flights["angle_start"][met]
+    found = []
+    for piece, right in ((pieces[0], False), (pieces[-1], True)):
+        place = wall_position(piece, run.system.bodies[ball - 1].radius, right)
+        away = np.abs(starts[flights["arc"][met] == piece.index + 1] - place)
+        if np.any(away < _NEAR * (piece.angle_end - piece.angle_start)):
+            found.append((piece, place))
+    return tuple(found)
 
 
 def _is_small(piece: Piece, path: Trajectory, behind: Background) -> bool:
