@@ -88,7 +88,7 @@ from vibro_cli.systems.columns import Table, impact_head, number, summary_head
 from vibro_cli.systems.contract import ImpactLog
 
 COLLISIONS = Table("{NAME}.collisions", "one impact", tuple(impact_head()))
-IMPACT_LOGS = {{"collisions": ImpactLog("impacts", COLLISIONS, object, object)}}
+IMPACT_LOGS = {{"collisions": ImpactLog("impacts", COLLISIONS, object)}}
 OTHER_TABLES = ()
 SUMMARY = Table("{NAME}.summary", "one run", tuple(summary_head("time")))
 

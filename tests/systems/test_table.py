@@ -29,7 +29,6 @@ from vibro_cli.systems.table.system import (
     wrong_with_polygon,
 )
 from vibro_cli.systems.table.tables import Bounces
-from vibro_cli.systems.tables import Bodies
 
 EPSILON = 2.0**-52
 
@@ -506,7 +505,7 @@ def test_a_curved_wall_has_no_sides(radius: float) -> None:
 
 def test_curves_have_negative_numbers_in_the_log_and_none_in_the_table() -> None:
     log = np.array([(-1,), (0,), (-2,), (6,)], dtype=[("edge", np.int64)])
-    assert Bounces(Bodies([]), log, np.zeros(4, dtype=np.int64)).edge.tolist() == [None, 1, None, 7]
+    assert Bounces([], log, np.zeros(4, dtype=np.int64)).edge.tolist() == [None, 1, None, 7]
 
 
 def test_a_small_polygon_far_from_the_origin_is_the_same_wall() -> None:

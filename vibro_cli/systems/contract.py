@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from vibro_cli.systems.driver import Driver, EventLoop
     from vibro_cli.systems.request import Limits, OutputRequest
     from vibro_cli.systems.run import Gathered, Stretch, Stretches
-    from vibro_cli.systems.tables import Bodies, ImpactRows
+    from vibro_cli.systems.tables import ImpactRows
 
 Columns = dict[str, Any]
 """Columns of equal length, by name."""
@@ -131,8 +131,6 @@ class ImpactLog(NamedTuple):
     table: Table
     rows: type[ImpactRows]
     """Rows of the log, with the values of the table's columns."""
-    bodies: type[Bodies]
-    """Bodies of systems, with the properties that the rows need."""
     title: str = "Impacts"
     """Heading of the table in a report."""
     words: str = "impacts"

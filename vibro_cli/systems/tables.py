@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from functools import cached_property, partial
 from typing import Any
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from vibro_cli.kernels.impact.laws import TRANSLATIONAL
 from vibro_cli.kernels.world import END_NAMES, RUNNING
-from vibro_cli.mechanics.system import Body, ImpactSystem
+from vibro_cli.mechanics.system import ImpactSystem
 from vibro_cli.systems.contract import Columns, ImpactLog, Sink, System
 from vibro_cli.systems.driver import record_array
 from vibro_cli.systems.request import OutputRequest, Sampling
@@ -100,14 +100,14 @@ class _Impacts:
 
     def __init__(self, kept: ImpactLog, system: Any) -> None:
         self._kept = kept
-        self._bodies = kept.bodies([system])
+        self._systems = [system]
         self._earlier = 0
         self._before: Any = None
 
     def take(self, logs: Any) -> Columns:
         log, kept = logs[self._kept.log], self._kept
         run = np.zeros(len(log), dtype=np.int64)
-        columns = kept.table.filled(kept.rows(self._bodies, log, run, self._earlier, self._before))
+        columns = kept.table.filled(kept.rows(self._systems, log, run, self._earlier, self._before))
         self._earlier += len(log)
         self._before = log[-1] if len(log) else self._before
         return columns
@@ -121,58 +121,22 @@ def impacts_of_runs(
     Words are given as integer codes.
     """
     run = np.repeat(np.arange(len(logs)), [len(log) for log in logs])
-    rows = kept.rows(kept.bodies(systems), np.concatenate(list(logs)), run)
-    return kept.table.filled(rows), run
-
-
-class Bodies:
-    """Properties of the bodies of several systems, as arrays of shape (systems, bodies)."""
-
-    def __init__(self, systems: Sequence[Any]) -> None:
-        self.systems: Sequence[Any] = systems
-
-    def of_each(self, value: Callable[[Body], float | bool]) -> Any:
-        """Return a property of every body."""
-        return np.array([[value(body) for body in system.bodies] for system in self.systems])
-
-    @cached_property
-    def radii(self) -> Any:
-        """Radii (m)."""
-        return self.of_each(lambda body: body.radius)
-
-    @cached_property
-    def rolling_inertias(self) -> Any:
-        """J_P (kg m²)."""
-        return self.of_each(lambda body: body.rolling_inertia)
-
-    @cached_property
-    def rolling_masses(self) -> Any:
-        """κ m (kg)."""
-        return self.of_each(lambda body: body.rolling_mass)
-
-    @cached_property
-    def masses(self) -> Any:
-        """m (kg)."""
-        return self.of_each(lambda body: body.mass)
-
-    @cached_property
-    def slide(self) -> Any:
-        """Whether they slide."""
-        return self.of_each(lambda body: body.slides)
+    return kept.table.filled(kept.rows(systems, np.concatenate(list(logs)), run)), run
 
 
 class ImpactRows:
     """Rows of a log of impacts, from which the columns of its table are made.
 
-    Runs are stored one after another; `run` is the run index of each row, from 0. The first run
-    has `earlier` rows before these, the last of which is `before`.
+    The runs of some systems are stored one after another; `run` is the run index of each row, from
+    0. The first run has `earlier` rows before these, the last of which is `before`.
     """
 
     def __init__(
-        self, bodies: Bodies, log: Any, run: Any, earlier: int = 0, before: Any = None
+        self, systems: Sequence[Any], log: Any, run: Any, earlier: int = 0, before: Any = None
     ) -> None:
-        self.bodies, self.run = bodies, run
-        self._log, self._earlier, self._before = log, earlier, before
+        self.run = run
+        self._systems, self._log, self._earlier, self._before = systems, log, earlier, before
+        self._known: dict[tuple[str, str], Any] = {}
 
     def __getitem__(self, name: str) -> Any:
         return self._log[name]
@@ -197,13 +161,19 @@ class ImpactRows:
             between[0] = (rows["t"][0] - before["t"]) + (rows["t_low"][0] - before["t_low"])
         return between
 
-    def of_body(self, values: Any, body: Any) -> Any:
-        """Return for each row its body's entry in `values`, of shape (systems, bodies)."""
-        return values[self.run, body]
+    def of_body(self, name: str, body: Any, of: str = "bodies") -> Any:
+        """Return for each row a property of its body (from 0), such as ``radius``.
+
+        With `of` it is a property of the body's entry in another sequence of the system.
+        """
+        if (of, name) not in self._known:
+            entries = (getattr(system, of) for system in self._systems)
+            self._known[of, name] = np.array([[getattr(e, name) for e in own] for own in entries])
+        return self._known[of, name][self.run, body]
 
     def inclination(self, one: Any, other: Any) -> Any:
         """Return the cosine between the line of centres of two bodies and the plane."""
-        a, b = (self.of_body(self.bodies.radii, body) for body in (one, other))
+        a, b = (self.of_body("radius", body) for body in (one, other))
         return np.where(a == b, 1.0, 2.0 * np.sqrt(a * b) / np.maximum(a + b, 1e-300))
 
 
@@ -237,15 +207,15 @@ class PairRows(ImpactRows):
     def impulse_moment(self) -> Any:
         """J_Pb (ω_b⁺ - ω_b⁻), N m s; 0 for a point."""
         change = self.along("b", "post") - self.along("b", "pre")
-        values = self.of_body(self.bodies.rolling_inertias, self.body("b")) * change
-        radii = self.of_body(self.bodies.radii, self.body("b"))
+        values = self.of_body("rolling_inertia", self.body("b")) * change
+        radii = self.of_body("radius", self.body("b"))
         return np.divide(values, radii, out=np.zeros_like(values), where=radii > 0.0)
 
     @property
     def impulse(self) -> Any:
         """Impulse on body b (N s) under the translational law, B (6); nan under other laws."""
         change = self.along("b", "post") - self.along("b", "pre")
-        impulses = self.of_body(self.bodies.masses, self.body("b")) * change
+        impulses = self.of_body("mass", self.body("b")) * change
         return np.where(self["law"] == TRANSLATIONAL, impulses, np.nan)
 
 

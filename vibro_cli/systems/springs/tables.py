@@ -38,7 +38,7 @@ from vibro_cli.systems.contract import ImpactLog
 from vibro_cli.systems.driver import called, joined, with_logs, zeros
 from vibro_cli.systems.run import Stretch
 from vibro_cli.systems.springs.system import LOOP, SpringsSystem, make_world
-from vibro_cli.systems.tables import Bodies, PairRows, bodies_at, events_until
+from vibro_cli.systems.tables import PairRows, bodies_at, events_until
 
 _ENERGY = "kinetic energy of {} plus energy of its spring"
 _OMEGA = "angular velocity of rolling of {} (null for a particle, which slides)"
@@ -50,26 +50,8 @@ _EIGHT = (
 )
 
 
-class SpringBodies(Bodies):
-    """Properties of bodies and springs of several systems, as arrays [system, body]."""
-
-    @cached_property
-    def feet(self) -> Any:
-        """Positions of the springs' feet (m)."""
-        return np.array([[spring.foot for spring in system.springs] for system in self.systems])
-
-    @cached_property
-    def springs(self) -> Any:
-        """Stiffness (N/m), height and length (m): [system, body, which]."""
-        return np.array(
-            [[(s.stiffness, s.height, s.length) for s in one.springs] for one in self.systems]
-        )
-
-
 class Collisions(PairRows):
     """Impacts of two neighbours."""
-
-    bodies: SpringBodies
 
     def body(self, end: str) -> Any:
         """Body `a` or `b` of each row, from 0."""
@@ -81,21 +63,25 @@ class Collisions(PairRows):
 
     def displacement(self, end: str) -> Any:
         """Displacement from the foot (m)."""
-        return self[f"x_{end}"] - self.of_body(self.bodies.feet, self.body(end))
+        return self[f"x_{end}"] - self.of_body("foot", self.body(end), "springs")
+
+    def spring(self, end: str) -> Iterator[Any]:
+        """Yield the stiffness (N/m), height and natural length (m) of the body's spring."""
+        for name in ("stiffness", "height", "length"):
+            yield self.of_body(name, self.body(end), "springs")
 
     def omega(self, end: str, when: str) -> Any:
         """Angular velocity (rad/s), nan for a particle."""
         body = self.body(end)
-        turned = self.along(end, when) / self.of_body(self.bodies.radii, body)
-        return np.where(self.of_body(self.bodies.slide, body), np.nan, turned)
+        turned = self.along(end, when) / self.of_body("radius", body)
+        return np.where(self.of_body("slides", body), np.nan, turned)
 
     @cached_property
     def _stored(self) -> dict[str, Any]:
         """Energy of the springs (J)."""
         stored = {}
         for end in "ab":
-            springs = self.of_body(self.bodies.springs, self.body(end))
-            stiffness, height, length = springs.reshape(-1, 3).T
+            stiffness, height, length = self.spring(end)
             extent = np.sqrt(height * height + self.displacement(end) ** 2)
             stored[end] = 0.5 * stiffness * (extent - length) ** 2
         return stored
@@ -106,13 +92,12 @@ class Collisions(PairRows):
 
     def kinetic(self, end: str, when: str) -> Any:
         """Kinetic energy (J)."""
-        masses = self.of_body(self.bodies.rolling_masses, self.body(end))
+        masses = self.of_body("rolling_mass", self.body(end))
         return 0.5 * masses * self[f"v_{end}_{when}"] ** 2
 
     def eight(self, end: str, when: str) -> Any:
         """Indices into ``EIGHTS``; a spring longer than its height has a saddle below the foot."""
-        springs = self.of_body(self.bodies.springs, self.body(end))
-        stiffness, height, length = springs.reshape(-1, 3).T
+        stiffness, height, length = self.spring(end)
         saddle, energy = 0.5 * stiffness * (length - height) ** 2, self.energy(end, when)
         side = np.where(energy < saddle, np.where(self.displacement(end) < 0.0, 1, 2), 4)
         side = np.where(np.abs(energy - saddle) <= 1e-12 * saddle, 3, side)
@@ -121,9 +106,9 @@ class Collisions(PairRows):
     @property
     def impulse_moment(self) -> Any:
         """J_Pb (ω_b⁺ - ω_b⁻), N m s."""
-        radii = self.of_body(self.bodies.radii, self.body("b"))
+        radii = self.of_body("radius", self.body("b"))
         change = self["v_b_post"] / radii - self["v_b_pre"] / radii
-        return self.of_body(self.bodies.rolling_inertias, self.body("b")) * change
+        return self.of_body("rolling_inertia", self.body("b")) * change
 
 
 def _never_progressive(rows: Any) -> Any:
@@ -213,7 +198,7 @@ MOTION = Table(
 
 
 OTHER_TABLES = (EVENTS, MOTION)
-IMPACT_LOGS = {"collisions": ImpactLog("impacts", COLLISIONS, Collisions, SpringBodies)}
+IMPACT_LOGS = {"collisions": ImpactLog("impacts", COLLISIONS, Collisions)}
 
 
 SUMMARY = Table(

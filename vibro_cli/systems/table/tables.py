@@ -36,7 +36,7 @@ from vibro_cli.systems.contract import ImpactLog
 from vibro_cli.systems.driver import angles_of
 from vibro_cli.systems.run import Stretch
 from vibro_cli.systems.table.system import TableSystem
-from vibro_cli.systems.tables import Bodies, ImpactRows, PairRows, bodies_at, events_until
+from vibro_cli.systems.tables import ImpactRows, PairRows, bodies_at, events_until
 
 _AXES = ("x", "y")
 _ANGLES = {"pre": "arrival", "post": "outgoing"}
@@ -46,9 +46,9 @@ _SKEW = 1e-12
 
 def _rolling(rows: ImpactRows, ball: Any, vx: Any, vy: Any) -> Any:
     """Return |v|/r (rad/s) of each row's ball, nan if it slides."""
-    radii, speed = rows.of_body(rows.bodies.radii, ball), _size(vx, vy)
+    radii, speed = rows.of_body("radius", ball), _size(vx, vy)
     omega = np.divide(speed, radii, out=np.zeros_like(speed), where=radii > 0.0)
-    return np.where(rows.of_body(rows.bodies.slide, ball), np.nan, omega)
+    return np.where(rows.of_body("slides", ball), np.nan, omega)
 
 
 def _size(x: Any, y: Any) -> Any:
@@ -98,7 +98,7 @@ class Collisions(PairRows):
     def energy(self, ball: str, when: str) -> Any:
         """Kinetic energy (J) of ball `a` or `b`, `pre` or `post`."""
         square = self[f"vx_{ball}_{when}"] ** 2 + self[f"vy_{ball}_{when}"] ** 2
-        return 0.5 * self.of_body(self.bodies.rolling_masses, self[ball]) * square
+        return 0.5 * self.of_body("rolling_mass", self[ball]) * square
 
 
 class Bounces(ImpactRows):
@@ -235,8 +235,8 @@ MOTION = Table(
 OTHER_TABLES = (MOTION,)
 _WALL = ("Impacts on the wall", "impacts on the wall", "was no impact on the wall")
 IMPACT_LOGS = {
-    "collisions": ImpactLog("pair_log", COLLISIONS, Collisions, Bodies),
-    "bounces": ImpactLog("bounce_log", BOUNCES, Bounces, Bodies, *_WALL),
+    "collisions": ImpactLog("pair_log", COLLISIONS, Collisions),
+    "bounces": ImpactLog("bounce_log", BOUNCES, Bounces, *_WALL),
 }
 _CAUSES = (
     "time, collisions, bounces, no_more_collisions, inadmissible, wall_contact (a ball began to "
