@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
 from vibro_cli.api import simulate, simulate_streamed
+from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.scenario import any_scenario_of
 from vibro_cli.stress.scenes import Document
 from vibro_cli.systems import system_named
+from vibro_cli.systems.request import Limits
 from vibro_cli.systems.run import Stretch
 from vibro_cli.systems.tangents import TangentMap, followed
+from vibro_cli.systems.trace import SYSTEM
 
 TOLD = {"n", "amplification", "digits_left", "smooth", "lyapunov_1", "lyapunov_error"}
 
@@ -20,6 +24,17 @@ def follow(document: Document, engine: str = "compiled") -> tuple[TangentMap, An
     scenario = any_scenario_of(document)
     system = system_named(scenario.system)
     return followed(system, system.build(scenario), system.limits(scenario), engine)
+
+
+def follow_system(
+    system: TraceSystem, time: float | None, impacts: int | None, engine: str = "compiled"
+) -> Any:
+    """Return what is known of the tangent map of a run on a trace, its impacts included."""
+    found, columns, whole = followed(SYSTEM, system, Limits(time, impacts), engine, times=True)
+    return SimpleNamespace(
+        end_time=whole.end[0], matrix=found.matrix(), sums=found.sums, growth=found.growth,
+        **columns["collisions"],
+    )  # fmt: skip
 
 
 def solved_and_streamed(scenario: Any) -> tuple[Any, dict[str, dict[str, Any]]]:

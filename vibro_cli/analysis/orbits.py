@@ -26,9 +26,9 @@ from vibro_cli.mechanics.system import LAWS, InitialState, TraceSystem, neighbou
 from vibro_cli.numerics.elementwise import Floats
 from vibro_cli.progress import WORK
 from vibro_cli.systems.run import Run
+from vibro_cli.systems.tangents import matrix_of
 from vibro_cli.systems.trace import simulate_system
 from vibro_cli.systems.trace.system import time_scale
-from vibro_cli.systems.trace.tangents import matrix_of
 
 if TYPE_CHECKING:
     from vibro_cli.scenario.models import Scenario

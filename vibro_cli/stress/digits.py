@@ -40,10 +40,11 @@ from vibro_cli.stress.scenes import (
     solve,
     system_of,
 )
+from vibro_cli.systems.request import Limits
 from vibro_cli.systems.run import Run
-from vibro_cli.systems.trace import simulate_system
+from vibro_cli.systems.tangents import followed
+from vibro_cli.systems.trace import SYSTEM, simulate_system
 from vibro_cli.systems.trace.system import time_scale
-from vibro_cli.systems.trace.tangents import follow_system
 
 # Greatest relative acceleration of motion in contact and with bounces instead, times gravity.
 PUSH = 4.0
@@ -512,12 +513,15 @@ def smooth_impacts(document: Document) -> int:
         return 0
     system = system_of(document)
     stop = float(document["stop"]["time"])
-    found = follow_system(system, stop, MOST_IMPACTS)
-    good = found.smooth & (found.amplification < MOST_GROWTH)
+    _, rows, _ = followed(SYSTEM, system, Limits(stop, MOST_IMPACTS))
+    impacts = rows["collisions"]
+    good = impacts["smooth"] & (impacts["amplification"] < MOST_GROWTH)
     count = len(good) if good.all() else int(np.argmin(good))
     # Lasting contact and rest at a wall remove directions; neighbouring motions show neither.
-    kept = count > 0 and bool(np.isfinite(follow_system(system, None, count).sums).all())
-    return count if kept else 0
+    if count == 0:
+        return 0
+    found, *_ = followed(SYSTEM, system, Limits(None, count))
+    return count if np.isfinite(found.sums).all() else 0
 
 
 def errors_of(system: TraceSystem, count: int) -> tuple[float, float]:
@@ -525,9 +529,9 @@ def errors_of(system: TraceSystem, count: int) -> tuple[float, float]:
 
     Displacements (m) and speeds are made comparable by the time scale of the system.
     """
-    found = follow_system(system, None, count)
+    found, rows, _ = followed(SYSTEM, system, Limits(None, count), times=True)
     matrix, times = differences(simulate_system(system, None, count))
     scale = np.tile([1.0, float(time_scale(system))], len(system.bodies))
-    matrices = [one * scale[:, None] / scale[None, :] for one in (found.matrix, matrix)]
-    instants = [one / scale for one in (found.times, times)]
+    matrices = [one * scale[:, None] / scale[None, :] for one in (found.matrix(), matrix)]
+    instants = [one / scale for one in (rows["collisions"]["times"], times)]
     return error_of(*matrices), error_of(*instants)

@@ -20,7 +20,7 @@ from vibro_cli.systems.columns import MOST_EXPONENTS
 from vibro_cli.systems.contract import Columns, System
 from vibro_cli.systems.driver import called, with_logs, zeros
 from vibro_cli.systems.request import NO_LIMITS, Limits
-from vibro_cli.systems.run import Stretch, begun
+from vibro_cli.systems.run import Run, Stretch, begun
 
 # Relative rounding error of a double, root mean square over significands; at most twice as much.
 ROUNDING = 2.0**-54
@@ -220,6 +220,13 @@ def followed(
     whole, _ = begun(kind, system, limits, engine_name).whole()
     found = TangentMap(kind, system, times)
     return found, found.take(whole), whole
+
+
+def matrix_of(run: Run) -> Floats:
+    """Return the tangent map of a whole run, in displacements (m) and speeds (m/s)."""
+    found = TangentMap(run.kind, run.system)
+    found.take(run.whole)
+    return found.matrix()
 
 
 def grown_columns(grown: dict[str, Any], grazing: Any) -> dict[str, Any]:

@@ -18,7 +18,7 @@ from tests.highprecision.reference_solver import (
     SolverEvent,
     events_of,
 )
-from tests.systems.tangent_cases import solved_and_streamed
+from tests.systems.tangent_cases import follow_system, solved_and_streamed
 from vibro_cli.kernels.flow.flight import root_of_state
 from vibro_cli.kernels.flow.rotating_flow import TURNING_LINE, set_motion
 from vibro_cli.kernels.numerics.elliptic import ThetaConstants, set_theta_constants
@@ -38,7 +38,6 @@ from vibro_cli.systems.run import begun
 from vibro_cli.systems.tangents import TangentMap
 from vibro_cli.systems.trace import SYSTEM, simulate_system
 from vibro_cli.systems.trace.system import time_scale
-from vibro_cli.systems.trace.tangents import follow_system
 
 pytestmark = pytest.mark.long
 

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.systems.tangent_cases import follow_system
 from vibro_cli.kernels.impact.laws import TRANSLATIONAL, impact_of_pair
 from vibro_cli.kernels.world import BodyData
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.stress.scenes import ball, scene, system_of, valley
 from vibro_cli.systems.trace import simulate_system
-from vibro_cli.systems.trace.tangents import follow_system
 
 Rows = list[tuple[float, float, float]]  # mass, position, speed
 
