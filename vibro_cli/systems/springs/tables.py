@@ -103,16 +103,16 @@ class Collisions(PairRows):
         side = np.where(np.abs(energy - saddle) <= 1e-12 * saddle, 3, side)
         return np.where(length > height, side, 0)
 
+    def regime(self, end: str, when: str) -> Any:
+        """Indices into ``REGIMES``: always the first, oscillating."""
+        return np.zeros(len(self), dtype=np.int64)
+
     @property
     def impulse_moment(self) -> Any:
         """J_Pb (ω_b⁺ - ω_b⁻), N m s."""
         radii = self.of_body("radius", self.body("b"))
         change = self["v_b_post"] / radii - self["v_b_pre"] / radii
         return self.of_body("rolling_inertia", self.body("b")) * change
-
-
-def _never_progressive(rows: Any) -> Any:
-    return np.zeros(len(rows), dtype=np.int64)
 
 
 def _impact_columns() -> Iterator[Column]:
@@ -137,9 +137,9 @@ def _impact_columns() -> Iterator[Column]:
     kinetic = partial(methodcaller, "kinetic")
     yield from before_and_after("kinetic_energy", "J", KINETIC, value=kinetic)
     yield impulse()
-    never, eight = (lambda *_: _never_progressive), partial(methodcaller, "eight")
-    yield from before_and_after("regime", "", _REGIME, value=never, words=REGIMES)
-    yield from before_and_after("eight", "", _EIGHT, value=eight, words=EIGHTS)
+    for name, text, words in (("regime", _REGIME, REGIMES), ("eight", _EIGHT, EIGHTS)):
+        of_method = partial(methodcaller, name)
+        yield from before_and_after(name, "", text, value=of_method, words=words)
 
 
 COLLISIONS = Table("springs.collisions", "one impact of two neighbours", tuple(_impact_columns()))

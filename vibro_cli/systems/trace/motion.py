@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -66,11 +65,6 @@ class Places:
         if table.ndim == len(index):
             return table[index]
         return table[(*index, np.arange(table.shape[-1]))]
-
-    @cached_property
-    def frequencies(self) -> Floats:
-        """``[body, piece]``, see `frequency`."""
-        return self.frequency(*np.indices(self.path_radius.shape))
 
     def position(self, piece: Any, s: Floats, c: Floats) -> Floats:
         """Return the angle phi or psi (rad) on arcs, distance from the left end (m) on lines."""
@@ -147,7 +141,7 @@ def places_and_rates(places: Places, body: int, piece: int, states: Any) -> tupl
     On a line: positions (m) and speeds (m/s).
     """
     position = places.position(np.full(len(states), piece), states["s"], states["c"])
-    frequency = places.frequencies[body, piece]
+    frequency = places.frequency(body, piece)
     return position, states["p"] * (2.0 * frequency if frequency > 0.0 else 1.0)
 
 
