@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from functools import partial
 from importlib import import_module
 from importlib.util import find_spec
@@ -278,25 +278,23 @@ class System(ABC):
         impacts = [self.impact_table(name) for name in self.impact_tables]
         others = self.part("tables").OTHER_TABLES
         if not self.exponents:
-            return (*impacts, *others, self.summary_of("i", 0))
+            return (*impacts, *others, self.summary("i"))
         grown = (with_columns(table, *GROWTH) for table in impacts)
-        return (*grown, *others, self.summary_of("i", "i"), converging("i"))
+        return (*grown, *others, self.summary("i", grown=True), converging("i"))
 
-    def summary(self, bodies: int, grown: bool = False) -> Table:
-        """Return the summary table for a number of bodies; `grown` adds Lyapunov exponents."""
-        return self.summary_of(range(1, bodies + 1), self.exponents * bodies if grown else 0)
+    def summary(self, bodies: int | str, grown: bool = False) -> Table:
+        """Return the summary table for a number of bodies, or for any body, named by a letter.
 
-    def summary_of(self, bodies: Iterable[int | str], grown: int | str) -> Table:
-        """Return the summary table for these bodies: numbers from 1, or a letter for any body.
-
-        `grown` is its number of exponents, or a letter. ``SUMMARY`` in ``tables.py`` has the
-        columns of the run, ``final_state`` there those of each body.
+        ``SUMMARY`` in ``tables.py`` has the columns of the run, ``final_state`` there those of each
+        body; `grown` adds Lyapunov exponents.
         """
         from vibro_cli.systems.columns import exponents, with_columns
 
-        part = self.part("tables")
-        states = [column for body in bodies for column in part.final_state(body)]
-        return with_columns(part.SUMMARY, *states, *exponents(grown))
+        part, each, number = self.part("tables"), [bodies], bodies
+        if isinstance(bodies, int):
+            each, number = [*range(1, bodies + 1)], self.exponents * bodies
+        states = [column for body in each for column in part.final_state(body)]
+        return with_columns(part.SUMMARY, *states, *exponents(number if grown else 0))
 
     def table(self, name: str, column_names: Collection[str]) -> Table:
         """Return the table of this name for data with these columns.
