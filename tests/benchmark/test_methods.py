@@ -30,6 +30,7 @@ from vibro_cli.benchmark.measurement import (
 from vibro_cli.benchmark.methods.runner import Event, LegRunner, Lost, Method, Motion, Setting
 from vibro_cli.benchmark.methods.with_heyoka import batches
 from vibro_cli.benchmark.methods.with_series import Leg, coefficients
+from vibro_cli.benchmark.methods.with_vibro import DriverRunner
 from vibro_cli.benchmark.scenes import (
     BY_NAME,
     SCENES,
@@ -221,3 +222,18 @@ def test_impacts_at_one_instant_are_timed_together(monkeypatch: pytest.MonkeyPat
     assert [(row.size, row.impacts) for row in rows] == 2 * [(1, 7)] + 2 * [(10, 14)]
     run = simulate(any_scenario_of(COMMANDS[name].document))
     np.testing.assert_array_equal(np.diff(run.collisions["ball_a"]), [30] * 6)
+
+
+@pytest.mark.parametrize("name", ["circle", "three_arcs", "five_balls"])
+def test_runs_that_drop_the_rows_of_full_logs_are_those_that_keep_them(name: str) -> None:
+    flights = []
+    for keep in (False, True):
+        runner = DriverRunner(BY_NAME[name].system, "compiled", keep)
+        runner.ready(300)
+        runner.go()
+        world: Any = runner.drivers[0].world
+        assert (2 * world.settings["capacity"][0] < 300) == (not keep)
+        assert world.clock["collisions"][0] == 300
+        flights.append(world.flights)
+    for one in ("t", "t_low", "piece", "s", "c", "p", "specific_energy"):
+        assert np.array_equal(flights[0][one], flights[1][one])
