@@ -58,7 +58,7 @@ _LEVEL = -5
 _JSON_LINES_AT_ONCE = 4096
 # Up to so many rows, words are joined in Python, in less time than Arrow needs to import the module
 # that does it faster.
-_FEW_ROWS = 1 << 13
+_FEW_ROWS = 1 << 10
 
 
 def arrow_schema(
