@@ -517,8 +517,8 @@ def joined(parts: Sequence[Any]) -> Any:
 
 
 def chosen(rows: Any, flags: Any) -> Any:
-    """Return the flagged records."""
-    return rows.take(np.flatnonzero(flags))
+    """Return the flagged records, or rows of records."""
+    return rows.take(np.flatnonzero(flags), axis=0)
 
 
 def record_array(rows: Any, cls: type) -> Any:

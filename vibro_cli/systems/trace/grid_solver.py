@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from vibro_cli.compile.kernel import dtype
 from vibro_cli.grids.axes import Array
 from vibro_cli.grids.document import Grid
 from vibro_cli.grids.solving import (
@@ -27,7 +28,7 @@ from vibro_cli.scenario.problems import KeyPath
 from vibro_cli.storage.tables import record_batch
 from vibro_cli.systems.columns import Table
 from vibro_cli.systems.contract import Columns
-from vibro_cli.systems.driver import compiled_world, zeros
+from vibro_cli.systems.driver import chosen, compiled_world
 from vibro_cli.systems.request import Limits, OutputRequest
 from vibro_cli.systems.run import summed_up
 from vibro_cli.systems.tangents import exponent_columns
@@ -285,7 +286,8 @@ class TraceSolver:
         results = empty_results(count, bodies, 0)
         if self._grid.keep.collisions:
             rows = int(self._room * count) + _ROWS_AT_FIRST
-            results = results._replace(impacts=zeros(rows, ImpactRow))
+            room: Any = np.empty(rows, dtype(ImpactRow))
+            results = results._replace(impacts=room)
         if self._wanted.lyapunov and not self._grid.keep.collisions:
             return results  # filled in with the tangent maps
         results = batch.run_all(points, results, task.stack)
@@ -298,7 +300,7 @@ class TraceSolver:
         starts, bodies = task.starts, task.starts.piece.shape[1]
         every: Any = results.outcomes
         states: Any = results.finals
-        outcomes, finals = every[whole], states.reshape(-1, bodies)[whole]
+        outcomes, finals = chosen(every, whole), chosen(states.reshape(-1, bodies), whole)
         table = summary_columns(task.places(whole), starts.restitution[whole], outcomes, finals)
         if self._wanted.lyapunov:
             table |= exponent_columns(self._sums[whole], outcomes["end_t"])
