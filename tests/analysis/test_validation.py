@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq, least_squares
 
+from tests.systems.tangent_cases import follow_system
 from vibro_cli import example, fit, orbit, orbit_family, simulate
 from vibro_cli.analysis.orbits import Orbit, find_orbit, newton
 from vibro_cli.numerics.elementwise import Floats
 from vibro_cli.scenario.loading import scenario_of
 from vibro_cli.stress.scenes import GRAVITY, WALLS, Document, ball, scene, system_of, valley
 from vibro_cli.systems.trace import simulate_system
-from vibro_cli.systems.trace.tangents import follow_system
 
 KAPPA, RHO = 1.4, 0.9
 RATE = math.sqrt(GRAVITY / (KAPPA * RHO))
