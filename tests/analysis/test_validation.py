@@ -12,7 +12,8 @@ from scipy.optimize import brentq, least_squares
 
 from tests.systems.tangent_cases import follow_system
 from vibro_cli import example, fit, orbit, orbit_family, simulate
-from vibro_cli.analysis.orbits import Orbit, find_orbit, newton
+from vibro_cli.analysis.orbits import Orbit, find_orbit, gone_through_once, newton, size_of
+from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.numerics.elementwise import Floats
 from vibro_cli.scenario.loading import scenario_of
 from vibro_cli.stress.scenes import GRAVITY, WALLS, Document, ball, scene, system_of, valley
@@ -122,6 +123,69 @@ def test_the_period_is_the_derivative_of_the_action_by_the_energy(
     ]
     slope = np.polynomial.Polynomial.fit(places, [*map(_action, orbits)], len(orbits) - 1).deriv()
     np.testing.assert_allclose(slope(places) / width, [one.period for one in orbits], rtol=1e-9)
+
+
+def _unequal_balls(rate: float) -> TraceSystem:
+    trace = {**valley(150), "turning": {"through_arc": 1, "rate": rate}}
+    return system_of(scene(trace, [ball(-0.9), ball(0.9, mass=1.3)], law="hedrih", time=30.0))
+
+
+def _before_doubling(found: Orbit) -> float:
+    """Return det(R + 1) of the map across an orbit, which is 0 where its period doubles."""
+    return float(np.linalg.det(found.reduced + np.eye(2)))
+
+
+def _next_doubling(first: Orbit, rate: float, width: float) -> tuple[Orbit, float]:
+    """Return where the orbits that branch off at a doubling double themselves.
+
+    They depart as the root x of their distance from it, rate + width x^2, along the eigenvector of
+    the multiplier -1. Starts and periods are extrapolated in x.
+    """
+    values, vectors = np.linalg.eig(first.shot.matrix)
+    side = vectors[:, np.argmin(np.abs(values + 1.0))].real
+    size = size_of(first.system, first.state) / size_of(first.system, side)
+    places, known = [0.0], [np.append(first.state, 2.0 * first.period)]
+
+    def guess(x: float) -> Floats:
+        columns = np.array(known[-4:]).T
+        powers = len(columns[0]) - 1
+        return np.array([np.polyval(np.polyfit(places[-4:], one, powers), x) for one in columns])
+
+    def at(x: float, start: Floats) -> Orbit:
+        return newton(_unequal_balls(rate + width * x**2), start[:-1], start[-1], first.energy)
+
+    def tested(x: float) -> float:
+        return _before_doubling(at(x, guess(x)))
+
+    x, step = 0.02, 0.04
+    starts = (known[0] + np.append(share * size * side, 0.0) for share in (1e-3, 3e-3, 1e-2))
+    found = next(one for one in (at(x, start) for start in starts) if gone_through_once(one) is one)
+    while _before_doubling(found) > 0.0:
+        places.append(x)
+        known.append(np.append(found.state, found.period))
+        x, step = x + step, min(1.5 * step, 0.15)
+        found = at(x, guess(x))
+    x = brentq(tested, places[-1], x, xtol=1e-13)
+    return at(x, guess(x)), rate + width * x**2
+
+
+@pytest.mark.long
+def test_periods_double_again_and_again_at_the_ratio_of_area_preserving_maps() -> None:
+    """Greene, MacKay, Vivaldi, Feigenbaum, Physica D 3 (1981) 468: 8.721097."""
+    start = find_orbit(_unequal_balls(2.0), 1, None, 30.0)
+
+    def at(rate: float) -> Orbit:
+        return newton(_unequal_balls(rate), start.state, start.period, start.energy)
+
+    rates, width = [brentq(lambda rate: _before_doubling(at(rate)), 2.0, 2.4, xtol=1e-13)], 1.0
+    found = at(rates[0])
+    for _ in range(5):
+        found, rate = _next_doubling(found, rates[-1], width)
+        width = (rate - rates[-1]) / 8.0
+        rates.append(rate)
+    assert len(found.shot.word) == 32
+    apart = np.diff(rates)
+    assert apart[-2] / apart[-1] == pytest.approx(8.721097, rel=0.005)
 
 
 @pytest.mark.parametrize("mass", [1.0, 2.0, 3.0])

@@ -244,7 +244,8 @@ class FitCommand:
         float | None,
         typer.Option(
             metavar="SECONDS",
-            help="Standard deviation of the times [default: estimated from the residuals].",
+            help="Standard deviation of the times, if they have no column error [default: "
+            "estimated from the residuals].",
         ),
     ] = None
     overrides: Annotated[
