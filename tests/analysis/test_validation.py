@@ -216,7 +216,7 @@ def _impacts_of_falling_balls(numbers: Floats, count: int) -> Floats:
     gravity, upper, k = numbers
     pull = 0.5 * gravity
     low, high, down, up = 0.51, 1.13, 2.0, -1.0  # heights over those of contact, speeds
-    t, found = 0.0, []
+    t, found = 0.0, list[float]()
     while len(found) < count:
         fall = (down + math.sqrt(down**2 + 2.0 * pull * low)) / pull
         meet = (high - low) / (down - up) if down > up else math.inf
