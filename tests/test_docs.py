@@ -157,3 +157,13 @@ def test_no_page_has_a_run_written_over_one_of_another_page() -> None:
             found.setdefault(folder, {})[tuple(kinds)] = page.name
     assert len(found) > 20
     assert [(folder, pages) for folder, pages in found.items() if len(pages) > 1] == []
+
+
+@pytest.mark.parametrize(
+    "page", [*pages(), *sorted((ROOT / "scenarios").rglob("*.toml"))], ids=lambda page: page.name
+)
+def test_paths_with_brackets_are_quoted(page: Path) -> None:
+    """zsh, the shell of macOS, takes `balls[1].rate=2.5` for a pattern that matches no file."""
+    options = r"--(?:set|vary|free|compare|column)[ =]([^\s`]+)"
+    words = re.findall(options, page.read_text(encoding="utf-8"))
+    assert [word for word in words if "[" in word and word[0] not in "'\""] == []

@@ -55,11 +55,11 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     ),
     "portrait": (
         "vibro portrait three_arcs.toml",
-        "vibro portrait three_arcs.toml --vary balls[1].radius=0.05:0.3:6",
+        "vibro portrait three_arcs.toml --vary 'balls[1].radius=0.05:0.3:6'",
     ),
     "orbit": (
         "vibro orbit falling_balls.toml --impacts 1",
-        "vibro orbit falling_balls.toml --impacts 1 --vary balls[2].mass=0.8:2.5",
+        "vibro orbit falling_balls.toml --impacts 1 --vary 'balls[2].mass=0.8:2.5'",
     ),
     "fit": ("vibro fit three_arcs.toml impacts.csv --free collision.k",),
     "grid": (

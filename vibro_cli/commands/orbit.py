@@ -36,7 +36,7 @@ class OrbitCommand:
     overrides: Annotated[
         list[str],
         set_option(
-            help="Override a value of the scenario, e.g. --set balls[2].mass=1.2; repeatable."
+            help="Override a value of the scenario, e.g. --set 'balls[2].mass=1.2'; repeatable."
         ),
     ]
     impacts: Annotated[
@@ -54,8 +54,8 @@ class OrbitCommand:
         typer.Option(
             metavar="PATH=LOW:HIGH",
             help="Follow the orbit at constant energy while a parameter of the scenario varies (SI "
-            "units, radians), e.g. --vary balls[2].mass=0.9:1.1, or while the energy (J, relative "
-            "to the trace's left end) does: --vary energy=5:20.",
+            "units, radians), e.g. --vary 'balls[2].mass=0.9:1.1', or while the energy (J, "
+            "relative to the trace's left end) does: --vary energy=5:20.",
         ),
     ] = None
     output: Annotated[

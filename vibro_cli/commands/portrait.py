@@ -215,14 +215,14 @@ class PortraitCommand:
         typer.Option(
             metavar="PATH=FROM:TO:N",
             help="Draw a family of N portraits and find where their type changes, e.g. --vary "
-            "balls[1].radius=0.05:0.3:6 (SI units, or with units: 5 cm:30 cm:6).",
+            "'balls[1].radius=0.05:0.3:6' (SI units, or with units: 5 cm:30 cm:6).",
         ),
     ] = None
     compare: Annotated[
         str | None,
         typer.Option(
             metavar="PATH=A,B,…",
-            help="Overlay a few portraits, e.g. --compare balls[1].body=particle,ball.",
+            help="Overlay a few portraits, e.g. --compare 'balls[1].body=particle,ball'.",
         ),
     ] = None
     output: Annotated[

@@ -13,10 +13,10 @@ _C: tuple[PaperRow, ...] = (
      "vibro portrait scenarios/springs/two_disks.toml",
      "`portrait_1`, `portrait_2`: 0, ∓√(l² − b²)"),
     ("C a*1, a*2", "one singular point: spring unstressed (l = b) or stressed (l < b)",
-     "vibro portrait scenarios/springs/two_disks.toml --set balls[1].spring.length=1 "
-     "--set balls[2].spring.length=1.2 -o outputs/stress", "column “spring”; `portrait_1`"),
+     "vibro portrait scenarios/springs/two_disks.toml --set 'balls[1].spring.length=1' "
+     "--set 'balls[2].spring.length=1.2' -o outputs/stress", "column “spring”; `portrait_1`"),
     ("C part 3, a*, b*", "l ≤ b or l > b: one singular point or three",
-     "vibro portrait scenarios/springs/two_disks.toml --vary balls[1].spring.length=0.5:2:4 "
+     "vibro portrait scenarios/springs/two_disks.toml --vary 'balls[1].spring.length=0.5:2:4' "
      "-o outputs/springs_family", "`family`"),
     ("C fig. 5a", "disks, springs and feet, first collision; common origin, r₂ < r₁, contact at "
      "2√(r₁r₂)", _RUN_SPRINGS,

@@ -7,14 +7,14 @@ from vibro_cli.systems.contract import PaperRow, ShownOfPapers
 _RUN_CIRCLE = "vibro run scenarios/one_circle.toml --figures scene,velocities,energy"
 _RUN_ARCS = "vibro run scenarios/three_arcs.toml --figures velocities"
 _RUN_TWO = (
-    "vibro run scenarios/one_circle.toml --set balls[1].rate=2.5 --set stop.collisions=2 "
+    "vibro run scenarios/one_circle.toml --set 'balls[1].rate=2.5' --set stop.collisions=2 "
     "--figures portrait,plan -o outputs/circle_two"
 )
 _RUN_LIMITERS = (
     "vibro run scenarios/one_circle.toml --set trace.closed=false "
     """--set 'trace.start_slope="-60 deg"' --set 'trace.arcs[1].end_slope="60 deg"' """
-    "--set ends.left.wall=0.8 --set ends.right.wall=0.8 --set balls[1].body=particle "
-    "--set balls[2].body=particle --set balls[1].rate=3.2 --set stop.collisions=6 "
+    "--set ends.left.wall=0.8 --set ends.right.wall=0.8 --set 'balls[1].body=particle' "
+    "--set 'balls[2].body=particle' --set 'balls[1].rate=3.2' --set stop.collisions=6 "
     "--figures scene,portrait -o outputs/limiters"
 )
 _RUN_LINE = "vibro run scenarios/horizontal_line_2_3.toml --figures contact_points,velocities"
@@ -29,15 +29,16 @@ _A: tuple[PaperRow, ...] = (
     ("A fig. 1a", "kinematic plan of velocities of two balls on a curved line",
      _RUN_ARCS, "`velocities`: C, P, T, v, ω, tangent"),
     ("A fig. 1b", "portraits of both balls on a circle with the jumps of their representative "
-     "points", "vibro run scenarios/one_circle.toml --set balls[1].rate=2.5 --set "
+     "points", "vibro run scenarios/one_circle.toml --set 'balls[1].rate=2.5' --set "
      "stop.collisions=3 --set collision.k=1 --figures portrait -o outputs/circle_three",
      "`portrait_1`, `portrait_2`: N₀ is the square, N before an impact "
      "open, after it full, with the number of the impact"),
     ("A fig. 2a", "model: a ball on three arcs", "vibro run scenarios/three_arcs.toml --set "
-     "balls[2].arc=2 --set balls[2].angle=0.3 --set stop.time=1 --figures scene -o outputs/model",
+     "'balls[2].arc=2' --set 'balls[2].angle=0.3' --set stop.time=1 --figures scene "
+     "-o outputs/model",
      "`scene`: O, R, C, P, φ, ψ (R₂ is A's R₀)"),
     ("A fig. 2b–d, (5)", "compositions of portraits for different radii",
-     "vibro portrait scenarios/three_arcs.toml --vary trace.arcs[2].radius=0.3:6:4",
+     "vibro portrait scenarios/three_arcs.toml --vary 'trace.arcs[2].radius=0.3:6:4'",
      "`portrait_1_2`, `family`"),
     ("A abstract, §4, end", "jumps of velocity and energy on the curves of constant energy",
      "vibro run scenarios/three_arcs.toml --set stop.collisions=8 --figures energy_portrait "
@@ -65,8 +66,8 @@ _B: tuple[PaperRow, ...] = (
      "vibro show outputs/translation/collisions.parquet --columns speed_a_post,speed_b_post",
      "−1/3 and 5/3 m/s"),
     ("B fig. 2", "possible contact points of equal balls",
-     "vibro run scenarios/horizontal_line_1_2.toml --set balls[2].radius=0.2 --set "
-     "balls[2].omega=-1 --figures contact_points -o outputs/equal", "`contact_points`"),
+     "vibro run scenarios/horizontal_line_1_2.toml --set 'balls[2].radius=0.2' --set "
+     "'balls[2].omega=-1' --figures contact_points -o outputs/equal", "`contact_points`"),
     ("B figs 3a–d, 4", "the same of balls of different radii: T₀ above the centre of the smaller, "
      "below that of the larger", _RUN_LINE, "`contact_points`"),
     ("B fig. 5, fig. A1b", "component velocities at T₀, arrival and outgoing; rolling bodies",
@@ -81,8 +82,8 @@ _B: tuple[PaperRow, ...] = (
     ("B II.2, first and second *", "k = 0: equal ω after it; k = 1",
      "vibro report outputs/horizontal_line_2_3", _TABLE_1 + ", its last two rows"),
     ("B II.2, third *", "J₁ω₁ + J₂ω₂ = 0 gives ω⁺ = −kω",
-     "vibro run scenarios/horizontal_line_2_3.toml --set balls[1].omega=32 --set "
-     "balls[2].omega=-243 --set collision.k=0.9 -o outputs/opposite", "−28.8 and 218.7 rad/s"),
+     "vibro run scenarios/horizontal_line_2_3.toml --set 'balls[1].omega=32' --set "
+     "'balls[2].omega=-243' --set collision.k=0.9 -o outputs/opposite", "−28.8 and 218.7 rad/s"),
     ("B example a*", "ratios 1/33, 32/33", "vibro run scenarios/horizontal_line_1_2.toml",
      "`omega_[ab]_post`: 31/33, 64/33 rad/s"),
     ("B example b*", "ratios 1/244, 243/244", "vibro run scenarios/horizontal_line_1_3.toml",
@@ -109,7 +110,7 @@ _B: tuple[PaperRow, ...] = (
     ("B III.3.2", "directions after an impact", "vibro show outputs/one_circle/collisions.parquet "
      "--columns n,speed_a_post,speed_b_post", "signs of `speed_[ab]_post`"),
     ("B III.3.5", "closed and open trajectories, separatrix; jumps between them",
-     "vibro run scenarios/one_circle.toml --set balls[1].rate=5 --set collision.k=1 --set "
+     "vibro run scenarios/one_circle.toml --set 'balls[1].rate=5' --set collision.k=1 --set "
      "stop.collisions=12 --figures energy_portrait -o outputs/progressive",
      "`energy_portrait_2`; `regime_[ab]_pre`, `_post`"),
     ("B III.3.5", "the same as a table", "vibro report outputs/progressive",
@@ -119,8 +120,8 @@ _B: tuple[PaperRow, ...] = (
     ("B fig. 9", "configurations at the first two impacts", _RUN_TWO, "`plan`"),
     ("B III.3.6", "energy jumps of both balls", _RUN_CIRCLE, "`energy`"),
     ("B appendix", "m v̇ = F, J_P ω̇ = M: a particle and a ball under gravity on an inclined line",
-     "vibro run scenarios/falling_balls.toml --set trace.arcs[1].length=4 --set "
-     "balls[2].body=ball --set stop.collisions=6 --figures scene,energy_portrait -o "
+     "vibro run scenarios/falling_balls.toml --set 'trace.arcs[1].length=4' --set "
+     "'balls[2].body=ball' --set stop.collisions=6 --figures scene,energy_portrait -o "
      "outputs/inclined",
      "`scene`; `energy_portrait_1`, `_2`: v² falls by 2 g s sin 30°, of the ball by 5/7 of it"),
     ("B references 28, 29 (cited)", "two particles on a circle between impact limiters, here "
@@ -132,9 +133,10 @@ _D: tuple[PaperRow, ...] = (
      "vibro run scenarios/lone_particle.toml --figures scene,energy_portrait", "`scene`"),
     ("D fig. 1b, (3), (4)", "a ball or disk on the same arcs", _RUN_DISKS, "`scene`"),
     ("D fig. 1c–e", "compositions of portraits for different radii",
-     "vibro portrait scenarios/ball_on_arcs.toml --vary trace.arcs[2].radius=0.3:6:4", "`family`"),
+     "vibro portrait scenarios/ball_on_arcs.toml --vary 'trace.arcs[2].radius=0.3:6:4'",
+     "`family`"),
     ("D analogy", "particle, disk and ball on one trace",
-     "vibro portrait scenarios/particle_on_arcs.toml --compare balls[1].body=particle,disk,ball",
+     "vibro portrait scenarios/particle_on_arcs.toml --compare 'balls[1].body=particle,disk,ball'",
      "`comparison`"),
     ("D analysis", "trigger, saddle, homoclinic figure eight and its condition "
      "(R − r)(1 − cos θ) ≥ (R + R₀)(1 − cos J), θ at the ends of the trace, J at the junctions",
