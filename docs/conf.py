@@ -27,8 +27,8 @@ html_copy_source = False
 html_show_copyright = False
 html_static_path = ["site.css"]
 html_css_files = ["site.css"]
-# Quotation marks and ellipses, but no dashes: the tables of options have `--set` outside backticks.
-smartquotes_action = "qe"
+# The tables of options have commands outside backticks, whose hyphens and quotation marks are copied.
+smartquotes = False
 
 
 def setup(app: Sphinx) -> None:

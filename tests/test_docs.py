@@ -112,8 +112,8 @@ def test_every_page_can_be_reached() -> None:
 
 
 @pytest.mark.long
-def test_the_site_shows_every_option_with_its_two_hyphens(tmp_path: Path) -> None:
-    """Typographers' quotation marks must not turn the hyphens of a table of options to a dash."""
+def test_the_site_shows_every_option_as_it_is_typed(tmp_path: Path) -> None:
+    """No dash for its two hyphens, and no typographers' quotation marks, which no shell knows."""
     for library in ("sphinx", "myst_nb", "furo"):
         pytest.importorskip(library)
     page = (ROOT / "docs/reference-commands.md").read_text(encoding="utf-8")
@@ -123,9 +123,13 @@ def test_the_site_shows_every_option_with_its_two_hyphens(tmp_path: Path) -> Non
     subprocess.run([*build, "pages", "site"], cwd=tmp_path, check=True, capture_output=True)
     _, _, site = (tmp_path / "site/index.html").read_text(encoding="utf-8").partition("<article")
     shown = unescape(re.sub(r"<[^>]*>", "", site.partition("</article>")[0]))
-    written = re.findall(r"--[a-z][a-z-]*", re.sub(r"<!--.*?-->", "", page))
+    page = re.sub(r"<!--.*?-->", "", page)
+    written = re.findall(r"--[a-z][a-z-]*", page)
     assert len(written) > 100
     assert re.findall(r"--[a-z][a-z-]*", shown) == written
+    quoted = re.findall(r"'[a-z]+\[\d\][^']*'", page)
+    assert len(quoted) > 5
+    assert re.findall(r"'[a-z]+\[\d\][^']*'", shown) == quoted
 
 
 def runs_written(text: str) -> Iterator[tuple[str, tuple[str, ...]]]:
