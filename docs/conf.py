@@ -27,7 +27,7 @@ html_copy_source = False
 html_show_copyright = False
 html_static_path = ["site.css"]
 html_css_files = ["site.css"]
-# The tables of options have commands outside backticks, whose hyphens and quotation marks are copied.
+# The tables of options have commands outside backticks: hyphens and quotation marks stay as typed.
 smartquotes = False
 
 

@@ -196,18 +196,21 @@ def test_closed_streams(
     assert (outcome.returncode, outcome.stdout, outcome.stderr) == (code, "", words)
 
 
-def test_a_shell_whose_folder_a_run_has_replaced_learns_how_to_enter_it(
-    scenario: Path, tmp_path: Path
+@pytest.mark.parametrize("command", ["run", "portrait"])
+def test_a_shell_whose_folder_is_replaced_learns_how_to_enter_it(
+    scenario: Path, tmp_path: Path, command: str
 ) -> None:
-    run = "mkdir results && cd results && $V run ../small.toml --no-figures -o ."
-    left = shell(f"{run} 2>&1; ls; $V report . 2>&1", tmp_path)
-    assert 'next       cd "$PWD" && vibro report .\n' in left.stdout
-    assert left.stdout.endswith(
-        'vibro: the working directory was removed or replaced; enter it again: cd "$PWD"\n'
-    )
+    enter = 'enter it again: cd "$PWD"\n'
+    write = f"mkdir results && cd results && $V {command} ../small.toml -o ."
+    left = shell(f"{write} --no-figures; ls; $V report .", tmp_path)
+    said = f"vibro: the working directory is a new folder; {enter}"
+    assert said in left.stderr
+    assert left.stderr.endswith(f"vibro: the working directory was removed or replaced; {enter}")
     (tmp_path / "results").rename(tmp_path / "earlier")
-    entered = shell(f'{run} -q && cd "$PWD" && $V verify .', tmp_path)
+    entered = shell(f'{write} --no-figures -q && cd "$PWD" && $V verify .', tmp_path)
     assert (entered.returncode, entered.stderr[:9]) == (0, ".: intact")
+    outside = shell(f"$V {command} small.toml -o results --no-figures", tmp_path)
+    assert said not in outside.stderr
 
 
 def test_no_file_takes_the_place_of_a_closed_stream(scenario: Path, tmp_path: Path) -> None:

@@ -264,22 +264,17 @@ def _put_in_place(partial: Path, target: Path) -> None:
     if not target.exists():
         os.rename(partial, target)
         return
-    stays = is_working_directory(target)
+    try:
+        is_working_directory = target.samefile(".")
+    except PermissionError:  # it may not be entered, as after a change of the user
+        is_working_directory = False
     if not _exchange(partial, target):
         aside = target.with_name(f".{target.name}.partial-{secrets.token_hex(6)}")
         os.rename(target, aside)
         os.rename(partial, target)
         os.rename(aside, partial)
-    if stays:  # the process would be left in the old folder, which is removed
+    if is_working_directory:  # the process would be left in the old folder, which is removed
         os.chdir(target)
-
-
-def is_working_directory(folder: Path) -> bool:
-    """Return whether a folder is the working directory of this process."""
-    try:
-        return folder.samefile(".")
-    except OSError:  # it does not exist, or may not be entered, as after a change of the user
-        return False
 
 
 def _free_name(target: Path) -> Path:

@@ -199,8 +199,12 @@ def reason(error: OSError) -> str:
     if error.errno == errno.EBADF and not error.filename:
         text = "standard output is closed"
     if error.errno == errno.ENOENT and not error.filename and _is_nowhere():
-        text = 'the working directory was removed or replaced; enter it again: cd "$PWD"'
+        text = f"the working directory was removed or replaced; {_ENTER}"
     return " ".join((f"{error.filename}: {text}" if error.filename else text).split())
+
+
+_ENTER = 'enter it again: cd "$PWD"'
+"""A command changes its own working directory, not that of the shell."""
 
 
 def _is_nowhere() -> bool:
@@ -210,6 +214,14 @@ def _is_nowhere() -> bool:
     except FileNotFoundError:
         return True
     return False
+
+
+def _working_directory() -> int | None:
+    """Return the number of the working directory, None if it may not be entered."""
+    try:
+        return os.stat(os.curdir).st_ino
+    except PermissionError:  # as after a change of the user
+        return None
 
 
 def _done(parse: Callable[[], Task]) -> int:
@@ -223,7 +235,10 @@ def _done(parse: Callable[[], Task]) -> int:
         if _struck:  # Typer returns an exit code in place of the task
             raise _struck[0]
     with upon_signals(terminate), _signals_not_lost():
+        before = _working_directory()
         code = task()
+        if _working_directory() != before:  # replaced by a folder of results, as with `-o .`
+            say(f"vibro: the working directory is a new folder; {_ENTER}", "warning")
         try:
             sys.stdout.flush()
         except BrokenPipeError:

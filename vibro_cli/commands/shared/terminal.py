@@ -171,14 +171,6 @@ def report_command(folder: Path) -> str:
     return f"vibro report {shlex.quote(printable(str(folder)))}"
 
 
-def _next_command(folder: Path) -> str:
-    """Return what to do with the new folder of a run; a shell in it is left in the old one."""
-    from vibro_cli.storage.files import is_working_directory
-
-    enter = 'cd "$PWD" && ' if is_working_directory(folder) else ""
-    return enter + report_command(folder)
-
-
 def summary_text(
     name: str,
     record: Mapping[str, Any],
@@ -203,7 +195,7 @@ def summary_text(
         if "lyapunov_1" in record:
             items["exponents"] = _exponents(record)
     if folder is not None:
-        items |= {"files": printable(str(folder)), "next": _next_command(folder)}
+        items |= {"files": printable(str(folder)), "next": report_command(folder)}
     if record["end_cause"] == "inadmissible":
         items["hint"] = INADMISSIBLE_HINT
     return "\n".join(lines_of(f"{name}: {_ending(record)}", items))
