@@ -24,7 +24,7 @@ from vibro_cli.kernels.world import Flight, World
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.numerics.elementwise import greatest_of
 from vibro_cli.systems import driver
-from vibro_cli.systems.driver import Driver, joined, records_of, zeros
+from vibro_cli.systems.driver import Driver, joined, record_array, records_of, zeros
 from vibro_cli.systems.run import Stretch, Stretches
 from vibro_cli.systems.trace.motion import last_of_each
 from vibro_cli.systems.trace.world import make_world as make_world  # a part of every system.py
@@ -118,9 +118,6 @@ def under_way(logs: Mapping[str, Any]) -> dict[str, Any]:
 
 def earliest_unlogged(pairs: Any) -> float:
     """Return the earliest time (s) of a beginning or end of lasting contact not yet logged."""
-    if isinstance(pairs, np.ndarray):
-        open_ones = pairs[pairs["held"] != pairs["logged"]]
-        times = (open_ones["change_t"] + open_ones["delay"]).tolist()
-    else:
-        times = [pair.change_t + pair.delay for pair in pairs if pair.held != pair.logged]
-    return min(times, default=np.inf)
+    records = record_array(pairs, LOOP.records["pairs"])
+    open_ones = records[records["held"] != records["logged"]]
+    return float(np.min(open_ones["change_t"] + open_ones["delay"], initial=np.inf))
