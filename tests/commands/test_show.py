@@ -111,8 +111,13 @@ def test_of_a_long_table_no_more_than_a_group_of_rows_is_there(
         read.append(len(groups))
         return real(file, groups, columns)
 
-    real = tables._of_groups
+    def read_beginning(file: Any, group: Any, rows: Any, columns: Any) -> pa.Table:
+        read.append(1)
+        return real_beginning(file, group, rows, columns)
+
+    real, real_beginning = tables._of_groups, tables._beginning
     monkeypatch.setattr(tables, "_of_groups", read_groups)
+    monkeypatch.setattr(tables, "_beginning", read_beginning)
     options = {"json": ["--json"], "text": []}.get(form, ["--format", form])
     outcome = vibro("show", "long.parquet", "--rows", rows, *options)
     assert outcome.code == 0

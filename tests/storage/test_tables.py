@@ -153,6 +153,7 @@ def test_rows_are_read_from_the_groups_they_are_in(tmp_path: Path) -> None:
         slice(-3, None),
         slice(99, 200),
         slice(7, 7),
+        slice(50, 35),
         slice(200, 300),
     ):
         first, last, _ = rows.indices(100)
@@ -160,6 +161,23 @@ def test_rows_are_read_from_the_groups_they_are_in(tmp_path: Path) -> None:
             found = pa.concat_tables(rows_by_group(tmp_path / "table.parquet", rows, columns))
             expected = table if columns is None else table.select(columns)
             assert found.equals(expected.slice(first, last - first))
+
+
+def test_of_a_group_only_the_pages_up_to_the_last_row_are_read(tmp_path: Path) -> None:
+    table = pa.table({"x": [n / 7 for n in range(10_000)]})
+    file = tmp_path / "table.parquet"
+    pq.write_table(
+        table, file, data_page_size=1000, write_page_checksum=True, use_dictionary=False,
+        compression="none",
+    )  # fmt: skip
+    data = bytearray(file.read_bytes())
+    last = pq.read_metadata(file).row_group(0).column(0)
+    data[last.data_page_offset + last.total_compressed_size - 100] ^= 1
+    file.write_bytes(data)
+    (found,) = rows_by_group(file, slice(20, 30))
+    assert found.equals(table.slice(20, 10))
+    with pytest.raises(OSError, match="CRC"):
+        list(rows_by_group(file, slice(9_990, None)))
 
 
 def test_an_empty_table_is_written_with_its_schema() -> None:

@@ -264,17 +264,30 @@ def rows_by_group(
 ) -> Iterator[pa.Table]:
     """Yield some rows of a Parquet file, one table per group of rows, and at least one table.
 
-    `columns` are by default all. Only the required groups are read and verified; raises as
-    `read_parquet`.
+    `columns` are by default all. Of the required groups only pages up to the last row are read and
+    verified; raises as `read_parquet`.
     """
     with _opened(source) as file:
         first, last, _ = rows.indices(file.metadata.num_rows)
+        last = max(first, last)
         begins = _groups_of(file, first, last)
         if not begins:
             yield _of_groups(file, [], columns)
         for group, begin in begins.items():
             start = max(first - begin, 0)
-            yield _of_groups(file, [group], columns).slice(start, max(last - begin - start, 0))
+            yield _beginning(file, group, last - begin, columns).slice(start, last - begin - start)
+
+
+def _beginning(
+    file: pq.ParquetFile, group: int, rows: int, columns: Sequence[str] | None
+) -> pa.Table:
+    """Return the rows of a group up to a number of them."""
+    rows = min(rows, file.metadata.row_group(group).num_rows)
+    parts: list[pa.RecordBatch] = []
+    batches = file.iter_batches(rows, [group], columns)
+    while sum(part.num_rows for part in parts) < rows:
+        parts.append(next(batches))
+    return _in_order(pa.Table.from_batches(parts), columns)
 
 
 class FileTable:
@@ -367,7 +380,12 @@ def _groups_of(file: pq.ParquetFile, first: int, last: int) -> dict[int, int]:
 def _of_groups(
     file: pq.ParquetFile, groups: Sequence[int], columns: Sequence[str] | None
 ) -> pa.Table:
-    found = once_each(file.read_row_groups(groups, columns))
+    return _in_order(file.read_row_groups(groups, columns), columns)
+
+
+def _in_order(found: pa.Table, columns: Sequence[str] | None) -> pa.Table:
+    """Return a table that was read, with its columns in the order asked for."""
+    once_each(found)
     return found if columns is None else found.select(list(columns))
 
 
