@@ -18,10 +18,10 @@ def texts(figure: Figure) -> list[Text]:
 
 
 def assert_texts_are_apart(figure: Figure) -> None:
-    """Draw a figure and check that the boxes of its texts do not overlap."""
+    """Lay out a figure and check that the boxes of its texts do not overlap."""
     canvas: Any = FigureCanvasAgg(figure)  # its methods have no types
     with journal():
-        canvas.draw()
+        figure.draw_without_rendering()
         boxes = [(text, text.get_window_extent(canvas.get_renderer())) for text in texts(figure)]
     across, along = figure.bbox.width, figure.bbox.height
     for number, (text, box) in enumerate(boxes):
