@@ -18,6 +18,7 @@ import pyarrow as pa
 import pytest
 
 from tests.commands.conftest import ByHand, Outcome, Vibro
+from tests.commands.processes import call
 from tests.grids.kill import content
 from tests.two_balls import SCENARIO
 from vibro_cli import api, interface
@@ -30,6 +31,7 @@ from vibro_cli.storage.tables import read_parquet
 from vibro_cli.systems import driver
 
 GALLERY = Path(__file__).parents[2] / "scenarios"
+TWO_DISKS = GALLERY / "springs/two_disks.toml"
 INTERRUPTED = """
 import sys, time
 sys.path.insert(0, {root!r})
@@ -545,9 +547,9 @@ def test_a_run_that_is_continued_has_the_same_kinds_of_figures(
         more = ("--set", f"stop.collisions={stop}", "-q", *options)
         return vibro("run", "--continue", "run", *more).code
 
-    path = GALLERY / "springs/two_disks.toml"  # one with a table of its motion beside the figure
+    # One with a table of its motion beside the figure.
     few = ("--set", "stop.collisions=2", "--set", "output.step=0.1", "-o", "run", "-q")
-    assert vibro("run", path, *few, "--figures", "portrait,energy").code == 0
+    assert vibro("run", TWO_DISKS, *few, "--figures", "portrait,energy").code == 0
     assert (tmp_path / "run/motion.parquet").exists()
     before = drawn()
     assert before == ["energy", "portrait_1", "portrait_2"]
@@ -557,12 +559,24 @@ def test_a_run_that_is_continued_has_the_same_kinds_of_figures(
     assert (to(6), drawn()) == (0, [])
 
 
+@pytest.fixture(scope="module")
+def uninterrupted(tmp_path_factory: pytest.TempPathFactory) -> dict[int, dict[str, bytes]]:
+    """The files of runs of 2 and of 3 impacts, with figures."""
+    folder, found = tmp_path_factory.mktemp("uninterrupted"), {}
+    for stop in (2, 3):
+        asked = ("--set", f"stop.collisions={stop}", "--figures", "motion,energy", "-o", str(stop))
+        assert call(folder, "run", str(TWO_DISKS), *asked).returncode == 0
+        found[stop] = content(folder / str(stop))
+    return found
+
+
 @pytest.mark.parametrize("early", [False, True])
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_a_signal_does_not_wait_for_figures_and_loses_no_table(
     vibro: Vibro,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
+    uninterrupted: dict[int, dict[str, bytes]],
     number: signal.Signals,
     code: int,
     early: bool,
@@ -584,8 +598,8 @@ def test_a_signal_does_not_wait_for_figures_and_loses_no_table(
     monkeypatch.setattr(interface, "figures_of", figures_of)
     if early:
         monkeypatch.setattr(api, "simulate_streamed", simulate_streamed)
-    path, few = GALLERY / "springs/two_disks.toml", ("--set", "stop.collisions=2")
-    outcome = vibro("run", path, *few, "--figures", "portrait,energy", "-o", "run")
+    few = ("--set", "stop.collisions=2")
+    outcome = vibro("run", TWO_DISKS, *few, "--figures", "motion,energy", "-o", "run")
     assert outcome.code == code
     assert outcome.err.endswith("; finished results are kept, two_disks without figures\n")
     assert begun == (not early)
@@ -594,12 +608,9 @@ def test_a_signal_does_not_wait_for_figures_and_loses_no_table(
     assert vibro("verify", "run").code == 0
     shutil.copytree("run", "ended")
     assert vibro("run", "--continue", "ended", "-q").code == 0
-    assert vibro("run", path, *few, "-q", "--figures", "portrait,energy", "-o", "drawn").code == 0
-    assert content(tmp_path / "ended") == content(tmp_path / "drawn")
-    more = ("--set", "stop.collisions=3", "-q")
-    assert vibro("run", "--continue", "run", *more).code == 0
-    assert vibro("run", path, *more, "--figures", "portrait,energy", "-o", "whole").code == 0
-    assert content(tmp_path / "run") == content(tmp_path / "whole")
+    assert content(tmp_path / "ended") == uninterrupted[2]
+    assert vibro("run", "--continue", "run", "--set", "stop.collisions=3", "-q").code == 0
+    assert content(tmp_path / "run") == uninterrupted[3]
 
 
 def test_an_unknown_figure_is_refused_before_anything_runs(vibro: Vibro, tmp_path: Path) -> None:
