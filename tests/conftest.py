@@ -46,6 +46,16 @@ def _stop(*_: object) -> None:
 
 
 @pytest.fixture
+def undrawn() -> Iterator[None]:
+    """Make figures without rendering them, where nobody looks at them."""
+    picture = b"\x89PNG"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("vibro_cli.figures.style.render", lambda *_, **__: picture)
+        patch.setattr("vibro_cli.report.content.pictures_of", lambda runs, _: [[] for _ in runs])
+        yield
+
+
+@pytest.fixture
 def no_hang() -> Iterator[None]:
     """Stop a test after two minutes of the processor (however long they are on the wall).
 

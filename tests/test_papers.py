@@ -31,9 +31,7 @@ from vibro_cli.analysis.singular import portrait_of
 from vibro_cli.assemble import build_any
 from vibro_cli.commands.app import run_command_line
 from vibro_cli.commands.help import LETTERS, commands_of_papers, rows_of
-from vibro_cli.figures import style
 from vibro_cli.mechanics.reachability import contact_angle
-from vibro_cli.report import content as report_content
 from vibro_cli.report.papers import series_rows, time_between, turning_points
 from vibro_cli.scenario import load_any
 from vibro_cli.storage.stored import open_run
@@ -566,16 +564,8 @@ def test_the_three_arcs_that_turn_open_their_figure_eight(ends: float, printed: 
 # The page
 
 
-@pytest.fixture
-def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Make figures without rendering them: the rendering is tested elsewhere."""
-    picture = b"\x89PNG"
-    monkeypatch.setattr(style, "render", lambda *_, **__: picture)
-    monkeypatch.setattr(report_content, "pictures_of", lambda runs, _: [[] for _ in runs])
-
-
+@pytest.mark.usefixtures("undrawn")
 def test_every_command_of_the_page_runs(
-    undrawn: None,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],

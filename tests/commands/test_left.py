@@ -82,6 +82,7 @@ def test_nothing_is_written_while_the_command_line_is_parsed(
     assert (outcome.code, outcome.err) == (130, "vibro: interrupted; nothing was written\n")
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_page_that_is_written_is_kept(
     vibro: Vibro, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

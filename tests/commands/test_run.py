@@ -527,6 +527,7 @@ FIGURES = {
 }
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize("name", FIGURES)
 def test_the_figures_that_are_named_are_drawn(vibro: Vibro, tmp_path: Path, name: str) -> None:
     wanted = FIGURES[name]
@@ -537,6 +538,7 @@ def test_the_figures_that_are_named_are_drawn(vibro: Vibro, tmp_path: Path, name
     assert drawn == set(wanted)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_run_that_is_continued_has_the_same_kinds_of_figures(
     vibro: Vibro, tmp_path: Path
 ) -> None:
@@ -620,6 +622,7 @@ def test_an_unknown_figure_is_refused_before_anything_runs(vibro: Vibro, tmp_pat
     assert not (tmp_path / "run").exists()
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_figure_that_is_named_and_shows_nothing_is_told(vibro: Vibro, tmp_path: Path) -> None:
     few = ("--set", "stop={collisions = 1}", "-o", "run", "--force")
     path = GALLERY / "turning_circle.toml"
@@ -664,6 +667,7 @@ def _expect_impacts_often(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(driver, "QUIET_ROWS", 100)
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize("engine", ["compiled", "python"])
 def test_a_run_that_waits_too_long_for_an_impact_keeps_those_before(
     vibro: Vibro, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, engine: str
@@ -680,10 +684,18 @@ def test_a_run_that_waits_too_long_for_an_impact_keeps_those_before(
     assert 0 < kept.num_rows < 5
     assert kept.equals(whole.slice(0, kept.num_rows))
     assert json.loads(Path("part/summary.json").read_text())["end_cause"] == "interrupted"
-    assert vibro("report", "part", "-q").code == 0
     monkeypatch.undo()
     assert vibro("run", "--continue", tmp_path / "part", "-q", "-o", tmp_path / "on").code == 0
     assert read_parquet(tmp_path / "on/collisions.parquet").equals(whole)
+
+
+def test_what_is_kept_of_a_run_that_waits_too_long_has_a_report(
+    vibro: Vibro, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "round.toml").write_text(GOING_ROUND)
+    _expect_impacts_often(monkeypatch)
+    assert vibro("run", "round.toml", "-q", "-o", "part").code == 2
+    assert vibro("report", "part", "-q").code == 0
 
 
 def test_a_run_that_never_has_an_impact_leaves_no_folder(
