@@ -80,6 +80,14 @@ def _differences(found: Orbit) -> Floats:
     return np.column_stack(columns)
 
 
+def _place_of_fold(branch: Branch) -> float:
+    """Return where the only fold lies between the orbits beside it in the table, from 0 to 1."""
+    (fold,) = (one for one in branch.special if one.kind == "fold")
+    before, beyond = branch.points[fold.after : fold.after + 2]
+    chord = beyond.along - before.along
+    return float(chord @ (fold.point.along - before.along) / (chord @ chord))
+
+
 @pytest.fixture(scope="module")
 def folded() -> tuple[Orbit, Branch]:
     """The family of two hoops in a valley, which turns back at the least gravity."""
@@ -121,6 +129,7 @@ def test_a_family_turns_back_where_its_orbit_is_its_own_reversal() -> None:
     assert np.abs(turn.orbit.state[1::2]).max() < 1e-3  # of 1 m/s at the ends
     assert np.trace(_differences(turn.orbit)) == pytest.approx(4.0, abs=1e-4)
     assert turn.value <= min(point.value for point in family.points)
+    assert 0.0 <= _place_of_fold(family) <= 1.0
     one, other = family.points[0].orbit, family.points[-1].orbit
     assert other.period == pytest.approx(one.period, abs=1e-9)
     assert other.state == pytest.approx(one.state * [1.0, -1.0, 1.0, -1.0], abs=1e-9)
@@ -150,6 +159,7 @@ def test_a_family_turns_back_where_its_orbit_is_its_own_mirror_image(
     assert [one.kind for one in family.special] == ["bound", "fold", "bound"]
     turn = family.special[1].point
     assert turn.value == pytest.approx(9.8125653, abs=1e-6)
+    assert 0.0 <= _place_of_fold(family) <= 1.0
     assert np.trace(_differences(turn.orbit)) == pytest.approx(4.0, abs=1e-4)
     length = 2.0 * 0.9 * (0.7 + 1.2) + (0.9 + 2.0 * 0.6) * 1.4  # of the path of a centre
     one, other = family.points[0].orbit, family.points[-1].orbit
