@@ -242,17 +242,20 @@ def test_a_family_of_very_many_orbits_ends_as_such(monkeypatch: pytest.MonkeyPat
 
 
 @pytest.mark.long
-def test_two_changes_within_one_step_are_found(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(("kind", "number"), [("doubling", -1.0), ("exchange", 1.0)])
+def test_two_changes_within_one_step_are_found(
+    monkeypatch: pytest.MonkeyPatch, kind: str, number: float
+) -> None:
     """The distance is below zero on only a twentieth of a step."""
 
     def distance(found: Orbit, at: float) -> float:
-        return (found.system.bodies[1].mass - 1.503) ** 2 - 1e-6 if at < 0.0 else 1.0
+        return (found.system.bodies[1].mass - 1.503) ** 2 - 1e-6 if at == number else 1.0
 
     monkeypatch.setattr(orbit_branch, "_distance", distance)
     scenario = example("falling_balls")
     first = orbit(scenario, impacts=1)
     family = orbit_family(scenario, first, "balls[2].mass", 0.8, 1.9)
-    assert [one.kind for one in family.special] == ["bound", "doubling", "doubling", "bound"]
+    assert [one.kind for one in family.special] == ["bound", kind, kind, "bound"]
     values = [one.point.value for one in family.special[1:3]]
     assert values == pytest.approx([1.502, 1.504], abs=1e-10)
 
