@@ -82,6 +82,18 @@ def test_lines_and_arcs() -> None:
     check(trace, 0.07)
 
 
+def test_level_pieces_of_one_height_have_the_same_number() -> None:
+    """Bodies may creep along them with energies far below the rounding of a height."""
+    shapes = [
+        ArcShape("valley", radius=0.8571, end_slope=0.0), ArcShape("line", length=0.3708),
+        ArcShape("line", length=1.1), ArcShape("valley", radius=1.0 / 3.0, end_slope=0.6),
+    ]  # fmt: skip
+    for radius in (0.0, 0.0127, 0.1):
+        valley, *lines, other = heights(Trace.chain(-0.6, shapes), radius)
+        assert lines == [(0.0, 0.0), (0.0, 0.0)]
+        assert valley[0] == other[0] == 0.0
+
+
 @pytest.mark.parametrize("turn", [math.pi, 1.5 * math.pi])
 def test_most_of_a_circle(turn: float) -> None:
     check(Trace.chain(-turn, [ArcShape("valley", radius=1.0, end_slope=0.9)]), 0.2)

@@ -1,8 +1,9 @@
 """The potential of a body on the trace: heights of pieces, and arcs of a rotating trace.
 
 Near a crest a body's kinetic energy is a small difference of heights, and would keep few digits if
-the heights were summed in doubles. So the heights are summed along the pieces in 50 decimal digits,
-and each height above the body's lowest place is rounded once.
+the heights were summed in doubles. So the heights are summed along the pieces in 70 decimal digits,
+which hold radii and lengths of ordinary size exactly, and each height above the body's lowest place
+is rounded once: level pieces of one height have the same number.
 
 On an arc of a trace that rotates about a vertical axis, ``V = S^2 - tilt S C - spread S^2 C^2``
 (see ``kernels.flow.rotating_flow``). This is a trigonometric polynomial of degree 2 in the angle;
@@ -21,7 +22,7 @@ from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.mechanics.trace import Piece, Trace
 from vibro_cli.numerics import elementwise
 
-_DIGITS = 50
+_DIGITS = 70
 _CERTAIN_DIGITS = 40
 _PI = Decimal("3.14159265358979323846264338327950288419716939937510582097494459230781640628620900")
 
@@ -90,28 +91,37 @@ def _extremes(trace: Trace, radius: Any) -> list[tuple[Any, Any, Any]]:
     return found
 
 
-def _sine(slope: float) -> Decimal:
-    return _cosine_of(Decimal(slope) - _PI / 2)
-
-
 @lru_cache(maxsize=4096)  # the scenarios of a grid have the same slopes again and again
+def _sine(slope: float) -> Decimal:
+    """Return the sine, near 0 with all digits: that of a level line is exactly 0."""
+    x = _within_half_a_turn(slope) / 27
+    total = _series(x, x, 1)
+    for _ in range(3):
+        total = 3 * total - 4 * total**3
+    return total
+
+
+@lru_cache(maxsize=4096)
 def _cosine(slope: float) -> Decimal:
-    return _cosine_of(Decimal(slope))
-
-
-def _cosine_of(x: Decimal) -> Decimal:
-    """Return the cosine from its series, after reduction to [-pi, pi] and three halvings."""
-    x -= 2 * _PI * (x / (2 * _PI)).to_integral_value()
-    x /= 8
-    square = x * x
-    term = total = Decimal(1)
-    n = 0
-    while abs(term) > Decimal(10) ** -(_DIGITS + 2):
-        n += 2
-        term = -term * square / (n * (n - 1))
-        total += term
+    total = _series(Decimal(1), _within_half_a_turn(slope) / 8, 0)
     for _ in range(3):
         total = 2 * total * total - 1
+    return total
+
+
+def _within_half_a_turn(slope: float) -> Decimal:
+    """Return a slope less whole turns, within [-pi, pi]."""
+    x = Decimal(slope)
+    return x - 2 * _PI * (x / (2 * _PI)).to_integral_value()
+
+
+def _series(term: Decimal, x: Decimal, power: int) -> Decimal:
+    """Return the Taylor series of sine or cosine at x from its first term, of the given power."""
+    total = term
+    while abs(term) > abs(total) * Decimal(10) ** -(_DIGITS + 2):
+        power += 2
+        term = -term * x * x / (power * (power - 1))
+        total += term
     return total
 
 

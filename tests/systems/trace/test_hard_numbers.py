@@ -54,6 +54,25 @@ def test_bodies_on_level_lines_meet_when_they_should(name: str, known: list[floa
     assert impacts_of(run_of(name))["t"][: len(known)] == pytest.approx(known, rel=1e-12)
 
 
+def test_a_body_creeps_along_a_level_line_at_the_speed_that_its_walls_leave() -> None:
+    """Each wall takes all but 2^-10 of the speed, a power of two, which is kept to the next."""
+    scenario = {
+        "gravity": 9.81,
+        "trace": {"start_slope": 0.0, "arcs": [{"shape": "line", "length": 2.0}] * 3},
+        "balls": [{"radius": 0.1, "mass": 1.0, "arc": 1, "position": 0.1, "speed": 1.0}],
+        "ends": {"left": {"wall": 2.0**-10}, "right": {"wall": 2.0**-10}},
+        "stop": {"time": 1e60},
+    }
+    events = solve_any(scenario, "python").events
+    walls = events["event"] == "wall"
+    assert walls.sum() == 20
+    speeds = [(-1.0) ** n * 2.0 ** (-10 * n) for n in range(21)]
+    assert events["value"][walls].tolist() == speeds[:-1]
+    assert events["speed"][walls].tolist() == speeds[1:]
+    times = np.cumsum([5.8 * 2.0 ** (10 * n) for n in range(20)])
+    np.testing.assert_allclose(events["t"][walls], times, rtol=1e-15)
+
+
 def test_a_body_crosses_the_underside_of_a_hump_at_once() -> None:
     run = run_of("hump_upside_down")
     crossings = run.events["t"][run.events["event"] == "crossing"]
