@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 
 from vibro_cli.compile.kernel import kernel
-from vibro_cli.kernels.cluster.trace_forces import normal_force_now
+from vibro_cli.kernels.cluster.trace_forces import UNEQUAL, normal_force_now
 from vibro_cli.kernels.contact.contact_kinematics import line_of_centres, tangent
 from vibro_cli.kernels.flow.flight import (
     LIFT_OFF,
@@ -90,10 +90,6 @@ def force_coefficients(
     share = share_of_left(world, first, count, bodies_left)
     rest = 1.0 - share
     return share * left_u - rest * right_u, share * left_v - rest * right_v
-
-
-# The balance of bodies that are heavier than the others by this has too much rounding to count.
-UNEQUAL = 50.0
 
 
 @kernel

@@ -81,6 +81,10 @@ def is_pendulum(flight: Flight) -> bool:
     return flight.form != POLYNOMIAL and flight.frequency != 0.0 and flight.at_rest == 0
 
 
+# Forces of a body that is heavier than another by this have too much rounding to count for it.
+UNEQUAL = 50.0
+
+
 @kernel
 def set_forces(world: World, number: int, angle: int, t: float, scratch: Flight) -> None:
     """Set the normal force and friction (N) of every body of a motion, in ``world.forces``.
@@ -100,13 +104,9 @@ def set_forces(world: World, number: int, angle: int, t: float, scratch: Flight)
         _set_motion(world, index, world.forces[base + place], angle, t, scratch)
     place = 0
     step = 1
-    if row.at_rest == 1:
-        # At rest against a wall on the left, whose force is unknown: start from the free end.
-        one = world.forces[base]
-        back, _ = parts_of_weight(world, one.x, one.sine, one.cosine)
-        if back > 0.0:
-            place = count - 1
-            step = -1
+    if _starts_from_right(world, row, first, count, base):
+        place = count - 1
+        step = -1
     before = 0.0
     for i in range(count):
         ball = number_along(world, first, place)
@@ -127,6 +127,19 @@ def set_forces(world: World, number: int, angle: int, t: float, scratch: Flight)
         one.normal = normal
         one.friction = (kappa - 1.0) * mass * abs(one.acceleration)
         place += step
+
+
+@kernel
+def _starts_from_right(world: World, row: FlightRow, first: int, count: int, base: int) -> bool:
+    """Return whether the forces of a motion are summed from its last body on."""
+    if row.at_rest == 1:
+        # At rest against a wall on the left, whose force is unknown: start from the free end.
+        one = world.forces[base]
+        back, _ = parts_of_weight(world, one.x, one.sine, one.cosine)
+        return back > 0.0
+    # The rounding of a heavy body's forces is passed on to the others.
+    last = number_along(world, first, count - 1)
+    return world.bodies[first].mass > UNEQUAL * world.bodies[last].mass
 
 
 @kernel
