@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.grids.test_same_as_run import GRIDS, MORE, grid_of, plain, scenario_at
+from tests.grids.test_same_as_run import GRIDS, MORE, grid_of, rows_of, scenario_at
 from vibro_cli.api import simulate
 from vibro_cli.kernels.ensemble.points import MOST_LOGS
 from vibro_cli.systems import driver
@@ -34,8 +34,7 @@ def test_exponents_of_points_are_those_of_runs(name: str, keep: str, tmp_path: P
     solved = TraceSolver(grid, "compiled").solve(indices)
     values = grid.design.columns(indices)
     known = 0
-    for row in range(len(indices)):
-        found = {key: plain(column, row) for key, column in solved.summary.items()}
+    for row, found in zip(indices, rows_of(solved.summary), strict=True):
         if found["status"] != "ok":
             assert found["lyapunov_1"] is None
             continue

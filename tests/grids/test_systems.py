@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.grids.test_same_as_run import plain
+from tests.grids.test_same_as_run import plain, rows_of
 from vibro_cli.api import simulate
 from vibro_cli.grids.document import Grid, document_at, load_grid, reason_of
 from vibro_cli.grids.solving import solver_of, summary_table
@@ -88,8 +88,7 @@ def test_points_are_runs(name: str, tmp_path: Path) -> None:
     tables = {name: kept.to_pydict() for name, kept in solved.kept.items()}
     values = grid.design.columns(indices)
     impacts = 0
-    for row in indices.tolist():
-        found = {key: plain(column, row) for key, column in solved.summary.items()}
+    for row, found in zip(indices, rows_of(solved.summary), strict=True):
         run = run_or_reason(document_at(grid.base, {path: values[path][row] for path in values}))
         if isinstance(run, str):
             assert (found["status"], found["reason"]) == ("invalid", run)
@@ -99,8 +98,7 @@ def test_points_are_runs(name: str, tmp_path: Path) -> None:
             here = [i for i, number in enumerate(columns["scenario"]) if number == row + 1]
             impacts += len(here)
             for key, column in getattr(run, table).items():
-                expected = [plain(column, i) for i in range(len(column))]
-                assert [columns[key][i] for i in here] == expected, key
+                assert [columns[key][i] for i in here] == plain(column), key
     assert set(solved.summary["status"]) == seen
     assert impacts == solved.impacts > 0
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.grids.test_same_as_run import grid_of, plain
+from tests.grids.test_same_as_run import grid_of, rows_of
 from tests.systems.springs_cases import FIGURE_FIVE, springs
 from tests.systems.table_cases import table
 from tests.systems.tangent_cases import solved_and_streamed
@@ -84,8 +84,7 @@ def test_exponents_of_points_are_those_of_runs(system: str, keep: str, tmp_path:
     indices = np.arange(4)
     solved = solver_of(grid).solve(indices)
     values = grid.design.columns(indices)
-    for row in range(len(indices)):
-        found = {key: plain(column, row) for key, column in solved.summary.items()}
+    for row, found in zip(indices, rows_of(solved.summary), strict=True):
         scenario = any_scenario_of(
             document_at(grid.base, {p: c[row].item() for p, c in values.items()})
         )
