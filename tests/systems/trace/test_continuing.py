@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from functools import cache
 
 import pytest
 
@@ -15,6 +16,7 @@ from vibro_cli.systems.run import Run
 AT_MOST = "stop.collisions=200"
 
 
+@cache
 def whole_run(name: str) -> Run:
     return simulate(load_scenario(FOLDER / f"{name}.toml", [AT_MOST]), "python")
 
