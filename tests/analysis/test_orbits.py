@@ -230,6 +230,19 @@ def test_every_orbit_of_a_family_is_that_in_closed_form() -> None:
     assert doubling.fault == ""
 
 
+def test_a_family_that_passes_the_end_of_its_range_ends_with_the_orbit_there() -> None:
+    """It is found from those on both sides; here Newton's method finds it from another start."""
+    first = find_orbit(_falling(), 1)
+    family = Family(_falling, first, 1.0, 0.9, 1.02)
+    one, beyond, last = (
+        begun_between(newton(_falling(mass), first.state, first.period, first.energy))
+        for mass in (1.01, 1.05, 1.02)
+    )
+    found = family._at_value(family._point(1.01, one), family._point(1.05, beyond), 1.02)
+    assert found.value == pytest.approx(1.02, abs=1e-15)
+    assert found.orbit.period == pytest.approx(last.period, rel=1e-12)
+
+
 @pytest.mark.long
 def test_a_family_doubles_its_period_where_the_masses_are_equal() -> None:
     branch = _branch(0.8, 2.5)
