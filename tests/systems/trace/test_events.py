@@ -125,7 +125,7 @@ def test_normal_force_of_a_light_body_that_a_heavy_one_pushes(heavy_left: bool) 
     masses, radii = ([mp.mpf(one[name]) for one in bodies] for name in ("mass", "radius"))
     lead = 2 * math.asin(math.sqrt(0.15 * 0.001 / (0.55 * 0.699)))
     first, second = bodies if heavy_left else bodies[::-1]
-    pair = [
+    pair: list[dict[str, Any]] = [
         {**first, "angle": -0.6 if heavy_left else 0.6 - lead},
         {**second, "touching": "previous"},
     ]
