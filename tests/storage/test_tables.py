@@ -163,6 +163,27 @@ def test_rows_are_read_from_the_groups_they_are_in(tmp_path: Path) -> None:
             assert found.equals(expected.slice(first, last - first))
 
 
+def test_groups_without_rows_are_passed_over(tmp_path: Path) -> None:
+    """Other programs write them."""
+    table, file = pa.table({"n": range(5)}), tmp_path / "table.parquet"
+    with pq.ParquetWriter(file, table.schema) as writer:
+        for part in (table.slice(0, 3), table.slice(3, 0), table.slice(3)):
+            writer.write_table(part)
+    assert pq.read_metadata(file).num_row_groups == 3
+    for rows in (slice(None), slice(3), slice(3, None), slice(3, 3)):
+        assert pa.concat_tables(rows_by_group(file, rows)).equals(table[rows])
+
+
+def test_a_group_with_less_rows_than_it_should_have_is_damaged(tmp_path: Path) -> None:
+    file = tmp_path / "table.parquet"
+    pq.write_table(pa.table({"n": range(100)}), file)
+    hundred, more = b"\x16\xc8\x01", b"\x16\xca\x01"  # 64-bit integers of Thrift
+    file.write_bytes(file.read_bytes().replace(hundred, more))
+    assert pq.read_metadata(file).row_group(0).num_rows == 101
+    with pytest.raises(OSError, match=r"^group 1 of rows: found 100 rows, expected 101$"):
+        list(rows_by_group(file, slice(None)))
+
+
 def test_of_a_group_only_the_pages_up_to_the_last_row_are_read(tmp_path: Path) -> None:
     table = pa.table({"x": [n / 7 for n in range(10_000)]})
     file = tmp_path / "table.parquet"

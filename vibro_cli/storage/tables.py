@@ -269,7 +269,6 @@ def rows_by_group(
     """
     with _opened(source) as file:
         first, last, _ = rows.indices(file.metadata.num_rows)
-        last = max(first, last)
         begins = _groups_of(file, first, last)
         if not begins:
             yield _of_groups(file, [], columns)
@@ -282,11 +281,15 @@ def _beginning(
     file: pq.ParquetFile, group: int, rows: int, columns: Sequence[str] | None
 ) -> pa.Table:
     """Return the rows of a group up to a number of them."""
-    rows = min(rows, file.metadata.row_group(group).num_rows)
+    rows, found = min(rows, file.metadata.row_group(group).num_rows), 0
     parts: list[pa.RecordBatch] = []
     batches = file.iter_batches(rows, [group], columns)
-    while sum(part.num_rows for part in parts) < rows:
-        parts.append(next(batches))
+    while found < rows:
+        part = next(batches, None)
+        if part is None:
+            raise OSError(f"group {group + 1} of rows: found {found:,} rows, expected {rows:,}")
+        parts.append(part)
+        found += part.num_rows
     return _in_order(pa.Table.from_batches(parts), columns)
 
 
@@ -373,7 +376,7 @@ def _groups_of(file: pq.ParquetFile, first: int, last: int) -> dict[int, int]:
     """Return the groups with rows from `first` up to but excluding `last`, and their first rows."""
     sizes = [file.metadata.row_group(n).num_rows for n in range(file.num_row_groups)]
     ends = np.cumsum([0, *sizes])
-    groups = np.flatnonzero((ends[:-1] < last) & (ends[1:] > first)).tolist()
+    groups = np.flatnonzero(np.maximum(ends[:-1], first) < np.minimum(ends[1:], last)).tolist()
     return {group: int(ends[group]) for group in groups}
 
 
