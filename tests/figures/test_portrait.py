@@ -471,12 +471,13 @@ def test_walls_are_where_the_bodies_meet_them(kind: str) -> None:
     for ball, side in ((1, -1.0), (2, 1.0)):
         met = (run.events["event"] == "wall") & (run.events["ball"] == ball)
         figure = run.figure(kind, body=ball).figure
-        walls = [
-            float(line.get_xdata()[0])
+        wide = [
+            np.asarray(line.get_xdata()).tolist()
             for axes in figure.axes
             for line in axes.lines
-            if line.get_linewidth() == layers.WALL["linewidth"] and len(set(line.get_xdata())) == 1
+            if line.get_linewidth() == layers.WALL["linewidth"]
         ]
+        walls = [places[0] for places in wide if len(set(places)) == 1]
         rho = 1.0 - run.scenario.balls[ball - 1].radius
         place = side * (1.0 - math.asin(run.scenario.balls[ball - 1].radius / rho))
         if kind == "energy_portrait":
@@ -488,8 +489,10 @@ def test_walls_are_where_the_bodies_meet_them(kind: str) -> None:
 
 
 def test_a_wall_that_is_not_met_is_not_drawn() -> None:
-    run = simulate(example("turning_valley"))
-    assert run.scenario.ends.left != "stop"
+    scenario = example("turning_valley")
+    assert isinstance(scenario, Scenario)
+    assert scenario.ends.left != "stop"
+    run = simulate(scenario)
     assert not np.any((run.events["event"] == "wall") & (run.events["ball"] == 1))
     assert "wall" not in shown(run.figure("portrait", body=1).figure)
 

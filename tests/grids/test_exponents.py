@@ -34,7 +34,7 @@ def test_exponents_of_points_are_those_of_runs(name: str, keep: str, tmp_path: P
     solved = TraceSolver(grid, "compiled").solve(indices)
     values = grid.design.columns(indices)
     known = 0
-    for row, found in zip(indices, rows_of(solved.summary), strict=True):
+    for row, found in zip(indices.tolist(), rows_of(solved.summary), strict=True):
         if found["status"] != "ok":
             assert found["lyapunov_1"] is None
             continue

@@ -234,7 +234,7 @@ def test_points_are_runs(name: str, tmp_path: Path) -> None:
     points = rows_of(solved.summary)
     assert rows_of(without.solve(indices).summary) == points
     seen = set()
-    for row, found in zip(indices, points, strict=True):
+    for row, found in zip(indices.tolist(), points, strict=True):
         impacts = np.flatnonzero(scenarios == row + 1)
         try:
             scenario = scenario_at(grid, values, row)
