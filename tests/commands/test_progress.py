@@ -137,7 +137,10 @@ def test_what_is_measured_is_told_until_each_result_comes(
     def results() -> Iterator[int]:
         for number in (1, 2):
             WORK.report(f"part {number}")
-            time.sleep(0.1)  # so that there is time for a line
+            for _ in range(1000):  # until a thread has drawn the line
+                if capfd.readouterr().err:
+                    break
+                time.sleep(0.01)
             WORK.report(f"rest of part {number}")
             yield number
 
