@@ -33,6 +33,7 @@ from vibro_cli.compile.kernel import (
 from vibro_cli.compile.kinds import TranslationError
 from vibro_cli.compile.native import compiled
 from vibro_cli.compile.translate import Program, literal
+from vibro_cli.systems.trace.ensemble import in_whole_lines
 
 WHOLE = -7
 FACTORS = (0.5, -0.25, 1e-300)
@@ -217,7 +218,7 @@ def test_elements_are_structs_by_reference_and_assigned_by_value() -> None:
 
 
 def test_every_lane_has_the_bits_of_a_number() -> None:
-    rows: Any = np.zeros(1, dtype=dtype(Wide))
+    rows = in_whole_lines(1, Wide)
     x, y = np.linspace(-1.0, 6.0, LANES), np.arange(LANES, dtype=float)
     rows["x"][0, 0], rows["y"][0, 0] = x, y
     compiled(in_lanes)(rows)
