@@ -88,7 +88,7 @@ def test_points_are_runs(name: str, tmp_path: Path) -> None:
     tables = {name: kept.to_pydict() for name, kept in solved.kept.items()}
     values = grid.design.columns(indices)
     impacts = 0
-    for row, found in zip(indices, rows_of(solved.summary), strict=True):
+    for row, found in zip(indices.tolist(), rows_of(solved.summary), strict=True):
         run = run_or_reason(document_at(grid.base, {path: values[path][row] for path in values}))
         if isinstance(run, str):
             assert (found["status"], found["reason"]) == ("invalid", run)

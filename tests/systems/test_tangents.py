@@ -84,7 +84,7 @@ def test_exponents_of_points_are_those_of_runs(system: str, keep: str, tmp_path:
     indices = np.arange(4)
     solved = solver_of(grid).solve(indices)
     values = grid.design.columns(indices)
-    for row, found in zip(indices, rows_of(solved.summary), strict=True):
+    for row, found in zip(indices.tolist(), rows_of(solved.summary), strict=True):
         scenario = any_scenario_of(
             document_at(grid.base, {p: c[row].item() for p, c in values.items()})
         )
