@@ -217,6 +217,13 @@ def test_elements_are_structs_by_reference_and_assigned_by_value() -> None:
     assert rows["row"][2].tolist() == rows["row"][1].tolist()
 
 
+def test_lanes_across_lines_of_the_cache_are_refused() -> None:
+    """C++ would read them with instructions that end the process."""
+    room = in_whole_lines(2, Wide).view(np.uint8)
+    with pytest.raises(TypeError, match="rows: found address .*, expected a multiple of 64"):
+        compiled(in_lanes)(room[8 : 8 + dtype(Wide).itemsize].view(dtype(Wide)))
+
+
 def test_every_lane_has_the_bits_of_a_number() -> None:
     rows = in_whole_lines(1, Wide)
     x, y = np.linspace(-1.0, 6.0, LANES), np.arange(LANES, dtype=float)

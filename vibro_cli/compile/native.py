@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from vibro_cli.compile import kinds as t
-from vibro_cli.compile.kernel import Kernel, Overrides, dtype
+from vibro_cli.compile.kernel import CACHE_LINE, Kernel, Overrides, dtype, has_lanes
 from vibro_cli.compile.kinds import fields_of, signature, symbol_of
 from vibro_cli.errors import NoLibrary
 
@@ -119,7 +119,8 @@ class CompiledKernel:
         Raises
         ------
         TypeError
-            If an array does not have the type of the kernel's annotation.
+            If an array does not have the type of the kernel's annotation, or its records
+            have lanes and do not begin a line of the cache.
         """
         given = [
             argument if kind in _SCALARS else _words(kind, argument, name)
@@ -156,19 +157,25 @@ def _words(kind: Any, argument: Any, name: str) -> Any:
 
 def _array_words(array: Any, kind: Any, name: str) -> list[int]:
     """Return the address and extents of an array."""
-    wanted, axes = _layout(kind)
+    wanted, axes, alignment = _layout(kind)
+    address = array.ctypes.data
     if array.dtype != wanted or array.ndim != axes or not array.flags.c_contiguous:
         raise TypeError(
             f"{name}: found an array of {array.dtype}, shape {array.shape}; expected one of "
             f"{wanted} in C order, with {axes} axes"
         )
-    return [array.ctypes.data, *array.shape]
+    if address % alignment:
+        raise TypeError(f"{name}: found address {address}, expected a multiple of {alignment}")
+    return [address, *array.shape]
 
 
 @cache
-def _layout(kind: Any) -> tuple[Any, int]:
+def _layout(kind: Any) -> tuple[Any, int, int]:
+    """Return the type, axes and alignment (bytes) of an array."""
     import numpy as np
 
     plain: dict[Any, Any] = {t.FLOAT: np.float64, t.INT: np.int64, t.BOOL: np.bool_}
     item = kind.item
-    return np.dtype(plain[item]) if item in plain else dtype(item.item), kind.size
+    if item in plain:
+        return np.dtype(plain[item]), kind.size, 1
+    return dtype(item.item), kind.size, CACHE_LINE if has_lanes(item.item) else 1
