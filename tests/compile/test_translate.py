@@ -220,7 +220,7 @@ def test_elements_are_structs_by_reference_and_assigned_by_value() -> None:
 def test_lanes_across_lines_of_the_cache_are_refused() -> None:
     """C++ would read them with instructions that end the process."""
     room = in_whole_lines(2, Wide).view(np.uint8)
-    with pytest.raises(TypeError, match="rows: found address .*, expected a multiple of 64"):
+    with pytest.raises(TypeError, match=r"rows: found address .*, expected a multiple of 64"):
         compiled(in_lanes)(room[8 : 8 + dtype(Wide).itemsize].view(dtype(Wide)))
 
 
