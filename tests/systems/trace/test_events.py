@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -93,44 +93,58 @@ def test_a_heavy_body_parts_from_a_light_one_in_time(
     assert opened[0] == pytest.approx(float(history.events[-1].t), abs=2e-15)
 
 
+def leads(radii: list[Any]) -> list[Any]:
+    """Angles (rad) from the first of some balls that touch in a valley of 0.7 m to each of them."""
+    found = [mp.mpf(0)]
+    for a, b in pairwise(radii):
+        found.append(found[-1] + 2 * mp.asin(mp.sqrt(a * b / ((0.7 - a) * (0.7 - b)))))
+    return found
+
+
 def normal_force_of_the_last(masses: list[Any], radii: list[Any], start: Any, angle: Any) -> Any:
-    """Normal force (N) of the front one of two balls rolling together in a valley of 0.7 m.
+    """Normal force (N) of the front one of some balls rolling together in a valley of 0.7 m.
 
     The one behind has started from rest at an angle (rad), and is at another.
     """
     kappa, gravity = mp.mpf(7) / 5, mp.mpf(9.81)
-    rho = [mp.mpf(0.7) - radius for radius in radii]
-    lead = 2 * mp.asin(mp.sqrt(radii[0] * radii[1] / (rho[0] * rho[1])))
+    rho, lead = [mp.mpf(0.7) - radius for radius in radii], leads(radii)
     moments = [mass * r for mass, r in zip(masses, rho, strict=True)]
     inertia = kappa * sum(one * r for one, r in zip(moments, rho, strict=True))
-    x = moments[0] * mp.sin(angle) + moments[1] * mp.sin(angle + lead)
-    y = moments[0] * mp.cos(angle) + moments[1] * mp.cos(angle + lead)
-    y0 = moments[0] * mp.cos(start) + moments[1] * mp.cos(start + lead)
-    sine, cosine = mp.sin(angle + lead), mp.cos(angle + lead)
-    push = gravity * (sine - kappa * rho[1] * x / inertia)  # over the mass, along the trace
+    x, y, y0 = (
+        sum(one * f(at + more) for one, more in zip(moments, lead, strict=True))
+        for f, at in ((mp.sin, angle), (mp.cos, angle), (mp.cos, start))
+    )
+    sine, cosine = mp.sin(angle + lead[-1]), mp.cos(angle + lead[-1])
+    push = gravity * (sine - kappa * rho[-1] * x / inertia)  # over the mass, along the trace
     nx, ny = (
-        sign * (rho[1] * f(angle + lead) - rho[0] * f(angle))
+        sign * (rho[-1] * f(angle + lead[-1]) - rho[-2] * f(angle + lead[-2]))
         for f, sign in ((mp.sin, 1), (mp.cos, -1))
     )
     across = push * (ny * cosine - nx * sine) / (nx * cosine + ny * sine)
     square = 2 * gravity * (y - y0) / inertia
-    return masses[1] * (gravity * cosine + rho[1] * square - across)
+    return masses[-1] * (gravity * cosine + rho[-1] * square - across)
 
 
 @pytest.mark.usefixtures("no_hang")
-@pytest.mark.parametrize("heavy_left", [True, False])
-def test_normal_force_of_a_light_body_that_a_heavy_one_pushes(heavy_left: bool) -> None:
+@pytest.mark.parametrize("to_the_right", [True, False])
+@pytest.mark.parametrize(
+    ("start", "bodies"),
+    [(-0.6, [(0.15, 1e8), (0.001, 1.0)]), (-0.9, [(0.2, 10.0), (0.15, 1e8), (0.001, 1.0)])],
+)
+def test_normal_force_of_a_light_body_that_a_heavy_one_pushes(
+    start: float, bodies: list[tuple[float, float]], to_the_right: bool
+) -> None:
     # Summed from the heavy body on, it was off by 3e-9 of itself. It is least at the end.
-    bodies = [{"radius": 0.15, "mass": 1e8, "arc": 1}, {"radius": 0.001, "mass": 1.0, "arc": 1}]
-    masses, radii = ([mp.mpf(one[name]) for one in bodies] for name in ("mass", "radius"))
-    lead = 2 * math.asin(math.sqrt(0.15 * 0.001 / (0.55 * 0.699)))
-    first, second = bodies if heavy_left else bodies[::-1]
-    pair: list[dict[str, Any]] = [
-        {**first, "angle": -0.6 if heavy_left else 0.6 - lead},
-        {**second, "touching": "previous"},
+    balls: list[dict[str, Any]] = [
+        {"radius": radius, "mass": mass, "arc": 1, "touching": "previous"}
+        for radius, mass in bodies
     ]
+    radii, masses = ([mp.mpf(ball[name]) for ball in balls] for name in ("radius", "mass"))
+    balls = balls if to_the_right else balls[::-1]
+    del balls[0]["touching"]
+    balls[0]["angle"] = start if to_the_right else -start - float(leads(radii)[-1])
     arcs = [{"shape": "valley", "radius": 0.7, "end_slope": 1.2}]
-    run = solve(scene({"start_slope": -1.2, "arcs": arcs}, pair, 0.0, time=0.4))
-    angle = abs(run.sample([0.4])["angle"][0 if heavy_left else 1])
-    known = normal_force_of_the_last(masses, radii, mp.mpf(-0.6), -mp.mpf(float(angle)))
+    run = solve(scene({"start_slope": -1.2, "arcs": arcs}, balls, 0.0, time=0.4))
+    angle = abs(run.sample([0.4])["angle"][0 if to_the_right else -1])
+    known = normal_force_of_the_last(masses, radii, mp.mpf(start), -mp.mpf(float(angle)))
     assert run.summary_record()["min_normal_force"] == pytest.approx(float(known), rel=3e-15)

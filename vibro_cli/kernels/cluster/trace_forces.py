@@ -102,44 +102,53 @@ def set_forces(world: World, number: int, angle: int, t: float, scratch: Flight)
             index = row_of(world, number, ball)
             replay_flight(world, world.log[index], index, scratch)
         _set_motion(world, index, world.forces[base + place], angle, t, scratch)
-    place = 0
-    step = 1
-    if _starts_from_right(world, row, first, count, base):
-        place = count - 1
-        step = -1
-    before = 0.0
-    for i in range(count):
-        ball = number_along(world, first, place)
+    for place in range(count):
         one = world.forces[base + place]
-        mass = world.bodies[ball].mass
-        kappa = world.bodies[ball].kappa
-        back, onto = parts_of_weight(world, one.x, one.sine, one.cosine)
-        normal = mass * (onto + one.bend)
-        along = -mass * (back + kappa * one.acceleration)
-        if i > 0:
-            nx, ny = _direction(world.forces[base + place - step], one)
-            along += before * (nx * one.cosine + ny * one.sine)
-            normal -= before * (ny * one.cosine - nx * one.sine)
-        if i < count - 1:
-            nx, ny = _direction(one, world.forces[base + place + step])
-            before = along / (nx * one.cosine + ny * one.sine)
-            normal += before * (ny * one.cosine - nx * one.sine)
-        one.normal = normal
-        one.friction = (kappa - 1.0) * mass * abs(one.acceleration)
-        place += step
+        body = world.bodies[number_along(world, first, place)]
+        _, onto = parts_of_weight(world, one.x, one.sine, one.cosine)
+        one.normal = body.mass * (onto + one.bend)
+        one.friction = (body.kappa - 1.0) * body.mass * abs(one.acceleration)
+    last = _last_summed(world, row, first, count, base)
+    _sum_forces(world, first, base, 0, last, 1)
+    _sum_forces(world, first, base, count - 1, last, -1)
 
 
 @kernel
-def _starts_from_right(world: World, row: FlightRow, first: int, count: int, base: int) -> bool:
-    """Return whether the forces of a motion are summed from its last body on."""
+def _last_summed(world: World, row: FlightRow, first: int, count: int, base: int) -> int:
+    """Return the body of a motion up to which the forces are summed from both of its ends."""
     if row.at_rest == 1:
         # At rest against a wall on the left, whose force is unknown: start from the free end.
         one = world.forces[base]
         back, _ = parts_of_weight(world, one.x, one.sine, one.cosine)
-        return back > 0.0
-    # The rounding of a heavy body's forces is passed on to the others.
-    last = number_along(world, first, count - 1)
-    return world.bodies[first].mass > UNEQUAL * world.bodies[last].mass
+        return 0 if back > 0.0 else count - 1
+    # The rounding of a heavy body's forces is passed on to the bodies after it.
+    heaviest = 0
+    most = 0.0
+    for place in range(count):
+        mass = world.bodies[number_along(world, first, place)].mass
+        if mass > most:
+            heaviest = place
+            most = mass
+    end = world.bodies[number_along(world, first, count - 1)]
+    return heaviest if most > UNEQUAL * end.mass else count - 1
+
+
+@kernel
+def _sum_forces(world: World, first: int, base: int, place: int, last: int, step: int) -> None:
+    """Add the forces of contacts to the normal forces, from one end of a motion to a body."""
+    pushed = 0.0
+    while place != last:
+        one = world.forces[base + place]
+        other = world.forces[base + place + step]
+        body = world.bodies[number_along(world, first, place)]
+        back, _ = parts_of_weight(world, one.x, one.sine, one.cosine)
+        nx, ny = _direction(one, other)
+        along = pushed - body.mass * (back + body.kappa * one.acceleration)
+        force = along / (nx * one.cosine + ny * one.sine)
+        one.normal += force * (ny * one.cosine - nx * one.sine)
+        other.normal -= force * (ny * other.cosine - nx * other.sine)
+        pushed = force * (nx * other.cosine + ny * other.sine)
+        place += step
 
 
 @kernel
