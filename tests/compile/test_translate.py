@@ -33,7 +33,7 @@ from vibro_cli.compile.kernel import (
 from vibro_cli.compile.kinds import TranslationError
 from vibro_cli.compile.native import compiled
 from vibro_cli.compile.translate import Program, literal
-from vibro_cli.systems.trace.ensemble import in_whole_lines
+from vibro_cli.systems.driver import zeros
 
 WHOLE = -7
 FACTORS = (0.5, -0.25, 1e-300)
@@ -219,13 +219,13 @@ def test_elements_are_structs_by_reference_and_assigned_by_value() -> None:
 
 def test_lanes_across_lines_of_the_cache_are_refused() -> None:
     """C++ would read them with instructions that end the process."""
-    room = in_whole_lines(2, Wide).view(np.uint8)
+    room = zeros(2, Wide).view(np.uint8)
     with pytest.raises(TypeError, match=r"rows: found address .*, expected a multiple of 64"):
         compiled(in_lanes)(room[8 : 8 + dtype(Wide).itemsize].view(dtype(Wide)))
 
 
 def test_every_lane_has_the_bits_of_a_number() -> None:
-    rows = in_whole_lines(1, Wide)
+    rows = zeros(1, Wide)
     x, y = np.linspace(-1.0, 6.0, LANES), np.arange(LANES, dtype=float)
     rows["x"][0, 0], rows["y"][0, 0] = x, y
     compiled(in_lanes)(rows)

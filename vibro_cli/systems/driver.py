@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, get_args, get_origin, get_type_hints
 import numpy as np
 
 from vibro_cli.compile import kernel as engine
-from vibro_cli.compile.kernel import Overrides, compiled_rows, dtype
+from vibro_cli.compile.kernel import CACHE_LINE, Overrides, compiled_rows, dtype, has_lanes
 from vibro_cli.compile.native import compiled
 from vibro_cli.errors import VibroError
 from vibro_cli.kernels.impact.laws import LAW_NAMES
@@ -495,8 +495,13 @@ def check_continuable(checkpoint: Mapping[str, Any], limits: Limits) -> None:
 
 
 def zeros(count: int, cls: type) -> Any:
-    """Return an array of zeroed structs."""
-    return np.zeros(count, dtype=dtype(cls))
+    """Return an array of zeroed structs; those with lanes begin a line of the processor's cache."""
+    kind = dtype(cls)
+    if not has_lanes(cls):
+        return np.zeros(count, kind)
+    room = np.zeros(count * kind.itemsize + CACHE_LINE, np.uint8)
+    start = -room.ctypes.data % CACHE_LINE
+    return room[start : start + count * kind.itemsize].view(kind)
 
 
 def angles_of(y: Any, x: Any) -> Any:

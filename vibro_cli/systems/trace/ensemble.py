@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from vibro_cli.compile import kernel as engine
-from vibro_cli.compile.kernel import CACHE_LINE, LANES, dtype
+from vibro_cli.compile.kernel import LANES, dtype
 from vibro_cli.compile.native import compiled
 from vibro_cli.kernels.contact.libration_contact_lanes import BodyLanes, LibrationLanes
 from vibro_cli.kernels.ensemble.lanes import LaneGroup, LaneSlot, RunLanes, run_points_in_lanes
@@ -116,9 +115,9 @@ class Batch:
 def lane_group() -> LaneGroup:
     """Return a group of lanes without runs."""
     return LaneGroup(
-        in_whole_lines(1, RunLanes),
-        in_whole_lines(2, BodyLanes),
-        in_whole_lines(2, LibrationLanes),
+        zeros(1, RunLanes),
+        zeros(2, BodyLanes),
+        zeros(2, LibrationLanes),
         zeros(LANES, LaneSlot),
     )
 
@@ -126,14 +125,6 @@ def lane_group() -> LaneGroup:
 def same_in_every_lane(cls: type) -> list[str]:
     """Return the fields of a record of lanes that hold one number for all lanes."""
     return [name for name in dtype(cls).names or () if dtype(cls)[name].shape == ()]
-
-
-def in_whole_lines(count: int, cls: type) -> Any:
-    """Return records of lanes aligned to the processor's cache lines."""
-    kind = engine.dtype(cls)
-    room = np.zeros(count * kind.itemsize + CACHE_LINE, dtype=np.uint8)
-    offset = -room.ctypes.data % CACHE_LINE
-    return room[offset : offset + count * kind.itemsize].view(kind)
 
 
 def make_points(
