@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from fractions import Fraction
 from itertools import pairwise
 from typing import Any
 
@@ -92,6 +93,20 @@ def test_level_pieces_of_one_height_have_the_same_number() -> None:
         valley, *lines, other = heights(Trace.chain(-0.6, shapes), radius)
         assert lines == [(0.0, 0.0), (0.0, 0.0)]
         assert valley[0] == other[0] == 0.0
+
+
+def test_heights_halfway_between_two_doubles_are_even_in_any_unit_of_length() -> None:
+    """The greatest height is 2 (R - r), which exact rational arithmetic rounds half to even."""
+    halfway = 0
+    for radius in (0.1, 0.0127, 1.0 / 3.0):
+        for size in (1.0, 1.3, 0.8571, 2.7, 5.1):
+            exact = 2 * (Fraction(size) - Fraction(radius))
+            halfway += exact.numerator.bit_length() == 54
+            for n in range(-20, 21):
+                valley = ArcShape("valley", radius=math.ldexp(size, n), end_slope=0.5)
+                found = heights(Trace.chain(-0.7, [valley]), math.ldexp(radius, n))
+                assert found == [(0.0, math.ldexp(float(exact), n))]
+    assert halfway >= 3
 
 
 @pytest.mark.parametrize("turn", [math.pi, 1.5 * math.pi])

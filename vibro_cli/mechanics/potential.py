@@ -23,7 +23,6 @@ from vibro_cli.mechanics.trace import Piece, Trace
 from vibro_cli.numerics import elementwise
 
 _DIGITS = 70
-_CERTAIN_DIGITS = 40
 _PI = Decimal("3.14159265358979323846264338327950288419716939937510582097494459230781640628620900")
 
 
@@ -38,9 +37,6 @@ def heights(trace: Trace, radius: float) -> list[tuple[float, float]]:
         extremes = _extremes(trace, _decimal(radius))
         lowest = elementwise.least_of([low for _, _, low in extremes])
         rises = [(bottom - lowest, top - lowest) for bottom, top, _ in extremes]
-        # Drop the last digits, which depend on the trace's left end: they must not decide between
-        # two doubles.
-        context.prec = _CERTAIN_DIGITS
         return [(_double(bottom), _double(top)) for bottom, top in rises]
 
 
@@ -50,10 +46,16 @@ def _decimal(value: elementwise.Some) -> Any:
 
 
 def _double(value: Any) -> Any:
-    """Return the double nearest to a decimal, or to each of an array."""
+    """Return the double nearest to a decimal, or to each of an array.
+
+    Often a height is halfway between two doubles. Its last digits, which depend on the trace's left
+    end and on the unit of length, must not decide then: the rest, itself a double, has lost them,
+    and the sum is the even one.
+    """
     if isinstance(value, Decimal):
-        return float(+value)
-    return elementwise.each(lambda one: float(+one), value)
+        near = float(value)
+        return near + float(value - Decimal(near))
+    return elementwise.each(_double, value)
 
 
 def contains_turn(piece: Piece, angle: float) -> bool:
