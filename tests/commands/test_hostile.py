@@ -196,7 +196,7 @@ def test_closed_streams(
     assert (outcome.returncode, outcome.stdout, outcome.stderr) == (code, "", words)
 
 
-@pytest.mark.parametrize("command", ["run", "portrait"])
+@pytest.mark.parametrize("command", ["run", pytest.param("portrait", marks=pytest.mark.long)])
 def test_a_shell_whose_folder_is_replaced_learns_how_to_enter_it(
     scenario: Path, tmp_path: Path, command: str
 ) -> None:
