@@ -67,7 +67,7 @@ def test_an_example_of_an_option_runs(command: str, example: str, tmp_path: Path
     if command == "orbit":
         file = "gallery/falling_balls.toml"
         example += " --impacts 1"
-    outcome = processes.call(tmp_path, command, file, *example.split())
+    outcome = processes.call(tmp_path, command, file, *shlex.split(example))
     assert outcome.returncode == 0, outcome.stderr
 
 

@@ -145,8 +145,9 @@ def test_inadmissible_impact_is_marked_and_is_no_jump() -> None:
     (x, y), top = numbers[0].get_position(), figure.axes[2].get_ylim()[1]
     assert abs(x - last["angle"]) < 0.5
     assert abs(y - last["rate_pre"]) < 0.2 * top  # where it was, not where the law would send it
-    run.struck[-1] |= {"substituted": True}  # the other law was used, and the body did jump
-    assert len(lines(phase_portrait(run, 1), 2, 2.2)) == len(run.struck)
+    jumped = refused(on_three_arcs())
+    jumped.struck[-1] |= {"substituted": True}  # the other law was used, and the body did jump
+    assert len(lines(phase_portrait(jumped, 1), 2, 2.2)) == len(jumped.struck)
 
 
 def test_separatrix_of_the_circle_is_drawn() -> None:
