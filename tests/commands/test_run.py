@@ -692,12 +692,13 @@ def test_a_run_that_waits_too_long_for_an_impact_keeps_those_before(
     assert read_parquet(tmp_path / "on/collisions.parquet").equals(whole)
 
 
+@pytest.mark.parametrize("engine", ["compiled", "python"])
 def test_what_is_kept_of_a_run_that_waits_too_long_has_a_report(
-    vibro: Vibro, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    vibro: Vibro, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, engine: str
 ) -> None:
     (tmp_path / "round.toml").write_text(GOING_ROUND)
     _expect_impacts_often(monkeypatch)
-    assert vibro("run", "round.toml", "-q", "-o", "part").code == 2
+    assert vibro("run", "round.toml", "-q", "--engine", engine, "-o", "part").code == 2
     assert vibro("report", "part", "-q").code == 0
 
 

@@ -208,14 +208,14 @@ def test_a_signal_ends_a_run_in_the_midst_of_very_many_samples() -> None:
         raise KeyboardInterrupt
 
     before = signal.signal(signal.SIGALRM, end)
-    began = time.process_time()
+    began = time.monotonic()
     try:
         with pytest.raises(KeyboardInterrupt):
             simulate_streamed(scenario, count)
     finally:
         signal.signal(signal.SIGALRM, before)
     assert 0 < rows < 120_000_000
-    assert time.process_time() - began < 10.0
+    assert time.monotonic() - began < 10.0
 
 
 def test_no_motion_unless_asked_for() -> None:
