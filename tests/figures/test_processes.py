@@ -61,7 +61,15 @@ def meet(folder: Path, caller: int) -> bool:
 
 
 def counted(run: StoredRun, number: int, folder: Path, caller: int) -> tuple[int, int, bool]:
-    there = meet(folder, caller)
+    """Let the caller wait until another process has had an answer taken and begins a second job.
+
+    Otherwise the caller may finish all other jobs, and this one, before the answer is taken.
+    """
+    begun = folder / f"begun by {os.getpid()}"
+    there = os.getpid() != caller
+    if not there or begun.exists():
+        meet(folder, caller)
+    begun.touch()
     return number, int(run.summary["collisions"]), there
 
 
