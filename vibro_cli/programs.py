@@ -11,10 +11,9 @@ from vibro_cli.compile.build import BuildError, build
 from vibro_cli.compile.kinds import TranslationError
 from vibro_cli.compile.translate import Program
 from vibro_cli.kernels.ensemble.lanes import run_points_in_lanes
-from vibro_cli.kernels.ensemble.libration_fast_path import proceed_in_libration
+from vibro_cli.kernels.ensemble.libration_fast_path import proceed
 from vibro_cli.kernels.ensemble.points import follow_points, run_points
 from vibro_cli.kernels.ensemble.records import fill_stacked
-from vibro_cli.kernels.events.event_loop import advance
 from vibro_cli.kernels.events.liftoff_slip import find_passages
 from vibro_cli.kernels.flow.flow import sample_flights
 from vibro_cli.kernels.numerics.elliptic import fill_angles
@@ -31,7 +30,7 @@ from vibro_cli.systems import NAMES, system_named
 def programs() -> list[Program]:
     """Return the programs; those that take longest to compile come first."""
     solving = (
-        advance,
+        proceed,
         update_statistics,
         run_points,
         sample_flights,
@@ -41,7 +40,6 @@ def programs() -> list[Program]:
     )
     of_trace = (
         *solving,
-        proceed_in_libration,
         run_points_in_lanes,
         fill_columns,
         fill_stacked,

@@ -97,6 +97,27 @@ def test_same_bits_as_single_runs(trace: str, radius: float, law: str) -> None:
         assert outcomes["contacts"].sum() + (outcomes["end_cause"] > 2).sum() > 0
 
 
+@pytest.mark.parametrize("law", LAW_NAMES)
+@pytest.mark.parametrize("trace", list(TRACES))
+def test_impacts_that_are_kept_have_the_bits_of_the_event_loop(trace: str, law: str) -> None:
+    """Then the two bodies of a run are in lanes, not the runs."""
+    system = _system(TRACES[trace], law, 0.17)
+    low, high = {"circle": (-2.2, 1.6), "walls": (-1.2, 0.9), "three arcs": (-1.9, 0.6)}[trace]
+    points = _points(7 * len(trace) + len(law), low, high)
+    count = len(points.own)
+    ours, theirs = (
+        Batch(system, in_lanes=in_lanes).run_all(points, empty_results(count, 2, 1024))
+        for in_lanes in (True, False)
+    )
+    _assert_same(ours, theirs)
+    outcomes: Any = theirs.outcomes
+    rows = int(outcomes["kept"].sum())
+    assert rows == int(outcomes["collisions"][outcomes["end_cause"] != LOG_FULL].sum()) > 10 * count
+    one, other = np.asarray(ours.impacts)[:rows], np.asarray(theirs.impacts)[:rows]
+    for name in one.dtype.names or ():
+        np.testing.assert_array_equal(one[name], other[name], name)
+
+
 @struct
 class _MoreOfABody(BodyLanes):
     reference_speed: float

@@ -12,6 +12,8 @@ of its system.
 from __future__ import annotations
 
 from vibro_cli.compile.kernel import FloatMatrix, kernel
+from vibro_cli.kernels.contact.libration_contact_lanes import TwoBodies
+from vibro_cli.kernels.ensemble.libration_fast_path import proceed
 from vibro_cli.kernels.ensemble.records import (
     Points,
     Stack,
@@ -38,24 +40,26 @@ def run_points(
     points: Points,
     results: Results,
     stack: Stack,
+    bodies: TwoBodies,
     first: int,
-    last: int,
     filled: int,
 ) -> tuple[int, int]:
-    """Run the points of a batch from ``first`` to before ``last``.
+    """Run the points of a batch from ``first`` on.
 
     ``stack`` has the systems of the points; it is empty if all share one system. ``fresh`` has the
-    structs of ``world`` before a run; ``filled`` rows of impacts are already used. If ``results``
-    has no room for any impacts, they are not kept. Return the first point that was not run, because
-    its impacts had no room, and the number of rows used.
+    structs of ``world`` before a run; ``bodies`` is as in ``libration_fast_path.proceed``;
+    ``filled`` rows of impacts are already used. If ``results`` has no room for any impacts, they
+    are not kept. Return the first point that was not run, because its impacts had no room, and the
+    number of rows used.
     """
+    last = len(points.own)
     keep = len(results.impacts) > 0
     installed = -1
     for point in range(first, last):
         installed = install(world, stack, point, installed)
         prepare_point(world, fresh, points, point)
         start(world)
-        cause = advance(world)
+        cause = proceed(world, bodies)
         clock = world.clock[0]
         outcome = results.outcomes[point]
         outcome.end_cause = cause

@@ -21,7 +21,7 @@ from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.systems.driver import compiled_world, records_of, zeros
 from vibro_cli.systems.tangents import room_for
 from vibro_cli.systems.trace import SYSTEM
-from vibro_cli.systems.trace.world import initial_flight, make_world, pairs_of
+from vibro_cli.systems.trace.world import initial_flight, make_world, pairs_of, two_bodies
 
 _STACKED = records_of(Stack)
 """The structs of those records of a world that a stack holds for each system."""
@@ -35,8 +35,9 @@ class Batch:
     """Runs of one system in one thread; they may differ in masses and initial states.
 
     The batch shares the logs of `beside`, a batch with as many bodies in the same thread. With
-    `in_lanes`, runs whose impacts are not kept use SIMD lanes where possible (see
-    ``kernels.ensemble.lanes``), which is faster and gives the same bits.
+    `in_lanes`, SIMD lanes are used where possible, which is faster and gives the same bits: a lane
+    for each run if impacts are not kept (``kernels.ensemble.lanes``), else one for each of two
+    bodies (``kernels.ensemble.libration_fast_path``).
     """
 
     def __init__(
@@ -50,6 +51,7 @@ class Batch:
         self._fresh = self.world._replace(**copies)
         two = len(system.bodies) == 2 and not system.trace.closed
         free = system.turning is None and system.surface == "two-sided"
+        self._bodies = two_bodies(int(in_lanes and self._overrides is None))
         self._group = lane_group() if in_lanes and two and free else None
         self.impacts_in_lanes = 0
         """Number of impacts computed in lanes, over all runs so far."""
@@ -85,8 +87,9 @@ class Batch:
             self.impacts_in_lanes += int(in_lanes(*given, results, 0, count, self._group))
             return results
         run: Any = compiled(run_points, self._overrides)
+        used = stack or _NO_STACK, self._bodies
         while True:
-            point, rows = map(int, run(*given, results, stack or _NO_STACK, point, count, rows))
+            point, rows = map(int, run(*given, results, *used, point, rows))
             if point == count:
                 return results
             more: Any = np.concatenate([results.impacts, results.impacts])

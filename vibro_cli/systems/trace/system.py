@@ -15,8 +15,7 @@ import numpy as np
 from vibro_cli.compile.kernel import Overrides
 from vibro_cli.compile.native import compiled
 from vibro_cli.kernels.contact.first_contact import STEPS_AT_ONCE
-from vibro_cli.kernels.contact.libration_contact_lanes import TwoBodies, TwoLibrations, TwoTracks
-from vibro_cli.kernels.ensemble.libration_fast_path import proceed_in_libration
+from vibro_cli.kernels.ensemble.libration_fast_path import proceed
 from vibro_cli.kernels.events.event_detection import ROUNDS
 from vibro_cli.kernels.events.event_loop import advance, start
 from vibro_cli.kernels.tangent.follow import follow_tangents
@@ -28,6 +27,7 @@ from vibro_cli.systems.driver import Driver, joined, record_array, records_of, z
 from vibro_cli.systems.run import Stretch, Stretches
 from vibro_cli.systems.trace.motion import last_of_each
 from vibro_cli.systems.trace.world import make_world as make_world  # a part of every system.py
+from vibro_cli.systems.trace.world import two_bodies
 
 
 def time_scale(system: TraceSystem) -> Any:
@@ -45,12 +45,7 @@ def time_scale(system: TraceSystem) -> Any:
 
 def enter_advance(world: World, overrides: Overrides | None) -> int:
     """Run the loop on a compiled world (see ``kernels.events.event_loop.advance``)."""
-    settings: Any = world.settings[0]
-    open_ends = settings["closed"] == 0 and settings["one_sided"] == 0
-    if overrides is None and settings["bodies"] == 2 and open_ends:
-        lanes = TwoBodies(zeros(1, TwoLibrations), zeros(1, TwoTracks))
-        return int(compiled(proceed_in_libration)(world, lanes))
-    return int(compiled(advance, overrides)(world))
+    return int(compiled(proceed, overrides)(world, two_bodies(int(overrides is None))))
 
 
 LOOP = driver.EventLoop(

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from vibro_cli.kernels.contact.libration_contact_lanes import TwoBodies, TwoLibrations, TwoTracks
 from vibro_cli.kernels.flow.flight import NOWHERE
 from vibro_cli.kernels.impact.laws import LAW_NAMES
 from vibro_cli.kernels.numerics.constants import NEVER
@@ -44,11 +45,16 @@ from vibro_cli.mechanics.reachability import contact_angle, reach
 from vibro_cli.mechanics.system import Body, TraceSystem
 from vibro_cli.mechanics.trace import Piece, Trace, sine_cosine
 from vibro_cli.numerics import elementwise
-from vibro_cli.systems.driver import body_record, law_and_stops
+from vibro_cli.systems.driver import body_record, law_and_stops, zeros
 from vibro_cli.systems.request import NO_LIMITS, Limits
 
 # Factor that keeps bounds above rounding errors.
 CAUTION = 1.0 + 1.0e-12
+
+
+def two_bodies(count: int) -> TwoBodies:
+    """Return a record for the faster path of two bodies, or none where it may not be taken."""
+    return TwoBodies(zeros(count, TwoLibrations), zeros(count, TwoTracks))
 
 
 def set_turning(world: World, system: TraceSystem, turning: Turning) -> None:
