@@ -365,6 +365,23 @@ def command(grid: Path, folder: Path, *more: str) -> list[str]:
     return [*call, "--engine", "python", "--workers", "2", "--set", "stop.collisions=4", *more]
 
 
+def test_a_grid_that_was_killed_while_its_description_was_written_goes_on(
+    small: Write, tmp_path: Path
+) -> None:
+    path = small()
+    subprocess.run(command(path, tmp_path / "whole"), capture_output=True, check=True)
+    killed = (
+        "import os, signal, sys; os.replace = lambda *_: os.kill(os.getpid(), signal.SIGKILL); "
+        "from vibro_cli.__main__ import main; main()"
+    )
+    begun = [sys.executable, "-c", killed, *command(path, tmp_path / "cut")[3:]]
+    assert subprocess.run(begun, check=False).returncode == -signal.SIGKILL
+    assert [name for name in os.listdir(tmp_path / "cut") if name.startswith(".grid.json.partial-")]
+    again = subprocess.run(command(path, tmp_path / "cut"), capture_output=True, check=False)
+    assert again.returncode == 0, again.stderr
+    assert content(tmp_path / "cut") == content(tmp_path / "whole")
+
+
 @pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
 def test_whatever_ends_the_process_the_same_command_goes_on(
     small: Write, tmp_path: Path, end: signal.Signals

@@ -267,6 +267,26 @@ def test_two_writers_of_one_folder_do_not_disturb_each_other(tmp_path: Path) -> 
     assert entries(tmp_path) == ["run"]
 
 
+@pytest.mark.parametrize("call", ["open", "rename"])
+def test_another_writer_comes_between_any_two_steps(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, call: str
+) -> None:
+    """It removes the unfinished folder before this is locked, or puts its own in place first."""
+    real = getattr(os, call)
+
+    def after_another(*arguments: Any) -> Any:
+        monkeypatch.undo()
+        with new_folder(tmp_path / "run", allow) as quick:
+            quick.write("quick", b"")
+        return real(*arguments)
+
+    monkeypatch.setattr(os, call, after_another)
+    with new_folder(tmp_path / "run", allow) as slow:
+        slow.write("slow", b"")
+    assert entries(tmp_path / "run") == ["slow"]
+    assert entries(tmp_path) == ["run"]
+
+
 def test_killed_at_any_moment_the_folder_is_one_of_the_complete_ones(tmp_path: Path) -> None:
     target = tmp_path / "balls[1]"
     for delay in (0.0, 0.003, 0.011, 0.02, 0.031, 0.047):

@@ -155,9 +155,9 @@ def check_grid_folder(folder: Path) -> None:
             raise FolderRefused(f"{folder / GRID_NAME} is not a vibro grid; it is left as it is")
         return
     if folder.is_dir():
-        names = {one.name for one in folder.iterdir() if not SHARD.fullmatch(one.name)}
-        if names <= {_LOCK_NAME, *_FOLDERS, MANIFEST_NAME}:
-            return  # empty folders left by a grid that was stopped at once
+        names = {one.name for one in folder.iterdir() if not one.name.startswith(".")}
+        if {name for name in names if not SHARD.fullmatch(name)} <= {*_FOLDERS, MANIFEST_NAME}:
+            return  # left by a grid that was stopped at once
     check_replaceable(folder, "grid")
 
 

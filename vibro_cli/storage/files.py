@@ -231,11 +231,12 @@ def _open_partial(target: Path) -> tuple[Path, int]:
     while True:
         partial = target.with_name(f".{target.name}.partial-{secrets.token_hex(6)}")
         partial.mkdir()
-        handle = os.open(partial, os.O_RDONLY)
-        fcntl.flock(handle, fcntl.LOCK_EX)
-        if partial.exists():  # otherwise another process removed it before the lock
-            return partial, handle
-        os.close(handle)
+        with contextlib.suppress(FileNotFoundError):  # removed by another process before the lock
+            handle = os.open(partial, os.O_RDONLY)
+            fcntl.flock(handle, fcntl.LOCK_EX)
+            if partial.exists():
+                return partial, handle
+            os.close(handle)
 
 
 def abandoned_parts(target: Path) -> list[Path]:
@@ -262,8 +263,12 @@ def _abandoned(target: Path) -> Iterator[tuple[Path, int]]:
 def _put_in_place(partial: Path, target: Path) -> None:
     """Rename a finished folder to `target`; an old folder there is moved to `partial`."""
     if not target.exists():
-        os.rename(partial, target)
-        return
+        try:
+            os.rename(partial, target)
+            return
+        except OSError as error:
+            if error.errno not in (errno.ENOTEMPTY, errno.EEXIST):  # put there in the meantime
+                raise
     try:
         is_working_directory = target.samefile(".")
     except PermissionError:  # it may not be entered, as after a change of the user
