@@ -58,7 +58,9 @@ def test_a_signal_ends_a_run_in_the_middle(
     assert process.stderr is not None
     while "files" not in process.stderr.readline():  # the first scenario is done
         assert process.poll() is None
-    time.sleep(0.3)
+    while not list(tmp_path.glob("all/.long.partial-*/collisions.parquet")):
+        assert process.poll() is None
+        time.sleep(0.01)
     process.send_signal(number)
     _, words = process.communicate(timeout=300)
     assert process.returncode == code

@@ -6,6 +6,7 @@ import errno
 import io
 import json
 import os
+import pkgutil
 import shutil
 import signal
 import subprocess
@@ -616,6 +617,32 @@ def test_a_signal_does_not_wait_for_figures_and_loses_no_table(
     assert content(tmp_path / "ended") == uninterrupted[2]
     assert vibro("run", "--continue", "run", "--set", "stop.collisions=3", "-q").code == 0
     assert content(tmp_path / "run") == uninterrupted[3]
+
+
+@pytest.mark.parametrize("step", ["folders.StreamedFolder.finish", "files._put_in_place"])
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_a_signal_while_a_solved_run_is_put_in_place_loses_nothing(
+    vibro: Vibro,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    uninterrupted: dict[int, dict[str, bytes]],
+    number: signal.Signals,
+    code: int,
+    step: str,
+) -> None:
+    """On a slow disk that may take long."""
+    real = pkgutil.resolve_name(f"vibro_cli.storage.{step}")
+
+    def struck(*given: Any) -> None:
+        os.kill(os.getpid(), number)
+        real(*given)
+
+    monkeypatch.setattr(f"vibro_cli.storage.{step}", struck)
+    few = ("--set", "stop.collisions=2", "--figures", "motion,energy")
+    outcome = vibro("run", TWO_DISKS, *few, "-o", "run")
+    assert outcome.code == code
+    assert outcome.err.endswith("; finished results are kept\n")
+    assert content(tmp_path / "run") == uninterrupted[2]
 
 
 def test_an_unknown_figure_is_refused_before_anything_runs(vibro: Vibro, tmp_path: Path) -> None:

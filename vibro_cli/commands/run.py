@@ -368,6 +368,9 @@ def stream_run(
         open_ones.enter_context(leaving(unwritten if several else NOTHING_WRITTEN))
         folder = None
         if target is not None:
+            # Until the folder is in place: no signal loses what was solved. Without a folder one
+            # ends the wait for a slow or stopped reader of the stream at once.
+            open_ones.enter_context(upon_signals(interruption.note))
             made = streamed_folder(scenario, target, options.may_replace(target))
             folder = open_ones.enter_context(made)
         result, refusal = _solved(options, scenario, earlier, folder, interruption)
@@ -416,9 +419,7 @@ def _solved(
         if options.stream is not None:
             sinks.append(open_ones.enter_context(_standard_output(options.stream, scenario)))
         open_ones.enter_context(followed(options, scenario))
-        # A reader of the stream may be slow or stopped: then a signal must end the wait at once.
         if folder is not None:
-            open_ones.enter_context(upon_signals(interruption.note))
             names = [table.file for table in system_named(scenario.system).tables()]
             has_figures = bool(options.kinds_of(scenario.system))
         try:
@@ -475,8 +476,8 @@ def _figures(
     written, summary = folder.end_tables(), result.summary_record()
     run = StoredRun(written, scenario, {}, summary, result.checkpoint(), result.motion)
     try:
-        with progress_shown():
-            files = figures_of(run, names)
+        with upon_signals(terminate), progress_shown():
+            files = {} if interruption else figures_of(run, names)
     except KeyboardInterrupt as end:
         interruption.number = getattr(end, "exit_code", INTERRUPTED) - 128
         return {}
