@@ -14,9 +14,14 @@ def main() -> None:
         with contextlib.suppress(OSError):  # it recurs below, where it is reported
             os.write(1, f"vibro {__version__}\n".encode())
             return
+    import signal
+
     reason = unsupported()
     if reason is not None:
         sys.exit(reason)
+    # ^C ends the process without a traceback while libraries are loaded, and at its exit.
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
     # Loading libraries creates hundreds of thousands of objects and no garbage: with Python's
     # default threshold, garbage collection takes a tenth of a short run.
     gc.set_threshold(100_000, 20, 50)
@@ -31,7 +36,7 @@ def main() -> None:
         from vibro_cli.commands.app import run_command_line
 
         code = run_command_line(sys.argv[1:])
-    except KeyboardInterrupt as end:  # before a command started, or while cleaning up
+    except KeyboardInterrupt as end:  # while cleaning up
         code = getattr(end, "exit_code", 130)
     gc.freeze()  # garbage collection at exit would take a quarter of a short run
     sys.exit(code)

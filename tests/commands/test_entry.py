@@ -96,6 +96,30 @@ def test_a_signal_that_comes_while_a_command_is_ending_has_its_exit_code() -> No
     assert (outcome.returncode, outcome.stderr) == (143, b"")
 
 
+LOADING = """
+class Struck:
+    def find_spec(self, name, *_):
+        if name == "vibro_cli.commands.app":
+            type("Owner", (), {"named": self})
+
+    def __set_name__(self, *_):
+        signal.raise_signal(signal.SIGINT)
+
+sys.meta_path.insert(0, Struck())
+"""
+"""Python 3.11 turns what `__set_name__` raises into a RuntimeError."""
+LEAVING = "atexit.register(signal.raise_signal, signal.SIGINT)"
+
+
+@pytest.mark.parametrize("moment", [LOADING, LEAVING], ids=["loading", "leaving"])
+def test_control_c_before_and_after_a_command_has_no_traceback(moment: str) -> None:
+    code = f"import atexit, signal, sys\n{moment}\nfrom vibro_cli.__main__ import main\nmain()"
+    outcome = subprocess.run(
+        [sys.executable, "-c", code, "new", "--list"], capture_output=True, check=False
+    )
+    assert (outcome.returncode, outcome.stderr) == (-signal.SIGINT, b"")
+
+
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_that_comes_while_the_command_line_is_read_ends_it(number: int) -> None:
     """The library that parses it treats every interrupt as ^C."""
