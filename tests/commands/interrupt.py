@@ -18,11 +18,10 @@ import sys
 import tempfile
 from pathlib import Path
 
+from tests.commands.processes import ROOT, VIBRO, begun
 from tests.grids.kill import CODES, content
 
-ROOT = Path(__file__).parents[2]
 SCENE = ROOT / "tests" / "scenes" / "circle.toml"
-VIBRO = [sys.executable, "-m", "vibro_cli"]
 
 
 def solve(folder: Path, impacts: int) -> None:
@@ -45,13 +44,11 @@ def interrupt_and_go_on(
 
     Returns the signals that have ended it on the way.
     """
-    command = [*VIBRO, "run", "--continue", str(folder), "--set", f"stop.collisions={impacts}"]
+    on = ["run", "--continue", str(folder), "--set", f"stop.collisions={impacts}"]
     ended: list[signal.Signals] = []
     while True:
         before = content(folder)
-        process = subprocess.Popen(
-            [*command, "--no-figures", "-q"], stderr=subprocess.PIPE, cwd=ROOT
-        )
+        process = begun([*on, "--no-figures", "-q"])
         end = draw.choice(list(CODES))
         try:
             # The first time and again with even chances.
@@ -62,7 +59,7 @@ def interrupt_and_go_on(
             _, told = process.communicate()
         if process.returncode == 0:
             return ended
-        # A process that is not yet ready to respond is ended by the signal itself.
+        # A process that is still loading its libraries is ended by the signal itself.
         assert process.returncode in (CODES[end], -end), told.decode()
         after = content(folder)
         ended.append(end)

@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -23,6 +24,11 @@ base = "small.toml"
 path = "collision.k"
 values = [0.8, 0.9]
 """
+START = "from vibro_cli.__main__ import main; main()"
+# Tells that it has begun: SIGINT ends Python with exit code 1 and a traceback until then.
+TELLING = (
+    "import signal; signal.signal(signal.SIGINT, signal.SIG_DFL); print('begun', flush=True); "
+)
 Outcome = subprocess.CompletedProcess[bytes]
 
 
@@ -52,6 +58,17 @@ def call(folder: Path, *arguments: str, **changes: str) -> Outcome:
     )
 
 
+def begun(arguments: Sequence[str]) -> subprocess.Popen[bytes]:
+    """Start a command in the checkout, and return once signals meet the program itself."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", TELLING + START, *arguments],
+        cwd=ROOT, env=environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE, bufsize=0,
+    )  # fmt: skip
+    assert process.stdout is not None
+    assert process.stdout.readline() == b"begun\n"
+    return process
+
+
 def in_shell(folder: Path, line: str) -> Outcome:
     """Run a line of the shell in which `vibro` is the program."""
     program = f'vibro() {{ {shlex.join(VIBRO)} "$@"; }}\n'
@@ -66,19 +83,22 @@ def in_shell(folder: Path, line: str) -> Outcome:
 
 
 def on_terminal(
-    folder: Path, arguments: list[str], typed: bytes = b"", **changes: str
+    folder: Path, arguments: list[str], typed: bytes = b"", before: str = "", **changes: str
 ) -> tuple[int, bytes]:
     """Exit code and all output of a command whose three streams are a terminal.
 
-    What is typed is typed again and again until the command ends, as by somebody impatient.
+    What is typed is typed again and again, from the first output until the command ends, as by
+    somebody impatient. `before` is Python to be run first.
     """
+    command = [sys.executable, "-c", before + START] if before else VIBRO
     process, terminal = pty.fork()
     if process == 0:
         os.chdir(folder)
-        os.execve(sys.executable, [*VIBRO, *arguments], environment(**{"TERM": "xterm", **changes}))
+        variables = environment(**{"TERM": "xterm", **changes})
+        os.execve(sys.executable, [*command, *arguments], variables)
     output = b""
     while True:
-        while typed and not select.select([terminal], [], [], 0.3)[0]:
+        while typed and output and not select.select([terminal], [], [], 0.3)[0]:
             os.write(terminal, typed)
         try:
             more = os.read(terminal, 65536)

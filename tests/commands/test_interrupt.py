@@ -6,17 +6,30 @@ import random
 import shutil
 import signal
 import subprocess
-import time
+import sys
 from pathlib import Path
 
 import pytest
 
-from tests.commands.interrupt import ROOT, SCENE, VIBRO, interrupt_and_go_on, solve
+from tests.commands.interrupt import SCENE, interrupt_and_go_on, solve
+from tests.commands.processes import ROOT, START, VIBRO
 from tests.grids.kill import content
 
 pytestmark = pytest.mark.long
 
 IMPACTS = 300_000
+KILLED = """
+import os, signal
+from vibro_cli.storage import folders
+
+def add(self, name, rows, real=folders.StreamedFolder.add):
+    real(self, name, rows)
+    if name == "collisions":
+        os.kill(os.getpid(), signal.SIGKILL)
+
+folders.StreamedFolder.add = add
+"""
+"""Kills the program as soon as it has written the first impacts."""
 
 
 def test_interrupted_runs_go_on_to_the_same_bytes(tmp_path: Path) -> None:
@@ -36,13 +49,10 @@ def test_a_killed_run_is_taken_up_where_there_was_none(tmp_path: Path) -> None:
     """Only its scenario is needed, which was not given again."""
     solve(tmp_path / "whole", 200_000)
     target = tmp_path / "folder"
-    command = [*VIBRO, "run", str(SCENE), "--set", "stop.collisions=200000", "-o", str(target)]
-    process = subprocess.Popen([*command, "--no-figures", "-q"], cwd=ROOT)
-    while not list(tmp_path.glob(".folder.partial-*/collisions.parquet")):
-        assert process.poll() is None
-        time.sleep(0.01)
-    process.send_signal(signal.SIGKILL)
-    process.wait()
+    command = ["run", str(SCENE), "--set", "stop.collisions=200000", "-o", str(target)]
+    killed = [sys.executable, "-c", KILLED + START, *command, "--no-figures", "-q"]
+    assert subprocess.run(killed, cwd=ROOT, check=False).returncode == -signal.SIGKILL
+    assert list(tmp_path.glob(".folder.partial-*/collisions.parquet"))
     assert not target.exists()
     on = [*VIBRO, "run", "--continue", str(target), "--no-figures", "-q"]
     assert subprocess.run(on, cwd=ROOT, check=False).returncode == 0

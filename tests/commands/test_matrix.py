@@ -183,6 +183,6 @@ def test_a_folder_in_which_all_is_well(folder: Path, name: str) -> None:
 
 
 def test_typing_control_c(folder: Path) -> None:
-    code, seen = processes.on_terminal(folder, ["check", "-"], typed=b"\x03")
+    code, seen = processes.on_terminal(folder, ["check", "-"], b"\x03", processes.TELLING)
     assert code in (130, -signal.SIGINT)  # the latter: before Python was there to hear it
     assert b"Traceback" not in seen

@@ -18,7 +18,8 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-ROOT = Path(__file__).parents[2]
+from tests.commands.processes import ROOT, begun, call
+
 GRID = """
 chunk_points = {chunk}
 base = "{base}"
@@ -45,7 +46,7 @@ def content(folder: Path) -> dict[str, bytes]:
 
 
 def kill_and_go_on(
-    command: Callable[[Path], list[str]],
+    arguments: Callable[[Path], list[str]],
     folder: Path,
     end: signal.Signals,
     draw: random.Random,
@@ -58,19 +59,19 @@ def kill_and_go_on(
     """
     ended = 0
     for _ in range(times):
-        process = subprocess.Popen(command(folder), stderr=subprocess.PIPE, cwd=ROOT)
+        process = begun(arguments(folder))
         try:
             _, told = process.communicate(timeout=draw.uniform(0.05, longest))
         except subprocess.TimeoutExpired:
             process.send_signal(end)
             _, told = process.communicate(timeout=120)
-            # It may just have finished, or not yet have learnt to answer.
+            # It may just have finished, or still be loading its libraries.
             if process.returncode not in (0, CODES[end], -end):
                 raise AssertionError(told.decode()) from None
             ended += process.returncode != 0
         if b"Traceback" in told and b"KeyboardInterrupt" not in told:
             raise AssertionError(told.decode())
-    whole = subprocess.run(command(folder), capture_output=True, cwd=ROOT, check=False)
+    whole = call(ROOT, *arguments(folder))
     if whole.returncode != 0:
         raise AssertionError(whole.stderr.decode())
     return ended
@@ -91,19 +92,19 @@ def main() -> int:
         base = ROOT / "scenarios" / "three_arcs.toml"
         grid.write_text(GRID.format(base=base, count=count, chunk=2 * count))
 
-        def command(folder: Path) -> list[str]:
-            call = [sys.executable, "-m", "vibro_cli", "grid", str(grid), "-o", str(folder)]
-            return [*call, "-q", "--set", "stop.collisions=30", "--engine", "compiled"]
+        def arguments(folder: Path) -> list[str]:
+            more = ["-q", "--set", "stop.collisions=30", "--engine", "compiled"]
+            return ["grid", str(grid), "-o", str(folder), *more]
 
         begin = time.monotonic()
-        subprocess.run(command(work / "whole"), check=True, cwd=ROOT)
+        call(ROOT, *arguments(work / "whole")).check_returncode()
         longest = time.monotonic() - begin
         wanted = content(work / "whole")
         killed = rounds = 0
         while killed < asked.times:
             left = min(asked.times - killed, draw.randint(1, 8))
             folder = work / "cut"
-            killed += kill_and_go_on(command, folder, signal.SIGKILL, draw, left, longest=longest)
+            killed += kill_and_go_on(arguments, folder, signal.SIGKILL, draw, left, longest=longest)
             rounds += 1
             if content(folder) != wanted:
                 print(f"round {rounds}: the bytes differ after {killed} kills")

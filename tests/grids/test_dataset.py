@@ -18,6 +18,7 @@ from typing import Any
 import pyarrow.parquet as pq
 import pytest
 
+from tests.commands.processes import ROOT, START, call
 from tests.grids.conftest import Write
 from tests.grids.kill import content, kill_and_go_on
 from vibro_cli.grids.chunks import Chunks
@@ -359,25 +360,22 @@ def test_a_folder_that_cannot_be_written_is_told(grid: Grid, tmp_path: Path) -> 
         solve(grid, tmp_path / "file")
 
 
-def command(grid: Path, folder: Path, *more: str) -> list[str]:
-    """Run the program on a grid, in a process of its own."""
-    call = [sys.executable, "-m", "vibro_cli", "grid", str(grid), "-o", str(folder)]
-    return [*call, "--engine", "python", "--workers", "2", "--set", "stop.collisions=4", *more]
+def arguments(grid: Path, folder: Path) -> list[str]:
+    """Return the command line for a grid, to be solved in a process of its own."""
+    more = ["--engine", "python", "--workers", "2", "--set", "stop.collisions=4"]
+    return ["grid", str(grid), "-o", str(folder), *more]
 
 
 def test_a_grid_that_was_killed_while_its_description_was_written_goes_on(
     small: Write, tmp_path: Path
 ) -> None:
     path = small()
-    subprocess.run(command(path, tmp_path / "whole"), capture_output=True, check=True)
-    killed = (
-        "import os, signal, sys; os.replace = lambda *_: os.kill(os.getpid(), signal.SIGKILL); "
-        "from vibro_cli.__main__ import main; main()"
-    )
-    begun = [sys.executable, "-c", killed, *command(path, tmp_path / "cut")[3:]]
-    assert subprocess.run(begun, check=False).returncode == -signal.SIGKILL
+    call(ROOT, *arguments(path, tmp_path / "whole")).check_returncode()
+    killed = "import os, signal; os.replace = lambda *_: os.kill(os.getpid(), signal.SIGKILL); "
+    begun = [sys.executable, "-c", killed + START, *arguments(path, tmp_path / "cut")]
+    assert subprocess.run(begun, cwd=ROOT, check=False).returncode == -signal.SIGKILL
     assert [name for name in os.listdir(tmp_path / "cut") if name.startswith(".grid.json.partial-")]
-    again = subprocess.run(command(path, tmp_path / "cut"), capture_output=True, check=False)
+    again = call(ROOT, *arguments(path, tmp_path / "cut"))
     assert again.returncode == 0, again.stderr
     assert content(tmp_path / "cut") == content(tmp_path / "whole")
 
@@ -388,10 +386,11 @@ def test_whatever_ends_the_process_the_same_command_goes_on(
 ) -> None:
     path = small()
     grid = load_grid(path, ["stop.collisions=4"])
-    reference = subprocess.run(command(path, tmp_path / "whole"), capture_output=True, check=True)
+    reference = call(ROOT, *arguments(path, tmp_path / "whole"))
+    reference.check_returncode()
     assert b"12 points" in reference.stderr
     killed = kill_and_go_on(
-        lambda folder: command(path, folder), tmp_path / "cut", end, random.Random(3), times=2
+        lambda folder: arguments(path, folder), tmp_path / "cut", end, random.Random(3), times=2
     )
     assert content(tmp_path / "cut") == content(tmp_path / "whole")
     assert killed >= 0
