@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -19,7 +21,8 @@ from vibro_cli.grids.workers import UnsafeAddress, check_address
 pytestmark = pytest.mark.long
 
 ROOT = Path(__file__).parents[2]
-# Loaded by every worker: a chunk that kills its worker as long as a file exists.
+# Loaded by every worker: a chunk that kills its worker as long as a file exists, and chunks that
+# wait where there are as many parts as another file says.
 PRELOAD = """
 import os, signal, time
 from pathlib import Path
@@ -28,15 +31,25 @@ from vibro_cli.grids import workers
 # A preloaded file may be loaded more than once.
 workers.real = real = getattr(workers, "real", workers.solve_chunk)
 
+def held(folder):
+    most = folder.parent / "most"
+    return most.exists() and len([*folder.glob("summary/part-*")]) >= int("0" + most.read_text())
+
 def poisoned(run, grid, chunks, chunk, folder, engine):
     if chunk == 1 and (Path(folder).parent / "poison").exists():
         os.kill(os.getpid(), signal.SIGKILL)
-    if (Path(folder).parent / "slow").exists():
-        time.sleep(0.3)
+    while held(Path(folder)):
+        time.sleep(0.02)
     return real(run, grid, chunks, chunk, folder, engine)
 
 workers.solve_chunk = poisoned
 """
+WAITING = """
+import sys
+from distributed import Client
+Client(sys.argv[1]).wait_for_workers(int(sys.argv[2]))
+"""
+PATIENCE = 300.0
 
 
 class Cluster:
@@ -46,31 +59,31 @@ class Cluster:
         self._work = work
         self._runs = 0
         self.processes: list[subprocess.Popen[bytes]] = []
+        self.address = ""
+        """The address on which the scheduler listens."""
         (work / "preload.py").write_text(PRELOAD)
 
-    @property
-    def address(self) -> str:
-        """Return the address on which the scheduler listens."""
-        import json
-
-        address: str = json.loads(self._file.read_text())["address"]
-        return address
-
     def start(self) -> None:
-        """Start a scheduler and two workers."""
+        """Start a scheduler and two workers, and wait until they know each other."""
         self._runs += 1
         self._file = self._work / f"scheduler-{self._runs}.json"
         listen = ["--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--no-show"]
         self._call("scheduler", *listen, "--scheduler-file", str(self._file))
-        while not self._file.exists():
+        self.address = ""
+        while not self.address:
+            assert self.processes[0].poll() is None
             time.sleep(0.05)
-        for _ in range(2):
-            self.add_worker()
+            with suppress(FileNotFoundError, ValueError):  # not yet written, or not to its end
+                self.address = json.loads(self._file.read_text())["address"]
+        self.add_workers(2)
 
-    def add_worker(self) -> None:
-        """Start one more worker, without a nanny: a killed worker stays dead."""
+    def add_workers(self, count: int) -> None:
+        """Start more workers, without a nanny: a killed worker stays dead."""
         file = ["--scheduler-file", str(self._file), "--preload", str(self._work / "preload.py")]
-        self._call("worker", *file, "--no-nanny", "--nthreads", "1", "--no-dashboard")
+        for _ in range(count):
+            self._call("worker", *file, "--no-nanny", "--nthreads", "1", "--no-dashboard")
+        known = [sys.executable, "-c", WAITING, self.address, str(len(self.processes) - 1)]
+        subprocess.run(known, check=True, timeout=PATIENCE)
 
     def _call(self, what: str, *arguments: str) -> None:
         command = [sys.executable, "-m", f"distributed.cli.dask_{what}", *arguments]
@@ -105,8 +118,11 @@ def sweep(grid: Path, folder: Path, address: str | None) -> subprocess.Popen[byt
     return subprocess.Popen(call, stderr=subprocess.PIPE, cwd=ROOT, env={**os.environ, **patience})
 
 
-def wait_for_parts(folder: Path, count: int) -> None:
+def solve_parts(folder: Path, count: int, process: subprocess.Popen[bytes]) -> None:
+    """Let the workers go on until there are so many parts (each may make one more)."""
+    (folder.parent / "most").write_text(str(count))
     while len(list(folder.glob("summary/part-*"))) < count:
+        assert process.poll() is None, process.communicate()
         time.sleep(0.02)
 
 
@@ -119,25 +135,27 @@ def test_killed_workers_and_schedulers_lose_nothing(
     whole = content(tmp_path / "alone")
     assert len(whole) == 2 * 12 + 2
 
-    _, told = (calm := sweep(grid, tmp_path / "calm", cluster.address)).communicate(timeout=120)
+    calm = sweep(grid, tmp_path / "calm", cluster.address)
+    _, told = calm.communicate(timeout=PATIENCE)
     assert calm.returncode == 0, told
     assert content(tmp_path / "calm") == whole
 
-    (tmp_path / "slow").touch()
     folder = tmp_path / "disturbed"
+    (tmp_path / "most").write_text("0")
     process = sweep(grid, folder, cluster.address)
-    wait_for_parts(folder, 2)
+    solve_parts(folder, 2, process)
     cluster.processes[1].send_signal(signal.SIGKILL)  # a worker: the other one takes over
-    wait_for_parts(folder, 5)
+    solve_parts(folder, 5, process)
     cluster.processes[0].send_signal(signal.SIGKILL)  # the scheduler
-    _, told = process.communicate(timeout=120)
+    _, told = process.communicate(timeout=PATIENCE)
     assert process.returncode == 1
     assert b"scheduler" in told
     assert b"Traceback" not in told
     cluster.stop()
 
+    (tmp_path / "most").unlink()
     cluster.start()
-    _, told = (resumed := sweep(grid, folder, cluster.address)).communicate(timeout=120)
+    _, told = (resumed := sweep(grid, folder, cluster.address)).communicate(timeout=PATIENCE)
     assert resumed.returncode == 0, told
     assert b"continuing after" in told
     assert content(folder) == whole
@@ -148,16 +166,15 @@ def test_a_chunk_that_kills_its_workers_is_left_out(
 ) -> None:
     grid = small(head="chunk_points = 3\n")
     (tmp_path / "poison").touch()
-    for _ in range(4):  # the scheduler gives up on a task after its fourth worker
-        cluster.add_worker()
+    cluster.add_workers(4)  # the scheduler gives up on a task after its fourth worker
     folder = tmp_path / "poisoned"
-    _, told = (process := sweep(grid, folder, cluster.address)).communicate(timeout=120)
+    _, told = (process := sweep(grid, folder, cluster.address)).communicate(timeout=PATIENCE)
     assert process.returncode == 1
     assert b"1 of 4 chunks were not solved; chunk 1: KilledWorker" in told, told
     parts = sorted(path.name for path in folder.glob("summary/*"))
     assert parts == [f"part-00000{chunk}.parquet" for chunk in (0, 2, 3)]
     (tmp_path / "poison").unlink()
-    _, told = (process := sweep(grid, folder, cluster.address)).communicate(timeout=120)
+    _, told = (process := sweep(grid, folder, cluster.address)).communicate(timeout=PATIENCE)
     assert process.returncode == 0, told
     _, _ = sweep(grid, tmp_path / "alone", None).communicate()
     assert content(folder) == content(tmp_path / "alone")
