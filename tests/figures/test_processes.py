@@ -124,9 +124,8 @@ def test_what_other_processes_do_not_draw_is_drawn_here(
 
 def test_another_process_is_not_waited_for(run: StoredRun, tmp_path: Path) -> None:
     """It may take long to solve a run whose motion is at hand here."""
-    begun = time.monotonic()
     assert each_drawn(stuck, [run], jobs(tmp_path)) == list(range(JOBS))
-    assert time.monotonic() - begun < PATIENCE / 2
+    assert time.time() - (tmp_path / "met").stat().st_mtime < PATIENCE / 2
 
 
 def test_an_error_of_another_process_is_raised_here(run: StoredRun, tmp_path: Path) -> None:
@@ -226,9 +225,10 @@ def test_files_of_figures_have_the_bytes_of_one_process(
     assert list(alone)[::3] == [f"{run}_{stem}.png" for run in ("run", "other") for stem in stems]
 
 
-def slow(run: StoredRun, folder: Path, seconds: float) -> None:
+def slow(run: StoredRun, folder: Path, caller: int, seconds: float) -> None:
+    """Take so long in another process than the caller, which takes long."""
     (folder / f"{os.getpid()}.met").touch()
-    time.sleep(seconds)
+    time.sleep(PATIENCE if os.getpid() == caller else seconds)
 
 
 def is_running(number: str) -> bool:
@@ -237,7 +237,7 @@ def is_running(number: str) -> bool:
 
 
 COMMAND = """
-import sys
+import os, sys
 from pathlib import Path
 from tests.figures.test_processes import slow
 from vibro_cli.commands.shared.error_handling import perform
@@ -245,7 +245,7 @@ from vibro_cli.figures import processes
 from vibro_cli.storage.stored import open_run
 
 def task():
-    jobs = [(0, (Path.cwd(), float(sys.argv[1])))] * 40
+    jobs = [(0, (Path.cwd(), os.getpid(), float(sys.argv[1])))] * 40
     processes.each_drawn(slow, [open_run(Path("run"))], jobs)
     return 0
 
@@ -266,7 +266,6 @@ def test_a_signal_ends_all_processes_without_further_words(
     run: StoredRun, tmp_path: Path, number: signal.Signals, seconds: float, code: int, words: bytes
 ) -> None:
     """The signal goes to a group of processes, as Ctrl-C does."""
-    end = time.monotonic() + PATIENCE / 2
     process = subprocess.Popen(
         [sys.executable, "-c", COMMAND, str(seconds)],
         cwd=tmp_path, env=environment(), stderr=subprocess.PIPE, start_new_session=True,
@@ -275,6 +274,7 @@ def test_a_signal_ends_all_processes_without_further_words(
         assert process.poll() is None, process.communicate()
         time.sleep(0.01)
     os.killpg(process.pid, number)
+    end = time.monotonic() + PATIENCE / 2
     assert process.communicate(timeout=PATIENCE / 2)[1] == words
     assert process.returncode == code
     while any(is_running(path.stem) for path in met):
