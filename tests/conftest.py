@@ -9,13 +9,17 @@ from typing import Any
 import hypothesis
 import pytest
 
-from tests.strategies import EXAMPLES
-
 # Commands that tests start keep the byte code of what they import, as a user's commands do.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
-# The duration of a call depends on other work on the machine.
-hypothesis.settings.register_profile("tests", deadline=None)
+# How long a call or a draw takes depends on other work on the machine; and a test that has passed
+# passes again with the same code, so that a failure is that of a change.
+hypothesis.settings.register_profile(
+    "tests",
+    deadline=None,
+    derandomize=True,
+    suppress_health_check=[hypothesis.HealthCheck.too_slow],
+)
 hypothesis.settings.load_profile("tests")
 
 _ACTIONS: dict[signal.Signals, Any] = {
@@ -61,6 +65,8 @@ def no_hang() -> Iterator[None]:
 
     Property tests in their long form, after as much more as they have more examples.
     """
+    from tests.strategies import EXAMPLES  # its settings are those of the profile loaded above
+
     before = signal.signal(signal.SIGPROF, _stop)
     signal.setitimer(signal.ITIMER_PROF, 2.0 * max(EXAMPLES, 60))
     yield

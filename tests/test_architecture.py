@@ -1,6 +1,7 @@
 """The direction of imports, read from the source: every layer imports only from those below it."""
 
 import ast
+import gc
 import re
 import sys
 import tomllib
@@ -99,7 +100,12 @@ def layer(path: Path) -> str:
 
 @cache
 def tree_of(path: Path) -> ast.Module:
-    return ast.parse(path.read_text(encoding="utf-8"))
+    # Python 3.11 may fail (SystemError) where collected garbage runs code that parses too.
+    gc.disable()
+    try:
+        return ast.parse(path.read_text(encoding="utf-8"))
+    finally:
+        gc.enable()
 
 
 def imports(path: Path, at_module_level_only: bool = False) -> Iterator[str]:
