@@ -23,6 +23,7 @@ from vibro_cli.grids.dataset import known_division, opened, verify
 from vibro_cli.grids.document import load_grid
 from vibro_cli.grids.solving import Solved
 from vibro_cli.grids.workers import solve_in_threads
+from vibro_cli.storage.files import MemoryFile
 from vibro_cli.systems.trace.grid_solver import TraceSolver
 
 
@@ -43,7 +44,7 @@ def test_stretches_come_in_any_order(small: Write, monkeypatch: pytest.MonkeyPat
         solver = TraceSolver(grid, "python")
         return [solver.solve(np.arange(*stretch)) for stretch in whole.stretches(0)]
 
-    writer = ChunkWriter.of(grid, whole, 0)
+    writer = ChunkWriter.of(grid, whole, 0, [])
     in_order = [writer.add(number, one) for number, one in enumerate(solved())]
     assert in_order[:-1] == [None] * (len(in_order) - 1)
     assert in_order[-1] is not None
@@ -55,7 +56,7 @@ def test_stretches_come_in_any_order(small: Write, monkeypatch: pytest.MonkeyPat
     others: list[Encoded | None] = []
     mixed = list(enumerate(solved()))
     random.Random(5).shuffle(mixed)
-    writer = ChunkWriter.of(grid, whole, 0)
+    writer = ChunkWriter.of(grid, whole, 0, [])
     workers = [
         threading.Thread(
             target=lambda some: others.extend(writer.add(*one) for one in some), args=(some,)
@@ -149,9 +150,9 @@ def test_a_column_with_few_numbers_has_a_dictionary() -> None:
         "late": np.append(np.zeros(rows // 4), np.random.default_rng(2).random(rows - rows // 4)),
     }
     table = pa.table(columns)
-    part = chunk_writer.PartFile(table.schema, [])
+    part = chunk_writer.PartFile(table.schema, [], MemoryFile([]))
     part.add(table.to_batches())
-    group = pq.read_metadata(pa.BufferReader(part.finish())).row_group(0)
+    group = pq.read_metadata(pa.BufferReader(bytes(part.finish()))).row_group(0)
     found = {group.column(n).path_in_schema: group.column(n) for n in range(3)}
     named = [name for name, column in found.items() if column.has_dictionary_page]
     assert named == ["few"]

@@ -1,5 +1,7 @@
 """Files and folders written whole or not at all, also when interrupted at any moment."""
 
+import hashlib
+import mmap
 import os
 import signal
 import stat
@@ -57,6 +59,23 @@ def test_large_contents_are_written_whole(tmp_path: Path, shift: int) -> None:
         write_file(tmp_path / "a", content)
         assert (tmp_path / "a").read_bytes() == content
     assert files._address(memoryview(room)) == room.ctypes.data
+
+
+def test_memory_of_a_file_is_used_again(tmp_path: Path) -> None:
+    """Files in turn hold their own bytes only, in no more memory than the largest of them needs."""
+    rng, spare = np.random.default_rng(2), list[mmap.mmap]()
+    for size, length in ((9_000_000, 700_001), (0, 1), (4 << 20, 1 << 20), (5_000_000, 5_000_000)):
+        content, file = rng.bytes(size), files.MemoryFile(spare)
+        for begin in range(0, size, length):
+            file.write(content[begin : begin + length])
+        assert bytes(file) == content
+        assert len(file) == size
+        write_file(tmp_path / "a", *file.pieces())
+        assert (tmp_path / "a").read_bytes() == content
+        described = {"bytes": size, "sha256": hashlib.sha256(content).hexdigest()}
+        assert files.entry(*file.pieces()) == described
+        file.release()
+        assert sum(map(len, spare)) == 3 * 4 << 20
 
 
 def test_a_file_that_fails_leaves_the_old_one(

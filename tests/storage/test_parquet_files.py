@@ -9,6 +9,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from vibro_cli.grids.chunk_writer import _PAGE, PartFile
+from vibro_cli.storage.files import MemoryFile
 from vibro_cli.storage.tables import parquet_options
 
 SCHEMA = pa.schema([("n", pa.int64()), ("t", pa.float64()), ("law", pa.string())])
@@ -32,7 +33,7 @@ def batches_of(lengths: list[int], seed: int) -> list[pa.RecordBatch]:
 
 def written() -> bytes:
     """A file of all groups."""
-    file = PartFile(SCHEMA, ["n"])
+    file = PartFile(SCHEMA, ["n"], MemoryFile([]))
     for number, lengths in enumerate(GROUPS):
         file.add(batches_of(lengths, number))
     return bytes(file.finish())
@@ -50,7 +51,7 @@ def test_metadata_may_be_larger_than_the_rows() -> None:
     """As of a grid over a trace of 8,000 arcs, which failed: `Write out of bounds`."""
     definition = "arcs".ljust(3_000_000, ".")
     schema = SCHEMA.with_metadata({"vibro:grid": definition})
-    file = PartFile(schema, ["n"])
+    file = PartFile(schema, ["n"], MemoryFile([]))
     (rows,) = batches_of([2], 1)
     file.add([rows.replace_schema_metadata({"vibro:grid": definition})])
     read = pq.read_table(pa.BufferReader(bytes(file.finish())))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import mmap
 import threading
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -23,7 +24,7 @@ from vibro_cli.grids.solving import (
     impact_table_of,
     summary_table,
 )
-from vibro_cli.storage.files import entry, write_file
+from vibro_cli.storage.files import MemoryFile, entry, write_file
 from vibro_cli.storage.tables import (
     arrow_schema,
     parquet_options,
@@ -38,47 +39,54 @@ from vibro_cli.systems.contract import Columns
 class Encoded:
     """The parts of a chunk, ready to be written."""
 
-    files: Mapping[str, memoryview]
+    files: Mapping[str, MemoryFile]
     """Contents by name in the folder of the grid, the summary last."""
     receipt: Receipt
     """Receipt of the chunk, without its files."""
 
     def write(self, folder: Path) -> Receipt:
-        """Write each part atomically; return the complete receipt.
+        """Write each part atomically and release its memory; return the complete receipt.
 
         Raises `OSError` if a part cannot be written.
         """
+        files = {}
         for name, content in self.files.items():
-            write_file(folder / name, content)
-        files = {name: entry(content) for name, content in self.files.items()}
+            write_file(folder / name, *content.pieces())
+            files[name] = entry(*content.pieces())
+            content.release()
         return replace(self.receipt, files=files)
 
 
 class ChunkWriter:
     """The unfinished parts of a chunk with a number of stretches.
 
-    `indices` are the indices of its points in the grid, from 0.
+    `indices` are the indices of its points in the grid, from 0; `spare` is the memory for its
+    parts, see :class:`MemoryFile`.
     """
 
-    def __init__(self, grid: Grid, chunk: int, indices: Array, stretches: int) -> None:
+    def __init__(
+        self, grid: Grid, chunk: int, indices: Array, stretches: int, spare: list[mmap.mmap]
+    ) -> None:
         self._grid = grid
         self._chunk = chunk
         self._indices = indices
         self._stretches = stretches
+        self._spare = spare
         self._lock = threading.Lock()
         self._busy = False
         self._come: dict[int, Solved] = {}
         self._summaries: list[Columns] = []
         self._impacts = 0
         self._parts = {
-            name: part_file(grid, impact_table_of(grid, name), chunk) for name in grid.kept_tables
+            name: part_file(grid, impact_table_of(grid, name), chunk, MemoryFile(spare))
+            for name in grid.kept_tables
         }
 
     @staticmethod
-    def of(grid: Grid, chunks: Chunks, chunk: int) -> ChunkWriter:
+    def of(grid: Grid, chunks: Chunks, chunk: int, spare: list[mmap.mmap]) -> ChunkWriter:
         """Return a writer for a chunk, with empty parts."""
         indices = np.arange(*chunks.range_of(chunk))
-        return ChunkWriter(grid, chunk, indices, len(chunks.stretches(chunk)))
+        return ChunkWriter(grid, chunk, indices, len(chunks.stretches(chunk)), spare)
 
     def add(self, number: int, solved: Solved) -> Encoded | None:
         """Add a stretch, given by its index from 0, in any order and from any thread.
@@ -127,7 +135,7 @@ class ChunkWriter:
         table = summary_table(self._grid)
         given = [self._indices + 1, *self._grid.design.columns(self._indices).values()]
         columns = dict(zip([column.name for column in table.columns], given, strict=False))
-        file = part_file(self._grid, table, self._chunk)
+        file = part_file(self._grid, table, self._chunk, MemoryFile(self._spare))
         file.add([record_batch(table, {**columns, **whole})])
         contents[names["summary"]] = file.finish()
         receipt = receipt_of(self._chunk, whole["status"], whole["end_cause"], self._impacts, {})
@@ -136,7 +144,7 @@ class ChunkWriter:
 
 def part_bytes(grid: Grid, solved: Solved, indices: Array) -> float:
     """Return the number of bytes per point on disk, estimated from some solved points."""
-    made = ChunkWriter(grid, 0, indices, 1).add(0, solved)
+    made = ChunkWriter(grid, 0, indices, 1, []).add(0, solved)
     assert made is not None
     return sum(map(len, made.files.values())) / len(indices)
 
@@ -147,23 +155,26 @@ _ORDERED = ("scenario", "n", "t")
 _ROWS_OF_A_GROUP = 100_000
 # Size of a page (bytes), which must fit in the cache while it is split, compressed and checksummed.
 _PAGE = 1 << 17
+# Number of bytes passed on at a time to Python, which needs the interpreter's lock.
+_PASSED_ON = 1 << 20
 # Number of values sampled to decide whether a column has few distinct ones.
 _SAMPLE = 512
 
 
 class PartFile:
-    """An unfinished Parquet file in memory.
+    """An unfinished Parquet file in the empty file `content`.
 
     It is encoded as by `tables.parquet_bytes`, except that columns with few distinct numbers in the
     first group use a dictionary, and that pages fit in the processor's cache. Minima and maxima of
     row groups, by which readers skip groups, are stored for the columns `skipped_by` only.
     """
 
-    def __init__(self, schema: pa.Schema, skipped_by: Sequence[str]) -> None:
+    def __init__(self, schema: pa.Schema, skipped_by: Sequence[str], content: MemoryFile) -> None:
         self._schema = schema
         self._skipped_by = list(skipped_by)
         self._waiting: list[pa.RecordBatch] = []
-        self._sink = pa.BufferOutputStream()
+        self._content = content
+        self._sink = pa.BufferedOutputStream(pa.PythonFile(content, "w"), _PASSED_ON)
         self._writer: Any = None
 
     def take(self, batch: pa.RecordBatch) -> None:
@@ -180,12 +191,13 @@ class PartFile:
         self._writer.write_table(group, row_group_size=max(group.num_rows, 1))
         self._waiting = []
 
-    def finish(self) -> memoryview:
+    def finish(self) -> MemoryFile:
         """Return the complete file, with at least one group."""
         if self._waiting and (self._writer is None or any(one.num_rows for one in self._waiting)):
             self.add(self._waiting)
         self._writer.close()
-        return memoryview(self._sink.getvalue())
+        self._sink.flush()
+        return self._content
 
     def _begun(self, group: pa.Table) -> pq.ParquetWriter:
         """Return the writer of the file, whose encoding depends on the first group of rows."""
@@ -207,14 +219,14 @@ def _has_few(column: pa.ChunkedArray) -> bool:
     return len(np.unique(values[::step])) <= len(values[::step]) // 8
 
 
-def part_file(grid: Grid, table: Table, chunk: int) -> PartFile:
-    """Return an empty file for a part of a table; equal rows of equal grids give equal bytes.
+def part_file(grid: Grid, table: Table, chunk: int, content: MemoryFile) -> PartFile:
+    """Return a file for a part of a table; equal rows of equal grids give equal bytes.
 
-    The part belongs to ``table`` and ``chunk``.
+    The part belongs to ``table`` and ``chunk``; `content` is empty.
     """
     resolved = grid.resolved()
     definition = json.dumps(resolved, ensure_ascii=False, allow_nan=False)
     more = {"vibro:grid": definition, "vibro:part": str(chunk)}
     schema = arrow_schema(table, resolved["scenario"], more)
     skipped_by = [name for name in schema.names if table.name == SUMMARY or name in _ORDERED]
-    return PartFile(schema, skipped_by)
+    return PartFile(schema, skipped_by, content)

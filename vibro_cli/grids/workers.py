@@ -6,6 +6,7 @@ A few points are solved first, to estimate the number of impacts and choose the 
 from __future__ import annotations
 
 import ipaddress
+import mmap
 import threading
 import time
 import uuid
@@ -36,8 +37,9 @@ def _stretches(
     grid: Grid, chunks: Chunks, wanted: Sequence[int]
 ) -> Iterator[tuple[ChunkWriter, int, Array]]:
     """Yield the stretches of all chunks, in order: writer, number in the chunk, and points."""
+    spare: list[mmap.mmap] = []
     for chunk in wanted:
-        writer = ChunkWriter.of(grid, chunks, chunk)
+        writer = ChunkWriter.of(grid, chunks, chunk, spare)
         for number, stretch in enumerate(chunks.stretches(chunk)):
             yield writer, number, np.arange(*stretch)
 
@@ -358,10 +360,10 @@ def solve_chunk(
     ``run`` identifies the grid, so that a worker's thread can reuse its solver.
     """
     if getattr(_of_thread, "run", None) != run:
-        _of_thread.solver = solver_of(grid, engine)
+        _of_thread.solver, _of_thread.spare = solver_of(grid, engine), []
         _of_thread.run = run
     solver: Solver = _of_thread.solver
-    writer = ChunkWriter.of(grid, chunks, chunk)
+    writer = ChunkWriter.of(grid, chunks, chunk, _of_thread.spare)
     for number, stretch in enumerate(chunks.stretches(chunk)):
         made = writer.add(number, solver.solve(np.arange(*stretch)))
     assert made is not None

@@ -16,8 +16,10 @@ import errno
 import fcntl
 import glob
 import hashlib
+import io
 import itertools
 import json
+import mmap
 import os
 import platform
 import secrets
@@ -40,8 +42,10 @@ BLOCK = 4096
 """Size of a block (bytes); memory aligned to blocks can be written without a copy."""
 
 
-def write_file(path: Path, content: bytes | memoryview) -> None:
+def write_file(path: Path, *pieces: bytes | memoryview) -> None:
     """Write a file atomically: write it beside its target, flush it, rename it, flush the folder.
+
+    Its content may be given in several pieces.
 
     Raises `OSError` if it cannot be written, or if the target is not a regular file, such as a
     device, which renaming would remove. Nothing is left behind then.
@@ -51,7 +55,7 @@ def write_file(path: Path, content: bytes | memoryview) -> None:
         if path.exists() and not path.is_file():
             raise OSError(errno.EINVAL, "not a regular file; it is left as it is")
         try:
-            _write_new(partial, content)
+            _write_new(partial, *pieces)
             os.replace(partial, path)
         except BaseException:
             partial.unlink(missing_ok=True)
@@ -86,14 +90,16 @@ def remove_partial_files(folder: Path) -> None:
             partial.unlink(missing_ok=True)
 
 
-def _write_new(path: Path, content: bytes | memoryview) -> None:
+def _write_new(path: Path, *pieces: bytes | memoryview) -> None:
     """Write a new file, which must not exist yet, and flush it to the disk."""
+    is_large = sum(map(len, pieces)) >= _LARGE
     with open(path, "xb") as file:
-        written = _write_directly(file.fileno(), content) if len(content) >= _LARGE else 0
-        file.write(content[written:])
-        file.flush()
+        for piece in pieces:
+            written = _write_directly(file.fileno(), piece) if is_large else 0
+            file.write(piece[written:])
+            file.flush()
         os.fsync(file.fileno())
-        if len(content) >= _LARGE and hasattr(os, "posix_fadvise"):
+        if is_large and hasattr(os, "posix_fadvise"):
             os.posix_fadvise(file.fileno(), 0, 0, os.POSIX_FADV_DONTNEED)
 
 
@@ -122,6 +128,58 @@ def _write_directly(handle: int, content: bytes | memoryview) -> int:
 
 def _address(content: memoryview) -> int:
     return ctypes.addressof(ctypes.c_char.from_buffer(content))
+
+
+class MemoryFile(io.RawIOBase):
+    """A growing file in memory, in blocks that later files use again.
+
+    Fresh memory takes the system longer than what is written to it. `spare` holds the blocks that
+    no file uses; any thread may take one.
+    """
+
+    def __init__(self, spare: list[mmap.mmap]) -> None:
+        self._spare = spare
+        self._blocks: list[mmap.mmap] = []
+
+    def writable(self) -> bool:
+        """Return true."""
+        return True
+
+    def write(self, content: Any) -> int:
+        """Append bytes; return their number."""
+        left = memoryview(content)
+        while left:
+            if self.tell() % _LARGE == 0:
+                self._blocks.append(self._empty_block())
+            block = self._blocks[-1]
+            left = left[block.write(left[: _LARGE - block.tell()]) :]
+        return len(content)
+
+    def _empty_block(self) -> mmap.mmap:
+        try:
+            block = self._spare.pop()
+        except IndexError:
+            return mmap.mmap(-1, _LARGE, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
+        block.seek(0)
+        return block
+
+    def tell(self) -> int:
+        """Return the number of bytes written."""
+        return sum(block.tell() for block in self._blocks)
+
+    __len__ = tell
+
+    def pieces(self) -> list[memoryview]:
+        """Return the content, block by block."""
+        return [memoryview(block)[: block.tell()] for block in self._blocks]
+
+    def __bytes__(self) -> bytes:
+        return b"".join(self.pieces())
+
+    def release(self) -> None:
+        """Give the blocks back: nobody may look at the content any more."""
+        self._spare += self._blocks
+        self._blocks = []
 
 
 def flush_folder(path: Path) -> None:
@@ -315,9 +373,12 @@ def json_bytes(values: Any) -> bytes:
     return (json.dumps(values, indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode()
 
 
-def entry(content: bytes | memoryview) -> dict[str, Any]:
-    """Return the entry of a file in a manifest."""
-    return {"bytes": len(content), "sha256": hashlib.sha256(content).hexdigest()}
+def entry(*pieces: bytes | memoryview) -> dict[str, Any]:
+    """Return the entry in a manifest of a file, given in one or more pieces."""
+    found = hashlib.sha256()
+    for piece in pieces:
+        found.update(piece)
+    return {"bytes": sum(map(len, pieces)), "sha256": found.hexdigest()}
 
 
 def manifest_of(
