@@ -207,6 +207,36 @@ def test_an_empty_table_is_written_with_its_schema() -> None:
     assert found.schema.field("t").metadata[b"unit"] == b"s"
 
 
+def test_bytes_do_not_depend_on_how_rows_are_divided() -> None:
+    """As the lengths of stretches do not: of either engine, or of a run that was continued."""
+    rng, rows = np.random.default_rng(4), 2 * tables.GROUP_ROWS + 12_345
+    words = pa.array(["left", "right", "none"])
+    columns = {
+        "number": pa.array(rng.normal(size=rows), mask=rng.random(rows) < 0.3),
+        "count": pa.array(rng.integers(-(1 << 62), 1 << 62, rows), mask=rng.random(rows) < 0.1),
+        "flag": pa.array(rng.random(rows) < 0.5),
+        "word": words.take(pa.array(rng.integers(0, 3, rows))),
+    }
+    whole = pa.record_batch(columns)
+
+    def written(lengths: list[int]) -> bytes:
+        sink = io.BytesIO()
+        growing = tables.GrowingTable(sink, whole.schema)
+        ends = np.cumsum(lengths).tolist()
+        for end, length in zip(ends, lengths, strict=True):
+            growing.write([whole.slice(end - length, length)])
+        growing.finish()
+        return sink.getvalue()
+
+    once = written([rows])
+    assert pq.read_table(io.BytesIO(once)).equals(pa.table(columns))
+    for most in (1000, 50_000, 100_000):
+        lengths = rng.integers(0, most, rows).tolist()
+        used = int(np.searchsorted(np.cumsum(lengths), rows))
+        lengths = [*lengths[:used], rows - sum(lengths[:used])]
+        assert written(lengths) == once
+
+
 def test_equal_input_gives_equal_bytes() -> None:
     table = of_trace.collisions()
     one, other = (file_of(table, columns_of(table, 5000)) for _ in range(2))

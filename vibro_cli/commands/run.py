@@ -449,7 +449,7 @@ def _standard_output(form: str, scenario: "AnyScenario") -> "Iterator[Sink]":
         data = arrow_table(name, rows, scenario)
         if not streams:
             streams.append(GrowingTable(sys.stdout.buffer, data.schema, form))
-        streams[0].write(data)
+        streams[0].write(data.to_batches())
 
     yield add
     for stream in streams:

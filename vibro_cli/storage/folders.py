@@ -36,7 +36,9 @@ from vibro_cli.storage.files import (
 from vibro_cli.storage.tables import (
     Counted,
     GrowingTable,
+    arrow_schema,
     parquet_bytes,
+    record_batch,
     to_arrow,
 )
 from vibro_cli.systems import system_named
@@ -135,12 +137,14 @@ class StreamedFolder:
     def add(self, name: str, rows: Columns) -> None:
         """Add rows to a table; raises `OSError` if they cannot be written."""
         file = f"{name}.parquet"
-        data = arrow_table(name, rows, self._scenario)
+        table = system_named(self._scenario.system).table(name, rows)
+        batch = record_batch(table, rows)
         with self._folder.naming(file):
             if name not in self._tables:
+                schema = arrow_schema(table, self._scenario.resolved())
                 counted = Counted(self._files.enter_context(self._folder.growing(file)))
-                self._tables[name] = GrowingTable(counted, data.schema), counted
-            self._tables[name][0].write(data)
+                self._tables[name] = GrowingTable(counted, schema), counted
+            self._tables[name][0].write([batch])
 
     def end_tables(self) -> Path:
         """Finish the tables; return the unfinished folder; raises as :meth:`add`."""

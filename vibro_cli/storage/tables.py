@@ -485,28 +485,29 @@ class GrowingTable:
         elif form != "jsonl":
             raise ValueError(f"there is no form {form!r} of a table")
 
-    def write(self, rows: pa.Table) -> None:
+    def write(self, batches: Sequence[pa.RecordBatch]) -> None:
         """Write rows: some thousands of lines at a time for jsonl, whole groups for Parquet."""
         if self._grouped:
-            self._waiting += rows.to_batches()
+            self._waiting += batches
             self._write_groups(GROUP_ROWS)
-        elif self._writer is not None:
-            self._writer.write_table(rows)
         else:
-            self._write_lines(rows)
+            write = self._write_lines if self._writer is None else self._writer.write
+            for batch in batches:
+                write(batch)
         self._sink.flush()
 
-    def _write_lines(self, rows: pa.Table) -> None:
-        for batch in rows.to_batches(max_chunksize=_JSON_LINES_AT_ONCE):
-            lines = (json.dumps(r, ensure_ascii=False, allow_nan=False) for r in batch.to_pylist())
+    def _write_lines(self, rows: pa.RecordBatch) -> None:
+        for first in range(0, rows.num_rows, _JSON_LINES_AT_ONCE):
+            some = rows.slice(first, _JSON_LINES_AT_ONCE).to_pylist()
+            lines = (json.dumps(row, ensure_ascii=False, allow_nan=False) for row in some)
             self._sink.write("".join(f"{line}\n" for line in lines).encode())
 
     def _write_groups(self, least: int) -> None:
         """Write groups from the waiting rows, as long as there are at least `least`."""
         while sum(batch.num_rows for batch in self._waiting) >= least:
             waiting = pa.Table.from_batches(self._waiting, self._schema)
-            group = waiting.slice(0, GROUP_ROWS).combine_chunks()
-            self._writer.write_table(group, row_group_size=GROUP_ROWS)
+            # A column of a group fits in one page, so its bytes do not depend on the batches.
+            self._writer.write_table(waiting.slice(0, GROUP_ROWS), row_group_size=GROUP_ROWS)
             self._waiting = waiting.slice(GROUP_ROWS).to_batches()
 
     def finish(self) -> None:
@@ -529,7 +530,7 @@ def stream(parts: Iterator[pa.Table], form: str, sink: BinaryIO) -> None:
     begin = next(parts)
     table = GrowingTable(sink, begin.schema, form)
     for part in chain([begin], parts):
-        table.write(part)
+        table.write(part.to_batches())
     table.finish()
 
 
