@@ -1,6 +1,7 @@
 """Careless or hostile input: the program reports it and does nothing else."""
 
 import datetime
+import io
 import json
 import os
 import subprocess
@@ -162,6 +163,26 @@ def test_what_a_form_cannot_hold_is_said(vibro: Vibro, odd: Path, options: list[
     assert outcome.err.endswith(" (choose columns with --columns)\n")
     fit = "number" if "csv" in options else "list"
     assert vibro("show", odd, *options, "--columns", fit).code == 0
+
+
+@pytest.mark.parametrize("replaced", ["name", "word"])
+def test_a_table_whose_names_or_words_are_not_in_utf8_is_one_line(
+    vibro: Vibro, tmp_path: Path, scenario: Path, replaced: str
+) -> None:
+    table = pa.table({"t": ["wordZ", "b"], "collision.k": [0.5, 0.6], "nameZ": [1, 2]})
+    file, changed = io.BytesIO(), f"{replaced}Z".encode()
+    parquet.write_table(table, file, compression="none", store_schema=False)
+    path = tmp_path / "foreign.parquet"
+    path.write_bytes(file.getvalue().replace(changed, changed[:-1] + b"\xff"))
+    grid = tmp_path / "grid.toml"
+    grid.write_text(f'base = "{scenario}"\n[[axes]]\ntable = "foreign.parquet"\n')
+    commands = [["show", path], ["fit", scenario, path, "--free", "collision.k"], ["grid", grid]]
+    for command in commands:
+        outcome = vibro(*command)
+        assert (outcome.code, outcome.text) == (2, "")
+        assert "foreign.parquet" in outcome.err
+        assert "UTF" in outcome.err.upper()
+        assert outcome.err.count("\n") == 1
 
 
 def shell(command: str, folder: Path, **changes: str) -> subprocess.CompletedProcess[str]:

@@ -69,15 +69,20 @@ class ShowCommand:
     def __call__(self) -> int:
         """Print the chosen rows and columns of a table in the chosen form."""
         names = None if self.columns is None else [name.strip() for name in self.columns.split(",")]
+        try:
+            if self.form is not None or self.as_json:
+                _print_whole(_parts(self.file, _row_range(self._rows), names), self.form)
+            else:
+                self._print_lines(names)
+        except (TypeError, ValueError) as error:  # a table of another program
+            form = self.form or ("json" if self.as_json else "text")
+            text = f"cannot be shown as {form}: {' '.join(str(error).split())}"
+            raise CommandError(f"{self.file}: {text} (choose columns with --columns)") from error
+        return DONE
+
+    def _print_lines(self, names: Sequence[str] | None) -> None:
+        """Print the chosen rows and columns as text."""
         parts = partial(_parts, self.file, _row_range(self._rows))
-        if self.form is not None or self.as_json:
-            try:
-                _print_whole(parts(names), self.form)
-            except (TypeError, ValueError) as error:  # a table of another program
-                text = f"cannot be shown as {self.form or 'json'}: {' '.join(str(error).split())}"
-                text = f"{self.file}: {text} (choose columns with --columns)"
-                raise CommandError(text) from error
-            return DONE
         chosen, total = _chosen(self.file, _row_range(self._rows), names)
         if total == len(chosen) == 1 and names is None:
             print("\n".join(_listed(next(parts(None)))))
@@ -87,7 +92,6 @@ class ShowCommand:
                 print(line)
             shown = f"rows {chosen.start + 1} to {chosen.stop}" if chosen else "no rows"
             say(f"{shown} of {total}")
-        return DONE
 
 
 def _row_range(text: str) -> tuple[int | None, int | None]:

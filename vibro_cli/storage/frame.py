@@ -34,7 +34,9 @@ def read_table(path: Path) -> pa.Table:
         raise pa.ArrowInvalid(f"found the suffix {path.suffix!r}, expected .csv or .parquet")
     with path.open("rb") as stream:  # errors of Arrow's own open do not name the file
         if suffix == ".parquet":
-            return read_parquet(stream)
+            found = read_parquet(stream)
+            found.validate(full=True)  # words may not be in UTF-8
+            return found
         from pyarrow import csv
 
         table = csv.read_csv(stream)

@@ -14,6 +14,7 @@ import os
 import threading
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from errno import ESTALE
 from functools import cache, partial
 from itertools import chain
@@ -211,7 +212,17 @@ def _opened(source: Path | BinaryIO, **options: Any) -> pq.ParquetFile:
     Paths are passed as bytes, since Arrow encodes text as UTF-8 whatever the file system uses.
     """
     file = pa.OSFile(os.fsencode(source)) if isinstance(source, Path) else source
-    return pq.ParquetFile(file, page_checksum_verification=True, **options)
+    with _names_in_utf8():
+        return pq.ParquetFile(file, page_checksum_verification=True, **options)
+
+
+@contextmanager
+def _names_in_utf8() -> Iterator[None]:
+    """Raise `pyarrow.ArrowException` if the name of a column is not in UTF-8."""
+    try:
+        yield
+    except UnicodeDecodeError as error:
+        raise pa.ArrowInvalid("the name of a column is not in UTF-8") from error
 
 
 def read_parquet(source: Path | BinaryIO) -> pa.Table:
@@ -229,10 +240,8 @@ def once_each(table: pa.Table) -> pa.Table:
 
     Raises `pyarrow.ArrowException` otherwise, since columns are accessed by name only.
     """
-    try:
+    with _names_in_utf8():
         names = Counter(table.column_names)
-    except UnicodeDecodeError as error:
-        raise pa.ArrowInvalid("the name of a column is not in UTF-8") from error
     for name, times in names.items():
         if times > 1:
             raise pa.ArrowInvalid(f"{times} columns are named {name!r}")
