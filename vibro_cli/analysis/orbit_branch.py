@@ -76,6 +76,8 @@ _LEAST_CHANGE = 1.0e-3
 _DIPS = 12
 # Relative gap over part of its period below which an orbit has this shorter period.
 _PART = 1.0e-7
+# Relative gap over half of the period below which values of orbits beside a halving are inaccurate.
+_BESIDE_HALVING = 1.0e-2
 # Fractions of the way back from a halving of the period, of the orbits that locate it.
 _NEARING = (0.2, 0.4, 0.6, 0.8)
 # Fractions of a step from a doubling at which further unstable orbits are computed.
@@ -236,7 +238,9 @@ class Family:
         special = [*self._passed(points, halved), *self._out_of_the_circle(points)]
         folds = {one.after for one in special if one.kind == "fold"}
         for n, three in enumerate(zip(points, points[1:], points[2:], strict=False), 1):
-            if _turn(*three) and not folds & {n - 1, n}:  # a fold not found so far
+            # Rounding moves the values of the orbits beside a halving.
+            at_halving = halved & {n - 1, n + 1} and _nearly_halved(points[n])
+            if _turn(*three) and not folds & {n - 1, n} and not at_halving:
                 special.append(self._turning(n, *three))
         special.sort(key=lambda one: (one.after, _apart(one.point, points[one.after])))
         points, special = self._with_approaches(points, special)
@@ -616,6 +620,13 @@ def _share_left(one: Point, other: Point) -> float:
     # correction is exactly 0 elsewhere.
     left = left + (gap_of(one.orbit.system, gap, left) - (left - gap))
     return float(np.vdot(gap, left) / np.vdot(gap, gap))
+
+
+def _nearly_halved(here: Point) -> bool:
+    """Return whether an orbit nearly repeats after half of its period."""
+    orbit = here.orbit
+    gap = float(np.linalg.norm(orbit.part_gaps[2]))
+    return gap < _BESIDE_HALVING * size_of(orbit.system, orbit.state)
 
 
 def _turn(before: Point, here: Point, after: Point) -> bool:
