@@ -185,6 +185,29 @@ def test_a_table_whose_names_or_words_are_not_in_utf8_is_one_line(
         assert outcome.err.count("\n") == 1
 
 
+@pytest.mark.parametrize("fault", ["memory", "threads"])
+def test_a_table_for_which_memory_or_threads_run_out_is_not_called_damaged(
+    vibro: Vibro, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, scenario: Path, fault: str
+) -> None:
+    def opened(*_: object, **__: object) -> None:
+        if fault == "memory":
+            raise pa.ArrowMemoryError("malloc of size 64 failed")
+        raise pa.ArrowException("Unknown error: Failed to launch worker thread: unavailable")
+
+    path, grid = tmp_path / "table.parquet", tmp_path / "grid.toml"
+    parquet.write_table(pa.table({"t": [1.0], "collision.k": [0.5]}), path)
+    grid.write_text(f'base = "{scenario}"\n[[axes]]\ntable = "table.parquet"\n')
+    commands = [["show", path]]
+    if fault == "memory":
+        commands += [["fit", scenario, path, "--free", "collision.k"], ["grid", grid]]
+    monkeypatch.setattr(parquet, "ParquetFile", opened)
+    for command in commands:
+        outcome = vibro(*command)
+        words = "out of memory" if fault == "memory" else "no thread can be started"
+        assert (outcome.code, outcome.text) == (1, "")
+        assert outcome.err.startswith(f"vibro: {words}")
+
+
 def shell(command: str, folder: Path, **changes: str) -> subprocess.CompletedProcess[str]:
     """Run a line of the shell, in which $V is the program."""
     environment = {

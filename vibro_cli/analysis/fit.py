@@ -88,6 +88,8 @@ def read_measured(file: str | Path, from_start: bool = True) -> Measured:
     path = Path(file)
     try:
         table = read_table(path)
+    except MemoryError:  # Arrow's own is an ArrowException too
+        raise
     except pa.ArrowException as error:
         why = " ".join(str(error).split())
         if why.startswith("CSV parse error"):

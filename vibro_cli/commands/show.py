@@ -17,6 +17,7 @@ from vibro_cli.commands.shared.error_handling import (
     DONE,
     FAILED,
     CommandError,
+    exhausted,
     reason,
     suggestion,
 )
@@ -170,6 +171,8 @@ def _readable(file: Path, columns: Sequence[str] | None) -> Iterator[None]:
     except OSError as error:
         raise CommandError(f"{file}: cannot be read: {reason(error)}", FAILED) from error
     except pyarrow.ArrowException as error:
+        if exhausted(error):
+            raise
         raise CommandError(
             f"{file}: not a parquet table: {' '.join(str(error).split())}"
         ) from error

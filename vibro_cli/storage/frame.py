@@ -58,6 +58,8 @@ def read_columns(path: Path) -> dict[str, np.ndarray[Any, np.dtype[Any]]]:
     """
     try:
         table = read_table(path)
+    except MemoryError:  # Arrow's own is an ArrowException too
+        raise
     except (OSError, pa.ArrowException) as error:
         text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
         raise ValueError(f"which cannot be read ({' '.join(text.split())[:100]})") from error

@@ -95,12 +95,12 @@ def attempt(task: Task) -> int:
         end = _signalled(fault)
         if end is not None:
             raise end from None
-        lack = _lack(fault)
+        lack = exhausted(fault)
         say(*((f"vibro: {lack}", "error") if lack else _report_fault(fault)))
     return FAILED
 
 
-def _lack(fault: Exception) -> str:
+def exhausted(fault: Exception) -> str:
     """Name the exhausted resource (memory or threads), or "" for other faults."""
     ends = ("failed to map segment from shared object", os.strerror(errno.ENOMEM))
     if isinstance(fault, MemoryError) or (
@@ -109,7 +109,10 @@ def _lack(fault: Exception) -> str:
         return "out of memory"
     threads = ("can't start new thread", "Failed to launch worker thread")
     if any(words in str(fault) for words in threads):
-        return "no thread can be started: the process limit is reached (ulimit -u)"
+        return (
+            "no thread can be started: the limit of processes (ulimit -u) or memory (ulimit -v) is "
+            "reached"
+        )
     return ""
 
 
