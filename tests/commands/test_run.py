@@ -455,7 +455,7 @@ def test_a_signal_that_python_drops_comes_again(
         (
             RuntimeError("can't start new thread"),
             1,
-            "vibro: no thread can be started: the process limit",
+            "vibro: no thread can be started: the limit of processes (ulimit -u)",
         ),
         (
             ImportError("a.so: failed to map segment from shared object"),

@@ -142,9 +142,10 @@ class ChunkWriter:
         return Encoded(contents, receipt)
 
 
-def part_bytes(grid: Grid, solved: Solved, indices: Array) -> float:
-    """Return the number of bytes per point on disk, estimated from some solved points."""
-    made = ChunkWriter(grid, 0, indices, 1, []).add(0, solved)
+def part_bytes(grid: Grid, solved: Sequence[Solved], indices: Array) -> float:
+    """Return the number of bytes per point on disk, estimated from stretches of solved points."""
+    writer = ChunkWriter(grid, 0, indices, len(solved), [])
+    *_, made = [writer.add(number, stretch) for number, stretch in enumerate(solved)]
     assert made is not None
     return sum(map(len, made.files.values())) / len(indices)
 

@@ -167,20 +167,22 @@ def estimate(grid: Grid, engine: str, stretch: int) -> tuple[int, float, float, 
     thread (s), and the bytes on disk.
     """
     solver = solver_of(grid, engine)
+    solver.solve(spread(grid, 1))  # prepares what all points share
     count = 16
-    solver.solve(spread(grid, count))  # the first one also prepares what all others share
     while True:
         points = spread(grid, count)
         begin = time.perf_counter()
-        for first in range(0, len(points), stretch):
+        solved = [
             solver.solve(points[first : first + stretch])
+            for first in range(0, len(points), stretch)
+        ]
         taken = time.perf_counter() - begin
         if taken >= _TIMED or len(points) == grid.design.points:
             break
         count *= 4
-    solved = solver.solve(points)
+    impacts = sum(one.impacts for one in solved)
     size = part_bytes(grid, solved, points)
-    return len(points), solved.impacts / len(points), taken / len(points), size
+    return len(points), impacts / len(points), taken / len(points), size
 
 
 def solve_into(folder: Path, grid: Grid, workers: int, force: bool) -> None:
