@@ -76,6 +76,26 @@ def test_equal_crests_are_joined_by_a_heteroclinic_orbit() -> None:
     )
 
 
+@pytest.mark.parametrize("left", [30, 120])
+@pytest.mark.parametrize("right", [30, 120])
+def test_a_separatrix_between_equal_crests_is_no_eight(left: float, right: float) -> None:
+    """Where only one outer side closes, that crest was said to have an eight of its own.
+
+    An outer valley up to 30 degrees is lower than the crests, one up to 120 degrees is higher.
+    """
+    between = (valley(1.0, 50), hump(0.5, -50), valley(1.0, 50), hump(0.5, -50))
+    first, second = triggers(landscape(-left, *between, valley(1.0, right)))
+    assert first.orbit == (OPEN if left == 30 else HETEROCLINIC)
+    assert second.orbit == (OPEN if right == 30 else HETEROCLINIC)
+    # Beyond the other crest the level runs on, to its turning point if there is one.
+    assert first.turning_right is not None
+    assert second.turning_left is not None
+    if right == 30:
+        assert first.turning_right == pytest.approx(second.saddle.s, rel=1e-15)
+    if left == 30:
+        assert second.turning_left == pytest.approx(first.saddle.s, rel=1e-15)
+
+
 @pytest.mark.parametrize("seam", range(9))
 def test_equal_crests_with_a_higher_one_on_either_side_have_an_eight_each(seam: int) -> None:
     """Three crests on the floor of a closed trace, the middle one higher; the fourth is its top."""

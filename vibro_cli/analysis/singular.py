@@ -162,9 +162,9 @@ def _point(
 FIGURE_EIGHT = "figure eight"
 """The separatrix closes on both sides: a homoclinic orbit in the shape of an eight."""
 HETEROCLINIC = "heteroclinic"
-"""The separatrix runs to another saddle with the same energy."""
+"""The separatrix is bounded and runs to another saddle with the same energy."""
 OPEN = "open"
-"""The separatrix leaves the trace, or runs around a closed one."""
+"""The separatrix leaves the trace on either side, or runs around a closed one."""
 
 _OF_TRIGGERS = 4.0 * EPSILON
 _EQUAL = 1e-12
@@ -186,9 +186,12 @@ class Trigger:
     margin_right: float
     """The same (J) on the right."""
     turning_left: float | None
-    """Arc length s (m) of the separatrix's left turning point; None if it leaves the trace."""
+    """Arc length s (m) of the separatrix's left turning point, which may be an equally high saddle.
+
+    None if the separatrix leaves the trace.
+    """
     turning_right: float | None
-    """Arc length s (m) of the separatrix's right turning point; None if it leaves the trace."""
+    """The same (m) on the right."""
     orbit: str
     """The separatrix: `figure eight`, `heteroclinic` or `open`."""
 
@@ -216,65 +219,64 @@ def _trigger(
     saddle: SingularPoint,
     right: SingularPoint,
 ) -> Trigger:
-    margins = _margins(landscape, points, saddle)
+    barriers = _barriers(landscape, points, saddle)
+    margins = [energy - saddle.energy for energy, _ in barriers]
     # The margin decides whether the separatrix turns (within rounding, it does), not the turning
     # point: near a bifurcation, where centres and saddle differ by less than rounding, turning
     # points are lost while the barriers are still known.
     rounding = _OF_TRIGGERS * (abs(saddle.energy) + landscape.weight * landscape.trace.length)
     closes = [margin >= -rounding for margin in margins]
+    # There it is near the saddle, unless the level runs on over a barrier as high as the saddle.
+    lost = [
+        place if margin <= rounding else saddle.s
+        for margin, (_, place) in zip(margins, barriers, strict=True)
+    ]
     turning_left, turning_right = (
-        (saddle.s if place is None else place) if closed else None
-        for place, closed in zip(_turnings(landscape, saddle), closes, strict=True)
+        (instead if place is None else place) if closed else None
+        for place, instead, closed in zip(_turnings(landscape, saddle), lost, closes, strict=True)
     )
-    orbit = FIGURE_EIGHT if all(closes) else OPEN
-    if _meets_another_saddle(landscape, points, saddle, turning_left, turning_right):
-        orbit = HETEROCLINIC
+    joined = _meets_another_saddle(landscape, points, saddle)
+    orbit = OPEN if not all(closes) else HETEROCLINIC if joined else FIGURE_EIGHT
     return Trigger(left, saddle, right, *margins, turning_left, turning_right, orbit)
 
 
 def _meets_another_saddle(
-    landscape: Landscape,
-    points: tuple[SingularPoint, ...],
-    saddle: SingularPoint,
-    turning_left: float | None,
-    turning_right: float | None,
-) -> bool:
-    rounding = _EQUAL * saddle.energy
-    if landscape.trace.closed:
-        # The first hill that is not lower decides, on either way round.
-        place = points.index(saddle)
-        around = (*points[place + 1 :], *points[:place])
-        hills = [point.energy - saddle.energy for point in around if point.kind != CENTRE]
-        ways = (hills, hills[::-1])
-        firsts = (next((hill for hill in way if hill >= -rounding), math.inf) for way in ways)
-        return any(first <= rounding for first in firsts)
-    low = -math.inf if turning_left is None else turning_left
-    high = math.inf if turning_right is None else turning_right
-    return any(
-        point.kind != CENTRE
-        and point is not saddle
-        and abs(point.energy - saddle.energy) <= rounding
-        and low <= point.s <= high
-        for point in points
-    )
-
-
-def _margins(
     landscape: Landscape, points: tuple[SingularPoint, ...], saddle: SingularPoint
-) -> tuple[float, float]:
-    """Return the greatest barrier on each side, minus the saddle's energy (J)."""
-    others = [point for point in points if point.kind != CENTRE and point is not saddle]
+) -> bool:
+    """Return whether, on either side, the first hill that is not lower is as high as a saddle."""
+    rounding = _EQUAL * saddle.energy
+    place = points.index(saddle)
+    before, after = points[:place], points[place + 1 :]
+    if landscape.trace.closed:
+        before = after = (*after, *before)
+    for way in (before[::-1], after):
+        hills = (point.energy - saddle.energy for point in way if point.kind != CENTRE)
+        if next((hill for hill in hills if hill >= -rounding), math.inf) <= rounding:
+            return True
+    return False
+
+
+Barrier = tuple[float, float]
+"""Energy (J) and arc length (m)."""
+
+
+def _barriers(
+    landscape: Landscape, points: tuple[SingularPoint, ...], saddle: SingularPoint
+) -> tuple[Barrier, Barrier]:
+    """Return the greatest barrier on each side of a saddle."""
+    hills = [
+        (point.energy, point.s) for point in points if point.kind != CENTRE and point is not saddle
+    ]
     if landscape.trace.closed:
         # On a closed trace without another hill the separatrix returns to its own saddle.
-        highest = max((point.energy for point in others), default=saddle.energy)
-        barrier = highest - saddle.energy
-        return barrier, barrier
+        highest = max(hills, default=(saddle.energy, saddle.s))
+        return highest, highest
     first, last = landscape.trace.pieces[0], landscape.trace.pieces[-1]
-    end_left = float(landscape.potential(first, first.angle_start))
-    end_right = float(landscape.potential(last, last.angle_end))
-    lefts = [point.energy for point in others if point.s < saddle.s]
-    rights = [point.energy for point in others if point.s > saddle.s]
-    return max([end_left, *lefts]) - saddle.energy, max([end_right, *rights]) - saddle.energy
+    left_end = float(landscape.potential(first, first.angle_start)), 0.0
+    right_end = float(landscape.potential(last, last.angle_end)), landscape.trace.length
+    lefts = [hill for hill in hills if hill[1] < saddle.s]
+    rights = [hill for hill in hills if hill[1] > saddle.s]
+    return max([left_end, *lefts]), max([right_end, *rights])
 
 
 def _turnings(landscape: Landscape, saddle: SingularPoint) -> tuple[float | None, float | None]:
