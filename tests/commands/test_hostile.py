@@ -64,6 +64,7 @@ def test_a_file_that_is_not_there_or_a_folder_is_one_line(vibro: Vibro, tmp_path
     (tmp_path / "loop.toml").symlink_to("loop.toml")
     words = "found a folder, expected a scenario file (.toml, .json, .yaml or .yml)"
     assert vibro("check", "folder").err == f"folder: {words}\n"
+    assert vibro("check", "").err == f".: {words}\n"
     for command in ("check", "grid"):
         words = "none.toml: cannot be read: No such file or directory\n"
         assert vibro(command, "none.toml").err == words

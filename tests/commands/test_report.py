@@ -315,6 +315,7 @@ def test_a_grid_has_a_page_and_figures(vibro: Vibro) -> None:
         ("outputs/one_circle",): "a report is on runs or on one grid",
         ("--animate", "film.gif"): "takes a run",
         ("--map", "energy_strat"): 'did you mean "energy_start"?',
+        ("--map", ""): "--map: found '', expected one of end_time, ",
     }.items():
         outcome = vibro("report", "sweep", *extra)
         assert outcome.code == 2

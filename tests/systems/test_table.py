@@ -496,6 +496,20 @@ def test_sides_of_a_polygon_are_numbered_as_its_corners_are_given(side: str) -> 
         assert met == {1, 2, 3, 4, 5}
 
 
+@pytest.mark.parametrize("shape", ["polygon", "reversed", "rectangle"])
+def test_a_corner_has_the_number_of_the_side_that_begins_there(shape: str) -> None:
+    corners = [[-1.0, -0.5], [1.0, -0.5], [1.0, 0.5], [-1.0, 0.5]]
+    wall: dict[str, Any] = {"shape": "rectangle", "width": 2.0, "depth": 1.0}
+    if shape != "rectangle":
+        corners = corners[::-1] if shape == "reversed" else corners
+        wall = {"shape": "polygon", "corners": corners}
+    for number, (x, y) in enumerate(corners, 1):
+        start = ball(1.5 * x, 1.5 * y, -x, -y)
+        run = solve(table([start], wall | {"side": "outside", "k": 1.0}, bounces=1))
+        assert run.bounces["edge"].tolist() == [number]
+        assert math.hypot(run.bounces["x"][0] - x, run.bounces["y"][0] - y) == pytest.approx(0.1)
+
+
 @pytest.mark.parametrize("radius", [0.0, 0.1])
 def test_a_curved_wall_has_no_sides(radius: float) -> None:
     start = particle(0.3, 0.1, 0.9, 0.7) if radius == 0.0 else ball(0.3, 0.1, 0.9, 0.7)

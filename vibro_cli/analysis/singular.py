@@ -219,8 +219,8 @@ def _trigger(
     saddle: SingularPoint,
     right: SingularPoint,
 ) -> Trigger:
-    barriers = _barriers(landscape, points, saddle)
-    margins = [energy - saddle.energy for energy, _ in barriers]
+    barriers = (low, _), (high, _) = _barriers(landscape, points, saddle)
+    margins = low - saddle.energy, high - saddle.energy
     # The margin decides whether the separatrix turns (within rounding, it does), not the turning
     # point: near a bifurcation, where centres and saddle differ by less than rounding, turning
     # points are lost while the barriers are still known.

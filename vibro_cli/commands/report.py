@@ -252,7 +252,7 @@ def _check_maps(subject: "Subject", maps: Sequence[str]) -> None:
         known = mapped_columns(subject)
         if name not in known:
             expected = listing(known) + suggestion(name, known)
-            raise CommandError(f"vibro: --map: found {name}, expected one of {expected}")
+            raise CommandError(f"vibro: --map: found {name!r}, expected one of {expected}")
 
 
 def _page(subject: "Subject", beside: Path, maps: Sequence[str]) -> bytes:

@@ -307,7 +307,7 @@ def load_document(source: str | Path) -> Document:
         return parse_document(text, form_of(text), _STANDARD_INPUT)
     path = Path(source)
     if path.is_dir():
-        raise _error(str(source), "a folder", "a scenario file (.toml, .json, .yaml or .yml)")
+        raise _error(str(path), "a folder", "a scenario file (.toml, .json, .yaml or .yml)")
     form = FORMS.get(path.suffix.lower())
     if form is None:
         found = f"the suffix {shown(path.suffix)}" if path.suffix else "no suffix"

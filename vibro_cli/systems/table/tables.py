@@ -186,7 +186,10 @@ def _impact_columns() -> Iterator[Column]:
 def _bounce_columns() -> Iterator[Column]:
     yield from impact_head()
     yield count("ball", "the ball, from 1", value=_from_1("ball"))
-    text = "straight side of the wall, from 1 (null on a curve)"
+    text = (
+        "straight side of the wall, or the corner at which it begins, from 1 in the order of the "
+        "corners (of a rectangle from the lower left one, anticlockwise; null on a curve)"
+    )
     yield count("edge", text, True, attrgetter("edge"))
     for axis in _AXES:
         yield number(axis, "m", f"{axis} coordinate of the centre", value=of_log(axis))
