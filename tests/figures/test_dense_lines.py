@@ -23,7 +23,7 @@ from vibro_cli.analysis.levels import Landscape
 from vibro_cli.api import simulate as simulate_any
 from vibro_cli.figures.chart import draw_by_colour
 from vibro_cli.figures.portraits.trajectory import MOST_BRANCHES, trajectory
-from vibro_cli.figures.runs import over_time
+from vibro_cli.figures.runs import over_impacts, over_time
 from vibro_cli.figures.runs.over_time import (
     energies,
     energy_course,
@@ -55,6 +55,20 @@ def test_a_thinned_line_has_points_of_the_line_and_its_extremes() -> None:
         kept = (thin_time >= low - 0.02) & (thin_time <= low + 0.52)
         assert thin[kept].min() <= values[within].min()
         assert thin[kept].max() >= values[within].max()
+
+
+def test_very_many_flights_without_any_error_lie_on_the_lower_edge(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """On a level line no flight changes its energy: the figure of more than 200,000 failed."""
+    run = run_of("horizontal_line_1_2")
+    monkeypatch.setattr(over_impacts, "MOST_MARKS", 0)
+    figure = over_impacts.accuracy(run)
+    assert figure is not None
+    (errors, _) = figure.axes[-1].lines
+    free = ~run.flights()["contact"] & (run.flights()["cause_end"] != "contact_closed")
+    assert set(np.asarray(errors.get_xdata())) == set(run.flights()["t_end"][free])
+    assert set(np.asarray(errors.get_ydata())) == {figure.axes[-1].get_ylim()[0]}
 
 
 def test_a_line_of_few_points_is_as_it_is() -> None:

@@ -404,8 +404,10 @@ def distinguishable(across: Array, values: Array) -> Integers:
     """
     columns, rows = _CELLS
     positive = (values > 0.0) & np.isfinite(values)
-    low = math.log10(np.min(values, where=positive, initial=np.inf))
-    high = math.log10(np.max(values, where=positive, initial=0.0))
+    low, high = 0.0, 0.0
+    if np.any(positive):
+        low = math.log10(np.min(values, where=positive, initial=np.inf))
+        high = math.log10(np.max(values, where=positive, initial=0.0))
     start, end = float(np.min(across)), float(np.max(across))
     last = np.full(columns * rows, -1, dtype=np.int64)
     for first in range(0, len(values), _AT_ONCE):

@@ -100,8 +100,9 @@ def test_a_plan_solves_a_long_run_again_once(
         return stretches()
 
     monkeypatch.setattr(long, "_stretches", counted)
-    found = configurations(shown, 8)
-    assert len(solved) <= 1
-    for one, other in zip(found, configurations(run, 8), strict=True):
-        assert one.title == other.title
-        np.testing.assert_array_equal(one.centres, other.centres)
+    for most in (16, 8):  # of both widths
+        found = configurations(shown, most)
+        assert len(solved) <= 1
+        for one, other in zip(found, configurations(run, most), strict=True):
+            assert one.title == other.title
+            np.testing.assert_array_equal(one.centres, other.centres)
