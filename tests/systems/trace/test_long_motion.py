@@ -1,7 +1,7 @@
 """The motion of a run without a log is that of the run with its logs, to the bit."""
 
+from dataclasses import dataclass
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -84,14 +84,21 @@ def test_a_run_that_was_interrupted(monkeypatch: pytest.MonkeyPatch) -> None:
     assert_same(run.sample(times), long.sample(times))
 
 
+@dataclass(eq=False)
+class Shown:
+    """What a plan takes of a run."""
+
+    system: Any
+    collisions: Any
+    flights: Any
+    sample: Any
+
+
 def test_a_plan_solves_a_long_run_again_once(
     both: tuple[Run, LongMotion], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     run, long = both
-    shown: Any = SimpleNamespace(
-        system=run.system, collisions=run.collisions, flights=long.flights,
-        sample=long.sample,
-    )  # fmt: skip
+    shown = Shown(run.system, run.collisions, long.flights, long.sample)
     solved: list[int] = []
     stretches = long._stretches
 

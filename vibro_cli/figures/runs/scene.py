@@ -34,7 +34,7 @@ from vibro_cli.figures.labels import (
     text_width,
     write_names,
 )
-from vibro_cli.figures.source import Array, Recorded
+from vibro_cli.figures.source import Array, Recorded, kept
 from vibro_cli.figures.style import Look, line, mark, panel_size, width_of
 from vibro_cli.figures.ticks import round_below
 from vibro_cli.mechanics.potential import Turning
@@ -408,14 +408,25 @@ def configurations(run: Any, most: int) -> list[Configuration]:
     rows = list(range(min(len(times), most - 1)))
     if len(times) > most - 1:
         rows = [*rows[:-1], len(times) - 1]
-    motion = run.sample(times[rows])
-    centres = np.column_stack([motion["x"], motion["y"]]).reshape(len(rows), -1, 2)
+    centres = _at_impacts(run)
     found = [Configuration("start", _centres(run), ())]
-    for row, places in zip(rows, centres, strict=True):
+    for row in rows:
         title = f"impact {int(run.collisions['n'][row])}, {short_number(float(times[row]))} s"
         pair = tuple(int(run.collisions[f"ball_{side}"][row]) - 1 for side in "ab")
-        found.append(Configuration(title, places, pair))
+        found.append(Configuration(title, centres[min(row, len(centres) - 1)], pair))
     return found
+
+
+@kept
+def _at_impacts(run: Any) -> Array:
+    """Return the places of all centres (m) at the first impacts and at the last one, of any plan.
+
+    The shape is (impacts, bodies, 2). A long run is solved again to its end, once for all widths.
+    """
+    times = np.asarray(run.collisions["t"], dtype=np.float64)
+    first = times[: max(_COLUMNS.values()) * _ROWS - 1]
+    motion = run.sample(np.append(first, times[-1:]))
+    return np.column_stack([motion["x"], motion["y"]]).reshape(len(first) + 1, -1, 2)
 
 
 def _plan_sheet(
