@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache, partial
 from itertools import count, pairwise
 from typing import Any
 
@@ -205,8 +206,9 @@ def triggers(landscape: Landscape) -> tuple[Trigger, ...]:
     """
     points = singular_points(landscape)
     around = (*points[-1:], *points, *points[:1]) if landscape.trace.closed else points
+    runs_at = cache(partial(connected_reaches, landscape))  # many crests may be equally high
     return tuple(
-        _trigger(landscape, points, left, saddle, right)
+        _trigger(landscape, points, (left, saddle, right), runs_at)
         for left, saddle, right in zip(around, around[1:], around[2:], strict=False)
         if (left.kind, saddle.kind, right.kind) == (CENTRE, SADDLE, CENTRE) and left is not right
     )
@@ -215,10 +217,10 @@ def triggers(landscape: Landscape) -> tuple[Trigger, ...]:
 def _trigger(
     landscape: Landscape,
     points: tuple[SingularPoint, ...],
-    left: SingularPoint,
-    saddle: SingularPoint,
-    right: SingularPoint,
+    coupled: tuple[SingularPoint, SingularPoint, SingularPoint],
+    runs_at: Callable[[float], list[list[Reach]]],
 ) -> Trigger:
+    left, saddle, right = coupled
     barriers = (low, _), (high, _) = _barriers(landscape, points, saddle)
     margins = low - saddle.energy, high - saddle.energy
     # The margin decides whether the separatrix turns (within rounding, it does), not the turning
@@ -231,9 +233,10 @@ def _trigger(
         place if margin <= rounding else saddle.s
         for margin, (_, place) in zip(margins, barriers, strict=True)
     ]
+    turnings = _turnings(landscape, runs_at(saddle.energy), saddle)
     turning_left, turning_right = (
         (instead if place is None else place) if closed else None
-        for place, instead, closed in zip(_turnings(landscape, saddle), lost, closes, strict=True)
+        for place, instead, closed in zip(turnings, lost, closes, strict=True)
     )
     joined = _meets_another_saddle(landscape, points, saddle)
     orbit = OPEN if not all(closes) else HETEROCLINIC if joined else FIGURE_EIGHT
@@ -279,12 +282,14 @@ def _barriers(
     return max([left_end, *lefts]), max([right_end, *rights])
 
 
-def _turnings(landscape: Landscape, saddle: SingularPoint) -> tuple[float | None, float | None]:
+def _turnings(
+    landscape: Landscape, runs: Sequence[Sequence[Reach]], saddle: SingularPoint
+) -> tuple[float | None, float | None]:
     """Return the left and right turning points (s, m) of the separatrix through a saddle.
 
-    None where no turning point is found.
+    `runs` are the connected accessible parts of the trace at its energy. None where no turning
+    point is found.
     """
-    runs = connected_reaches(landscape, saddle.energy)
     if not runs:
         return saddle.s, saddle.s  # everything below it is lost in rounding
     # The run through the saddle, or the nearest one if rounding excludes the saddle itself.
