@@ -334,12 +334,12 @@ def _thinned(one: Panel, branches: Branches) -> tuple[list[int], list[Array]]:
     the line through these.
     """
     lines = np.stack([branches.position + one.shift, branches.rate], axis=-1)
-    intervals = lines.shape[1] - 1
-    stride = np.ones(len(lines), dtype=np.int64)
+    scaled, intervals = lines * one.scale, lines.shape[1] - 1
+    stride, straight = np.ones(len(lines), dtype=np.int64), np.arange(len(lines))
     step = 2
     while step <= intervals and intervals % step == 0:
-        strayed = _stray(lines * one.scale, step)
-        stride = np.where((strayed <= _HAIR) & (stride == step // 2), step, stride)
+        straight = straight[_stray(scaled[straight], step) <= _HAIR]
+        stride[straight] = step
         step *= 2
     order = np.argsort(branches.time, kind="stable").tolist()
     return order, [lines[n, :: stride[n]] for n in order]
