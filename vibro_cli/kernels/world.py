@@ -479,6 +479,16 @@ def number_along(world: World, first: int, step: int) -> int:
 
 
 @kernel
+def pair_beside(world: World, first: int, step: int) -> int:
+    """Return the number of the pair ``step`` places along, or -1 beyond an end of the trace."""
+    settings = world.settings[0]
+    number = first + step
+    if settings.closed == 1:
+        number %= settings.bodies
+    return number if 0 <= number < settings.pairs else -1
+
+
+@kernel
 def flight_along(world: World, first: int, step: int) -> Flight:
     """Return the flight of the body ``step`` places along a chain."""
     return world.flights[number_along(world, first, step)]

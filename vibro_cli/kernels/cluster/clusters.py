@@ -12,7 +12,7 @@ import math
 
 from vibro_cli.compile.kernel import kernel
 from vibro_cli.kernels.cluster.trace_forces import UNEQUAL, normal_force_now
-from vibro_cli.kernels.contact.contact_kinematics import line_of_centres, tangent
+from vibro_cli.kernels.contact.contact_kinematics import centres_along_path
 from vibro_cli.kernels.flow.flight import (
     LIFT_OFF,
     choose_exit,
@@ -20,9 +20,9 @@ from vibro_cli.kernels.flow.flight import (
     energy_of_state,
     is_at,
     launch_on_line,
+    passing_rate,
     set_exit_time,
     snap_of_pendulum,
-    squared_rate_at,
     start_from_state,
 )
 from vibro_cli.kernels.flow.flow import body_of_group, group_of_body, time_of_flight
@@ -85,48 +85,43 @@ def force_coefficients(
     It follows from the balance of the first ``bodies_left`` bodies of a group, and from that of the
     others (see :func:`share_of_left`); f is the angle of the group's pendulum.
     """
-    left_u, left_v = _balance(world, first, 0, bodies_left)
-    right_u, right_v = _balance(world, first, bodies_left, count)
-    share = share_of_left(world, first, count, bodies_left)
+    left_u, left_v, most_left = _balance(world, first, 0, bodies_left)
+    right_u, right_v, most_right = _balance(world, first, bodies_left, count)
+    share = share_of_left(most_left, most_right)
     rest = 1.0 - share
     return share * left_u - rest * right_u, share * left_v - rest * right_v
 
 
 @kernel
-def share_of_left(world: World, first: int, count: int, bodies_left: int) -> float:
+def share_of_left(left: float, right: float) -> float:
     """Return the share of the balance of a group's first bodies in the moment between both sides.
 
-    A balance is a difference of moments as large as the inertias of its bodies: beside a heavy
-    body nothing would be left of the moment on a light one. It is the mean if both are alike.
+    ``left`` and ``right`` are the greatest inertias (kg m^2) of their bodies. A balance is a
+    difference of moments as large as these: beside a heavy body nothing would be left of the moment
+    on a light one. The moment is the mean of both balances if both sides are alike.
     """
-    left = 0.0
-    right = 0.0
-    for step in range(count):
-        inertia, _, _, _ = moments_of_body(world, number_along(world, first, step))
-        if step < bodies_left:
-            left = max(left, inertia)
-        else:
-            right = max(right, inertia)
     if left > UNEQUAL * right:
         return 0.0
     return 1.0 if right > UNEQUAL * left else 0.5
 
 
 @kernel
-def _balance(world: World, first: int, start: int, end: int) -> tuple[float, float]:
+def _balance(world: World, first: int, start: int, end: int) -> tuple[float, float, float]:
     """Return ``(U, V)`` of the moment that some bodies of a group need besides their weight.
 
-    The sum runs from the end of the group inwards.
+    The sum runs from the end of the group inwards. The greatest inertia (kg m^2) is returned too.
     """
     u = 0.0
     v = 0.0
+    most = 0.0
     for number in range(end - start):
         step = number if start == 0 else end - 1 - number
         ball = number_along(world, first, step)
         inertia, _, x, y = moments_of_body(world, ball)
         u += inertia * world.flights[ball].frequency * world.flights[ball].frequency - x
         v -= y
-    return u, v
+        most = max(most, inertia)
+    return u, v, most
 
 
 @kernel
@@ -160,17 +155,8 @@ def _release_at(flight: Flight, s: float, c: float, slope: float) -> float:
 
     ``slope`` is the derivative of the moment with respect to the angle at the zero ``(s, c)``.
     """
-    if flight.complementary_modulus >= 0.0 and flight.flow_c * c < 0.0:
-        return NEVER
-    square = squared_rate_at(flight, s, c)
-    if square <= 0.0:
-        return NEVER
-    p = math.sqrt(square)
-    if slope > 0.0:
-        p = -p
-    if flight.complementary_modulus < 0.0 and p * flight.flow_p < 0.0:
-        return NEVER
-    return time_of_flight(flight, s, c, p)
+    p = passing_rate(flight, s, c, -slope)
+    return time_of_flight(flight, s, c, p) if p != 0.0 else NEVER
 
 
 @kernel
@@ -228,12 +214,8 @@ def limit_on_line(world: World, first: int, count: int) -> None:
 @kernel
 def lever_of(world: World, j: int, ball: int) -> float:
     """Return the force (N) of a contact normal to a body's path, per newton metre of the moment."""
-    pair = world.pairs[j]
-    rho = track_of(world, ball).path_radius
-    dx, dy = line_of_centres(world, j)
-    tx, ty = tangent(world, ball)
-    along = dx * tx + dy * ty
-    return (dy * tx - dx * ty) / (along * rho) if pair.held == 1 else 0.0
+    along, across = centres_along_path(world, j, ball)
+    return across / (along * track_of(world, ball).path_radius)
 
 
 @kernel

@@ -65,6 +65,7 @@ from vibro_cli.kernels.world import (
     flights_of,
     number_along,
     pair_along,
+    pair_beside,
     track_of,
 )
 
@@ -365,31 +366,26 @@ def _launch_unhit(world: World, first: int, count: int, cause: int) -> None:
 
     Adjacent pairs that separate from the present instant on keep that mark.
     """
-    left = _mark_beside(world, first - 1)
-    right = _mark_beside(world, first + count)
+    left = pair_beside(world, first, -1)
+    right = pair_beside(world, first, count)
+    left_mark = _parting_now(world, left)
+    right_mark = _parting_now(world, right)
     launch_chain(world, first, count, cause)
-    _set_mark_beside(world, first - 1, left)
-    _set_mark_beside(world, first + count, right)
+    if left_mark != 0:
+        world.pairs[left].touching = left_mark
+    if right_mark != 0:
+        world.pairs[right].touching = right_mark
 
 
 @kernel
-def _mark_beside(world: World, number: int) -> int:
+def _parting_now(world: World, number: int) -> int:
     """Return how a pair beside a chain separates since the present instant, or 0 if it does not."""
-    settings = world.settings[0]
-    clock = world.clock[0]
-    if settings.closed == 0 and not 0 <= number < settings.pairs:
+    if number < 0:
         return 0
-    pair = world.pairs[number % settings.pairs]
+    clock = world.clock[0]
+    pair = world.pairs[number]
     now = pair.begin_t == clock.t and pair.begin_t_low == clock.t_low
-    return pair.touching if now else 0
-
-
-@kernel
-def _set_mark_beside(world: World, number: int, mark: int) -> None:
-    if mark != 0:
-        pair = world.pairs[number % world.settings[0].pairs]
-        if pair.held == 0:
-            pair.touching = mark
+    return pair.touching if now and pair.held == 0 else 0
 
 
 @kernel

@@ -29,7 +29,7 @@ from vibro_cli.kernels.cluster.trace_forces import (
     bodies_of,
     set_forces,
 )
-from vibro_cli.kernels.contact.contact_kinematics import line_of_centres, tangent
+from vibro_cli.kernels.contact.contact_kinematics import centres_along_path
 from vibro_cli.kernels.flow.flight import LIFT_OFF, half_way_to, is_at
 from vibro_cli.kernels.flow.flow import (
     POLYNOMIAL,
@@ -44,6 +44,7 @@ from vibro_cli.kernels.flow.rotating_flight import (
     harmonics_from_start,
     launch_on_line,
     normal_harmonics_of_one,
+    reach,
     square_harmonics,
     torque_harmonics,
     zero_crossing_on_line,
@@ -66,7 +67,7 @@ from vibro_cli.kernels.numerics.conservative_advancement import (
     turned,
 )
 from vibro_cli.kernels.numerics.constants import NEVER
-from vibro_cli.kernels.numerics.elliptic import angle_difference, twice_angle
+from vibro_cli.kernels.numerics.elliptic import twice_angle
 from vibro_cli.kernels.numerics.weierstrass_motion import squared_rate
 from vibro_cli.kernels.world import (
     BodyForces,
@@ -122,7 +123,7 @@ def set_group_flow(world: World, first: int, count: int, ball: int) -> None:
 @kernel
 def set_group_motion(flight: Flight) -> None:
     """Set the constants of a group's motion on an arc from its initial state."""
-    square = square_harmonics(flight, torque_harmonics(flight))
+    square = square_harmonics(flight)
     moves = flight.flow_p != 0.0
     flight.turns_over = 1 if moves and least_value(square, 2.0 * math.pi) > 0.0 else 0
     set_motion(flight)
@@ -133,7 +134,7 @@ def _set_bounds(flight: Flight, track: TrackData) -> None:
     w = flight.frequency
     first = math.sqrt(1.0 + flight.tilt * flight.tilt)
     second = math.sqrt(0.25 * flight.spread * flight.spread + flight.twist * flight.twist)
-    square = square_harmonics(flight, torque_harmonics(flight))
+    square = square_harmonics(flight)
     most_rate = 2.0 * w * math.sqrt(harmonic_size(square))
     flight.angular_bound = w * w * (first + second)
     flight.jerk_bound = w * w * (first + 2.0 * second) * most_rate
@@ -182,25 +183,12 @@ def _leave(flight: Flight, side: float, p: float, after: float) -> None:
 
 
 @kernel
-def _ways(flight: Flight, track: TrackData) -> tuple[float, float]:
-    """Return the angles (rad) to the left and right that the motion of a member covers."""
-    left = 2.0 * half_way(flight, -1.0)
-    right = 2.0 * half_way(flight, 1.0)
-    if flight.exit_side != 0:
-        end_s = track.right_s if flight.exit_side > 0 else track.left_s
-        end_c = track.right_c if flight.exit_side > 0 else track.left_c
-        sine, cosine = angle_difference(end_s, end_c, flight.s, flight.c)
-        angle = 2.0 * abs(math.atan2(sine, cosine))
-        if flight.exit_side > 0:
-            right = angle
-        else:
-            left = angle
-    return left, right
+def _drive(world: World, first: int, start: int, end: int) -> tuple[Harmonics, float]:
+    """Return the moment (N m) on some bodies of a group, less that needed for their motion.
 
-
-@kernel
-def _drive(world: World, first: int, start: int, end: int) -> Harmonics:
-    """Return the moment (N m) on some bodies of a group, less that needed for their motion."""
+    The greatest inertia (kg m^2) is returned too.
+    """
+    most = 0.0
     flight = world.flights[first]
     w2 = flight.frequency * flight.frequency
     group = 0.0, flight.tilt, -1.0, flight.twist, 0.5 * flight.spread
@@ -214,15 +202,16 @@ def _drive(world: World, first: int, start: int, end: int) -> Harmonics:
         own = turned((0.0, track.tilt, -1.0, 0.0, 0.5 * track.spread), sine, cosine)
         total = combined(total, world.bodies[ball].weight * track.path_radius, own)
         total = combined(total, -inertia * w2, group)
-    return total
+        most = max(most, inertia)
+    return total, most
 
 
 @kernel
 def moment_between(world: World, first: int, count: int, bodies_left: int) -> Harmonics:
     """Return the moment (N m) of a group's first bodies on the rest, in the group's angle."""
-    left = _drive(world, first, 0, bodies_left)
-    right = _drive(world, first, bodies_left, count)
-    share = share_of_left(world, first, count, bodies_left)
+    left, most_left = _drive(world, first, 0, bodies_left)
+    right, most_right = _drive(world, first, bodies_left, count)
+    share = share_of_left(most_left, most_right)
     return combined(scaled(share, left), share - 1.0, right)
 
 
@@ -242,14 +231,16 @@ def set_release(world: World, first: int, count: int, bodies_left: int) -> None:
 @kernel
 def _group_ways(world: World, first: int, count: int) -> tuple[float, float]:
     """Return the angles (rad) that a group can move to both sides until a body leaves its piece."""
-    flight = world.flights[first]
-    left, right = _ways(flight, track_of(world, first))
-    for step in range(1, count):
+    left = math.inf
+    right = math.inf
+    for step in range(count):
         ball = number_along(world, first, step)
-        other = world.flights[ball]
-        its_left, its_right = _ways(other, track_of(world, ball))
-        left = min(left, its_left)
-        right = min(right, its_right)
+        flight = world.flights[ball]
+        track = track_of(world, ball)
+        s, c = group_of_body(flight, track.left_s, track.left_c)
+        left = min(left, reach(flight, -1.0, s, c))
+        s, c = group_of_body(flight, track.right_s, track.right_c)
+        right = min(right, reach(flight, 1.0, s, c))
     return left, right
 
 
@@ -281,7 +272,7 @@ def normal_harmonics(world: World, first: int, count: int, step: int) -> Harmoni
     own = turned((0.5 * track.spread, 1.0, track.tilt, -0.5 * track.spread, 0.0), sine, cosine)
     # P^2 as a function of the group's angle, from that of the angle from the start.
     sine, cosine = twice_angle(flight.flow_s, flight.flow_c)
-    square = turned(square_harmonics(flight, torque_harmonics(flight)), -sine, cosine)
+    square = turned(square_harmonics(flight), -sine, cosine)
     central = 4.0 * body.mass * track.path_radius * flight.frequency * flight.frequency
     sign = world.pieces[flight.piece].sign
     h = combined(scaled(sign * body.weight, own), sign * central, square)
@@ -384,10 +375,8 @@ def _limit_on_line(world: World, first: int, count: int, step: int) -> None:
 @kernel
 def lever_on_line(world: World, j: int) -> float:
     """Return the force (N) of a contact normal to a line, per newton along it."""
-    pair = world.pairs[j]
-    dx, dy = line_of_centres(world, j)
-    tx, ty = tangent(world, pair.a)
-    return (dy * tx - dx * ty) / (dx * tx + dy * ty)
+    along, across = centres_along_path(world, j, world.pairs[j].a)
+    return across / along
 
 
 @kernel

@@ -16,7 +16,7 @@ from vibro_cli.compile.kernel import kernel
 from vibro_cli.kernels.contact.contact_kinematics import (
     centre_position,
     centre_tangent,
-    line_of_centres,
+    centres_along_path,
     parts_of_weight,
     tangent,
 )
@@ -300,7 +300,5 @@ def normal_force_now(world: World, first: int, count: int, step: int) -> float:
 @kernel
 def _pushed_across(world: World, j: int, ball: int) -> float:
     """Return the component (N) of a contact's force along the normal of a body's path."""
-    pair = world.pairs[j]
-    dx, dy = line_of_centres(world, j)
-    tx, ty = tangent(world, ball)
-    return pair.solution * (dy * tx - dx * ty) / pair.distance
+    _, across = centres_along_path(world, j, ball)
+    return world.pairs[j].solution * across / world.pairs[j].distance

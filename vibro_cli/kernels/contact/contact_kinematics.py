@@ -186,6 +186,14 @@ def tangent(world: World, ball: int) -> tuple[float, float]:
 
 
 @kernel
+def centres_along_path(world: World, j: int, ball: int) -> tuple[float, float]:
+    """Return the components (m) of :func:`line_of_centres` along and across a body's path."""
+    dx, dy = line_of_centres(world, j)
+    tx, ty = tangent(world, ball)
+    return dx * tx + dy * ty, dy * tx - dx * ty
+
+
+@kernel
 def parts_of_weight(world: World, x: float, sine: float, cosine: float) -> tuple[float, float]:
     """Return gravity (m/s^2) back along a slope and onto it, given the slope's sine and cosine.
 
@@ -222,13 +230,12 @@ def lifted_body(world: World, j: int) -> int:
     trace along its normals; a one-sided trace cannot pull.
     """
     pair = world.pairs[j]
-    dx, dy = line_of_centres(world, j)
-    tax, tay = tangent(world, pair.a)
-    tbx, tby = tangent(world, pair.b)
+    _, across_a = centres_along_path(world, j, pair.a)
+    _, across_b = centres_along_path(world, j, pair.b)
     rounding = LIFT_ROUNDING * pair.distance
-    if dy * tax - dx * tay < -rounding:
+    if across_a < -rounding:
         return pair.a
-    if dy * tbx - dx * tby > rounding:
+    if across_b > rounding:
         return pair.b
     return -1
 

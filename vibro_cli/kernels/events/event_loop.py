@@ -227,13 +227,12 @@ def _share_energy(world: World, pair: PairData, loss: float) -> None:
     correction is added to ``energy_correction``. A tie is shared evenly, so that mirror images stay
     mirror images.
     """
-    settings = world.settings[0]
     a, b = flights_of(world, pair)
     body_a, body_b = world.bodies[pair.a], world.bodies[pair.b]
     track_a, track_b = tracks_of(world, pair)
     total = body_a.weight * a.specific_energy + body_b.weight * b.specific_energy - loss
-    energy_a = body_a.weight * specific_energy_of_state(a, body_a, track_a, settings.gravity)
-    energy_b = body_b.weight * specific_energy_of_state(b, body_b, track_b, settings.gravity)
+    energy_a = body_a.weight * specific_energy_of_state(world, pair.a)
+    energy_b = body_b.weight * specific_energy_of_state(world, pair.b)
     excess = total - (energy_a + energy_b)
     world.clock[0].energy_correction += abs(excess)
     if energy_a > energy_b:

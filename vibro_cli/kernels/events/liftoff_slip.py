@@ -25,7 +25,7 @@ from vibro_cli.kernels.cluster.trace_forces import (
     set_ends,
     set_forces,
 )
-from vibro_cli.kernels.flow.flight import squared_rate_at
+from vibro_cli.kernels.flow.flight import passing_rate
 from vibro_cli.kernels.flow.flow import LINE, POLYNOMIAL, flow, replay_flight, time_of_flight
 from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.numerics.elliptic import quarter_period
@@ -577,11 +577,8 @@ def _branch_course(
     flight: Flight,
 ) -> int:
     """Add the course of a position passed with a rate of the sign of ``slope``, if there is one."""
-    square = squared_rate_at(flight, s, c)
-    if square <= 0.0 or (flight.complementary_modulus >= 0.0 and c * flight.flow_c < 0.0):
-        return count
-    p = math.copysign(math.sqrt(square), slope)
-    if flight.complementary_modulus < 0.0 and p * flight.flow_p <= 0.0:
+    p = passing_rate(flight, s, c, slope)
+    if p == 0.0:
         return count
     set_course(courses[count], flight, s, c, p, duration)
     return count + 1

@@ -57,7 +57,6 @@ from vibro_cli.kernels.world import (
     flight_along,
     number_along,
     pair_along,
-    track_of,
 )
 
 # After this many rounds of impacts at one instant, a dissipative chain is taken to its limit.
@@ -244,15 +243,12 @@ def _note_bounces(world: World, first: int, count: int, begins: bool) -> None:
 @kernel
 def energy_of_chain(world: World, first: int, count: int) -> float:
     """Set the energies of the bodies of a chain from their states; return their sum (J)."""
-    settings = world.settings[0]
     total = 0.0
     for step in range(count + 1):
         ball = number_along(world, first, step)
         flight = world.flights[ball]
-        body = world.bodies[ball]
-        track = track_of(world, ball)
-        flight.specific_energy = specific_energy_of_state(flight, body, track, settings.gravity)
-        total += body.weight * flight.specific_energy
+        flight.specific_energy = specific_energy_of_state(world, ball)
+        total += world.bodies[ball].weight * flight.specific_energy
     return total
 
 

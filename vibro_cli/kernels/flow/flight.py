@@ -23,6 +23,7 @@ from vibro_cli.kernels.world import (
     PieceData,
     TrackData,
     World,
+    pair_beside,
     track_of,
     track_on,
 )
@@ -102,13 +103,14 @@ def launch_on_piece(
 
 
 @kernel
-def specific_energy_of_state(
-    flight: Flight, body: BodyData, track: TrackData, gravity: float
-) -> float:
+def specific_energy_of_state(world: World, ball: int) -> float:
     """Return energy over weight, m above the body's lowest position (B (33) multiplied out)."""
+    flight = world.flights[ball]
+    track = track_of(world, ball)
     if track.path_radius == 0.0:
         height = track.bottom + track.line_rise * flight.s
-        return height + 0.5 * body.kappa * flight.p * flight.p / gravity
+        kappa = world.bodies[ball].kappa
+        return height + 0.5 * kappa * flight.p * flight.p / world.settings[0].gravity
     return specific_energy_on_arc(track, flight.s, flight.c, flight.p)
 
 
@@ -278,6 +280,18 @@ def _reaches(flight: Flight, s: float, c: float) -> bool:
 
 
 @kernel
+def passing_rate(flight: Flight, s: float, c: float, direction: float) -> float:
+    """Return the ``P`` with which the flow passes ``(S, C)`` in a direction (a sign).
+
+    Returns 0 if it never does.
+    """
+    turns = flight.complementary_modulus >= 0.0
+    if not _reaches(flight, s, c) or (not turns and direction * flight.flow_p < 0.0):
+        return 0.0
+    return math.copysign(math.sqrt(squared_rate_at(flight, s, c)), direction)
+
+
+@kernel
 def leaves_at_once(flight: Flight, right: bool, s: float, c: float) -> bool:
     """End a flight at once if it starts at the end of its path ahead; return whether it does.
 
@@ -432,13 +446,9 @@ def take_energy(world: World, ball: int) -> None:
 
     Near a crest it is also taken relative to the crest, where it keeps full accuracy.
     """
-    settings = world.settings[0]
     flight = world.flights[ball]
-    track = track_of(world, ball)
-    flight.specific_energy = specific_energy_of_state(
-        flight, world.bodies[ball], track, settings.gravity
-    )
-    refer_to_separatrix(flight, track)
+    flight.specific_energy = specific_energy_of_state(world, ball)
+    refer_to_separatrix(flight, track_of(world, ball))
 
 
 @kernel
@@ -467,7 +477,6 @@ def launch_and_log(world: World, ball: int, cause: int) -> None:
 @kernel
 def log_flight(world: World, ball: int, cause: int) -> None:
     """Log the flight of a body and reset the contact searches of its pairs."""
-    settings = world.settings[0]
     flight = world.flights[ball]
     clock = world.clock[0]
     row = world.log[clock.flight_rows]
@@ -492,12 +501,10 @@ def log_flight(world: World, ball: int, cause: int) -> None:
     elif row.group_count != 0:
         _clear_group(row)
     clock.flight_rows += 1
-    if ball < settings.pairs:
-        _forget(world, ball, flight)
-    if settings.closed == 1 or ball > 0:
-        left = (ball - 1) % settings.bodies
-        if left < settings.pairs:
-            _forget(world, left, flight)
+    for step in range(-1, 1):
+        beside = pair_beside(world, ball, step)
+        if beside >= 0:
+            _forget(world, beside, flight)
 
 
 @kernel

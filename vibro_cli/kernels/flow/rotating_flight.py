@@ -42,6 +42,8 @@ from vibro_cli.kernels.world import (
     Flight,
     PieceData,
     TrackData,
+    World,
+    track_of,
 )
 
 # A normal force that is negative by less than this share of the weight is zero up to rounding.
@@ -63,9 +65,9 @@ def harmonics_from_start(flight: Flight, h: Harmonics) -> Harmonics:
 
 
 @kernel
-def square_harmonics(flight: Flight, torque: Harmonics) -> Harmonics:
+def square_harmonics(flight: Flight) -> Harmonics:
     """Return ``P^2`` on an arc in the angle from the start: half the integral of the torque."""
-    _, b, c, d, e = torque
+    _, b, c, d, e = torque_harmonics(flight)
     start = flight.flow_p * flight.flow_p
     return start + 0.5 * c + 0.25 * e, -0.5 * c, 0.5 * b, -0.25 * e, 0.25 * d
 
@@ -73,7 +75,7 @@ def square_harmonics(flight: Flight, torque: Harmonics) -> Harmonics:
 @kernel
 def normal_harmonics_of_one(flight: Flight, track: TrackData, kappa: float) -> Harmonics:
     """Return ``N/(m g)`` of a body alone, up to the arc's sign, in the angle from its start."""
-    square = square_harmonics(flight, torque_harmonics(flight))
+    square = square_harmonics(flight)
     h = 0.5 * track.spread, 1.0, track.tilt, -0.5 * track.spread, 0.0
     return combined(harmonics_from_start(flight, h), 4.0 / kappa, square)
 
@@ -196,13 +198,15 @@ def specific_potential(track: TrackData, gravity: float, kappa: float, s: float,
 
 
 @kernel
-def specific_energy_of_state(
-    flight: Flight, body: BodyData, track: TrackData, gravity: float
-) -> float:
+def specific_energy_of_state(world: World, ball: int) -> float:
     """Return energy over weight, m above the body's least potential energy on the trace."""
+    flight = world.flights[ball]
+    track = track_of(world, ball)
+    gravity = world.settings[0].gravity
+    kappa = world.bodies[ball].kappa
     speed = track.speed_factor * flight.p
-    height = specific_potential(track, gravity, body.kappa, flight.s, flight.c)
-    return height + 0.5 * body.kappa * speed * speed / gravity
+    height = specific_potential(track, gravity, kappa, flight.s, flight.c)
+    return height + 0.5 * kappa * speed * speed / gravity
 
 
 @kernel

@@ -62,6 +62,7 @@ from vibro_cli.kernels.world import (
     flights_of,
     number_along,
     pair_along,
+    pair_beside,
     tracks_of,
 )
 
@@ -354,13 +355,10 @@ def _changes(world: World, j: int, c: float, k: float, time: float) -> float:
 @kernel
 def _undisturbed(world: World, j: int, delay: float) -> bool:
     """Return whether no other body can hit a pair, or those held to it, before a delay (s)."""
-    settings = world.settings[0]
     first, count = run_around(world, j, False)
     for side in range(2):
-        outer = first - 1 if side == 0 else first + count
-        if settings.closed == 1:
-            outer %= settings.pairs
-        other = settings.bodies > count + 1 and 0 <= outer < settings.pairs
+        outer = pair_beside(world, first, -1 if side == 0 else count)
+        other = world.settings[0].bodies > count + 1 and outer >= 0
         if other and (_is_hit_now(world, outer, side) or _earliest_contact(world, outer) <= delay):
             return False
     return True
@@ -373,7 +371,6 @@ def _is_hit_now(world: World, outer: int, side: int) -> bool:
     The order of the two impacts must not matter: the motion of that body after its impact is not
     known yet, or was not known when the other pair was handled.
     """
-    settings = world.settings[0]
     clock = world.clock[0]
     pair = world.pairs[outer]
     if pair.touching != 0:
@@ -382,11 +379,9 @@ def _is_hit_now(world: World, outer: int, side: int) -> bool:
     if flight.t == clock.t and flight.t_low == clock.t_low:
         return True
     beyond = outer
-    for _ in range(settings.pairs):
-        beyond += 1 if side == 1 else -1
-        if settings.closed == 1:
-            beyond %= settings.pairs
-        if not 0 <= beyond < settings.pairs:
+    for _ in range(world.settings[0].pairs):
+        beyond = pair_beside(world, beyond, 1 if side == 1 else -1)
+        if beyond < 0:
             return False
         other = world.pairs[beyond]
         meets = other.contact_t == clock.t and other.contact_t_low == clock.t_low

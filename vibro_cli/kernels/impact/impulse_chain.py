@@ -34,6 +34,7 @@ from vibro_cli.kernels.world import (
     flight_along,
     number_along,
     pair_along,
+    pair_beside,
     track_of,
 )
 
@@ -145,12 +146,11 @@ def rest(world: World, ball: int, side: int, pulled: bool) -> None:
 @kernel
 def row_from(world: World, ball: int, right: bool) -> int:
     """Return the number of pairs in the chain from a body at a wall inwards."""
-    most = ball if right else world.settings[0].bodies - 1 - ball
     count = 0
-    while count < most:
-        if not joins(world, ball - count - 1 if right else ball + count, True):
-            break
+    beside = pair_beside(world, ball, -1 if right else 0)
+    while beside >= 0 and joins(world, beside, True):
         count += 1
+        beside = pair_beside(world, beside, -1 if right else 1)
     return count
 
 
@@ -169,28 +169,18 @@ def run_around(world: World, j: int, touching: bool) -> tuple[int, int]:
 
     With ``touching`` the run includes the pairs that are in contact at the present instant.
     """
-    settings = world.settings[0]
+    most = world.settings[0].bodies - 1
     first = j
     count = 1
-    while count < settings.bodies - 1:
-        left = first - 1
-        if left < 0:
-            if settings.closed == 0:
-                break
-            left = settings.pairs - 1
-        if not joins(world, left, touching):
-            break
+    left = pair_beside(world, first, -1)
+    while count < most and left >= 0 and joins(world, left, touching):
         first = left
         count += 1
-    while count < settings.bodies - 1:
-        right = first + count
-        if right >= settings.pairs:
-            if settings.closed == 0:
-                break
-            right -= settings.pairs
-        if not joins(world, right, touching):
-            break
+        left = pair_beside(world, first, -1)
+    right = pair_beside(world, first, count)
+    while count < most and right >= 0 and joins(world, right, touching):
         count += 1
+        right = pair_beside(world, first, count)
     return first, count
 
 
