@@ -27,7 +27,6 @@ from vibro_cli.kernels.world import (
     Flight,
     FlightRow,
     PairTrack,
-    PieceData,
     TrackData,
     World,
     track_of,
@@ -60,7 +59,6 @@ def begin_rotating_flight(world: World, ball: int, cause: int, from_state: int) 
     """
     flight = world.flights[ball]
     track = track_of(world, ball)
-    flight.separatrix_piece = -1
     if from_state == 1:
         take_energy(world, ball)
     else:
@@ -109,12 +107,15 @@ def kept_apart(a: Flight, b: Flight, contact: PairTrack, laps: int) -> bool:
 
 
 @kernel
-def horizontal_extent(flight: Flight, piece: PieceData, track: TrackData) -> tuple[float, float]:
-    """Return the least and greatest x (m) of the centre on a flight.
+def horizontal_extent(world: World, ball: int) -> tuple[float, float]:
+    """Return the least and greatest x (m) of a body's centre on its flight.
 
-    A flight that turns back has the extent of its piece. The extent is infinite unless x grows
-    along the path.
+    A flight that turns back has the extent of its piece. The extent is infinite in contact, and
+    unless x grows along the path.
     """
+    flight = world.flights[ball]
+    piece = world.pieces[flight.piece]
+    track = track_of(world, ball)
     if flight.grouped == 1:
         return -NEVER, NEVER
     if piece.sign == 0.0:

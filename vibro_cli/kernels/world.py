@@ -473,6 +473,12 @@ def contact_of(world: World, j: int) -> PairTrack:
 
 
 @kernel
+def is_now(world: World, t: float, t_low: float) -> bool:
+    """Return whether an instant (two doubles, s) is the present one."""
+    return t == world.clock[0].t and t_low == world.clock[0].t_low
+
+
+@kernel
 def number_along(world: World, first: int, step: int) -> int:
     """Return the number of a body of a chain, which is also that of its pair to the right."""
     return (first + step) % world.settings[0].bodies

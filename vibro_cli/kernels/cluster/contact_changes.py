@@ -63,6 +63,7 @@ from vibro_cli.kernels.world import (
     World,
     flight_along,
     flights_of,
+    is_now,
     number_along,
     pair_along,
     pair_beside,
@@ -164,8 +165,7 @@ def held_rounding(world: World, j: int) -> float:
 @kernel
 def _is_released(world: World, pair: PairData) -> bool:
     """Return whether a contact has opened at this instant; ``touching`` is 0 after an impact."""
-    clock = world.clock[0]
-    now = pair.begin_t == clock.t and pair.begin_t_low == clock.t_low
+    now = is_now(world, pair.begin_t, pair.begin_t_low)
     return now and pair.held == 0 and pair.touching == RELEASED
 
 
@@ -382,9 +382,8 @@ def _parting_now(world: World, number: int) -> int:
     """Return how a pair beside a chain separates since the present instant, or 0 if it does not."""
     if number < 0:
         return 0
-    clock = world.clock[0]
     pair = world.pairs[number]
-    now = pair.begin_t == clock.t and pair.begin_t_low == clock.t_low
+    now = is_now(world, pair.begin_t, pair.begin_t_low)
     return pair.touching if now and pair.held == 0 else 0
 
 

@@ -272,6 +272,12 @@ def supported(flight: Flight) -> bool:
 
 
 @kernel
+def is_bound(flight: Flight) -> bool:
+    """Return whether a body is held to another one or rests against a wall."""
+    return flight.grouped == 1 or flight.wall_side != 0
+
+
+@kernel
 def mobility(world: World, ball: int) -> float:
     """Return the acceleration of a body per newton along its path; 0 if a wall supports it."""
     flight = world.flights[ball]

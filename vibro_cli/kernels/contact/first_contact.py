@@ -21,6 +21,7 @@ from vibro_cli.kernels.contact.contact_kinematics import (
     centre_tangent,
     distance_gap,
     half_gap_sine,
+    is_bound,
     present_gap,
 )
 from vibro_cli.kernels.flow.flow import (
@@ -425,8 +426,7 @@ def _ends_in_places(a: Flight, b: Flight, t: float) -> bool:
     Late in an accumulation rounding is not small compared with the bounces. Bodies that are held to
     others, or at rest at a wall, are not moved.
     """
-    free = a.grouped + b.grouped == 0 and a.wall_side == 0 and b.wall_side == 0
-    return free and t <= short_bounce(a, b)
+    return not is_bound(a) and not is_bound(b) and t <= short_bounce(a, b)
 
 
 @kernel

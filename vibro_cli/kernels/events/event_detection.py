@@ -16,7 +16,6 @@ from vibro_cli.kernels.contact.first_contact import (
     contact_by_distance,
     contact_on_line,
     keep_states,
-    paths_of,
     polish_root_by_distance,
     polish_root_on_arc,
     short_bounce,
@@ -36,7 +35,6 @@ from vibro_cli.kernels.world import (
     World,
     contact_of,
     flights_of,
-    track_of,
     track_on,
     tracks_of,
 )
@@ -166,7 +164,7 @@ def _time_of_contact(world: World, j: int, laps: int, ahead: float, limit: float
     if a.form == LINE and b.form == LINE and straight:
         between = world.pieces[b.piece].start_s - world.pieces[a.piece].start_s
         return contact_on_line(world, j, ages, touching, limit, between)
-    if _separated(world, j, straight):
+    if _separated(world, pair):
         return NEVER_MEET
     h = contact_by_distance(world, j, straight, touching, ahead, limit, ages)
     if h > 0.0 and touching == PARTING:
@@ -246,75 +244,21 @@ def kept_apart(a: Flight, b: Flight, contact: PairTrack, laps: int) -> bool:
 
 
 @kernel
-def _separated(world: World, j: int, straight: bool) -> bool:
+def _separated(world: World, pair: PairData) -> bool:
     """Return whether the horizontal extents of its flights keep a pair apart."""
-    a, b = flights_of(world, world.pairs[j])
-    piece_a, track_a, piece_b, track_b, reach = paths_of(world, j, straight)
-    low_a, high_a = horizontal_extent(a, piece_a, track_a)
-    low_b, high_b = horizontal_extent(b, piece_b, track_b)
-    return low_b - high_a > reach or low_a - high_b > reach
+    low_a, high_a = horizontal_extent(world, pair.a)
+    low_b, high_b = horizontal_extent(world, pair.b)
+    return low_b - high_a > pair.distance or low_a - high_b > pair.distance
 
 
 @kernel
-def horizontal_extent(flight: Flight, piece: PieceData, track: TrackData) -> tuple[float, float]:
-    """Return the least and greatest x (m) of the centre on a flight.
-
-    The extent is infinite unless x grows along the path.
-    """
+def horizontal_extent(world: World, ball: int) -> tuple[float, float]:
+    """Return the least and greatest x (m) of a body's centre on its piece; infinite in contact."""
+    flight = world.flights[ball]
     if flight.grouped == 1:
         return -NEVER, NEVER
-    if piece.sign == 0.0:
-        if piece.tangent_x <= 0.0:
-            return -NEVER, NEVER
-        low, high = _line_range(flight, track)
-        return track.line_x + piece.tangent_x * low, track.line_x + piece.tangent_x * high
-    # x grows only within 90 degrees of the bottom of a valley or the crest of a hump.
-    s2 = min(flight.parameter, track.highest_s2)
-    if piece.sign > 0.0 and (s2 > 0.5 or flight.c < 0.0):
-        return -NEVER, NEVER
-    if piece.sign < 0.0 and track.lowest_s2 < 0.5:
-        return -NEVER, NEVER
-    low, high = _sine_range(flight, piece, track)
-    radius = track.path_radius
-    return piece.x + radius * low, piece.x + radius * high
-
-
-@kernel
-def _line_range(flight: Flight, track: TrackData) -> tuple[float, float]:
-    start = flight.s
-    a = flight.line_acceleration
-    end = start
-    if flight.exit_side == 1:
-        end = track.right_s
-    elif flight.exit_side == -1:
-        end = track.left_s
-    turn = start
-    if flight.p * a < 0.0 and flight.at_rest == 0:
-        turn = start - 0.5 * flight.p * flight.p / a
-        turn = min(max(turn, track.left_s), track.right_s)
-    return min(start, min(end, turn)), max(start, max(end, turn))
-
-
-@kernel
-def _sine_range(flight: Flight, piece: PieceData, track: TrackData) -> tuple[float, float]:
-    """Return the extremes of ``sign sin f`` (valley: sin phi, hump: sin psi) on a flight."""
-    sign = piece.sign
-    start = sign * 2.0 * flight.s * flight.c
-    if flight.at_rest == 1:
-        return start, start
-    right = flight.p > 0.0 or (flight.p == 0.0 and flight.s * flight.c < 0.0)
-    turn = 2.0 * math.sqrt(flight.parameter) * abs(flight.complementary_modulus)
-    high = start
-    low = start
-    if flight.exit_side == 1:
-        high = sign * 2.0 * track.right_s * track.right_c
-    elif flight.exit_side == 0 or right:
-        high = turn if sign > 0.0 or flight.c < 0.0 else -turn
-    if flight.exit_side == -1:
-        low = sign * 2.0 * track.left_s * track.left_c
-    elif flight.exit_side == 0 or not right:
-        low = -turn if sign > 0.0 or flight.c > 0.0 else turn
-    return min(low, start), max(high, start)
+    low, high, _, _ = _reachable_on(world, ball, flight.piece, flight.c)
+    return low, high
 
 
 # Margin, as a share, of energies and lengths where a proof is to hold for ever.
@@ -352,11 +296,6 @@ def reachable(world: World, ball: int) -> tuple[float, float]:
     They are infinite if it reaches an open end of the trace or all of a closed one.
     """
     flight = world.flights[ball]
-    if flight.at_rest == 1:
-        x, _ = centre_position(
-            world.pieces[flight.piece], track_of(world, ball), flight.s, flight.c
-        )
-        return x, x
     low, high, left, right = _reachable_on(world, ball, flight.piece, flight.c)
     if right:
         low, high = _reachable_beyond(world, ball, 1, low, high)
@@ -397,12 +336,15 @@ def _reachable_on(
 ) -> tuple[float, float, bool, bool]:
     """Return the extremes of x that a body reaches on a piece, and whether it reaches its ends.
 
-    On an arc ``C`` tells on which side of the top it is: where its energy does not take it over the
-    top, it stays there.
+    A body at rest stays where it is. On an arc ``C`` tells on which side of the top it is: where
+    its energy does not take it over the top, it stays there.
     """
     piece = world.pieces[number]
     track = track_on(world, ball, number)
     flight = world.flights[ball]
+    if flight.at_rest == 1:
+        x, _ = centre_position(piece, track, flight.s, flight.c)
+        return x, x, False, False
     # A body that has almost no energy left still crosses a step that is due to rounding.
     energy = flight.specific_energy * (1.0 + FOR_EVER) + CAUTION * flight.size
     if piece.sign == 0.0:

@@ -16,6 +16,7 @@ from vibro_cli.kernels.cluster.contact_changes import (
 )
 from vibro_cli.kernels.contact.contact_kinematics import (
     CONTACT_ROUNDING,
+    is_bound,
     lifted_body,
     present_gap,
     set_normals,
@@ -84,6 +85,7 @@ from vibro_cli.kernels.world import (
     World,
     flight_along,
     flights_of,
+    is_now,
     number_along,
     track_of,
     track_on,
@@ -106,32 +108,29 @@ def collide(world: World, j: int) -> int:
     count = 1
     if settings.bodies > 2:
         first, count = run_around(world, j, True)
-    bound = _is_bound(world, pair.a, pair.a_s, pair.a_c)
-    if count > 1 or bound or _is_bound(world, pair.b, pair.b_s, pair.b_c):
-        at_once = clock.t == pair.begin_t and clock.t_low == pair.begin_t_low
+    alone = count == 1 and _is_free(world, pair.a, pair.a_s, pair.a_c)
+    if alone and _is_free(world, pair.b, pair.b_s, pair.b_c):
+        cause = _collide_alone(world, j)
+    else:
+        at_once = is_now(world, pair.begin_t, pair.begin_t_low)
         if at_once and (pair.touching == PARTING or pair.touching == RELEASED):
             # Launched in contact, the bodies would overlap at once: the contact must be held.
             pair.pressing = FORCED
         if world.flights[pair.a].impacts > ENDLESS_ROUNDS:
             return END_ACCUMULATION
         cause = collide_jointly(world, first, count)
-    else:
-        cause = _collide_alone(world, j)
     if cause == RUNNING and clock.collisions >= settings.stop_collisions:
         return END_COLLISIONS
     return cause
 
 
 @kernel
-def _is_bound(world: World, ball: int, s: float, c: float) -> bool:
-    """Return whether a body that collides at ``(S, C)`` is not free.
-
-    It is in lasting contact, rests at a wall or has had an impact at this instant.
-    """
+def _is_free(world: World, ball: int, s: float, c: float) -> bool:
+    """Return whether a body that collides at ``(S, C)`` is free, with no impact at this instant."""
     clock = world.clock[0]
     flight = world.flights[ball]
     again = flight.impacts > 0 and is_same_instant(flight, clock.t, clock.t_low, s, c)
-    return flight.grouped == 1 or flight.wall_side != 0 or again
+    return not is_bound(flight) and not again
 
 
 @kernel
@@ -259,7 +258,7 @@ def _begin_both(world: World, ball: int, other: int, from_state: int) -> None:
 
 
 @kernel
-def release(world: World, j: int) -> int:
+def release(world: World, j: int) -> None:
     """End the lasting contact of a pair whose contact force has changed its sign."""
     clock = world.clock[0]
     pair = world.pairs[j]
@@ -269,7 +268,6 @@ def release(world: World, j: int) -> int:
     for step in range(count + 1):
         bring_to(world, number_along(world, first, step), clock.t, clock.t_low)
     open_contacts(world, j, first, count)
-    return RUNNING
 
 
 @kernel
@@ -502,7 +500,8 @@ def advance(world: World) -> int:
         if meeting >= 0:
             cause = collide(world, meeting)
         elif pair >= 0:
-            cause = release(world, pair)
+            release(world, pair)
+            cause = RUNNING
         elif ball >= 0:
             crossings = clock.crossings
             cause = leave_piece(world, ball)

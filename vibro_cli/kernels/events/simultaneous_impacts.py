@@ -55,6 +55,7 @@ from vibro_cli.kernels.world import (
     PairData,
     World,
     flight_along,
+    is_now,
     number_along,
     pair_along,
 )
@@ -208,7 +209,7 @@ def _bring_chain(world: World, first: int, count: int) -> bool:
     struck = False
     for step in range(count + 1):
         flight = flight_along(world, first, step)
-        if flight.impacts > 0 and flight.t == clock.t and flight.t_low == clock.t_low:
+        if flight.impacts > 0 and is_now(world, flight.t, flight.t_low):
             struck = True
         bring_to(world, number_along(world, first, step), clock.t, clock.t_low)
     set_speeds_and_normals(world, first, count)
@@ -228,7 +229,6 @@ def _note_bounces(world: World, first: int, count: int, begins: bool) -> None:
 
     ``begins`` marks the first round of impacts of an instant.
     """
-    clock = world.clock[0]
     for step in range(count):
         number = number_along(world, first, step)
         pair = world.pairs[number]
@@ -236,7 +236,7 @@ def _note_bounces(world: World, first: int, count: int, begins: bool) -> None:
             pair.struck = 0.0
         if begins and pair.held == 0 and repeats(world, first, count, number):
             pair.struck = -parting_speed(world, number)
-        if pair.held == 1 and pair.change_t == clock.t and pair.change_t_low == clock.t_low:
+        if pair.held == 1 and is_now(world, pair.change_t, pair.change_t_low):
             pair.delay = 0.0  # hit again within the instant, it has no bounces left
 
 

@@ -21,6 +21,7 @@ from vibro_cli.compile.kernel import kernel, mask_and
 from vibro_cli.kernels.contact.contact_kinematics import (
     distance_gap,
     free_acceleration,
+    is_bound,
     parting_speed,
     present_approach,
     present_gap,
@@ -60,6 +61,7 @@ from vibro_cli.kernels.world import (
     World,
     flight_along,
     flights_of,
+    is_now,
     number_along,
     pair_along,
     pair_beside,
@@ -125,17 +127,11 @@ def speeds_after(
 
 
 @kernel
-def is_bound(world: World, j: int) -> bool:
-    """Return whether a body of a pair is held to another body or rests against a wall."""
-    a, b = flights_of(world, world.pairs[j])
-    return a.grouped + b.grouped > 0 or a.wall_side != 0 or b.wall_side != 0
-
-
-@kernel
 def share_left(world: World, j: int) -> float:
     """Return the share of a pair's speed left by its bounce at this instant: k for free bodies."""
     pair = world.pairs[j]
-    if pair.struck == 0.0 or not is_bound(world, j):
+    a, b = flights_of(world, pair)
+    if pair.struck == 0.0 or not (is_bound(a) or is_bound(b)):
         return pair.restitution
     return parting_speed(world, j) / pair.struck
 
@@ -187,7 +183,9 @@ def time_to_rest(world: World, first: int, count: int, j: int) -> float:
         lasting = lasting and not _is_stopped(world, j, 2.0 * u / c)
         return 0.0 if still or (lost and (nowhere or lasting)) else NOT_YET
     share = share_left(world, j)
-    once = is_bound(world, j) and (pair.struck == 0.0 or not repeats(world, first, count, j))
+    a, b = flights_of(world, pair)
+    once = is_bound(a) or is_bound(b)
+    once = once and (pair.struck == 0.0 or not repeats(world, first, count, j))
     if not normal or share >= 1.0 or once:
         # Nothing accumulates, but a bounce lower than the rounding of the positions is contact.
         return 0.0 if lost else NOT_YET
@@ -371,12 +369,11 @@ def _is_hit_now(world: World, outer: int, side: int) -> bool:
     The order of the two impacts must not matter: the motion of that body after its impact is not
     known yet, or was not known when the other pair was handled.
     """
-    clock = world.clock[0]
     pair = world.pairs[outer]
     if pair.touching != 0:
         return False  # it is the same impact
     flight = world.flights[pair.a if side == 0 else pair.b]
-    if flight.t == clock.t and flight.t_low == clock.t_low:
+    if is_now(world, flight.t, flight.t_low):
         return True
     beyond = outer
     for _ in range(world.settings[0].pairs):
@@ -384,8 +381,7 @@ def _is_hit_now(world: World, outer: int, side: int) -> bool:
         if beyond < 0:
             return False
         other = world.pairs[beyond]
-        meets = other.contact_t == clock.t and other.contact_t_low == clock.t_low
-        if meets or other.touching == CLOSING:
+        if is_now(world, other.contact_t, other.contact_t_low) or other.touching == CLOSING:
             return True
         if not joins(world, beyond, True):
             return False

@@ -32,6 +32,7 @@ from vibro_cli.kernels.world import (
     TrackData,
     World,
     flight_along,
+    is_now,
     number_along,
     pair_along,
     pair_beside,
@@ -193,9 +194,9 @@ def joins(world: World, j: int, touching: bool) -> bool:
         return True
     if not touching or pair.apart == 1:
         return False
-    if pair.contact_t == clock.t and pair.contact_t_low == clock.t_low:
+    if is_now(world, pair.contact_t, pair.contact_t_low):
         return True  # whatever the rounding of its positions
-    if pair.touching != 0 and pair.begin_t == clock.t and pair.begin_t_low == clock.t_low:
+    if pair.touching != 0 and is_now(world, pair.begin_t, pair.begin_t_low):
         return True  # launched in contact at this instant
     a_s, a_c, _ = state_at(world, pair.a, clock.t, clock.t_low)
     b_s, b_c, _ = state_at(world, pair.b, clock.t, clock.t_low)
