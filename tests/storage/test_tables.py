@@ -105,13 +105,16 @@ def test_words_of_few_and_of_many_rows_are_kept(rows: int) -> None:
         "one row",
         (
             Column("coded", "string", "", "a word as its code", words=words),
+            Column("same", "string", "", "the same word in every row", words=words),
             Column("given", "string", "", "a word, or none", nullable=True),
         ),
     )
-    codes = np.arange(rows) % 3
+    codes, same = np.arange(rows) % 3, np.full(rows, 3)
     given = [None if row % 5 == 0 else words[row % 4] for row in range(rows)]
-    found = written(table, {"coded": codes, "given": np.array(given, dtype=object)})
+    texts = np.array(given, dtype=object)
+    found = written(table, {"coded": codes, "same": same, "given": texts})
     assert found["coded"].to_pylist() == [words[code] for code in codes]
+    assert found["same"].to_pylist() == [words[3]] * rows
     assert found["given"].to_pylist() == given
 
 

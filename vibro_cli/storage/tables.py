@@ -147,6 +147,9 @@ def _words(
     encoded = [b"" if word is None else word.encode() for word in words]
     if len(codes) <= _FEW_ROWS:
         return _texts([encoded[code] for code in codes.tolist()], present)
+    if (codes == codes[0]).all():  # laws and most regimes: Arrow would take far longer
+        word, ends = encoded[codes[0]], np.arange(len(codes) + 1, dtype=np.int32)
+        return _strings(word * len(codes), len(word) * ends, present)
     numbers = [present, pa.py_buffer(codes.astype(np.int32))]
     indices = pa.Array.from_buffers(pa.int32(), len(codes), numbers)
     return pa.DictionaryArray.from_arrays(indices, _texts(encoded)).dictionary_decode()
@@ -155,8 +158,13 @@ def _words(
 def _texts(encoded: Sequence[bytes], present: pa.Buffer | None = None) -> pa.Array:
     """Return texts from their bytes."""
     offsets = np.cumsum([0, *map(len, encoded)], dtype=np.int32)
-    content = [present, pa.py_buffer(offsets), pa.py_buffer(b"".join(encoded))]
-    return pa.Array.from_buffers(pa.string(), len(encoded), content)
+    return _strings(b"".join(encoded), offsets, present)
+
+
+def _strings(content: bytes, offsets: Any, present: pa.Buffer | None) -> pa.Array:
+    """Return the texts between successive offsets in `content`."""
+    buffers = [present, pa.py_buffer(offsets), pa.py_buffer(content)]
+    return pa.Array.from_buffers(pa.string(), len(offsets) - 1, buffers)
 
 
 def record_batch(table: Table, columns: Mapping[str, Any]) -> pa.RecordBatch:
