@@ -196,14 +196,6 @@ def _bounce_force(world: World, j: int, parting: float) -> float:
 
 
 @kernel
-def _ease(world: World, j: int) -> float:
-    """Return the relative acceleration (m/s^2) of a pair along the line of centres, per newton."""
-    pair = world.pairs[j]
-    ease_a = pair.normal_a * pair.normal_a * mobility(world, pair.a)
-    return ease_a + pair.normal_b * pair.normal_b * mobility(world, pair.b)
-
-
-@kernel
 def _press(world: World, first: int, count: int) -> bool:
     """Add the contacts that the forces of the pressing ones press too; return whether any.
 
@@ -265,17 +257,20 @@ def _surplus(world: World, first: int, count: int, step: int) -> float:
     """
     j = number_along(world, first, step)
     pair = world.pairs[j]
-    ease = _ease(world, j)
+    ease_a = mobility(world, pair.a)
+    ease_b = mobility(world, pair.b)
+    # Relative acceleration along the line of centres, per newton.
+    ease = pair.normal_a * pair.normal_a * ease_a + pair.normal_b * pair.normal_b * ease_b
     if ease == 0.0:
         return FORCE_ROUNDING
     from_left = 0.0
     from_right = 0.0
     if step > 0:
         left = pair_along(world, first, step - 1)
-        from_left = pair.normal_a * left.normal_b * mobility(world, pair.a) * left.solution
+        from_left = pair.normal_a * left.normal_b * ease_a * left.solution
     if step < count - 1:
         right = pair_along(world, first, step + 1)
-        from_right = pair.normal_b * right.normal_a * mobility(world, pair.b) * right.solution
+        from_right = pair.normal_b * right.normal_a * ease_b * right.solution
     approach = (from_left + from_right) - free_approach(world, j)
     weights = world.bodies[pair.a].weight + world.bodies[pair.b].weight
     if pair.closing == 0:

@@ -17,7 +17,6 @@ from vibro_cli.kernels.cluster.contact_changes import (
 from vibro_cli.kernels.contact.contact_kinematics import (
     CONTACT_ROUNDING,
     is_bound,
-    lifted_body,
     present_gap,
     set_normals,
     set_speed,
@@ -29,6 +28,7 @@ from vibro_cli.kernels.events.simultaneous_impacts import (
     collide_jointly,
     complete_inadmissible,
     energy_of_chain,
+    lifts,
 )
 from vibro_cli.kernels.flow.flight import (
     LIFT_OFF,
@@ -104,10 +104,7 @@ def collide(world: World, j: int) -> int:
     pair = world.pairs[j]
     clock.t = pair.contact_t
     clock.t_low = pair.contact_t_low
-    first = j
-    count = 1
-    if settings.bodies > 2:
-        first, count = run_around(world, j, True)
+    first, count = run_around(world, j, True)
     alone = count == 1 and _is_free(world, pair.a, pair.a_s, pair.a_c)
     if alone and _is_free(world, pair.b, pair.b_s, pair.b_c):
         cause = _collide_alone(world, j)
@@ -148,12 +145,9 @@ def _collide_alone(world: World, j: int) -> int:
     if row.admissible == 0 and row.substituted == 0:
         complete_inadmissible(world, row)
         return END_INADMISSIBLE
-    if world.settings[0].one_sided == 1:
-        lifted = lifted_body(world, j)
-        if lifted >= 0:
-            clock.last_ball = lifted
-            complete_inadmissible(world, row)
-            return END_LIFT_OFF
+    if lifts(world, clock.impact_rows - 1):
+        complete_inadmissible(world, row)
+        return END_LIFT_OFF
     track_a, track_b = tracks_of(world, pair)
     a.p = wa / track_a.speed_factor
     b.p = wb / track_b.speed_factor
@@ -178,16 +172,13 @@ def _bring_to_contact(world: World, j: int) -> None:
     """Move both bodies of a pair to their states of contact; set speeds and normals."""
     pair = world.pairs[j]
     a, b = flights_of(world, pair)
-    track_a, track_b = tracks_of(world, pair)
     if a.frequency > 0.0:
         pair.a_s, pair.a_c, pair.a_p = project(a, pair.a_s, pair.a_c, pair.a_p)
     if b.frequency > 0.0:
         pair.b_s, pair.b_c, pair.b_p = project(b, pair.b_s, pair.b_c, pair.b_p)
     place_at(a, pair.contact_t, pair.contact_t_low, pair.a_s, pair.a_c, pair.a_p)
     place_at(b, pair.contact_t, pair.contact_t_low, pair.b_s, pair.b_c, pair.b_p)
-    set_normals(world, j)
-    a.speed = track_a.speed_factor * pair.a_p
-    b.speed = track_b.speed_factor * pair.b_p
+    set_speeds_and_normals(world, j, 1)
 
 
 @kernel
@@ -228,33 +219,28 @@ def _share_energy(world: World, pair: PairData, loss: float) -> None:
     """
     a, b = flights_of(world, pair)
     body_a, body_b = world.bodies[pair.a], world.bodies[pair.b]
-    track_a, track_b = tracks_of(world, pair)
     total = body_a.weight * a.specific_energy + body_b.weight * b.specific_energy - loss
     energy_a = body_a.weight * specific_energy_of_state(world, pair.a)
     energy_b = body_b.weight * specific_energy_of_state(world, pair.b)
     excess = total - (energy_a + energy_b)
     world.clock[0].energy_correction += abs(excess)
-    if energy_a > energy_b:
-        a.specific_energy = (total - energy_b) / body_a.weight
-        refer_to_separatrix(a, track_a)
-        _begin_both(world, pair.b, pair.a, 1)
-    elif energy_b > energy_a:
-        b.specific_energy = (total - energy_a) / body_b.weight
-        refer_to_separatrix(b, track_b)
-        _begin_both(world, pair.a, pair.b, 1)
+    less, more = (pair.b, pair.a) if energy_a > energy_b else (pair.a, pair.b)
+    if energy_a == energy_b:
+        _carry(world, less, energy_a + 0.5 * excess)
+        _carry(world, more, energy_b + 0.5 * excess)
+        begin_flight(world, less, COLLISION, 0)
     else:
-        a.specific_energy = (energy_a + 0.5 * excess) / body_a.weight
-        b.specific_energy = (energy_b + 0.5 * excess) / body_b.weight
-        refer_to_separatrix(a, track_a)
-        refer_to_separatrix(b, track_b)
-        _begin_both(world, pair.a, pair.b, 0)
+        _carry(world, more, total - min(energy_a, energy_b))
+        begin_flight(world, less, COLLISION, 1)
+    begin_flight(world, more, COLLISION, 0)
 
 
 @kernel
-def _begin_both(world: World, ball: int, other: int, from_state: int) -> None:
-    """Begin the flights of two bodies after an impact; the second keeps the energy it carries."""
-    begin_flight(world, ball, COLLISION, from_state)
-    begin_flight(world, other, COLLISION, 0)
+def _carry(world: World, ball: int, energy: float) -> None:
+    """Give a body an energy (J) to carry on its next flight."""
+    flight = world.flights[ball]
+    flight.specific_energy = energy / world.bodies[ball].weight
+    refer_to_separatrix(flight, track_of(world, ball))
 
 
 @kernel

@@ -87,7 +87,7 @@ def collide_jointly(world: World, first: int, count: int) -> int:
     if not admissible:
         _complete_as_law_says(world, start_row)
         return END_INADMISSIBLE
-    if world.settings[0].one_sided == 1 and _lifts(world, start_row):
+    if lifts(world, start_row):
         _complete_as_law_says(world, start_row)
         return END_LIFT_OFF
     if clock.impact_rows > start_row:
@@ -120,9 +120,11 @@ def _free_pairs(world: World, first: int, count: int) -> None:
 
 
 @kernel
-def _lifts(world: World, start_row: int) -> bool:
+def lifts(world: World, start_row: int) -> bool:
     """Return whether an impact lifts a body off a one-sided trace; keep it as ``last_ball``."""
     clock = world.clock[0]
+    if world.settings[0].one_sided == 0:
+        return False
     for row in range(start_row, clock.impact_rows):
         lifted = lifted_body(world, world.impacts[row].pair)
         if lifted >= 0:
