@@ -287,6 +287,16 @@ def test_instants_alone_are_fitted_as_they_are(as_series: Any) -> None:
     np.testing.assert_array_equal(found.measured.t, instants)
 
 
+@pytest.mark.parametrize("noise", [1.1e100, 1e160, 1e308])
+def test_noise_whose_square_leaves_the_range_of_doubles_is_refused(noise: float) -> None:
+    """The times were said not to depend on k, or its error was infinite."""
+    times = simulate(_circle(12)).collisions["t"]
+    with pytest.raises(NoFit, match=r"impact 1: found a noise of .* expected at most 1e\+100 s"):
+        fit(_circle(), times, ["collision.k"], noise)
+    error = fit(_circle(), times, ["collision.k"], 1e100).errors[0]
+    assert error == pytest.approx(1e100 * fit(_circle(), times, ["collision.k"], 1.0).errors[0])
+
+
 @pytest.mark.parametrize("noise", [5e-324, 1e-200, 1e-17])
 def test_noise_below_the_rounding_of_instants_is_refused(noise: float) -> None:
     times = simulate(_circle(12)).collisions["t"]

@@ -205,6 +205,8 @@ PATIENCE = 10.0
 LEAST_INDEPENDENT = 1.0e-9
 # Relative step, and relative change of the sum of squares, at convergence.
 TOLERANCE = 1.0e-12
+# Greatest noise of a time (s): squares of derivatives divided by a greater one underflow.
+MOST_NOISE = 1.0e100
 CONFIDENCE = 0.95
 
 
@@ -437,6 +439,12 @@ class _Problem:
             raise NoFit(
                 f"impact {self._measured.number[row]}: found a noise of {self._noise[row]:.2g} s, "
                 f"expected no less than the rounding of its time, {least:.2g} s"
+            )
+        row = int(np.argmax(self._noise))
+        if self._noise[row] > MOST_NOISE:
+            raise NoFit(
+                f"impact {self._measured.number[row]}: found a noise of {self._noise[row]:.2g} s, "
+                f"expected at most {MOST_NOISE:.0e} s"
             )
         if not free:
             raise NoFit("found no free parameter, expected one or more")
