@@ -213,7 +213,7 @@ def impact_tail(
     yield flag("admissible", text, is_one("admissible"))
     text = (
         "whether the normal-impulse law replaced the law of the scenario, which is inadmissible "
-        "here"
+        "here (false for impacts that do not take place, whatever their law)"
     )
     yield flag("substituted", text, is_one("substituted"))
     yield flag("simultaneous", simultaneous, is_one("simultaneous"))
