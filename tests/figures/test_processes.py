@@ -257,8 +257,8 @@ sys.exit(perform(lambda: task, "text"))
 @pytest.mark.parametrize(
     ("number", "seconds", "code", "words"),
     [
-        (signal.SIGINT, PATIENCE, 130, b"vibro: interrupted; finished results are kept\n"),
-        (signal.SIGTERM, PATIENCE, 143, b"vibro: terminated; finished results are kept\n"),
+        (signal.SIGINT, PATIENCE, 130, b"vibro: interrupted; nothing was written\n"),
+        (signal.SIGTERM, PATIENCE, 143, b"vibro: terminated; nothing was written\n"),
         (signal.SIGKILL, 1.0, -9, b""),  # the other learns of it when it answers
     ],
 )

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from vibro_cli.commands.shared.error_handling import DONE, CommandError, check_place, leaving
+from vibro_cli.commands.shared.error_handling import DONE, CommandError, check_place
 from vibro_cli.commands.shared.options import (
     Width,
     beside,
@@ -61,26 +61,25 @@ class BasinsCommand:
 
     def __call__(self) -> int:
         """Read, measure, draw, write and print."""
+        from vibro_cli.analysis.basins import NoBasins
+        from vibro_cli.figures.analyses import mapped_basins
+        from vibro_cli.interface import pictures
+        from vibro_cli.storage.files import check_replaceable
+        from vibro_cli.storage.folders import write_results
+        from vibro_cli.storage.stored import open_grid
+
         source = self.grid
         target = Path(self.output or beside(source, "-basins"))
-        with leaving():
-            from vibro_cli.analysis.basins import NoBasins
-            from vibro_cli.figures.analyses import mapped_basins
-            from vibro_cli.interface import pictures
-            from vibro_cli.storage.files import check_replaceable
-            from vibro_cli.storage.folders import write_results
-            from vibro_cli.storage.stored import open_grid
-
-            check_replaceable(target, "basins")
-            stored = open_grid(source)
-            try:
-                found = mapped_basins(stored, self.outcome)
-            except NoBasins as error:
-                raise CommandError(f"vibro: {source}: no basins: {error}") from error
-            drawn = {}
-            if self.figures:
-                shown = {"basins": found.map("double"), "uncertainty": found.scaling("single")}
-                drawn = pictures({name: one for name, one in shown.items() if one is not None})
+        check_replaceable(target, "basins")
+        stored = open_grid(source)
+        try:
+            found = mapped_basins(stored, self.outcome)
+        except NoBasins as error:
+            raise CommandError(f"vibro: {source}: no basins: {error}") from error
+        drawn = {}
+        if self.figures:
+            shown = {"basins": found.map("double"), "uncertainty": found.scaling("single")}
+            drawn = pictures({name: one for name, one in shown.items() if one is not None})
         record = record_of(found.basins, [one.path for one in found.shown.coordinates])
         write_results("basins", target, drawn, record=record)
         print_found(record, _lines(stored.name, found), self.as_json)
@@ -223,25 +222,24 @@ class SectionCommand:
 
     def __call__(self) -> int:
         """Open, draw and write."""
+        from vibro_cli.interface.grids import open_grid
+        from vibro_cli.interface.runs import open_run
+        from vibro_cli.storage.stored import is_grid
+
         columns = [name for some in self.columns for name in some.split(",")]
         shown: list[str] = []
-        with leaving():
-            from vibro_cli.interface.grids import open_grid
-            from vibro_cli.interface.runs import open_run
-            from vibro_cli.storage.stored import is_grid
-
-            check_place(self.target)
-            try:
-                if is_grid(self.folder):
-                    grid = open_grid(self.folder)
-                    drawn = grid.section(columns, self.bodies, self.transient, self.width)
-                    shown = list(_runs_shown(grid, self.bodies, self.transient))
-                    _warn_of_unsolved(grid.stored)
-                else:
-                    run = open_run(self.folder)
-                    drawn = run.section(columns, self.bodies, self.transient or 0, self.width)
-            except ValueError as error:
-                raise CommandError(f"vibro: {self.folder}: {error}") from error
+        check_place(self.target)
+        try:
+            if is_grid(self.folder):
+                grid = open_grid(self.folder)
+                drawn = grid.section(columns, self.bodies, self.transient, self.width)
+                shown = list(_runs_shown(grid, self.bodies, self.transient))
+                _warn_of_unsolved(grid.stored)
+            else:
+                run = open_run(self.folder)
+                drawn = run.section(columns, self.bodies, self.transient or 0, self.width)
+        except ValueError as error:
+            raise CommandError(f"vibro: {self.folder}: {error}") from error
         drawn.save(self.target)
         if self.as_json:
             print(json_text({"file": str(self.target)}))

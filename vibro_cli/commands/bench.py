@@ -3,21 +3,19 @@
 `vibro bench` draws run time against error; `vibro stress` prints each mark and the result reached.
 """
 
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from vibro_cli.commands.shared.error_handling import DONE, FAILED, CommandError, leaving
+from vibro_cli.commands.shared.error_handling import DONE, FAILED, CommandError
 from vibro_cli.commands.shared.options import json_option, output_option, repeatable
 from vibro_cli.commands.shared.terminal import each_with_progress, print_found, say
 
 if TYPE_CHECKING:
     from vibro_cli.benchmark.measurement import Row
-
-_Result = TypeVar("_Result")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,7 +84,7 @@ def _measure(options: BenchCommand, form: str) -> int:
     rows: list[Row] = []
     target = Path(options.output)
     check_replaceable(target, "benchmark")
-    results = _unwritten(suite.run(PLANS[form], tuple(options.scene)))
+    results = suite.run(PLANS[form], tuple(options.scene))
     for found in each_with_progress("measuring", results):
         rows += found
         for row in found:
@@ -94,12 +92,6 @@ def _measure(options: BenchCommand, form: str) -> int:
     _write(rows, details, target)
     say(f"vibro: wrote {target / 'benchmark.html'}")
     return DONE
-
-
-def _unwritten(results: Iterable[_Result]) -> Iterator[_Result]:
-    """Yield results; an interruption while they are computed reports that nothing was written."""
-    with leaving():
-        yield from results
 
 
 def _line(row: "Row") -> str:
@@ -197,7 +189,7 @@ class StressCommand:
         findings = []
         if folder is not None:
             check_replaceable(folder, "stress")
-        for finding in each_with_progress("checking", _unwritten(run(plan, tuple(self.only)))):
+        for finding in each_with_progress("checking", run(plan, tuple(self.only))):
             findings.append(finding)
             print_found(record_of(finding), [line_of(finding)], self.as_json)
         if folder is not None:

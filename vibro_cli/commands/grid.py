@@ -14,7 +14,6 @@ from vibro_cli.commands.shared.error_handling import (
     FAILED,
     NOT_STRICT,
     CommandError,
-    leaving,
 )
 from vibro_cli.commands.shared.options import (
     Engine,
@@ -127,8 +126,7 @@ class GridCommand:
     def __call__(self) -> int:
         """Estimate the cost of the grid, or solve the missing chunks of its dataset."""
         if self.dry_run:
-            with leaving():
-                return _estimate(self)
+            return _estimate(self)
         return _sweep(self)
 
     def folder_of(self, grid: "Grid") -> Path:
@@ -232,8 +230,7 @@ def _sweep(options: GridCommand) -> int:
     # The variable must be set before arrow is imported.
     os.environ.setdefault("MIMALLOC_PURGE_DELAY", "-1")
 
-    with leaving():
-        found = load(options)
+    found = load(options)
     state = sweep(options, found, _workers(options))
     if options.as_json:
         print(json_text(state))
@@ -249,8 +246,7 @@ def sweep(options: GridCommand, grid: "Grid", workers: int) -> dict[str, Any]:
     whole = options.folder_of(grid)
     shard = None if options.shard is None else _read_shard(options.shard)
     folder = whole if shard is None else shard.folder_in(whole)
-    with leaving():
-        chunks = _chunks(options, grid, folder)
+    chunks = _chunks(options, grid, folder)
     wanted = None
     if shard is not None:
         if chunks.count < shard.count:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
 import typer
 
-from vibro_cli.commands.shared.error_handling import DONE, CommandError, check_no_folder, leaving
+from vibro_cli.commands.shared.error_handling import DONE, CommandError, check_no_folder
 from vibro_cli.commands.shared.options import gallery_names, json_option, output_option
 from vibro_cli.commands.shared.terminal import json_text, say, wrapped
 from vibro_cli.errors import printable
@@ -131,11 +131,10 @@ def _write(name: str, output: str | None, force: bool, as_json: bool) -> int:
 
 def _write_all(folder: Path, force: bool, as_json: bool) -> int:
     """Write the whole gallery, with a subfolder for each system and one for the grids."""
-    with leaving():
-        from vibro_cli.scenario.gallery import whole as whole_gallery
-        from vibro_cli.storage.files import make_folder
+    from vibro_cli.scenario.gallery import whole as whole_gallery
+    from vibro_cli.storage.files import make_folder
 
-        files = {folder / path: content for path, content in whole_gallery().items()}
+    files = {folder / path: content for path, content in whole_gallery().items()}
     there = [path for path in files if path.exists()]
     if there and not force:
         raise CommandError(f"vibro: {printable(str(there[0]))} exists; --force replaces it")

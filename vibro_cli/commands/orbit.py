@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
-from vibro_cli.commands.shared.error_handling import DONE, CommandError, leaving
+from vibro_cli.commands.shared.error_handling import DONE, CommandError
 from vibro_cli.commands.shared.options import (
     json_option,
     output_option,
@@ -88,29 +88,28 @@ class OrbitCommand:
 
     def __call__(self) -> int:
         """Find, follow, draw, write and print."""
-        with leaving():
-            from vibro_cli.analysis.orbits import NoOrbit
-            from vibro_cli.interface import pictures
-            from vibro_cli.interface.analyses import orbit, orbit_family, orbit_table
-            from vibro_cli.storage.files import check_replaceable
-            from vibro_cli.storage.folders import write_results
+        from vibro_cli.analysis.orbits import NoOrbit
+        from vibro_cli.interface import pictures
+        from vibro_cli.interface.analyses import orbit, orbit_family, orbit_table
+        from vibro_cli.storage.files import check_replaceable
+        from vibro_cli.storage.folders import write_results
 
-            scenario = _on_a_trace(self.scenario, self.overrides, "orbits are found")
-            span = None if self.vary is None else parsed_span(self.vary)
-            folder = None
-            if span is not None or self.output is not None:
-                folder = Path(self.output or Path("outputs") / f"{scenario.name}-orbit")
-                check_replaceable(folder, "orbit")
-            try:
-                with progress_shown("searching"):
-                    found = orbit(scenario, self.impacts, self.period)
-                with progress_shown("following"):
-                    family = None if span is None else orbit_family(scenario, found, *span)
-            except NoOrbit as error:
-                raise CommandError(f"vibro: {scenario.name}: no orbit: {error}") from error
-            drawn = {}
-            if family is not None and self.figures:
-                drawn = pictures({"orbits": family.figure().figure})
+        scenario = _on_a_trace(self.scenario, self.overrides, "orbits are found")
+        span = None if self.vary is None else parsed_span(self.vary)
+        folder = None
+        if span is not None or self.output is not None:
+            folder = Path(self.output or Path("outputs") / f"{scenario.name}-orbit")
+            check_replaceable(folder, "orbit")
+        try:
+            with progress_shown("searching"):
+                found = orbit(scenario, self.impacts, self.period)
+            with progress_shown("following"):
+                family = None if span is None else orbit_family(scenario, found, *span)
+        except NoOrbit as error:
+            raise CommandError(f"vibro: {scenario.name}: no orbit: {error}") from error
+        drawn = {}
+        if family is not None and self.figures:
+            drawn = pictures({"orbits": family.figure().figure})
         if folder is not None:
             start = found.as_start(scenario)
             table = orbit_table(found, start) if family is None else family.table
@@ -271,31 +270,30 @@ class FitCommand:
 
     def __call__(self) -> int:
         """Read, fit, draw, write and print."""
-        with leaving():
-            from vibro_cli.analysis.fit import NoFit, fit_impacts, has_start_time, read_measured
-            from vibro_cli.interface import pictures
-            from vibro_cli.interface.analyses import Fit
-            from vibro_cli.storage.files import check_replaceable
-            from vibro_cli.storage.folders import write_results
+        from vibro_cli.analysis.fit import NoFit, fit_impacts, has_start_time, read_measured
+        from vibro_cli.interface import pictures
+        from vibro_cli.interface.analyses import Fit
+        from vibro_cli.storage.files import check_replaceable
+        from vibro_cli.storage.folders import write_results
 
-            scenario = _on_a_trace(self.scenario, self.overrides, "parameters are fitted")
-            folder = None if self.output is None else Path(self.output)
-            free = parsed_free(self.free)
-            if folder is not None:
-                check_replaceable(folder, "fit")
-            try:
-                measured = read_measured(self.measured, not has_start_time(free))
-            except OSError as error:
-                text = " ".join(str(error.strerror or error).split())
-                raise CommandError(f"vibro: {self.measured}: cannot be read: {text}") from error
-            try:
-                with progress_shown("fitting"):
-                    found = Fit.of(fit_impacts(scenario, measured, free, self.noise))
-            except NoFit as error:
-                raise CommandError(f"vibro: {scenario.name}: no fit: {error}") from error
-            drawn = {}
-            if folder is not None and self.figures:
-                drawn = pictures({"residuals": found.figure().figure})
+        scenario = _on_a_trace(self.scenario, self.overrides, "parameters are fitted")
+        folder = None if self.output is None else Path(self.output)
+        free = parsed_free(self.free)
+        if folder is not None:
+            check_replaceable(folder, "fit")
+        try:
+            measured = read_measured(self.measured, not has_start_time(free))
+        except OSError as error:
+            text = " ".join(str(error.strerror or error).split())
+            raise CommandError(f"vibro: {self.measured}: cannot be read: {text}") from error
+        try:
+            with progress_shown("fitting"):
+                found = Fit.of(fit_impacts(scenario, measured, free, self.noise))
+        except NoFit as error:
+            raise CommandError(f"vibro: {scenario.name}: no fit: {error}") from error
+        drawn = {}
+        if folder is not None and self.figures:
+            drawn = pictures({"residuals": found.figure().figure})
         if folder is not None:
             write_results("fit", folder, drawn, found.scenario, record_of_fit(found), found.table)
         print_found(record_of_fit(found), _lines_of_fit(found), self.as_json)

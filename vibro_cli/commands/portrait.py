@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from vibro_cli.commands.shared.error_handling import DONE, CommandError, leaving
+from vibro_cli.commands.shared.error_handling import DONE, CommandError
 from vibro_cli.commands.shared.options import (
     Overrides,
     Width,
@@ -247,23 +247,22 @@ class PortraitCommand:
 
     def __call__(self) -> int:
         """Analyse, draw, write and print."""
-        with leaving():
-            from vibro_cli.commands.shared.loading import load_any
-            from vibro_cli.storage.files import check_replaceable
-            from vibro_cli.storage.folders import write_results
+        from vibro_cli.commands.shared.loading import load_any
+        from vibro_cli.storage.files import check_replaceable
+        from vibro_cli.storage.folders import write_results
 
-            scenario, system = load_any(self.scenario, self.overrides)
-            if (self.vary or self.compare) and self.scenario == "-":
-                raise CommandError(
-                    "vibro: --vary and --compare read the scenario several times; expected a file, "
-                    "not -"
-                )
-            folder = None
-            if self.figures or self.output is not None:
-                folder = Path(self.output or Path("outputs") / f"{scenario.name}-portrait")
-                check_replaceable(folder, "portrait")
-            with progress_shown():
-                found, drawn = _analysed(self, scenario, system)
+        scenario, system = load_any(self.scenario, self.overrides)
+        if (self.vary or self.compare) and self.scenario == "-":
+            raise CommandError(
+                "vibro: --vary and --compare read the scenario several times; expected a file, "
+                "not -"
+            )
+        folder = None
+        if self.figures or self.output is not None:
+            folder = Path(self.output or Path("outputs") / f"{scenario.name}-portrait")
+            check_replaceable(folder, "portrait")
+        with progress_shown():
+            found, drawn = _analysed(self, scenario, system)
         if folder is not None:
             write_results("portrait", folder, drawn, scenario, found)
         print_found(found, _lines(scenario, found), self.as_json)

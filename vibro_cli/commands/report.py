@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from vibro_cli.commands.shared.error_handling import DONE, CommandError, check_place, leaving
+from vibro_cli.commands.shared.error_handling import DONE, CommandError, check_place
 from vibro_cli.commands.shared.options import beside, json_option, output_option, repeatable
 from vibro_cli.commands.shared.terminal import json_text, progress_shown, say
 
@@ -179,14 +179,13 @@ class ReportCommand:
         from vibro_cli.storage.files import write_file
 
         target = self.target
-        with leaving():
-            _check(self)
-            subject = _subject(self)
-            _check_maps(subject, self.maps)
+        _check(self)
+        subject = _subject(self)
+        _check_maps(subject, self.maps)
         # Drawing triggers many garbage collections: exempt the objects that exist by now.
         gc.freeze()
         gc.set_threshold(50_000, 4, 2)
-        with leaving(), progress_shown():
+        with progress_shown():
             content = _page(subject, target.parent if self.page else Path.cwd(), self.maps)
         if self.page is None:
             sys.stdout.buffer.write(content)

@@ -21,7 +21,6 @@ from vibro_cli.commands.shared.error_handling import (
     INTERRUPTED,
     MISUSED,
     NOT_STRICT,
-    NOTHING_WRITTEN,
     CommandError,
     attempt,
     leaving,
@@ -191,8 +190,7 @@ def _run_all(options: RunCommand) -> int:
     """Check all scenarios and folders, then run the scenarios one after the other."""
     from vibro_cli.systems import system_named
 
-    with leaving():
-        loaded, refused = _checked(options)
+    loaded, refused = _checked(options)
     for _, error in refused:
         say(error.lines, "error", problems=error.problems)
     _print_refused(options, refused)
@@ -227,12 +225,11 @@ def _continue(options: RunCommand, folder: Path) -> int:
     from vibro_cli.commands.shared.loading import read_earlier, refusals_reported
     from vibro_cli.scenario.loading import load_stored
 
-    with leaving():
-        source, found = read_earlier(folder, options.overrides)
-        with refusals_reported(str(source)):
-            scenario = load_stored(source, options.overrides)
-        options.kinds_of(scenario.system)
-        _check_folders(options, [scenario])
+    source, found = read_earlier(folder, options.overrides)
+    with refusals_reported(str(source)):
+        scenario = load_stored(source, options.overrides)
+    options.kinds_of(scenario.system)
+    _check_folders(options, [scenario])
     return solve(options, scenario, found)
 
 
@@ -363,9 +360,9 @@ def stream_run(
 
     interruption = Interruption()
     with contextlib.ExitStack() as open_ones:
-        unwritten = f"nothing of {scenario.name} was written, finished results are kept"
-        several = len(options.scenarios) > 1
-        open_ones.enter_context(leaving(unwritten if several else NOTHING_WRITTEN))
+        if len(options.scenarios) > 1:
+            unwritten = f"nothing of {scenario.name} was written, finished results are kept"
+            open_ones.enter_context(leaving(unwritten))
         folder = None
         if target is not None:
             # Until the folder is in place: no signal loses what was solved. Without a folder one

@@ -40,6 +40,8 @@ _RENAME_EXCHANGE = 2
 _LARGE = 1 << 22
 BLOCK = 4096
 """Size of a block (bytes); memory aligned to blocks can be written without a copy."""
+put_in_place = 0
+"""Number of files and folders put in their places; after 0 there is nothing to keep."""
 
 
 def write_file(path: Path, *pieces: bytes | memoryview) -> None:
@@ -57,10 +59,16 @@ def write_file(path: Path, *pieces: bytes | memoryview) -> None:
         try:
             _write_new(partial, *pieces)
             os.replace(partial, path)
+            _count_one()
         except BaseException:
             partial.unlink(missing_ok=True)
             raise
         flush_folder(path.parent)
+
+
+def _count_one() -> None:
+    global put_in_place
+    put_in_place += 1
 
 
 def first_bytes(path: Path, number: int) -> bytes:
@@ -263,6 +271,7 @@ def new_folder(
             raise FolderRefused(*error.lines, f"the new results are kept in {kept}") from error
         with _errors_name(shown):
             _put_in_place(partial, target)
+            _count_one()
     finally:
         shutil.rmtree(partial, ignore_errors=True)
         os.close(handle)

@@ -42,8 +42,6 @@ EXIT_CODES = {
     TERMINATED: "terminated (SIGTERM); finished results are kept",
 }
 
-NOTHING_WRITTEN = "nothing was written"
-
 
 class CommandError(Exception):
     """An error message for the user, of one or more self-contained lines.
@@ -135,6 +133,7 @@ def perform(parse: Callable[[], Task], log_format: str) -> int:
     prepare_streams()
     warnings.showwarning = _say_warning
     logging.getLogger("matplotlib").setLevel(logging.ERROR)  # hides where its cache is
+    before = _put_in_place()
     try:
         return attempt(lambda: _done(parse))
     except BrokenPipeError:  # the reader has closed the pipe
@@ -143,11 +142,18 @@ def perform(parse: Callable[[], Task], log_format: str) -> int:
         silence(sys.stdout)  # do not wait for a reader that no longer reads
         code: int = getattr(end, "exit_code", INTERRUPTED)
         how = EXIT_CODES[code].partition(" (")[0]
-        left = next(iter(getattr(end, "__notes__", ())), "finished results are kept")
+        kept = "nothing was written" if _put_in_place() == before else "finished results are kept"
+        left = next(iter(getattr(end, "__notes__", ())), kept)
         say(f"vibro: {how}; {left}", "error")
         return code
     finally:
         drain_standard_output()
+
+
+def _put_in_place() -> int:
+    """Return the number of files and folders that this process has put in their places."""
+    files = sys.modules.get("vibro_cli.storage.files")  # not imported by all commands
+    return 0 if files is None else int(files.put_in_place)
 
 
 @contextlib.contextmanager
@@ -168,7 +174,7 @@ def upon_signals(
 
 
 @contextlib.contextmanager
-def leaving(text: str = NOTHING_WRITTEN) -> Iterator[None]:
+def leaving(text: str) -> Iterator[None]:
     """Add a note on what is left on the disk if a signal ends the block."""
     try:
         yield
@@ -233,7 +239,7 @@ def _done(parse: Callable[[], Task]) -> int:
     An error of flushing is not raised after a failure. Other signals than ^C end the process while
     it parses, which leaves nothing to unwind.
     """
-    with upon_signals(terminate, (signal.SIGINT,)), _signals_not_lost(), leaving():
+    with upon_signals(terminate, (signal.SIGINT,)), _signals_not_lost():
         task = parse()
         if _struck:  # Typer returns an exit code in place of the task
             raise _struck[0]
