@@ -30,7 +30,7 @@ from vibro_cli.analysis.paper_formulas import (
 from vibro_cli.analysis.singular import portrait_of
 from vibro_cli.assemble import build_any
 from vibro_cli.commands.app import run_command_line
-from vibro_cli.commands.help import LETTERS, commands_of_papers, rows_of
+from vibro_cli.commands.help import LETTERS, rows_of
 from vibro_cli.mechanics.reachability import contact_angle
 from vibro_cli.report.papers import series_rows, time_between, turning_points
 from vibro_cli.scenario import load_any
@@ -562,6 +562,12 @@ def test_the_three_arcs_that_turn_open_their_figure_eight(ends: float, printed: 
 
 
 # The page
+
+
+def commands_of_papers() -> list[str]:
+    """Return the distinct commands of the page on the papers, in its order."""
+    rows = [row for letter in LETTERS for row in rows_of(letter)]
+    return list(dict.fromkeys(command for _, _, command, _ in rows))
 
 
 @pytest.mark.usefixtures("undrawn")

@@ -302,12 +302,6 @@ def _systems() -> "list[System]":
     return [system_named(name) for name in SYSTEMS]
 
 
-def commands_of_papers() -> list[str]:
-    """Return the distinct commands of the page on the papers, in its order."""
-    rows = [row for letter in LETTERS for row in rows_of(letter)]
-    return list(dict.fromkeys(command for _, _, command, _ in rows))
-
-
 TOPICS: dict[str, tuple[str, Callable[[], str] | None]] = {
     "commands": ("every command and its options", None),
     "scenario": ("the keys of a scenario", scenario),
