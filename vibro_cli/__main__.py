@@ -30,6 +30,8 @@ def main() -> None:
     # The threads of numpy's linear algebra, one per core, would spin during loading and make short
     # parallel runs an eighth slower. The matrices here are too small for a second thread.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    # Arrow's own pool keeps the memory of every column that was read.
+    os.environ.setdefault("ARROW_DEFAULT_MEMORY_POOL", "system")
     # Figures are files; an unknown backend in MPLBACKEND would make matplotlib fail.
     os.environ["MPLBACKEND"] = "agg"
     try:

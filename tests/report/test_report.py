@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import base64
+import gc
 import hashlib
 import math
 import re
+import weakref
 from collections.abc import Iterator
 from importlib.resources import files
 from itertools import pairwise
@@ -15,12 +17,14 @@ from urllib.parse import unquote
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from tests.report.page_parser import Page
 from vibro_cli.api import simulate
+from vibro_cli.figures.kinds import Drawn
 from vibro_cli.report import html
 from vibro_cli.report.content import FIRST_ROWS, energy_balance, key_figures, report_html
-from vibro_cli.report.html import is_report
+from vibro_cli.report.html import is_report, pictured
 from vibro_cli.report.papers import analogy, forms
 from vibro_cli.report.words import number
 from vibro_cli.scenario import any_scenario_of, load_scenario
@@ -384,3 +388,25 @@ def test_a_system_of_no_paper_needs_no_forms_of_the_papers(
     monkeypatch.setattr("vibro_cli.report.papers.forms", None)
     assert b'id="run1-analogy"' not in report_html([run], beside)
     assert b'id="run1-analogy"' in content
+
+
+def drawn_line(width: float) -> Drawn:
+    figure = Figure(figsize=(width, 2.0))
+    figure.subplots().plot(np.arange(1000.0))
+    return Drawn("name", "Title", "Caption.", figure)
+
+
+def test_points_of_a_picture_are_freed_at_once() -> None:
+    """A collection of garbage comes late, as many points are one object."""
+    gc.disable()
+    try:
+        drawn = [drawn_line(3.0), drawn_line(2.0)]
+        lines = [one.figure.axes[0].lines[0] for one in drawn]
+        points = [weakref.ref(line.get_ydata(orig=True)) for line in lines]
+        lines.clear()
+        assert all(one() is not None for one in points)
+        picture = pictured(drawn.pop(0), drawn.pop(0), "run")
+        assert all(one() is None for one in points)
+    finally:
+        gc.enable()
+    assert (picture["wide"]["width"], picture["narrow"]["width"]) == ("288", "192")
