@@ -11,8 +11,7 @@ from vibro_cli.compile.build import BuildError, build
 from vibro_cli.compile.kinds import TranslationError
 from vibro_cli.compile.translate import Program
 from vibro_cli.kernels.ensemble.lanes import run_points_in_lanes
-from vibro_cli.kernels.ensemble.libration_fast_path import proceed
-from vibro_cli.kernels.ensemble.points import follow_points, run_points
+from vibro_cli.kernels.ensemble.points import follow_points, proceed, run_points
 from vibro_cli.kernels.ensemble.records import fill_stacked
 from vibro_cli.kernels.events.liftoff_slip import find_passages
 from vibro_cli.kernels.flow.flow import sample_flights

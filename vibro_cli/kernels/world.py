@@ -473,6 +473,16 @@ def contact_of(world: World, j: int) -> PairTrack:
 
 
 @kernel
+def drop_rows(clock: Clock) -> None:
+    """Drop the rows of logs that are not kept."""
+    clock.flights_before += clock.flight_rows
+    clock.impact_rows = 0
+    clock.flight_rows = 0
+    clock.contact_rows = 0
+    clock.segment_rows = 0
+
+
+@kernel
 def is_now(world: World, t: float, t_low: float) -> bool:
     """Return whether an instant (two doubles, s) is the present one."""
     return t == world.clock[0].t and t_low == world.clock[0].t_low

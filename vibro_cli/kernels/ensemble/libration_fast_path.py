@@ -2,22 +2,19 @@
 
 It leaves out all lookups, searches and bounds that such a flight does not need, and treats both
 bodies at once, in the two lanes of a register. Other events are left to the event loop
-(``kernels.events.event_loop``), after which the run returns to this path.
+(see ``kernels.ensemble.points.proceed``), after which the run returns to this path.
 """
 
 from __future__ import annotations
 
 from vibro_cli.compile.kernel import Two, any_lane, extract, kernel, mask_or, pack
 from vibro_cli.kernels.contact.libration_contact_lanes import (
-    LONGEST_STAY,
     TwoBodies,
     TwoLibrations,
     TwoTracks,
     contact_of_two,
-    fits,
     project_libration,
 )
-from vibro_cli.kernels.events.event_loop import advance, drop_rows
 from vibro_cli.kernels.flow.flight import (
     CREST_NEIGHBOURHOOD,
     angular_bound_of_libration,
@@ -44,42 +41,18 @@ from vibro_cli.kernels.world import (
     PARTING,
     RUNNING,
     World,
+    drop_rows,
     track_of,
     track_on,
 )
 
 
 @kernel
-def proceed(world: World, bodies: TwoBodies) -> int:
-    """Do the same as ``kernels.events.event_loop.advance``, on the faster path where it applies.
+def librate(world: World, bodies: TwoBodies) -> int:
+    """Go from impact to impact; return why the run stopped, or ``RUNNING`` before another event.
 
-    It applies to two bodies on an open, two-sided trace, if ``bodies`` has a record.
+    Both flights are as ``libration_contact_lanes.fits`` demands.
     """
-    settings = world.settings[0]
-    free = settings.closed == 0 and settings.one_sided == 0
-    if len(bodies.librations) == 0 or settings.bodies != 2 or not free:
-        return advance(world)
-    clock = world.clock[0]
-    most = settings.stop_collisions
-    stay = 1
-    while True:
-        if fits(world, world.flights[0].piece):
-            before = clock.collisions
-            cause = _librate(world, bodies)
-            if cause != RUNNING:
-                return cause
-            stay = 1 if clock.collisions > before else stay
-        settings.stop_collisions = min(most, clock.collisions + stay)
-        cause = advance(world)
-        settings.stop_collisions = most
-        if cause != END_COLLISIONS or clock.collisions >= most:
-            return cause
-        stay = min(2 * stay, LONGEST_STAY)
-
-
-@kernel
-def _librate(world: World, bodies: TwoBodies) -> int:
-    """Go from impact to impact; return why the run stopped, or ``RUNNING`` before another event."""
     settings = world.settings[0]
     clock = world.clock[0]
     a = world.flights[0]

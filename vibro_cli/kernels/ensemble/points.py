@@ -1,6 +1,6 @@
-"""Many runs one after another: their summaries, their impacts, their tangent maps.
+"""One run, and many one after another: their summaries, their impacts, their tangent maps.
 
-The runs differ in the initial states and masses of the bodies, in the coefficients of restitution
+The many differ in the initial states and masses of the bodies, in the coefficients of restitution
 and in the stop. Each has the same bits as a run of ``systems.trace.system``, since the same
 kernels work on the same structs.
 
@@ -12,8 +12,8 @@ of its system.
 from __future__ import annotations
 
 from vibro_cli.compile.kernel import FloatMatrix, kernel
-from vibro_cli.kernels.contact.libration_contact_lanes import TwoBodies
-from vibro_cli.kernels.ensemble.libration_fast_path import proceed
+from vibro_cli.kernels.contact.libration_contact_lanes import LONGEST_STAY, TwoBodies, fits
+from vibro_cli.kernels.ensemble.libration_fast_path import librate
 from vibro_cli.kernels.ensemble.records import (
     Points,
     Stack,
@@ -27,10 +27,38 @@ from vibro_cli.kernels.impact.impulse_chain import last_number_of
 from vibro_cli.kernels.statistics.run_statistics import Results
 from vibro_cli.kernels.tangent.follow import follow_tangents
 from vibro_cli.kernels.tangent.frame import Tangents
-from vibro_cli.kernels.world import LOG_FULL, RUNNING, World
+from vibro_cli.kernels.world import END_COLLISIONS, LOG_FULL, RUNNING, World
 
 # Greatest number of full logs of a run; a longer run is left to the driver, which signals can stop.
 MOST_LOGS = 1000
+
+
+@kernel
+def proceed(world: World, bodies: TwoBodies) -> int:
+    """Do the same as ``kernels.events.event_loop.advance``, on the faster path where it applies.
+
+    It applies to two bodies on an open, two-sided trace, if ``bodies`` has a record.
+    """
+    settings = world.settings[0]
+    free = settings.closed == 0 and settings.one_sided == 0
+    if len(bodies.librations) == 0 or settings.bodies != 2 or not free:
+        return advance(world)
+    clock = world.clock[0]
+    most = settings.stop_collisions
+    stay = 1
+    while True:
+        if fits(world, world.flights[0].piece):
+            before = clock.collisions
+            cause = librate(world, bodies)
+            if cause != RUNNING:
+                return cause
+            stay = 1 if clock.collisions > before else stay
+        settings.stop_collisions = min(most, clock.collisions + stay)
+        cause = advance(world)
+        settings.stop_collisions = most
+        if cause != END_COLLISIONS or clock.collisions >= most:
+            return cause
+        stay = min(2 * stay, LONGEST_STAY)
 
 
 @kernel
@@ -47,7 +75,7 @@ def run_points(
     """Run the points of a batch from ``first`` on.
 
     ``stack`` has the systems of the points; it is empty if all share one system. ``fresh`` has the
-    structs of ``world`` before a run; ``bodies`` is as in ``libration_fast_path.proceed``;
+    structs of ``world`` before a run; ``bodies`` is as in :func:`proceed`;
     ``filled`` rows of impacts are already used. If ``results`` has no room for any impacts, they
     are not kept. Return the first point that was not run, because its impacts had no room, and the
     number of rows used.

@@ -78,11 +78,11 @@ from vibro_cli.kernels.world import (
     SEGMENT,
     START,
     WALL,
-    Clock,
     Flight,
     PairData,
     TrackData,
     World,
+    drop_rows,
     flight_along,
     flights_of,
     is_now,
@@ -532,16 +532,6 @@ def _horizon(world: World) -> tuple[float, float, int, int]:
                 t = one.release_t
                 low = one.release_t_low
     return t, low, ball, pair
-
-
-@kernel
-def drop_rows(clock: Clock) -> None:
-    """Drop the rows of logs that are not kept."""
-    clock.flights_before += clock.flight_rows
-    clock.impact_rows = 0
-    clock.flight_rows = 0
-    clock.contact_rows = 0
-    clock.segment_rows = 0
 
 
 @kernel

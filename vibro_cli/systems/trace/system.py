@@ -15,7 +15,7 @@ import numpy as np
 from vibro_cli.compile.kernel import Overrides
 from vibro_cli.compile.native import compiled
 from vibro_cli.kernels.contact.first_contact import STEPS_AT_ONCE
-from vibro_cli.kernels.ensemble.libration_fast_path import proceed
+from vibro_cli.kernels.ensemble.points import proceed
 from vibro_cli.kernels.events.event_detection import ROUNDS
 from vibro_cli.kernels.events.event_loop import advance, start
 from vibro_cli.kernels.tangent.follow import follow_tangents
