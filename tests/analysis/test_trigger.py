@@ -114,6 +114,14 @@ def test_the_level_through_equal_crests_is_found_once(monkeypatch: pytest.Monkey
     assert asked == list(range(41))
 
 
+def test_a_separatrix_among_equal_crests_runs_to_the_nearest() -> None:
+    crests = (valley(1.0, 50), hump(0.5, -50)) * 4
+    found = triggers(landscape(-30.0, *crests, valley(1.0, 30)))
+    places = [one.saddle.s for one in found]
+    assert [one.turning_right for one in found] == [*places[1:], None]
+    assert [one.turning_left for one in found] == [None, *places[:-1]]
+
+
 @pytest.mark.parametrize("seam", range(9))
 def test_equal_crests_with_a_higher_one_on_either_side_have_an_eight_each(seam: int) -> None:
     """Three crests on the floor of a closed trace, the middle one higher; the fourth is its top."""

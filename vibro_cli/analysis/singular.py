@@ -221,17 +221,19 @@ def _trigger(
     runs_at: Callable[[float], list[list[Reach]]],
 ) -> Trigger:
     left, saddle, right = coupled
-    barriers = (low, _), (high, _) = _barriers(landscape, points, saddle)
-    margins = low - saddle.energy, high - saddle.energy
+    ways = _barriers(landscape, points, saddle)
+    margin_left, margin_right = margins = [max(way)[0] - saddle.energy for way in ways]
     # The margin decides whether the separatrix turns (within rounding, it does), not the turning
     # point: near a bifurcation, where centres and saddle differ by less than rounding, turning
     # points are lost while the barriers are still known.
     rounding = _OF_TRIGGERS * (abs(saddle.energy) + landscape.weight * landscape.trace.length)
     closes = [margin >= -rounding for margin in margins]
-    # There it is near the saddle, unless the level runs on over a barrier as high as the saddle.
+    # There it is near the saddle, unless the level runs on over barriers as high as the saddle.
     lost = [
-        place if margin <= rounding else saddle.s
-        for margin, (_, place) in zip(margins, barriers, strict=True)
+        next(place for energy, place in way if energy - saddle.energy >= -rounding)
+        if -rounding <= margin <= rounding
+        else saddle.s
+        for margin, way in zip(margins, ways, strict=True)
     ]
     turnings = _turnings(landscape, runs_at(saddle.energy), saddle)
     turning_left, turning_right = (
@@ -240,7 +242,9 @@ def _trigger(
     )
     joined = _meets_another_saddle(landscape, points, saddle)
     orbit = OPEN if not all(closes) else HETEROCLINIC if joined else FIGURE_EIGHT
-    return Trigger(left, saddle, right, *margins, turning_left, turning_right, orbit)
+    return Trigger(
+        left, saddle, right, margin_left, margin_right, turning_left, turning_right, orbit
+    )
 
 
 def _meets_another_saddle(
@@ -259,27 +263,25 @@ def _meets_another_saddle(
     return False
 
 
-Barrier = tuple[float, float]
-"""Energy (J) and arc length (m)."""
+Barriers = list[tuple[float, float]]
+"""Energy (J) and arc length (m) of each, the nearest first."""
 
 
 def _barriers(
     landscape: Landscape, points: tuple[SingularPoint, ...], saddle: SingularPoint
-) -> tuple[Barrier, Barrier]:
-    """Return the greatest barrier on each side of a saddle."""
-    hills = [
-        (point.energy, point.s) for point in points if point.kind != CENTRE and point is not saddle
-    ]
+) -> tuple[Barriers, Barriers]:
+    """Return the barriers to the left and to the right of a saddle."""
+    hills = [(point.energy, point.s) for point in points if point.kind != CENTRE]
+    place = hills.index((saddle.energy, saddle.s))
+    before, after = hills[:place], hills[place + 1 :]
     if landscape.trace.closed:
         # On a closed trace without another hill the separatrix returns to its own saddle.
-        highest = max(hills, default=(saddle.energy, saddle.s))
-        return highest, highest
+        around = [*after, *before] or [hills[place]]
+        return around[::-1], around
     first, last = landscape.trace.pieces[0], landscape.trace.pieces[-1]
     left_end = float(landscape.potential(first, first.angle_start)), 0.0
     right_end = float(landscape.potential(last, last.angle_end)), landscape.trace.length
-    lefts = [hill for hill in hills if hill[1] < saddle.s]
-    rights = [hill for hill in hills if hill[1] > saddle.s]
-    return max([left_end, *lefts]), max([right_end, *rights])
+    return [*before[::-1], left_end], [*after, right_end]
 
 
 def _turnings(
