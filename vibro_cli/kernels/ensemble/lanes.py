@@ -96,7 +96,6 @@ class RunLanes:
     stop_t: Lanes
     stop_collisions: Lanes
     collisions: Lanes
-    impacts: Lanes  # made in the lane
     energy_correction: Lanes
     max_gap: Lanes
     least_force: Lanes
@@ -109,8 +108,9 @@ class LaneSlot:
     """The run in a lane."""
 
     point: int  # -1: none
-    crossings: int  # so far
-    contacts: int  # so far
+    collisions: int  # when it was put in; in lanes neither of the other two change
+    crossings: int
+    contacts: int
 
 
 class LaneGroup(NamedTuple):
@@ -153,7 +153,6 @@ def next_impact(world: World, group: LaneGroup) -> bool:
     done = select(failed, 0.0, 1.0)
     run.failed = 1.0 - done
     run.collisions += done
-    run.impacts += done
     run.energy_correction += select(failed, 0.0, abs(excess))
     _take(a, failed)
     _take(b, failed)
@@ -280,24 +279,18 @@ def _take(libration: LibrationLanes, failed: bool) -> None:
 
 @kernel
 def run_points_in_lanes(
-    world: World,
-    fresh: World,
-    points: Points,
-    results: Results,
-    first: int,
-    last: int,
-    group: LaneGroup,
+    world: World, fresh: World, points: Points, results: Results, group: LaneGroup
 ) -> int:
-    """Run the points from ``first`` to before ``last``, as ``kernels.ensemble.points.run_points``.
+    """Run the points of a batch, as ``kernels.ensemble.points.run_points``.
 
     No impacts are kept. ``group`` must be set up for the arc. Return the number of impacts carried
     out in lanes.
     """
-    upcoming = first
+    upcoming = 0
     made = 0
     working = 0
     for lane in range(LANES):
-        upcoming = _fill(world, fresh, points, results, group, lane, upcoming, last)
+        upcoming = _fill(world, fresh, points, results, group, lane, upcoming)
         working += 1 if group.slots[lane].point >= 0 else 0
     run = group.runs[0]
     while working > 0:
@@ -317,7 +310,7 @@ def run_points_in_lanes(
                             update_point_statistics(
                                 world, 2, END_COLLISIONS, points, results, point
                             )
-                        upcoming = _fill(world, fresh, points, results, group, lane, upcoming, last)
+                        upcoming = _fill(world, fresh, points, results, group, lane, upcoming)
                 working += 1 if group.slots[lane].point >= 0 else 0
     return made
 
@@ -331,10 +324,9 @@ def _fill(
     group: LaneGroup,
     lane: int,
     upcoming: int,
-    last: int,
 ) -> int:
     """Put the next run that reaches a state for lanes into a lane; return the run after it."""
-    while upcoming < last:
+    while upcoming < len(points.own):
         group.slots[lane].point = upcoming
         prepare_point(world, fresh, points, upcoming)
         start(world)
@@ -386,6 +378,7 @@ def _put_in(world: World, points: Points, group: LaneGroup, lane: int) -> None:
     run = group.runs[0]
     slot = group.slots[lane]
     own = points.own[slot.point]
+    slot.collisions = clock.collisions
     slot.crossings = clock.crossings
     slot.contacts = clock.contacts
     run.t = insert(run.t, lane, clock.t)
@@ -394,7 +387,6 @@ def _put_in(world: World, points: Points, group: LaneGroup, lane: int) -> None:
     run.stop_t = insert(run.stop_t, lane, own.stop_t)
     run.stop_collisions = insert(run.stop_collisions, lane, float(own.stop_collisions))
     run.collisions = insert(run.collisions, lane, float(clock.collisions))
-    run.impacts = insert(run.impacts, lane, 0.0)
     run.energy_correction = insert(run.energy_correction, lane, clock.energy_correction)
     run.max_gap = insert(run.max_gap, lane, 0.0)
     run.least_force = insert(run.least_force, lane, NEVER)
@@ -447,7 +439,7 @@ def _take_out(
         set_theta_constants(flight, parameter, extract(libration.complementary_modulus, lane))
         launch_and_log(world, ball, COLLISION)
     world.pairs[0].touching = PARTING
-    impacts = int(extract(run.impacts, lane))
+    impacts = clock.collisions - slot.collisions
     outcome = results.outcomes[slot.point]
     if impacts > 0:
         outcome.impacts += impacts

@@ -83,7 +83,7 @@ def run_points(
     last = len(points.own)
     keep = len(results.impacts) > 0
     installed = -1
-    for point in range(first, last):
+    for point in range(first, len(points.own)):
         installed = install(world, stack, point, installed)
         prepare_point(world, fresh, points, point)
         start(world)
@@ -101,7 +101,7 @@ def run_points(
             filled += clock.impact_rows
         update_point_statistics(world, 0, cause, points, results, point)
         outcome.kept = clock.impact_rows if keep else 0
-    return last, filled
+    return len(points.own), filled
 
 
 @kernel

@@ -84,7 +84,7 @@ class Batch:
             self.world.meeting[:] = 1  # type: ignore[call-overload]
         elif len(results.impacts) == 0 and self._suits_lanes(points):
             in_lanes = compiled(run_points_in_lanes)
-            self.impacts_in_lanes += int(in_lanes(*given, results, 0, count, self._group))
+            self.impacts_in_lanes += int(in_lanes(*given, results, self._group))
             return results
         run: Any = compiled(run_points, self._overrides)
         used = stack or _NO_STACK, self._bodies
