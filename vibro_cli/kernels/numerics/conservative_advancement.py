@@ -363,20 +363,24 @@ def least_value(h: Harmonics, limit: float) -> float:
 
 
 @kernel
-def greatest_quotient(top: Harmonics, below: Harmonics, limit: float, known: float) -> float:
-    """Return the greatest ``|top|/below`` from 0 to ``limit`` (rad), or ``known`` if greater.
+def greatest_quotient(
+    top: Harmonics, below: Harmonics, low: float, high: float, known: float
+) -> float:
+    """Return the greatest ``|top|/below`` between two angles (rad), or ``known`` if greater.
 
     ``below`` must be positive there.
     """
-    for turn in range(2):
-        side = scaled(1.0 if turn == 0 else -1.0, top)
-        known = _greatest_positive(side, below, limit, known)
+    sine, cosine = sine_cosine(low)
+    below = turned(below, sine, cosine)
+    for side in range(2):
+        one = scaled(1.0 if side == 0 else -1.0, turned(top, sine, cosine))
+        known = _greatest_positive(one, below, high - low, known)
     return known
 
 
 @kernel
 def _greatest_positive(top: Harmonics, below: Harmonics, limit: float, known: float) -> float:
-    """Return the same as :func:`greatest_quotient` for ``top/below``."""
+    """Return the greatest ``top/below`` from 0 to ``limit`` (rad), or ``known`` if greater."""
     top_slope = harmonic_slope(top)
     below_slope = harmonic_slope(below)
     # Bound on the second derivative of top' below - top below', of degree 3.

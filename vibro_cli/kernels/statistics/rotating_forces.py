@@ -285,7 +285,9 @@ def update_statistics_alone(
     sign = world.pieces[row.piece].sign
     normal_terms = scaled(sign, normal_harmonics_of_one(scratch, track, body.kappa))
     pull = scaled(1.0 - 1.0 / body.kappa, torque_harmonics(scratch))
-    outcome.most_demand = _greatest(pull, normal_terms, 2.0 * low, 2.0 * high, outcome.most_demand)
+    outcome.most_demand = greatest_quotient(
+        pull, normal_terms, 2.0 * low, 2.0 * high, outcome.most_demand
+    )
 
 
 @kernel
@@ -309,15 +311,6 @@ def _least_on_arc(world: World, row: FlightRow, flight: Flight, low: float, high
             s, c = angle_sum(row.s, row.c, s, c)
             least = min(least, sign * arc_share(track, kappa, s, c, rate))
     return least
-
-
-@kernel
-def _greatest(top: Harmonics, below: Harmonics, low: float, high: float, known: float) -> float:
-    """Return the greatest ``|top|/below`` between two angles (rad), or ``known`` if greater."""
-    sine, cosine = sine_cosine(low)
-    return greatest_quotient(
-        turned(top, sine, cosine), turned(below, sine, cosine), high - low, known
-    )
 
 
 @kernel
@@ -355,4 +348,4 @@ def extremes_on_arc(one: BodyForces, low: float, high: float) -> tuple[float, fl
         return least, 0.0
     if least <= 0.0:
         return least, math.inf
-    return least, _greatest(friction_terms, normal_terms, low, high, 0.0)
+    return least, greatest_quotient(friction_terms, normal_terms, low, high, 0.0)
