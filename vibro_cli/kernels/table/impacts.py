@@ -270,9 +270,9 @@ def find_group(world: World, a: int, b: int) -> int:
     clock = world.clock[0]
     for place in range(clock.group):  # the group of the previous event
         world.shares[world.group[place]].place = 0
-    world.group[0], world.group[1] = a, b
-    world.shares[a].place, world.shares[b].place = 1, 2
-    clock.group = 2
+    clock.group = 0
+    join(world, a)
+    join(world, b)
     count = 1
     world.touches[0].a, world.touches[0].b = a, b
     done = 0
@@ -290,12 +290,19 @@ def find_group(world: World, a: int, b: int) -> int:
                 world.touches[count].a = min(ball, other)
                 world.touches[count].b = max(ball, other)
                 count += 1
-                if place == 0:
-                    world.group[clock.group] = other
-                    clock.group += 1
-                    world.shares[other].place = clock.group
+                join(world, other)
         done += 1
     return count
+
+
+@kernel
+def join(world: World, ball: int) -> None:
+    """Add a ball to the group that collides now, once."""
+    clock = world.clock[0]
+    if world.shares[ball].place == 0:
+        world.group[clock.group] = ball
+        clock.group += 1
+        world.shares[ball].place = clock.group
 
 
 @kernel

@@ -18,7 +18,7 @@ import math
 
 from vibro_cli.compile.kernel import kernel
 from vibro_cli.kernels.numerics.double_double import time_between
-from vibro_cli.kernels.table.impacts import impulses_for, set_weights
+from vibro_cli.kernels.table.impacts import impulses_for, join, set_weights
 from vibro_cli.kernels.table.walls import bend_at
 from vibro_cli.kernels.table.world import BounceRow, World
 from vibro_cli.kernels.tangent.frame import (
@@ -229,18 +229,8 @@ def _gather(world: World, first: int, count: int) -> None:
         touch.a, touch.b = row.a, row.b
         touch.normal_x, touch.normal_y = row.normal_x, row.normal_y
         set_weights(world, number, row.law)
-        _join(world, row.a)
-        _join(world, row.b)
-
-
-@kernel
-def _join(world: World, ball: int) -> None:
-    """Add a ball to the group of an event, once."""
-    clock = world.clock[0]
-    if world.shares[ball].place == 0:
-        world.group[clock.group] = ball
-        clock.group += 1
-        world.shares[ball].place = clock.group
+        join(world, row.a)
+        join(world, row.b)
 
 
 @kernel
