@@ -183,21 +183,6 @@ def scaled_back(tangents: Tangents, value: float) -> float:
 
 
 @kernel
-def growth_of_pair(tangents: Tangents, a: int, b: int, numbers: int) -> float:
-    """Return the root mean square growth of a change of the start in the states of two bodies.
-
-    The state of a body has ``numbers`` components; ``a`` and ``b`` may be the same body.
-    """
-    total = 0.0
-    for end in range(2 * numbers):
-        row = numbers * (a if end < numbers else b) + end % numbers
-        for column in range(len(tangents.frame)):
-            value = from_start(tangents, tangents.frame, row, column)
-            total += value * value
-    return scaled_back(tangents, math.sqrt(total / (2 * numbers)))
-
-
-@kernel
 def from_start(tangents: Tangents, rows: FloatMatrix, row: int, column: int) -> float:
     """Return element (row, column) of the matrix product of ``rows`` and the product.
 
@@ -232,9 +217,21 @@ def store_smooth(tangents: Tangents, impact: int, count: int, fine: bool) -> Non
 
 @kernel
 def store_amplification(tangents: Tangents, impact: int, a: int, b: int, numbers: int) -> None:
-    """Fill in the amplification at an impact of two bodies, or of a single body (``a == b``)."""
-    if len(tangents.product) > 0:
-        tangents.amplification[0, impact] = growth_of_pair(tangents, a, b, numbers)
+    """Fill in the amplification at an impact of two bodies, or of a single body (``a == b``).
+
+    It is the root mean square growth of a change of the start in the states of both, which have
+    ``numbers`` components each.
+    """
+    if len(tangents.product) == 0:
+        return
+    total = 0.0
+    for end in range(2 * numbers):
+        row = numbers * (a if end < numbers else b) + end % numbers
+        for column in range(len(tangents.frame)):
+            value = from_start(tangents, tangents.frame, row, column)
+            total += value * value
+    growth = math.sqrt(total / (2 * numbers))
+    tangents.amplification[0, impact] = scaled_back(tangents, growth)
 
 
 @kernel
