@@ -75,12 +75,10 @@ def run_points(
     """Run the points of a batch from ``first`` on.
 
     ``stack`` has the systems of the points; it is empty if all share one system. ``fresh`` has the
-    structs of ``world`` before a run; ``bodies`` is as in :func:`proceed`;
-    ``filled`` rows of impacts are already used. If ``results`` has no room for any impacts, they
-    are not kept. Return the first point that was not run, because its impacts had no room, and the
-    number of rows used.
+    structs of ``world`` before a run; ``bodies`` is as in :func:`proceed`; ``filled`` rows of
+    impacts are already used. If ``results`` has no room for any impacts, they are not kept. Return
+    the first point that was not run, because its impacts had no room, and the number of rows used.
     """
-    last = len(points.own)
     keep = len(results.impacts) > 0
     installed = -1
     for point in range(first, len(points.own)):
