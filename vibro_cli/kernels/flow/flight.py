@@ -285,10 +285,9 @@ def passing_rate(flight: Flight, s: float, c: float, direction: float) -> float:
 
     Returns 0 if it never does.
     """
-    turns = flight.complementary_modulus >= 0.0
-    if not _reaches(flight, s, c) or (not turns and direction * flight.flow_p < 0.0):
-        return 0.0
-    return math.copysign(math.sqrt(squared_rate_at(flight, s, c)), direction)
+    along = c * flight.flow_c if flight.complementary_modulus >= 0.0 else direction * flight.flow_p
+    square = squared_rate_at(flight, s, c)
+    return math.copysign(math.sqrt(square), direction) if square > 0.0 and along >= 0.0 else 0.0
 
 
 @kernel
