@@ -1,6 +1,7 @@
 """What a command says is left on disk when a signal ends it while it computes or draws."""
 
 import contextlib
+import os
 import signal
 from collections.abc import Iterator
 from pathlib import Path
@@ -93,3 +94,22 @@ def test_a_page_that_is_written_is_kept(
     assert outcome.err.splitlines()[-1] == "vibro: terminated; finished results are kept"
     assert (tmp_path / "run-report.html").exists()
     assert not (tmp_path / "film.html").exists()
+
+
+@pytest.mark.usefixtures("undrawn")
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_page_is_kept_that_is_put_in_place_when_the_signal_comes(
+    vibro: Vibro, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: signal.Signals
+) -> None:
+    """Renaming may take long on a slow disk; the signal is raised when it is done."""
+    vibro("run", FALLING, "--set", "stop.collisions=3", "--no-figures", "-o", "run")
+    real = os.replace
+
+    def struck(*given: Path) -> None:
+        real(*given)
+        os.kill(os.getpid(), number)
+
+    monkeypatch.setattr(os, "replace", struck)
+    outcome = vibro("report", "run")
+    assert outcome.err.endswith("; finished results are kept\n")
+    assert (tmp_path / "run-report.html").exists()

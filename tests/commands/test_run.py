@@ -28,6 +28,7 @@ from vibro_cli.commands.run import Interruption
 from vibro_cli.commands.shared.error_handling import Terminated
 from vibro_cli.errors import NoLibrary
 from vibro_cli.storage.files import FolderRefused
+from vibro_cli.storage.folders import StreamedFolder
 from vibro_cli.storage.tables import read_parquet
 from vibro_cli.systems import driver
 
@@ -643,6 +644,47 @@ def test_a_signal_while_a_solved_run_is_put_in_place_loses_nothing(
     assert outcome.code == code
     assert outcome.err.endswith("; finished results are kept\n")
     assert content(tmp_path / "run") == uninterrupted[2]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_figures_that_a_signal_prevents_are_not_called_empty(
+    vibro: Vibro, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: signal.Signals
+) -> None:
+    """It comes while the last rows are written; all figures were said to have nothing to show."""
+    real = StreamedFolder.end_tables
+
+    def struck(folder: StreamedFolder) -> Path:
+        monkeypatch.setattr(StreamedFolder, "end_tables", real)
+        os.kill(os.getpid(), number)
+        return real(folder)
+
+    monkeypatch.setattr(StreamedFolder, "end_tables", struck)
+    few = ("--set", "stop.collisions=2", "--figures", "motion,energy")
+    outcome = vibro("run", TWO_DISKS, *few, "-o", "run", "-q")
+    assert outcome.err.endswith("; finished results are kept, two_disks without figures\n")
+    assert outcome.err.count("\n") == 1
+
+
+@pytest.mark.parametrize("finished", [0, 1])
+def test_a_second_signal_tells_whether_any_run_was_finished(
+    vibro: Vibro, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, finished: int
+) -> None:
+    """In the first of several, finished results were said to be kept, and there were none."""
+    begun = 0
+
+    def struck(*given: Any, **more: Any) -> Any:
+        nonlocal begun
+        begun += 1
+        for _ in range(2 * (begun > finished)):
+            os.kill(os.getpid(), signal.SIGINT)
+        return real(*given, **more)
+
+    real = api.simulate_streamed
+    monkeypatch.setattr(api, "simulate_streamed", struck)
+    outcome = vibro("run", *several(tmp_path, "first", "second"), "-o", "all", "--no-figures", "-q")
+    left = ("nothing was written", "finished results are kept")[finished]
+    assert (outcome.code, outcome.err) == (130, f"vibro: interrupted; {left}\n")
+    assert [path.name for path in tmp_path.glob("all/*")] == ["first"][:finished]
 
 
 def test_an_unknown_figure_is_refused_before_anything_runs(vibro: Vibro, tmp_path: Path) -> None:

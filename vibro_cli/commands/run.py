@@ -23,7 +23,6 @@ from vibro_cli.commands.shared.error_handling import (
     NOT_STRICT,
     CommandError,
     attempt,
-    leaving,
     suggestion,
     terminate,
     upon_signals,
@@ -343,8 +342,11 @@ class Interruption:
     def passed_on(self) -> None:
         """Raise the exception of the recorded signal, now that the tables are written."""
         if self.number is not None:
-            with leaving(self.left):
+            try:
                 terminate(self.number)
+            except KeyboardInterrupt as end:
+                end.add_note(self.left)
+                raise
 
 
 def stream_run(
@@ -360,9 +362,6 @@ def stream_run(
 
     interruption = Interruption()
     with contextlib.ExitStack() as open_ones:
-        if len(options.scenarios) > 1:
-            unwritten = f"nothing of {scenario.name} was written, finished results are kept"
-            open_ones.enter_context(leaving(unwritten))
         folder = None
         if target is not None:
             # Until the folder is in place: no signal loses what was solved. Without a folder one
@@ -474,7 +473,9 @@ def _figures(
     run = StoredRun(written, scenario, {}, summary, result.checkpoint(), result.motion)
     try:
         with upon_signals(terminate), progress_shown():
-            files = {} if interruption else figures_of(run, names)
+            if interruption:  # while the tables were ended
+                return {}
+            files = figures_of(run, names)
     except KeyboardInterrupt as end:
         interruption.number = getattr(end, "exit_code", INTERRUPTED) - 128
         return {}

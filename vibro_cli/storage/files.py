@@ -41,7 +41,10 @@ _LARGE = 1 << 22
 BLOCK = 4096
 """Size of a block (bytes); memory aligned to blocks can be written without a copy."""
 put_in_place = 0
-"""Number of files and folders put in their places; after 0 there is nothing to keep."""
+"""Number of files and folders put in their places; after 0 there is nothing to keep.
+
+Each is counted before it is renamed: a signal during a slow renaming is raised when that is done.
+"""
 
 
 def write_file(path: Path, *pieces: bytes | memoryview) -> None:
@@ -58,8 +61,8 @@ def write_file(path: Path, *pieces: bytes | memoryview) -> None:
             raise OSError(errno.EINVAL, "not a regular file; it is left as it is")
         try:
             _write_new(partial, *pieces)
-            os.replace(partial, path)
             _count_one()
+            os.replace(partial, path)
         except BaseException:
             partial.unlink(missing_ok=True)
             raise
@@ -270,8 +273,8 @@ def new_folder(
             os.rename(partial, kept)
             raise FolderRefused(*error.lines, f"the new results are kept in {kept}") from error
         with _errors_name(shown):
-            _put_in_place(partial, target)
             _count_one()
+            _put_in_place(partial, target)
     finally:
         shutil.rmtree(partial, ignore_errors=True)
         os.close(handle)

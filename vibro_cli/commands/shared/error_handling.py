@@ -173,18 +173,6 @@ def upon_signals(
             signal.signal(number, earlier)
 
 
-@contextlib.contextmanager
-def leaving(text: str) -> Iterator[None]:
-    """Add a note on what is left on the disk if a signal ends the block."""
-    try:
-        yield
-    except (KeyboardInterrupt, Exception) as fault:  # not what closes a generator
-        end = fault if isinstance(fault, KeyboardInterrupt) else _signalled(fault)
-        if end is not None:
-            end.add_note(text)
-        raise
-
-
 def check_no_folder(path: Path) -> None:
     """Raise `CommandError` if the path of an output file is a folder."""
     if path.is_dir():
