@@ -224,12 +224,6 @@ def _print_estimate(record: dict[str, Any], sizes: list[int]) -> None:
 
 def _sweep(options: GridCommand) -> int:
     """Solve the missing chunks of the dataset and return the exit code."""
-    import os
-
-    # Keep arrow from returning memory between two parts: the system would have to clear it again.
-    # The variable must be set before arrow is imported.
-    os.environ.setdefault("MIMALLOC_PURGE_DELAY", "-1")
-
     found = load(options)
     state = sweep(options, found, _workers(options))
     if options.as_json:
