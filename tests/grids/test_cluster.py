@@ -49,7 +49,7 @@ import sys
 from distributed import Client
 Client(sys.argv[1]).wait_for_workers(int(sys.argv[2]))
 """
-PATIENCE = 300.0
+PATIENCE = 120.0
 
 
 class Cluster:
