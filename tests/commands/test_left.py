@@ -5,12 +5,14 @@ import os
 import signal
 from collections.abc import Iterator
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pytest
 
 from tests.commands.conftest import Vibro
 from tests.grid_folder import product, write_grid
 from vibro_cli.commands.shared.error_handling import Terminated
+from vibro_cli.storage.files import write_file
 
 FALLING = Path(__file__).parents[2] / "scenarios" / "falling_balls.toml"
 COMPUTING = {
@@ -64,6 +66,21 @@ def test_nothing_is_kept_of_what_is_written_at_the_end(
     assert outcome.code == 143
     assert outcome.err.splitlines()[-1] == "vibro: terminated; nothing was written"
     assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_temporary_folders_of_measurements_are_not_called_results(
+    vibro: Vibro, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def run(*_: object) -> Iterator[None]:
+        with TemporaryDirectory() as folder:
+            write_file(Path(folder) / "part", b"of a grid that is timed")
+        return signalled_later()
+
+    monkeypatch.setattr("vibro_cli.benchmark.suite.run", run)
+    outcome = vibro("bench", "--quick", "-o", "out")
+    assert outcome.code == 143
+    assert outcome.err.splitlines()[-1] == "vibro: terminated; nothing was written"
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("error", [None, SyntaxError("(unicode error)")])

@@ -85,10 +85,14 @@ def _measure(options: BenchCommand, form: str) -> int:
     target = Path(options.output)
     check_replaceable(target, "benchmark")
     results = suite.run(PLANS[form], tuple(options.scene))
-    for found in each_with_progress("measuring", results):
-        rows += found
-        for row in found:
-            print_found(vars(row), [_line(row)], options.as_json)
+    try:
+        for found in each_with_progress("measuring", results):
+            rows += found
+            for row in found:
+                print_found(vars(row), [_line(row)], options.as_json)
+    except KeyboardInterrupt as end:
+        end.add_note("nothing was written")  # except temporary folders, whose writing is measured
+        raise
     _write(rows, details, target)
     say(f"vibro: wrote {target / 'benchmark.html'}")
     return DONE
