@@ -13,7 +13,7 @@ from vibro_cli.kernels.cluster.rotating_clusters import replay_group_motion
 from vibro_cli.kernels.contact import arc_contact, contact_kinematics, first_contact
 from vibro_cli.kernels.contact.contact_kinematics import centre_position, supported
 from vibro_cli.kernels.events import event_detection, event_loop, liftoff_slip
-from vibro_cli.kernels.events.event_detection import CAUTION
+from vibro_cli.kernels.events.event_detection import CAUTION, ahead
 from vibro_cli.kernels.flow import flight, flow, rotating_flight, rotating_flow
 from vibro_cli.kernels.flow.flight import SLOW, launch_and_log, start_from_state, take_energy
 from vibro_cli.kernels.flow.flow import POLYNOMIAL, angle_from_start
@@ -125,13 +125,7 @@ def horizontal_extent(world: World, ball: int) -> tuple[float, float]:
         return -NEVER, NEVER
     low, _ = centre_position(piece, track, track.left_s, track.left_c)
     high, _ = centre_position(piece, track, track.right_s, track.right_c)
-    here, _ = centre_position(piece, track, flight.s, flight.c)
-    if flight.exit_side * flight.flow_p > 0.0:
-        if flight.exit_side == 1:
-            low = here
-        else:
-            high = here
-    return low, high
+    return ahead(world, ball, low, high)
 
 
 @kernel

@@ -9,17 +9,22 @@ from itertools import pairwise
 from random import Random
 from typing import Any
 
+import numpy as np
 import pytest
 from mpmath import mp
 
 from tests.systems.trace.test_engines import FOLDER, bits
 from vibro_cli.api import load_scenario, simulate
+from vibro_cli.kernels.events.event_detection import horizontal_extent
+from vibro_cli.kernels.events.event_loop import start
 from vibro_cli.scenario import ScenarioError, scenario_of
 from vibro_cli.stress.drawing import draw
-from vibro_cli.stress.scenes import system_of
+from vibro_cli.stress.impacts import LINE_BETWEEN
+from vibro_cli.stress.scenes import THREE_ARCS, ball, scene, solve, system_of, valley
 from vibro_cli.systems import driver
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.trace import simulate_system
+from vibro_cli.systems.trace.world import make_world
 
 Document = dict[str, Any]
 # Started at this angle (rad), ball 1 of three_arcs.toml has the energy of the crest (by halving).
@@ -29,9 +34,9 @@ CREST = -1.1542046197210436
 def three_arcs(first: Document, second: Document | None = None) -> Document:
     """Return the scene of three_arcs.toml, without a stop by time."""
     document = copy.deepcopy(load_scenario(FOLDER / "three_arcs.toml").resolved())
-    for ball, changes in zip(document["balls"], (first, second or {}), strict=True):
-        del ball["rate"]
-        ball.update(changes)
+    for own, changes in zip(document["balls"], (first, second or {}), strict=True):
+        del own["rate"]
+        own.update(changes)
     document["stop"] = {"collisions": 1000}
     return document
 
@@ -74,6 +79,34 @@ def test_bodies_apart_once_walls_have_taken_energy() -> None:
     later = until(document, 100.0 * found["end_time"])
     assert bits(later.collisions) == bits(run.collisions)
     assert later.summary_record()["crossings"] > found["crossings"]
+
+
+ON_LINE: Document = {"radius": 0.1, "mass": 1.0, "arc": 2, "position": 0.4}
+
+
+@pytest.mark.parametrize(
+    ("trace", "one"),
+    [
+        (THREE_ARCS, ball(0.2, speed=3.0)),
+        (THREE_ARCS, ball(-0.2, arc=3, speed=-3.0)),
+        (THREE_ARCS, ball(-1.2)),
+        (THREE_ARCS, ball(0.1, speed=-3.5)),
+        (THREE_ARCS, ball(0.1, speed=0.5)),
+        (THREE_ARCS, ball(0.1, arc=2, speed=1.0)),
+        (THREE_ARCS, ball(0.1, arc=2, speed=-1.0)),
+        (LINE_BETWEEN, ON_LINE | {"speed": 1.0}),
+        (LINE_BETWEEN, ON_LINE | {"speed": -1.0}),
+        (valley(120), ball(0.0, speed=4.0)),
+    ],
+)
+def test_a_flight_has_the_extent_that_it_covers(trace: Document, one: Document) -> None:
+    """Bodies behind it are proved apart without a search; sampled motion tells what it covers."""
+    document = scene(trace, [one], time=20.0)
+    world = make_world(system_of(document))
+    start(world)
+    last = min(world.flights[0].exit_t, 20.0)
+    x = solve(document).sample(np.linspace(0.0, last, 10_001), "before")["x"]
+    assert horizontal_extent(world, 0) == pytest.approx((x.min(), x.max()), abs=1e-6)
 
 
 def refused(document: Document, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -35,6 +35,7 @@ from vibro_cli.kernels.world import (
     World,
     contact_of,
     flights_of,
+    track_of,
     track_on,
     tracks_of,
 )
@@ -253,11 +254,39 @@ def _separated(world: World, pair: PairData) -> bool:
 
 @kernel
 def horizontal_extent(world: World, ball: int) -> tuple[float, float]:
-    """Return the least and greatest x (m) of a body's centre on its piece; infinite in contact."""
+    """Return the least and greatest x (m) of a body's centre on its flight; infinite in contact.
+
+    A flight that turns back has what its energy reaches on its piece.
+    """
     flight = world.flights[ball]
     if flight.grouped == 1:
         return -NEVER, NEVER
     low, high, _, _ = _reachable_on(world, ball, flight.piece, flight.c)
+    piece = world.pieces[flight.piece]
+    track = track_of(world, ball)
+    # x grows along a line to the right, and within 90 degrees of a bottom or a crest.
+    grows = piece.tangent_x > 0.0
+    if piece.sign > 0.0:
+        grows = min(flight.parameter, track.highest_s2) <= 0.5
+    elif piece.sign < 0.0:
+        grows = track.lowest_s2 >= 0.5
+    return ahead(world, ball, low, high) if grows else (low, high)
+
+
+@kernel
+def ahead(world: World, ball: int, low: float, high: float) -> tuple[float, float]:
+    """Return an extent (m) without what lies behind a flight that goes straight to its exit.
+
+    x must grow along the path.
+    """
+    flight = world.flights[ball]
+    piece = world.pieces[flight.piece]
+    here, _ = centre_position(piece, track_of(world, ball), flight.flow_s, flight.flow_c)
+    if flight.exit_side * flight.flow_p > 0.0:
+        if flight.exit_side == 1:
+            low = here
+        else:
+            high = here
     return low, high
 
 
