@@ -40,7 +40,7 @@ _RENAME_EXCHANGE = 2
 _LARGE = 1 << 22
 BLOCK = 4096
 """Size of a block (bytes); memory aligned to blocks can be written without a copy."""
-put_in_place = 0
+placed = 0
 """Number of files and folders put in their places; after 0 there is nothing to keep.
 
 Each is counted before it is renamed: a signal during a slow renaming is raised when that is done.
@@ -70,8 +70,8 @@ def write_file(path: Path, *pieces: bytes | memoryview) -> None:
 
 
 def _count_one() -> None:
-    global put_in_place
-    put_in_place += 1
+    global placed
+    placed += 1
 
 
 def first_bytes(path: Path, number: int) -> bytes:

@@ -133,7 +133,7 @@ def perform(parse: Callable[[], Task], log_format: str) -> int:
     prepare_streams()
     warnings.showwarning = _say_warning
     logging.getLogger("matplotlib").setLevel(logging.ERROR)  # hides where its cache is
-    before = _put_in_place()
+    before = _placed()
     try:
         return attempt(lambda: _done(parse))
     except BrokenPipeError:  # the reader has closed the pipe
@@ -142,7 +142,7 @@ def perform(parse: Callable[[], Task], log_format: str) -> int:
         silence(sys.stdout)  # do not wait for a reader that no longer reads
         code: int = getattr(end, "exit_code", INTERRUPTED)
         how = EXIT_CODES[code].partition(" (")[0]
-        kept = "nothing was written" if _put_in_place() == before else "finished results are kept"
+        kept = "nothing was written" if _placed() == before else "finished results are kept"
         left = next(iter(getattr(end, "__notes__", ())), kept)
         say(f"vibro: {how}; {left}", "error")
         return code
@@ -150,10 +150,10 @@ def perform(parse: Callable[[], Task], log_format: str) -> int:
         drain_standard_output()
 
 
-def _put_in_place() -> int:
+def _placed() -> int:
     """Return the number of files and folders that this process has put in their places."""
     files = sys.modules.get("vibro_cli.storage.files")  # not imported by all commands
-    return 0 if files is None else int(files.put_in_place)
+    return 0 if files is None else int(files.placed)
 
 
 @contextlib.contextmanager
