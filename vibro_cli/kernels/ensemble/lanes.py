@@ -108,7 +108,7 @@ class LaneSlot:
     """The run in a lane."""
 
     point: int  # -1: none
-    collisions: int  # when it was put in; in lanes neither of the other two change
+    collisions: int  # when it was put in, as the next two, which do not change in lanes
     crossings: int
     contacts: int
 

@@ -45,7 +45,7 @@ def time_scale(system: TraceSystem) -> Any:
 
 def enter_advance(world: World, overrides: Overrides | None) -> int:
     """Run the loop on a compiled world (see ``kernels.events.event_loop.advance``)."""
-    return int(compiled(proceed, overrides)(world, two_bodies(int(overrides is None))))
+    return int(compiled(proceed, overrides)(world, two_bodies(overrides is None)))
 
 
 LOOP = driver.EventLoop(

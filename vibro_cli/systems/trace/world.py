@@ -52,8 +52,9 @@ from vibro_cli.systems.request import NO_LIMITS, Limits
 CAUTION = 1.0 + 1.0e-12
 
 
-def two_bodies(count: int) -> TwoBodies:
+def two_bodies(may_be_taken: bool) -> TwoBodies:
     """Return a record for the faster path of two bodies, or none where it may not be taken."""
+    count = int(may_be_taken)
     return TwoBodies(zeros(count, TwoLibrations), zeros(count, TwoTracks))
 
 
