@@ -15,10 +15,10 @@ import numpy as np
 import pytest
 
 from tests.effort import calls
-from vibro_cli.assemble import Problems, body_of, build_system, check_gaps, trace_of
+from vibro_cli.assemble import Problems, body_of, build_any, check_gaps, trace_of
 from vibro_cli.mechanics.initial_conditions import gap
 from vibro_cli.mechanics.system import InitialState, Wall, mechanics_warnings
-from vibro_cli.scenario import ScenarioError, load_scenario
+from vibro_cli.scenario import ScenarioError, load_any
 from vibro_cli.scenario.loading import scenario_of
 from vibro_cli.stress.scenes import system_of
 
@@ -52,19 +52,19 @@ def scenario(*balls: dict[str, Any], **changes: Any) -> dict[str, Any]:
 @pytest.mark.parametrize("path", sorted(FOLDER.glob("*.toml")), ids=lambda path: path.stem)
 def test_impossible_scenario(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(FOLDER)
-    read = load_scenario(path.name)
+    read = load_any(path.name)
     with pytest.raises(ScenarioError) as caught:
-        build_system(read)
+        build_any(read)
     expected = path.with_name(f"{path.name}.expected").read_text(encoding="utf-8")
     assert f"{caught.value}\n" == expected
 
 
 @pytest.mark.parametrize("path", sorted(GALLERY.glob("*.toml")), ids=lambda path: path.stem)
 def test_every_scenario_of_the_gallery_is_possible(path: Path) -> None:
-    read = load_scenario(path)
-    built = build_system(read)
+    read = load_any(path)
+    built = build_any(read)
     assert len(built.bodies) == len(built.initial) == len(read.balls)
-    assert len(built.trace.pieces) == len(read.trace.arcs)
+    assert len(built.trace.pieces) == len(read.given()["trace"]["arcs"])
 
 
 def test_a_system_has_what_the_scenario_says() -> None:
@@ -204,5 +204,5 @@ def test_a_gap_is_told_of_two_bodies_of_each_size_at_most() -> None:
 
 
 def test_building_is_quick() -> None:
-    read = load_scenario(GALLERY / "three_arcs.toml")
-    assert calls(lambda: build_system(read)) < 2000
+    read = load_any(GALLERY / "three_arcs.toml")
+    assert calls(lambda: build_any(read)) < 2000

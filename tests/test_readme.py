@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 
 from tests.pages import DOCS, README, ROOT, blocks, pages, text_of
-from vibro_cli.assemble import build_system
+from vibro_cli.assemble import build_any
 from vibro_cli.commands.app import COMMANDS, run_command_line
 from vibro_cli.commands.help import TOPICS
 from vibro_cli.grids.document import load_grid
-from vibro_cli.scenario import load_scenario
+from vibro_cli.scenario import load_any
 
 PAGES = pages()
 
@@ -40,8 +40,8 @@ def test_the_scenario_is_valid(tmp_path: Path) -> None:
     (text,) = blocks(DOCS / "reference-scenarios.md", "toml")
     path = tmp_path / "scenario.toml"
     path.write_text(text)
-    scenario = load_scenario(path)
-    assert len(build_system(scenario).bodies) == 2
+    scenario = load_any(path)
+    assert len(build_any(scenario).bodies) == 2
     given = tomllib.loads(text)
     assert set(scenario.resolved()) == set(given)
 

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 from vibro_cli.assemble import build_any
 from vibro_cli.errors import Failure
-from vibro_cli.scenario.loading import load_scenario
 from vibro_cli.systems import run, system_named
 from vibro_cli.systems.contract import Motion, Sink
 from vibro_cli.systems.driver import CannotContinue, TooQuiet, check_continuable
@@ -18,7 +17,7 @@ from vibro_cli.systems.run import Run, Streamed, begun, stream
 if TYPE_CHECKING:
     from vibro_cli.scenario.base import AnyScenario
 
-__all__ = ["CannotContinue", "Run", "TooQuiet", "load_scenario", "simulate", "simulate_streamed"]
+__all__ = ["CannotContinue", "Run", "TooQuiet", "simulate", "simulate_streamed"]
 
 
 def simulate(

@@ -25,14 +25,14 @@ from vibro_cli.analysis.orbits import (
     started,
     state_of,
 )
-from vibro_cli.api import load_scenario
-from vibro_cli.assemble import build_system
+from vibro_cli.assemble import build_any, build_system
 from vibro_cli.commands.app import run_command_line
 from vibro_cli.commands.orbit import _lines, record_of
 from vibro_cli.figures.analyses import branch_figure, label_of_number
 from vibro_cli.interface.analyses import orbit_columns
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.numerics.elementwise import Floats
+from vibro_cli.scenario import load_any
 from vibro_cli.scenario.loading import scenario_of
 from vibro_cli.stress.scenes import VALLEY, Document, ball, scene, system_of, three_arcs
 from vibro_cli.systems.trace import simulate_system
@@ -622,7 +622,7 @@ def test_multipliers_where_the_law_does_not_keep_the_volume() -> None:
 def test_an_orbit_that_closes_from_its_old_start_only_keeps_it(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    system = build_system(load_scenario(FALLING))
+    system = build_any(load_any(FALLING))
     found = newton(system, state_of(system), 0.8)
     assert begun_between(found) is not found
     monkeypatch.setattr(orbits, "residual_of", lambda *_: 1e-5)

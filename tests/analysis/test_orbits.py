@@ -34,13 +34,12 @@ from vibro_cli.analysis.orbits import (
     state_of,
     velocity,
 )
-from vibro_cli.api import load_scenario
-from vibro_cli.assemble import build_system
+from vibro_cli.assemble import build_any, build_system
 from vibro_cli.commands.app import run_command_line
 from vibro_cli.figures import style
 from vibro_cli.figures.analyses import branch_figure
 from vibro_cli.mechanics.system import TraceSystem
-from vibro_cli.scenario import scenario_of
+from vibro_cli.scenario import load_any, scenario_of
 from vibro_cli.scenario.problems import ScenarioError
 from vibro_cli.stress.scenes import (
     CIRCLE,
@@ -60,7 +59,7 @@ PULL = 9.81 * math.sin(math.radians(30.0))
 
 
 def _falling(upper: float = 1.0) -> TraceSystem:
-    system = build_system(load_scenario(FALLING))
+    system: TraceSystem = build_any(load_any(FALLING))
     one, other = system.bodies
     return replace(system, bodies=(one, replace(other, mass=upper)))
 
@@ -698,10 +697,10 @@ def test_the_scenario_that_is_written_starts_on_the_orbit(
     target = tmp_path / "orbit"
     assert run_command_line(["orbit", str(tmp_path / "one.json"), "-o", str(target)]) == 0
     (row,) = pq.read_table(target / "orbits.parquet").to_pylist()
-    written = load_scenario(target / "scenario.json")
+    written = load_any(target / "scenario.json")
     run = simulate(written.replace({"stop.time": row["period"]}))
     assert run.summary["collisions"] > 0
-    for body, start in enumerate(build_system(written).initial, 1):
+    for body, start in enumerate(build_any(written).initial, 1):
         assert (start.piece + 1, start.position, start.speed) == (
             *(row[f"arc_{body}"], row[f"position_{body}"], row[f"speed_{body}"]),
         )

@@ -23,12 +23,12 @@ from tests.grid_folder import product, write_grid
 from vibro_cli.analysis.levels import Landscape
 from vibro_cli.analysis.singular import portrait_of
 from vibro_cli.api import simulate
-from vibro_cli.assemble import build_system
+from vibro_cli.assemble import build_any
 from vibro_cli.figures.film import Film, frame_times
 from vibro_cli.figures.kinds import draw_all, draw_grid
 from vibro_cli.figures.portraits.trace_phase_plane import comparison, family, structure
 from vibro_cli.figures.style import render
-from vibro_cli.scenario import load_scenario
+from vibro_cli.scenario import load_any
 from vibro_cli.storage.stored import open_grid
 from vibro_cli.systems.trace.figures import film as film_on_trace
 
@@ -40,7 +40,7 @@ _GROUND = (200, 200, 215)
 
 def pictures(name: str) -> Iterator[Image.Image]:
     """Return every figure of a scenario of the gallery."""
-    run = simulate(load_scenario(SCENARIOS / f"{name}.toml"))
+    run = simulate(load_any(SCENARIOS / f"{name}.toml"))
     portrait = portrait_of(Landscape.of(run.system, 1))
     figures = [one.figure for one in draw_all(run, None, "single")]
     for figure in (*figures, structure(portrait), family([(name, portrait)])):
@@ -53,7 +53,7 @@ def pictures(name: str) -> Iterator[Image.Image]:
 def others() -> Iterator[Image.Image]:
     """Return the figures that belong to no single run."""
     members = [
-        (body, portrait_of(Landscape.of(build_system(load_scenario(BODIES, [override])), 1)))
+        (body, portrait_of(Landscape.of(build_any(load_any(BODIES, [override])), 1)))
         for body in ("particle", "disk", "ball")
         for override in (f"balls[1].body={body}",)
     ]

@@ -11,7 +11,7 @@ from tests.figures.layout import assert_texts_are_apart
 from vibro_cli.api import Run, simulate
 from vibro_cli.figures.kinds import draw_all
 from vibro_cli.figures.runs.over_impacts import exponents
-from vibro_cli.scenario import load_scenario
+from vibro_cli.scenario import load_any
 from vibro_cli.storage.folders import write_run
 from vibro_cli.storage.stored import open_run
 
@@ -19,7 +19,7 @@ FALLING = Path(__file__).parents[2] / "scenarios" / "falling_balls.toml"
 
 
 def _run(*overrides: str) -> Run:
-    return simulate(load_scenario(FALLING, list(overrides)))
+    return simulate(load_any(FALLING, list(overrides)))
 
 
 @pytest.mark.parametrize("width", ["single", "double"])
@@ -51,7 +51,7 @@ def test_without_them_it_is_left_out() -> None:
 
 
 def test_a_stored_run_has_it(tmp_path: Path) -> None:
-    scenario = load_scenario(FALLING, ["stop.collisions=40"])
+    scenario = load_any(FALLING, ["stop.collisions=40"])
     write_run(simulate(scenario), scenario, tmp_path / "run", {})
     assert [one.name for one in draw_all(open_run(tmp_path / "run"), ["exponents"])] == [
         "exponents"

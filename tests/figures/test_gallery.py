@@ -13,7 +13,7 @@ from tests.figures.layout import assert_texts_are_apart
 from vibro_cli.api import Run, simulate
 from vibro_cli.figures.portraits.portrait import phase_portrait
 from vibro_cli.figures.portraits.trajectory import trajectory
-from vibro_cli.scenario import load_scenario
+from vibro_cli.scenario import load_any
 
 SCENARIOS = sorted((Path(__file__).parents[2] / "scenarios").glob("*.toml"))
 NAMES = [path.stem for path in SCENARIOS]
@@ -21,7 +21,7 @@ NAMES = [path.stem for path in SCENARIOS]
 
 @cache
 def run_of(path: Path) -> Run:
-    return simulate(load_scenario(path, ["stop.collisions=40"]))
+    return simulate(load_any(path, ["stop.collisions=40"]))
 
 
 @pytest.mark.parametrize("path", SCENARIOS, ids=NAMES)

@@ -17,7 +17,7 @@ from tests.analysis.traces import BALL, circle, hump, landscape, line, system, t
 from tests.figures.layout import assert_texts_are_apart, texts
 from vibro_cli.analysis.levels import Landscape
 from vibro_cli.analysis.singular import portrait_of
-from vibro_cli.assemble import build_system
+from vibro_cli.assemble import build_any
 from vibro_cli.figures.labels import LEADER
 from vibro_cli.figures.portraits.layers import background, saddle_energies
 from vibro_cli.figures.portraits.trace_phase_plane import (
@@ -29,7 +29,7 @@ from vibro_cli.figures.portraits.trace_phase_plane import (
 )
 from vibro_cli.figures.style import MM
 from vibro_cli.mechanics.potential import Turning
-from vibro_cli.scenario import load_scenario
+from vibro_cli.scenario import load_any
 
 pytestmark = pytest.mark.long
 
@@ -122,7 +122,7 @@ def test_a_figure_eight_over_the_seam_is_drawn_on_both_sides() -> None:
 def test_a_separatrix_goes_through_a_saddle() -> None:
     """Of crests of unequal heights, in both coordinates."""
     path = Path(__file__).parents[2] / "scenarios" / "turning_five_arcs.toml"
-    portrait = portrait_of(Landscape.of(build_system(load_scenario(path)), 1))
+    portrait = portrait_of(Landscape.of(build_any(load_any(path)), 1))
     saddles = np.array([point.s for point in portrait.points if point.kind == "saddle"])
     assert len(saddles) == 2
     curves = behind_along(portrait)
@@ -172,7 +172,7 @@ def test_without_a_saddle_level_curves_pass_the_whole_trace(name: str) -> None:
 @pytest.mark.parametrize("width", ["single", "double"])
 def test_a_long_type_fits_over_its_panel(width: str) -> None:
     path = Path(__file__).parents[2] / "scenarios" / "turning_valley.toml"
-    portrait = portrait_of(Landscape.of(build_system(load_scenario(path)), 1))
+    portrait = portrait_of(Landscape.of(build_any(load_any(path)), 1))
     figure = family([("3.8", portrait), ("again", portrait)], width)
     assert_texts_are_apart(figure)
     shown = {text.get_text() for text in texts(figure)}
@@ -212,7 +212,7 @@ def test_no_text_is_cut_off_or_overlaps_another(name: str, width: str) -> None:
 @pytest.mark.parametrize("width", ["single", "double"])
 @pytest.mark.parametrize("path", SCENARIOS, ids=lambda path: path.stem)
 def test_the_gallery_has_portraits(path: Path, width: str) -> None:
-    system = build_system(load_scenario(path))
+    system = build_any(load_any(path))
     for ball in range(1, len(system.bodies) + 1):
         portrait = portrait_of(Landscape.of(system, ball))
         assert_texts_are_apart(structure(portrait, width, str(ball)))
@@ -231,8 +231,8 @@ def test_a_family_has_a_panel_for_each_member(number: int, width: str) -> None:
 def test_names_of_a_family_belong_to_their_points(rate: float) -> None:
     """Inside the frame, beside the point or with a line to it; the legend says what is drawn."""
     path = Path(__file__).parents[2] / "scenarios" / "turning_valley.toml"
-    scenario = load_scenario(path, [f"trace.turning.rate={rate}"])
-    portrait = portrait_of(Landscape.of(build_system(scenario), 1))
+    scenario = load_any(path, [f"trace.turning.rate={rate}"])
+    portrait = portrait_of(Landscape.of(build_any(scenario), 1))
     figure = family([("fast", portrait)], "double")
     assert_texts_are_apart(figure)
     eight = ["figure eight"] if rate == 3.5 else []

@@ -15,7 +15,7 @@ from vibro_cli.figures.runs.contact_points import contact_points
 from vibro_cli.figures.runs.scene import scene, visited
 from vibro_cli.figures.runs.velocities import striking, touching_point, velocities
 from vibro_cli.figures.style import render
-from vibro_cli.scenario import any_scenario_of, load_scenario
+from vibro_cli.scenario import any_scenario_of, load_any
 from vibro_cli.stress import scenes
 
 TWELVE = "stop.collisions=12"
@@ -60,7 +60,7 @@ def test_a_body_without_inertia_slides_as_a_particle(kind: str) -> None:
     """κ = 1: the tables have no ω of it, and figures no rolling."""
     pictures = []
     for body in ({"body": "particle"}, {"inertia_ratio": 0.0}):
-        document = load_scenario(GALLERY / "one_circle.toml", ["stop.collisions=2"]).given()
+        document = load_any(GALLERY / "one_circle.toml", ["stop.collisions=2"]).given()
         for ball in document["balls"]:
             del ball["density"]
             ball |= {"mass": 1.0, **body}
@@ -76,7 +76,7 @@ def test_a_body_without_inertia_slides_as_a_particle(kind: str) -> None:
 
 def test_a_sliding_particle_does_not_turn() -> None:
     path = GALLERY / "particle_on_arcs.toml"
-    run = simulate(load_scenario(path, ["stop.collisions=1"]))
+    run = simulate(load_any(path, ["stop.collisions=1"]))
     one, _ = striking(run, 0)
     np.testing.assert_array_equal(one.velocity(one.resting, 0), one.velocity(one.centre, 0))
 
@@ -128,7 +128,7 @@ def test_large_and_small_values_have_a_prefix(radius: float, gravity: float, wid
     """As many rad/s in words as in the table, and no text over the next panel."""
     radii = [f"balls[{ball}].radius={radius}" for ball in (1, 2)]
     changes = [f"gravity={gravity}", "stop={collisions = 4}", *radii]
-    run = simulate(load_scenario(GALLERY / "three_arcs.toml", changes))
+    run = simulate(load_any(GALLERY / "three_arcs.toml", changes))
     figure = velocities(run, width)
     assert figure is not None
     assert_texts_are_apart(figure)
@@ -213,7 +213,7 @@ def test_an_inadmissible_impact_is_named() -> None:
 
 
 def test_no_impact_has_no_plan() -> None:
-    run = simulate(load_scenario(GALLERY / "lone_particle.toml", ["stop.time=0.1"]))
+    run = simulate(load_any(GALLERY / "lone_particle.toml", ["stop.time=0.1"]))
     assert velocities(run) is None
     with pytest.raises(ValueError, match="triple"):
         velocities(run, "triple")

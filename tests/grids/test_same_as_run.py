@@ -17,7 +17,7 @@ import pytest
 
 import vibro_cli as interface
 from vibro_cli.api import simulate
-from vibro_cli.assemble import build_system
+from vibro_cli.assemble import build_any, build_system
 from vibro_cli.grids import workers
 from vibro_cli.grids.chunks import Chunks, Expected
 from vibro_cli.grids.document import Grid, document_at, load_grid
@@ -26,7 +26,7 @@ from vibro_cli.grids.workers import solve_in_threads
 from vibro_cli.kernels.ensemble.records import Stack, StartData
 from vibro_cli.kernels.world import World
 from vibro_cli.scenario import ScenarioError
-from vibro_cli.scenario.loading import load_scenario, scenario_of
+from vibro_cli.scenario.loading import load_any, scenario_of
 from vibro_cli.scenario.models import Scenario
 from vibro_cli.scenario.problems import KeyPath
 from vibro_cli.systems.driver import records_of
@@ -412,10 +412,10 @@ def test_every_number_of_the_records_comes_with_the_system_or_the_start_of_a_poi
     start = {"balls[1].position": 0.4, "balls[2].position": 1.7, "collision.k": 0.4}
     shape = {"trace.start_slope": -0.3, "trace.arcs[1].length": 2.5, "gravity": 1.6}
     body = {"balls[1].radius": 0.2, "balls[2].radius": 0.15, "balls[2].density": 2000.0}
-    one = load_scenario(SCENARIOS / "horizontal_line_1_2.toml").replace(
+    one = load_any(SCENARIOS / "horizontal_line_1_2.toml").replace(
         {"ends": {"left": {"wall": 0.9}, "right": {"wall": 0.9}}}
     )
-    arcs = load_scenario(SCENARIOS / "three_arcs.toml").replace({"stop.time": 9.0})
+    arcs = load_any(SCENARIOS / "three_arcs.toml").replace({"stop.time": 9.0})
     other_arcs = {
         "trace.start_slope": -1.9, "trace.arcs[1].radius": 1.3, "trace.arcs[2].end_slope": -1.1,
         "gravity": 1.6, "balls[1].radius": 0.2, "balls[1].thickness": 0.3, "balls[2].angle": 0.2,
@@ -429,7 +429,7 @@ def test_every_number_of_the_records_comes_with_the_system_or_the_start_of_a_poi
     stacked = {name: set(fields_of(cls)) for name, cls in records_of(Stack).items()}
     for first, changes in ((one, walls | start | shape | body), (arcs, other_arcs)):
         worlds = [
-            make_world(build_system(scenario), Limits(scenario.stop.time, scenario.stop.collisions))
+            make_world(build_any(scenario), Limits(scenario.stop.time, scenario.stop.collisions))
             for scenario in (first, first.replace(changes))
         ]
         for name, record in records_of(World).items():

@@ -12,12 +12,12 @@ import pytest
 from tests.bare_system import bare_system
 from tests.highprecision.reference_solver import ArcMotion, ReferenceSolver
 from tests.kernels.kernel_records import ball, flight_on_arc, three_arcs
-from vibro_cli.assemble import build_system
+from vibro_cli.assemble import build_any
 from vibro_cli.kernels.contact.arc_contact import _released_step, inverted, is_last
 from vibro_cli.kernels.contact.first_contact import FINAL_CORRECTION
 from vibro_cli.kernels.flow.flight import snap_of_pendulum
 from vibro_cli.mechanics.system import Body, InitialState, TraceSystem
-from vibro_cli.scenario.loading import load_scenario
+from vibro_cli.scenario.loading import load_any
 from vibro_cli.stress.oracles.oracle import first_contact
 from vibro_cli.stress.oracles.scene import Real, mp, scene_of_system
 from vibro_cli.systems.run import Run
@@ -135,7 +135,7 @@ def test_a_near_miss_is_none(name: str, clearance: float) -> None:
 
 def test_the_refinement_does_not_end_where_only_its_series_is_zero() -> None:
     path = Path(__file__).parents[1] / "hard_cases" / "refined_to_a_zero_of_the_series.toml"
-    system = build_system(load_scenario(path))
+    system = build_any(load_any(path))
     exact = first_contact(scene_of_system(system), mp.mpf(1))
     assert exact is not None
     for engine in ("python", "compiled"):

@@ -27,8 +27,7 @@ from vibro_cli.report.content import FIRST_ROWS, energy_balance, key_figures, re
 from vibro_cli.report.html import is_report, pictured
 from vibro_cli.report.papers import analogy, forms
 from vibro_cli.report.words import number
-from vibro_cli.scenario import any_scenario_of, load_scenario
-from vibro_cli.scenario.loading import load_any
+from vibro_cli.scenario import any_scenario_of, load_any
 from vibro_cli.storage.folders import write_run
 from vibro_cli.storage.stored import StoredRun, open_run
 
@@ -39,7 +38,7 @@ NASTY = "<script>alert(1)<img src=x onerror=alert(2)>\"'&amp; {{ 7*7 }}"
 
 
 def stored(folder: Path, name: str, *overrides: str) -> StoredRun:
-    scenario = load_scenario(GALLERY / f"{name}.toml", [*overrides])
+    scenario = load_any(GALLERY / f"{name}.toml", [*overrides])
     write_run(simulate(scenario), scenario, folder, {})
     return open_run(folder)
 
@@ -273,7 +272,7 @@ def test_equal_runs_give_equal_bytes(run: StoredRun, beside: Path, content: byte
 
 
 def test_the_stored_run_moves_as_the_simulated_one(run: StoredRun) -> None:
-    fresh = simulate(load_scenario(GALLERY / "three_arcs.toml"))
+    fresh = simulate(load_any(GALLERY / "three_arcs.toml"))
     for name, values in fresh.flights().items():
         np.testing.assert_array_equal(run.flights()[name], values)
     for mine, theirs in zip(run.flight_curve(5, 9), fresh.flight_curve(5, 9), strict=True):

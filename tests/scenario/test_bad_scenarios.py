@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from vibro_cli.scenario import ScenarioError, load_scenario
+from vibro_cli.scenario import ScenarioError, load_any
 
 FOLDER = Path(__file__).parents[1] / "bad_scenarios"
 FILES = sorted(path for path in FOLDER.iterdir() if path.suffix != ".expected")
@@ -24,6 +24,6 @@ def test_there_are_bad_scenarios_in_every_form() -> None:
 def test_bad_scenario(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(FOLDER)
     with pytest.raises(ScenarioError) as caught:
-        load_scenario(path.name)
+        load_any(path.name)
     expected = path.with_name(f"{path.name}.expected").read_text(encoding="utf-8")
     assert f"{caught.value}\n" == expected

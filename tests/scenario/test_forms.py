@@ -16,7 +16,7 @@ from ruamel.yaml import YAML
 from tests.effort import processor_time
 from tests.scenario import cases
 from tests.scenario.texts import parse_any, parse_scenario
-from vibro_cli.scenario import ScenarioError, load_scenario
+from vibro_cli.scenario import ScenarioError, load_any
 from vibro_cli.scenario.forms import line_and_column, places, plain_scalar
 from vibro_cli.scenario.gallery import names, text
 from vibro_cli.scenario.loading import form_of
@@ -128,7 +128,7 @@ def test_standard_input(form: str, monkeypatch: pytest.MonkeyPatch) -> None:
     data = tomllib.loads(text("three_arcs"))
     sources = {"toml": text("three_arcs"), "json": json.dumps(data), "yaml": as_yaml(data)}
     monkeypatch.setattr("sys.stdin", _Input(sources[form].encode()))
-    scenario = load_scenario("-", ["name=from-input"])
+    scenario = load_any("-", ["name=from-input"])
     assert scenario == parse_scenario(text("three_arcs"), overrides=["name=from-input"])
 
 
@@ -142,34 +142,34 @@ def test_a_text_that_is_too_long_is_told_and_not_cut(
         monkeypatch.setattr("sys.stdin", _Input(content + more))
         for source in (tmp_path / "long.toml", "-"):
             if not more:
-                assert load_scenario(source).gravity == 9.81
+                assert load_any(source).given()["gravity"] == 9.81
                 continue
             with pytest.raises(ScenarioError, match="expected at most 1,000,000 bytes"):
-                load_scenario(source)
+                load_any(source)
 
 
 def test_the_name_is_the_files_stem(tmp_path: Path) -> None:
     path = tmp_path / "my arcs.v2.TOML"
     path.write_bytes(b"\xef\xbb\xbf" + text("three_arcs").replace("\n", "\r\n").encode())
-    assert load_scenario(path).name == "my arcs.v2"
+    assert load_any(path).name == "my arcs.v2"
 
 
 def test_a_missing_file_is_an_os_error(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError):
-        load_scenario(tmp_path / "none.toml")
+        load_any(tmp_path / "none.toml")
 
 
 @pytest.mark.parametrize("name", ["folder.toml", "folder"])
 def test_a_folder_is_told_from_a_file(tmp_path: Path, name: str) -> None:
     (tmp_path / name).mkdir()
     with pytest.raises(ScenarioError, match="found a folder, expected a scenario file"):
-        load_scenario(tmp_path / name)
+        load_any(tmp_path / name)
 
 
 @pytest.mark.parametrize("name", ["scenario", "scenario.txt", "scenario.py", "a\0b.toml"])
 def test_a_name_of_no_form(name: str) -> None:
     with pytest.raises(ScenarioError, match="expected a file"):
-        load_scenario(name)
+        load_any(name)
 
 
 def test_an_unknown_form_is_the_callers_mistake() -> None:

@@ -12,7 +12,7 @@ from pydantic import ValidationError
 from tests.scenario import cases
 from tests.scenario.cases import arc, bad, bad_paths, ball, data, good
 from tests.scenario.texts import parse_any
-from vibro_cli.scenario import Scenario, load_scenario, scenario_of
+from vibro_cli.scenario import Scenario, load_any, scenario_of
 from vibro_cli.scenario.gallery import names, text
 from vibro_cli.scenario.models import Arc, Ball, Collision, Stop, Trace, Wall
 
@@ -313,7 +313,7 @@ def test_a_scenario_can_be_made_of_models() -> None:
 def test_places_of_keys(tmp_path: Any) -> None:
     path = tmp_path / "arcs.toml"
     path.write_text(text("three_arcs"), encoding="utf-8")
-    scenario = load_scenario(path, ["collision.k=0.5"])
+    scenario = load_any(path, ["collision.k=0.5"])
     lines = text("three_arcs").splitlines()
     place = scenario.place("balls[2].radius")
     assert (place.file, place.column) == (str(path), 10)

@@ -1,6 +1,6 @@
 """Scenarios: their models, readers for TOML, JSON and YAML, and their faults."""
 
-from vibro_cli.scenario.loading import any_scenario_of, load_any, load_scenario, scenario_of
+from vibro_cli.scenario.loading import any_scenario_of, load_any, scenario_of
 from vibro_cli.scenario.models import Scenario
 from vibro_cli.scenario.problems import Problem, ScenarioError
 
@@ -10,6 +10,5 @@ __all__ = [
     "ScenarioError",
     "any_scenario_of",
     "load_any",
-    "load_scenario",
     "scenario_of",
 ]

@@ -162,18 +162,13 @@ class Document:
     """Default name of the scenario."""
 
 
-def load_scenario(source: str | Path, overrides: Sequence[str] = ()) -> Scenario:
-    """Read the scenario of a trace from a TOML, JSON or YAML file, distinguished by its suffix.
+def load_any(source: str | Path, overrides: Sequence[str] = ()) -> AnyScenario:
+    """Read a scenario of any system from a TOML, JSON or YAML file, distinguished by its suffix.
 
     The source "-" is standard input, whose format is recognised by its content. Overrides are texts
-    such as "balls[1].angle=-60 deg". Raises `ScenarioError` with all faults of the scenario, or if
-    it is of another system, and `OSError` if the file cannot be read.
+    such as "balls[1].angle=-60 deg". Raises `ScenarioError` with all faults of the scenario, and
+    `OSError` if the file cannot be read.
     """
-    return scenario_of(load_document(source), overrides)
-
-
-def load_any(source: str | Path, overrides: Sequence[str] = ()) -> AnyScenario:
-    """Read a scenario of any system; otherwise as :func:`load_scenario`."""
     return any_scenario_of(load_document(source), overrides)
 
 

@@ -17,7 +17,7 @@ import pytest
 from mpmath import mpf
 
 from vibro_cli.api import simulate
-from vibro_cli.scenario import load_scenario, scenario_of
+from vibro_cli.scenario import load_any, scenario_of
 from vibro_cli.stress.scenes import scene
 from vibro_cli.systems.run import Run
 
@@ -89,7 +89,7 @@ class Constrained:
 
 @pytest.mark.parametrize("engine", ["python", "compiled"])
 def test_time_over_the_junction_is_that_of_the_quadrature(engine: str) -> None:
-    run = simulate(load_scenario(SCENARIO, ["stop.time=60"]), engine)
+    run = simulate(load_any(SCENARIO, ["stop.time=60"]), engine)
     assert run.end_cause == "time"
     assert run.summary_record()["end_time"] == 60.0
     events = run.events

@@ -8,7 +8,8 @@ from functools import cache
 import pytest
 
 from tests.systems.trace.test_engines import FOLDER, NAMES, bits
-from vibro_cli.api import load_scenario, simulate
+from vibro_cli.api import simulate
+from vibro_cli.scenario import load_any
 from vibro_cli.systems.driver import CannotContinue
 from vibro_cli.systems.request import FINAL
 from vibro_cli.systems.run import Run
@@ -18,13 +19,13 @@ AT_MOST = "stop.collisions=200"
 
 @cache
 def whole_run(name: str) -> Run:
-    return simulate(load_scenario(FOLDER / f"{name}.toml", [AT_MOST]), "python")
+    return simulate(load_any(FOLDER / f"{name}.toml", [AT_MOST]), "python")
 
 
 def continued(name: str, earlier: Run, engine: str = "python") -> Run:
     """Return the same run in two parts; its state is written to a file."""
     checkpoint = json.loads(json.dumps(earlier.checkpoint()))
-    scenario = load_scenario(FOLDER / f"{name}.toml", [AT_MOST])
+    scenario = load_any(FOLDER / f"{name}.toml", [AT_MOST])
     return simulate(scenario, engine, checkpoint, earlier.history())
 
 
@@ -46,7 +47,7 @@ def assert_same(one: Run, other: Run) -> None:
 def test_stopped_by_time(name: str, share: float) -> None:
     whole = whole_run(name)
     stop = share * whole.summary_record()["end_time"]
-    scenario = load_scenario(FOLDER / f"{name}.toml", [f"stop.time={stop!r}"])
+    scenario = load_any(FOLDER / f"{name}.toml", [f"stop.time={stop!r}"])
     earlier = simulate(scenario, "python")
     assert earlier.end_cause == "time"
     assert_same(whole, continued(name, earlier))
@@ -56,7 +57,7 @@ def test_stopped_by_time(name: str, share: float) -> None:
 def test_stopped_by_collisions(name: str) -> None:
     whole = whole_run(name)
     for count in (1, whole.summary_record()["collisions"] // 2):
-        scenario = load_scenario(FOLDER / f"{name}.toml", [f"stop.collisions={count}"])
+        scenario = load_any(FOLDER / f"{name}.toml", [f"stop.collisions={count}"])
         earlier = simulate(scenario, "python")
         assert earlier.end_cause == "collisions"
         assert_same(whole, continued(name, earlier))
@@ -64,37 +65,37 @@ def test_stopped_by_collisions(name: str) -> None:
 
 def test_the_other_engine_goes_on_to_the_same_bits() -> None:
     name = "three_arcs"
-    scenario = load_scenario(FOLDER / f"{name}.toml", ["stop.collisions=50"])
+    scenario = load_any(FOLDER / f"{name}.toml", ["stop.collisions=50"])
     for first, second in (("python", "compiled"), ("compiled", "python")):
         assert_same(whole_run(name), continued(name, simulate(scenario, first), second))
 
 
 def test_continuing_twice() -> None:
     name = "three_arcs"
-    first = simulate(load_scenario(FOLDER / f"{name}.toml", ["stop.time=10"]), "python")
-    later = load_scenario(FOLDER / f"{name}.toml", ["stop.time=20"])
+    first = simulate(load_any(FOLDER / f"{name}.toml", ["stop.time=10"]), "python")
+    later = load_any(FOLDER / f"{name}.toml", ["stop.time=20"])
     second = simulate(later, "python", first.checkpoint(), first.history())
     assert_same(whole_run(name), continued(name, second))
 
 
 def test_what_cannot_go_on_is_refused() -> None:
-    scenario = load_scenario(FOLDER / "unequal_hedrih.toml")
+    scenario = load_any(FOLDER / "unequal_hedrih.toml")
     ended = simulate(scenario, "python")
     assert ended.end_cause in FINAL
     with pytest.raises(ValueError, match="ended for good: inadmissible"):
         simulate(scenario, "python", ended.checkpoint(), ended.history())
-    scenario = load_scenario(FOLDER / "three_arcs.toml", ["stop.time=5"])
+    scenario = load_any(FOLDER / "three_arcs.toml", ["stop.time=5"])
     run = simulate(scenario, "python")
     with pytest.raises(CannotContinue, match=r"at t = 5.0 s; expected a later stop.time"):
         simulate(scenario, "python", run.checkpoint(), run.history())
-    few = load_scenario(FOLDER / "three_arcs.toml", ["stop.time=50", "stop.collisions=1"])
+    few = load_any(FOLDER / "three_arcs.toml", ["stop.time=50", "stop.collisions=1"])
     with pytest.raises(CannotContinue, match=r"expected a greater stop.collisions"):
         simulate(few, "python", run.checkpoint(), run.history())
-    scenario = load_scenario(FOLDER / "three_arcs.toml", ["stop.time=6"])
+    scenario = load_any(FOLDER / "three_arcs.toml", ["stop.time=6"])
     with pytest.raises(CannotContinue, match="needs the history"):
         simulate(scenario, "python", run.checkpoint())
     with pytest.raises(ValueError, match="another version"):
         simulate(scenario, "python", {**run.checkpoint(), "format": 0}, run.history())
-    other = load_scenario(FOLDER / "five_balls.toml", ["stop.time=6"])
+    other = load_any(FOLDER / "five_balls.toml", ["stop.time=6"])
     with pytest.raises(ValueError, match="does not belong to this scenario"):
         simulate(other, "python", run.checkpoint(), run.history())

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from vibro_cli.api import load_scenario, simulate
-from vibro_cli.scenario import Scenario, scenario_of
+from vibro_cli.api import simulate
+from vibro_cli.scenario import load_any, scenario_of
+from vibro_cli.scenario.base import AnyScenario
 from vibro_cli.stress.oracles.scene import Real, Scene, mp, scene_of_system
 from vibro_cli.stress.scenes import CIRCLE, Document, ball, scene, solve_any, three_arcs
 from vibro_cli.systems.run import Run
@@ -126,8 +127,8 @@ LOSSES = {
 }
 
 
-def lossy(name: str) -> Scenario:
-    return load_scenario(FOLDER / f"{name}.toml", [*LOSSES[name], "stop.collisions=60"])
+def lossy(name: str) -> AnyScenario:
+    return load_any(FOLDER / f"{name}.toml", [*LOSSES[name], "stop.collisions=60"])
 
 
 @pytest.mark.parametrize("name", LOSSES)
@@ -149,7 +150,7 @@ def test_each_impact_takes_what_the_law_says(name: str) -> None:
 
 def test_impacts_that_follow_one_another_at_one_instant_have_the_energies_between_them() -> None:
     """A ball strikes two that touch: each impact changes the energies by its own speeds alone."""
-    run = simulate(load_scenario(HARD_CASES / "cradle_of_three.toml", ["stop.collisions=3"]))
+    run = simulate(load_any(HARD_CASES / "cradle_of_three.toml", ["stop.collisions=3"]))
     table = run.collisions
     pairs = [(int(a), int(b)) for a, b in zip(table["ball_a"], table["ball_b"], strict=True)]
     assert pairs == [(1, 2), (2, 3), (1, 2)]

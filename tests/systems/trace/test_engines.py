@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from vibro_cli.api import load_scenario, simulate
+from vibro_cli.api import simulate
 from vibro_cli.kernels.contact import arc_contact, first_contact
 from vibro_cli.kernels.events import event_detection
 from vibro_cli.kernels.flow.flow import POLYNOMIAL
 from vibro_cli.kernels.world import Flight
-from vibro_cli.scenario import scenario_of
+from vibro_cli.scenario import load_any, scenario_of
 from vibro_cli.stress.scenes import CIRCLE, ball, scene
 from vibro_cli.systems import driver
 from vibro_cli.systems.run import Run
@@ -41,7 +41,7 @@ def bits(table: dict[str, Any]) -> bytes:
 
 
 def both(name: str) -> tuple[Run, Run]:
-    scenario = load_scenario(FOLDER / f"{name}.toml", shortened(name))
+    scenario = load_any(FOLDER / f"{name}.toml", shortened(name))
     return simulate(scenario, "python"), simulate(scenario, "compiled")
 
 
@@ -117,7 +117,7 @@ def test_a_pair_over_the_top_is_not_searched_for_ever_before_the_other_pair_meet
 
 
 def circle_without_stop_by_time(k: float) -> Any:
-    document = load_scenario(FOLDER / "one_circle.toml", [f"collision.k={k}"]).resolved()
+    document = load_any(FOLDER / "one_circle.toml", [f"collision.k={k}"]).resolved()
     document["stop"] = {"collisions": 100_000}
     return scenario_of(document)
 
@@ -133,7 +133,7 @@ def test_a_search_without_end_is_refused(monkeypatch: pytest.MonkeyPatch) -> Non
 
 @pytest.mark.parametrize("name", ["three_arcs", "one_circle"])
 def test_a_search_in_parts_has_the_same_bits(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
-    scenario = load_scenario(FOLDER / f"{name}.toml", ["stop.collisions=60"])
+    scenario = load_any(FOLDER / f"{name}.toml", ["stop.collisions=60"])
     whole = simulate(scenario, "python")
     for module in (arc_contact, first_contact):
         monkeypatch.setattr(module, "STEPS_AT_ONCE", 1)
@@ -146,7 +146,7 @@ def test_a_group_on_a_circle_does_not_meet_itself_over_the_top() -> None:
     """Once both balls roll in contact no impact can follow: no stop by time is needed."""
     run = simulate(circle_without_stop_by_time(0.9))
     assert run.end_cause == "no_more_collisions"
-    until = simulate(load_scenario(FOLDER / "one_circle.toml", ["stop.collisions=100000"]))
+    until = simulate(load_any(FOLDER / "one_circle.toml", ["stop.collisions=100000"]))
     assert until.end_cause == "time"
     assert bits(run.collisions) == bits(until.collisions)
 

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from vibro_cli.api import load_scenario, simulate
+from vibro_cli.api import simulate
+from vibro_cli.scenario import load_any
 from vibro_cli.stress.oracles.oracle import Oracle
 from vibro_cli.stress.oracles.scene import mp
 from vibro_cli.stress.scenes import scene, solve, solve_any
@@ -26,7 +27,7 @@ NAMES = (
 
 @pytest.mark.parametrize("name", NAMES)
 def test_each_body_crosses_where_its_piece_changes_and_nowhere_else(name: str) -> None:
-    scenario = load_scenario(HARD / f"{name}.toml")
+    scenario = load_any(HARD / f"{name}.toml")
     run = simulate(scenario)
     events = run.events
     crosses = events["event"] == "crossing"
@@ -46,7 +47,7 @@ def test_each_body_crosses_where_its_piece_changes_and_nowhere_else(name: str) -
 
 @pytest.mark.parametrize("name", NAMES)
 def test_lasting_contact_begins_and_ends_where_its_left_body_is(name: str) -> None:
-    run = simulate(load_scenario(HARD / f"{name}.toml"))
+    run = simulate(load_any(HARD / f"{name}.toml"))
     events = run.events
     rows = np.flatnonzero(np.isin(events["event"], ["contact_closed", "contact_opened"]))
     for row in rows:

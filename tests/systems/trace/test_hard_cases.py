@@ -13,7 +13,7 @@ from tests.strategies import mirrored
 from tests.systems.trace.test_continuing import assert_same_results
 from tests.systems.trace.test_properties import assert_bodies_touch, assert_mirrored_to_the_bit
 from vibro_cli.api import simulate
-from vibro_cli.scenario import load_scenario, scenario_of
+from vibro_cli.scenario import load_any, scenario_of
 from vibro_cli.stress.physics import motion_of, standing, walls
 
 pytestmark = pytest.mark.long
@@ -37,7 +37,7 @@ def test_every_file_says_what_it_caught(path: Path) -> None:
 @pytest.mark.usefixtures("no_hang")
 @pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
 def test_runs_to_its_stop_in_order_and_without_gaining_energy(path: Path) -> None:
-    scenario = load_scenario(path)
+    scenario = load_any(path)
     run = simulate(scenario, "python")
     summary = run.summary_record()
     assert summary["end_cause"] == ENDS.get(path.stem, "time")
@@ -62,7 +62,7 @@ def test_runs_to_its_stop_in_order_and_without_gaining_energy(path: Path) -> Non
 
 @pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
 def test_energy_is_lost_in_the_rows_of_impacts_and_at_walls_only(path: Path) -> None:
-    run = simulate(load_scenario(path))
+    run = simulate(load_any(path))
     summary, events = run.summary_record(), run.events
     lost = float(np.sum(run.collisions["energy_loss"]))
     hits = events["event"] == "wall"
@@ -78,7 +78,7 @@ def test_energy_is_lost_in_the_rows_of_impacts_and_at_walls_only(path: Path) -> 
 @pytest.mark.usefixtures("no_hang")
 @pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
 def test_no_two_bodies_are_in_one_another_and_all_keep_their_order(path: Path) -> None:
-    run = simulate(load_scenario(path), "python")
+    run = simulate(load_any(path), "python")
     times = np.linspace(0.0, run.summary_record()["end_time"], 10_000)
     motion = run.sample(times)
     bodies = len(run.system.bodies)
@@ -94,7 +94,7 @@ def test_no_two_bodies_are_in_one_another_and_all_keep_their_order(path: Path) -
 @pytest.mark.usefixtures("no_hang")
 @pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
 def test_no_body_is_beyond_a_wall_or_stands_where_nothing_keeps_it(path: Path) -> None:
-    run = simulate(load_scenario(path), "python")
+    run = simulate(load_any(path), "python")
     motion = motion_of(run, 500)
     assert list(walls(run, motion)) == []
     assert list(standing(run, motion)) == []
@@ -103,10 +103,10 @@ def test_no_body_is_beyond_a_wall_or_stands_where_nothing_keeps_it(path: Path) -
 @pytest.mark.usefixtures("no_hang")
 @pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
 def test_taken_up_again_it_is_the_same_run(path: Path) -> None:
-    scenario = load_scenario(path)
+    scenario = load_any(path)
     whole = simulate(scenario, "python")
     for share in (0.3, 0.7):
-        part = load_scenario(path, [f"stop.time={share * (scenario.stop.time or 0.0)!r}"])
+        part = load_any(path, [f"stop.time={share * (scenario.stop.time or 0.0)!r}"])
         begun = simulate(part, "python")
         assert_same_results(
             whole, simulate(scenario, "python", begun.checkpoint(), begun.history())
@@ -116,7 +116,7 @@ def test_taken_up_again_it_is_the_same_run(path: Path) -> None:
 @pytest.mark.usefixtures("no_hang")
 @pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
 def test_bodies_touch_at_every_impact(path: Path) -> None:
-    assert_bodies_touch(simulate(load_scenario(path), "python"))
+    assert_bodies_touch(simulate(load_any(path), "python"))
 
 
 @pytest.mark.usefixtures("no_hang")
@@ -130,7 +130,7 @@ def test_the_mirror_image_is_the_same_run(path: Path) -> None:
 @pytest.mark.usefixtures("no_hang")
 @pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
 def test_both_engines_give_the_same_tables(path: Path) -> None:
-    scenario = load_scenario(path)
+    scenario = load_any(path)
     interpreted, compiled = simulate(scenario, "python"), simulate(scenario, "compiled")
     assert (interpreted.engine, compiled.engine) == ("python", "compiled")
     for ours, theirs in (

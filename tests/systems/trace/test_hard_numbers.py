@@ -11,7 +11,7 @@ import pytest
 from scipy.integrate import quad, solve_ivp
 
 from vibro_cli.api import simulate
-from vibro_cli.scenario import load_scenario
+from vibro_cli.scenario import load_any
 from vibro_cli.stress.scenes import scene, solve_any
 from vibro_cli.systems.run import Run
 
@@ -19,7 +19,7 @@ CASES = Path(__file__).parents[2] / "hard_cases"
 
 
 def run_of(name: str, *changes: str) -> Run:
-    return simulate(load_scenario(CASES / f"{name}.toml", list(changes)), "python")
+    return simulate(load_any(CASES / f"{name}.toml", list(changes)), "python")
 
 
 def impacts_of(run: Run) -> Any:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from vibro_cli.api import simulate
-from vibro_cli.assemble import build_system
+from vibro_cli.assemble import build_any, build_system
 from vibro_cli.kernels.contact.contact_kinematics import set_normals
 from vibro_cli.kernels.events import event_loop
 from vibro_cli.kernels.events.simultaneous_impacts import MOST_ROUNDS, _is_endless
@@ -20,7 +20,7 @@ from vibro_cli.kernels.impact.impulse_chain import apply_impulses, simultaneous_
 from vibro_cli.kernels.impact.laws import NORMAL_IMPULSE, TRANSLATIONAL
 from vibro_cli.kernels.world import World
 from vibro_cli.mechanics.system import TraceSystem
-from vibro_cli.scenario import ScenarioError, load_scenario, scenario_of
+from vibro_cli.scenario import ScenarioError, load_any, scenario_of
 from vibro_cli.stress.oracles.oracle import Oracle
 from vibro_cli.stress.oracles.scene import mp
 from vibro_cli.stress.physics import distance_from_image
@@ -143,7 +143,7 @@ def test_limit_is_taken_if_any_contact_of_a_row_takes_energy(lossy: str | int | 
 
 
 def test_sequence_that_contracts_slowly_is_taken_to_its_limit() -> None:
-    run = simulate(load_scenario(CASES / "heavy_ball_contracts_slowly.toml"), "python")
+    run = simulate(load_any(CASES / "heavy_ball_contracts_slowly.toml"), "python")
     table = run.collisions
     at_one_instant = max(np.count_nonzero(table["t"] == t) for t in set(table["t"].tolist()))
     # Each round is an impact of the pair and one with the wall.
@@ -241,7 +241,7 @@ def test_two_bodies_as_wide_as_their_circle_are_refused(radius: float, fills: bo
 @pytest.mark.usefixtures("no_hang")
 def test_translational_closes_where_its_impacts_end() -> None:
     path = CASES / "translational_closes_by_its_momentum.toml"
-    run = simulate(load_scenario(path), "python")
+    run = simulate(load_any(path), "python")
     row = list(run.events["event"]).index("contact_closed")
     oracle = Oracle.of(run.system)
     end = oracle.run(mp.mpf(10), last=("contact_closed",)).events[-1].t
@@ -256,8 +256,8 @@ def test_translational_closes_where_its_impacts_end() -> None:
 @pytest.mark.usefixtures("no_hang")
 @pytest.mark.parametrize("name", ["row_at_a_wall_is_hit", "held_pair_is_hit"])
 def test_mirror_image_of_a_row_that_is_hit(name: str) -> None:
-    scenario = load_scenario(CASES / f"{name}.toml")
-    system = build_system(scenario)
+    scenario = load_any(CASES / f"{name}.toml")
+    system = build_any(scenario)
     stop = scenario.stop.time
 
     def solve(one: TraceSystem) -> Run:
@@ -270,7 +270,7 @@ def test_mirror_image_of_a_row_that_is_hit(name: str) -> None:
 def test_light_body_that_goes_nowhere_comes_to_rest() -> None:
     # Between a wall and a heavy body it went to and fro for ever, in 1e-9 s and 5e-16 m.
     path = Path(__file__).parent / "turning_light_body_shuttles_at_a_wall.toml"
-    run = simulate(load_scenario(path, ["stop.time=0.46"]), "python")
+    run = simulate(load_any(path, ["stop.time=0.46"]), "python")
     assert run.end_cause == "time"
     assert run.summary_record()["end_time"] == 0.46
     # It gives way at once to where the heavy body brings it, and each impact takes energy.

@@ -14,10 +14,10 @@ import pytest
 from mpmath import mp
 
 from tests.systems.trace.test_engines import FOLDER, bits
-from vibro_cli.api import load_scenario, simulate
+from vibro_cli.api import simulate
 from vibro_cli.kernels.events.event_detection import horizontal_extent
 from vibro_cli.kernels.events.event_loop import start
-from vibro_cli.scenario import ScenarioError, scenario_of
+from vibro_cli.scenario import ScenarioError, load_any, scenario_of
 from vibro_cli.stress.drawing import draw
 from vibro_cli.stress.impacts import LINE_BETWEEN
 from vibro_cli.stress.scenes import THREE_ARCS, ball, scene, solve, system_of, valley
@@ -33,7 +33,7 @@ CREST = -1.1542046197210436
 
 def three_arcs(first: Document, second: Document | None = None) -> Document:
     """Return the scene of three_arcs.toml, without a stop by time."""
-    document = copy.deepcopy(load_scenario(FOLDER / "three_arcs.toml").resolved())
+    document = copy.deepcopy(load_any(FOLDER / "three_arcs.toml").resolved())
     for own, changes in zip(document["balls"], (first, second or {}), strict=True):
         del own["rate"]
         own.update(changes)
@@ -289,7 +289,7 @@ def test_no_impact_follows_where_a_drawn_run_ends(
 
 @pytest.mark.parametrize("name", ["three_arcs", "line_between_valleys"])
 def test_no_run_is_quiet_before_an_impact_that_it_would_still_reach(name: str) -> None:
-    document = load_scenario(FOLDER / f"{name}.toml").resolved()
+    document = load_any(FOLDER / f"{name}.toml").resolved()
     document["stop"] = {"collisions": 12}
     times = [0.0, *simulate(scenario_of(document)).collisions["t"].tolist()]
     for before, after in pairwise(times):

@@ -11,7 +11,7 @@ import pytest
 
 from tests.systems import springs_cases, table_cases
 from vibro_cli.api import simulate
-from vibro_cli.scenario import load_scenario
+from vibro_cli.scenario import load_any
 from vibro_cli.stress.scenes import ball, scene, solve_any
 
 GALLERY = Path(__file__).parents[3] / "scenarios"
@@ -19,7 +19,7 @@ GALLERY = Path(__file__).parents[3] / "scenarios"
 
 def on_a_trace() -> Any:
     # Ended by its last impact.
-    return simulate(load_scenario(GALLERY / "three_arcs.toml", ["stop.collisions=3"]), "python")
+    return simulate(load_any(GALLERY / "three_arcs.toml", ["stop.collisions=3"]), "python")
 
 
 def on_a_table() -> Any:
@@ -75,7 +75,7 @@ def test_extrapolated_motion_goes_on_smoothly(run_of: Any) -> None:
 
 def test_the_motion_table_has_the_times_that_the_run_has_come_to() -> None:
     changes = ["stop.collisions=3", "output.times=[0.1, 0.2, 1000.0]"]
-    run = simulate(load_scenario(GALLERY / "three_arcs.toml", changes), "python")
+    run = simulate(load_any(GALLERY / "three_arcs.toml", changes), "python")
     assert run.motion is not None
     assert sorted(set(run.motion["t"])) == [0.1, 0.2]
     assert any("1 of 3 times after the end" in note for note in run.skipped)
@@ -83,17 +83,17 @@ def test_the_motion_table_has_the_times_that_the_run_has_come_to() -> None:
 
 def test_of_a_particle_neither_rolling_nor_friction_is_told() -> None:
     path = GALLERY / "particle_on_arcs.toml"
-    run = simulate(load_scenario(path, ["stop.collisions=5"]), "python")
+    run = simulate(load_any(path, ["stop.collisions=5"]), "python")
     names = [f"omega_{end}_{when}" for end in "ab" for when in ("pre", "post")]
     assert all(np.isnan(run.collisions[name]).all() for name in names)
     assert run.summary_record()["max_friction_demand"] is None
     changes = ["stop.collisions=5", "balls[2].body=ball"]
-    mixed = simulate(load_scenario(path, changes), "python")
+    mixed = simulate(load_any(path, changes), "python")
     assert len(mixed.collisions["t"]) == 5
     assert np.isnan(mixed.collisions["omega_a_pre"]).all()
     speeds = mixed.collisions["speed_b_pre"]
     assert mixed.collisions["omega_b_pre"] == pytest.approx(speeds / 0.1, rel=1e-15)
-    calm = simulate(load_scenario(path, [*changes, "balls[1].angle=0.5"]), "python")
+    calm = simulate(load_any(path, [*changes, "balls[1].angle=0.5"]), "python")
     assert calm.summary_record()["max_friction_demand"] > 0.0
 
 
@@ -110,7 +110,7 @@ def test_no_angular_velocity_of_a_particle_on_a_spring() -> None:
 
 
 def test_a_lone_particle_has_a_summary() -> None:
-    run = simulate(load_scenario(GALLERY / "lone_particle.toml"), "python")
+    run = simulate(load_any(GALLERY / "lone_particle.toml"), "python")
     assert run.summary_record()["max_friction_demand"] is None
 
 

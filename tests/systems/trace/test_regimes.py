@@ -14,7 +14,7 @@ import pytest
 from vibro_cli.analysis.levels import Landscape
 from vibro_cli.analysis.singular import FIGURE_EIGHT, Portrait, portrait_of
 from vibro_cli.api import Run, simulate
-from vibro_cli.scenario import load_scenario, scenario_of
+from vibro_cli.scenario import load_any, scenario_of
 from vibro_cli.stress.scenes import ball, scene, solve_any
 
 FOLDER = Path(__file__).parents[3] / "scenarios"
@@ -43,7 +43,7 @@ BEGINS = (40.0, -40.0, 220.0, 140.0)
 
 @cache
 def run_of(name: str) -> Run:
-    return simulate(load_scenario(FOLDER / f"{name}.toml", [*RUNS[name], "stop.collisions=60"]))
+    return simulate(load_any(FOLDER / f"{name}.toml", [*RUNS[name], "stop.collisions=60"]))
 
 
 @cache

@@ -15,8 +15,9 @@ import pytest
 
 from tests import references
 from tests.highprecision.reference_solver import ReferenceSolver, events_of
-from vibro_cli.api import load_scenario, simulate, simulate_streamed
+from vibro_cli.api import simulate, simulate_streamed
 from vibro_cli.errors import VibroError
+from vibro_cli.scenario import load_any
 from vibro_cli.stress.oracles.scene import mp, scene_of_system
 from vibro_cli.systems.request import OutputRequest, Sampling
 from vibro_cli.systems.run import Run
@@ -131,7 +132,7 @@ def test_shape_of_a_sample() -> None:
 
 def motion_of(step: str) -> Run:
     return simulate(
-        load_scenario(FOLDER / "three_arcs.toml", ["stop.time=3.0", "stop.collisions=50", step])
+        load_any(FOLDER / "three_arcs.toml", ["stop.time=3.0", "stop.collisions=50", step])
     )
 
 
@@ -194,7 +195,7 @@ def test_a_signal_ends_a_run_in_the_midst_of_very_many_samples() -> None:
 
     The signal comes after the first million, however busy the machine is.
     """
-    scenario = load_scenario(FOLDER / "three_arcs.toml", ["output.step=1e-6"])
+    scenario = load_any(FOLDER / "three_arcs.toml", ["output.step=1e-6"])
     rows = 0
 
     def count(name: str, columns: Any) -> None:
@@ -254,7 +255,7 @@ def test_a_circle_that_begins_at_its_bottom_ends_there(tmp_path: Path) -> None:
         "balls = [{radius = 0.1, mass = 1.0, arc = 1, angle = 3.0, rate = 4.0}]\n"
         "stop = {time = 60.0}\n"
     )
-    run = simulate(load_scenario(path))
+    run = simulate(load_any(path))
     flights = run.flights()
     ends = np.flatnonzero(flights["cause_end"] == "crossing")
     assert len(ends) > 30

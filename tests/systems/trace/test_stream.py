@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from vibro_cli.api import load_scenario, recalled, simulate, simulate_streamed
-from vibro_cli.assemble import build_system
+from vibro_cli.api import recalled, simulate, simulate_streamed
+from vibro_cli.assemble import build_any
 from vibro_cli.mechanics.reachability import reach
 from vibro_cli.scenario import load_any
 from vibro_cli.systems import driver, system_named
@@ -85,14 +85,14 @@ def assert_told_as_held(
 
 @pytest.mark.parametrize("name", SCENES)
 def test_scenes_of_the_gallery(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    scenario = load_scenario(GALLERY / f"{name}.toml", [*ASKED, *SCENES[name]])
+    scenario = load_any(GALLERY / f"{name}.toml", [*ASKED, *SCENES[name]])
     assert_told_as_held(scenario, 8, 2, monkeypatch)
 
 
 @pytest.mark.parametrize("name", HARD_SCENES)
 def test_scenes_with_lasting_contact(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     stop = ["stop.time=4", "stop.collisions=60"]
-    scenario = load_scenario(HARD / f"{name}.toml", [*ASKED, *stop])
+    scenario = load_any(HARD / f"{name}.toml", [*ASKED, *stop])
     assert_told_as_held(scenario, 8, 3, monkeypatch)
 
 
@@ -100,7 +100,7 @@ def test_scenes_with_lasting_contact(name: str, monkeypatch: pytest.MonkeyPatch)
 def test_stretches_end_between_instants(rows: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Whether an impact is smooth depends on later events at its instant."""
     stop = ["analysis.lyapunov=true", "output.step=0.1", "stop.time=6", "stop.collisions=60"]
-    scenario = load_scenario(HARD / "cradle_of_three.toml", stop)
+    scenario = load_any(HARD / "cradle_of_three.toml", stop)
     assert_told_as_held(scenario, rows, 4, monkeypatch)
 
 
@@ -136,7 +136,7 @@ def test_tables_and_springs_that_are_interrupted(
 def test_an_interrupted_run_is_the_beginning_of_the_whole(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    scenario = load_scenario(GALLERY / "three_arcs.toml")
+    scenario = load_any(GALLERY / "three_arcs.toml")
     asked = iter([False, False, True])
     tables, run, _ = in_stretches(scenario, 8, monkeypatch, interrupted=lambda: next(asked))
     whole = simulate(scenario, "python")
@@ -161,8 +161,8 @@ def test_where_bodies_can_never_meet_is_asked_for_the_solver_alone(
     engine: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Once for each pair of neighbours; the tables, which do not need it, leave its room empty."""
-    scenario = load_scenario(GALLERY / "three_arcs.toml")
-    system = build_system(scenario)
+    scenario = load_any(GALLERY / "three_arcs.toml")
+    system = build_any(scenario)
     meeting = reach(system.trace, *system.bodies)
     pieces = range(len(system.trace.pieces))
     far = np.array([[(i, j) not in meeting for j in pieces] for i in pieces])
@@ -188,7 +188,7 @@ def test_where_bodies_may_meet_takes_memory_for_the_few_pieces_on_which_they_do(
         for shape, slope in [("valley", 40), ("hump", -40)] * (pieces // 2)
     ]
     changed = {"trace.start_slope": "-40 deg", "trace.arcs": arcs, "balls[1].angle": -0.5}
-    system = build_system(load_scenario(GALLERY / "three_arcs.toml").replace(changed))
+    system = build_any(load_any(GALLERY / "three_arcs.toml").replace(changed))
 
     def peak(far_apart: bool) -> int:
         tracemalloc.start()

@@ -22,7 +22,7 @@ from tests.systems.trace.turning_scenes import (
 from vibro_cli.api import simulate
 from vibro_cli.compile.kinds import symbol_of
 from vibro_cli.kernels.rotating import TURNING
-from vibro_cli.scenario import load_scenario
+from vibro_cli.scenario import load_any
 from vibro_cli.stress.oracles.scene import scene_of_system
 from vibro_cli.stress.scenes import solve_any, system_of
 from vibro_cli.systems.run import Run
@@ -209,7 +209,7 @@ def test_a_kernel_is_replaced_by_one_that_is_called_alike(replaced: Callable[...
 
 def test_contacts_on_a_turning_line_leave_no_gap() -> None:
     path = Path(__file__).parents[2] / "hard_cases" / "contact_on_a_turning_line.toml"
-    run = simulate(load_scenario(path), "python")
+    run = simulate(load_any(path), "python")
     on_line = run.collisions["arc_a"] == 2
     assert on_line.any()
     assert np.max(np.abs(run.collisions["gap"][on_line])) <= 1e-14

@@ -11,7 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from vibro_cli.api import load_scenario, simulate
+from vibro_cli.api import simulate
+from vibro_cli.scenario import load_any
 from vibro_cli.systems.run import Run
 
 FOLDER = Path(__file__).parents[3] / "scenarios"
@@ -30,7 +31,7 @@ EXAMPLES: dict[str, Example] = {
 
 def row(name: str, engine: str) -> tuple[Run, dict[str, Fraction]]:
     """The one impact of an example."""
-    run = simulate(load_scenario(FOLDER / f"{name}.toml"), engine)
+    run = simulate(load_any(FOLDER / f"{name}.toml"), engine)
     table = run.collisions
     assert len(table["n"]) == 1
     assert bool(table["admissible"][0])
