@@ -59,12 +59,8 @@ _LABEL = 8.5
 def fit_figure(found: dict[str, Any]) -> Figure:
     """Draw the residuals (ms) before and after a fit over the number of the impact.
 
-    Error bars are one standard deviation of the noise, the band is two.
-
-    Parameters
-    ----------
-    found
-        Columns of ``residuals.parquet``.
+    Error bars are one standard deviation of the noise, the band is two. `found` has the columns of
+    ``residuals.parquet``.
     """
     number = np.asarray(found["n"])
     noise = 1e3 * np.asarray(found["noise"])
@@ -111,14 +107,7 @@ So are multipliers that all lie within `PARTED` of 1.
 def branch_figure(found: dict[str, Any], label: str, width: str) -> Figure:
     """Draw the period and the magnitude of the largest multiplier over a number of the scenario.
 
-    Parameters
-    ----------
-    found
-        Columns of ``orbits.parquet``.
-    label
-        Label of the number, with its unit.
-    width
-        "single" or "double".
+    `found` has the columns of ``orbits.parquet``; `label` names the number, with its unit.
     """
     value = np.asarray(found["value"], dtype=np.float64)
     stable = np.asarray(found["stable"], dtype=np.bool_)
@@ -250,15 +239,9 @@ def default_outcome(grid: StoredGrid) -> list[str]:
 def mapped_basins(grid: StoredGrid, outcome: Sequence[str]) -> Mapped:
     """Return the basins over the two axes with the most values, or over one axis.
 
-    Parameters
-    ----------
-    grid
-        A grid with all its points.
-    outcome
-        Columns of the summary that define an outcome together; if empty, `default_outcome`.
-
-    Raises `NoBasins` if no axis has enough evenly spaced numbers, if points are missing, or if an
-    outcome is not a column of words or whole numbers.
+    `outcome` are the columns of the summary that define an outcome together; if empty,
+    `default_outcome`. Raises `NoBasins` if no axis has enough evenly spaced numbers, if points are
+    missing, or if an outcome is not a column of words or whole numbers.
     """
     shown = _evenly(grid)
     if not shown.is_full:

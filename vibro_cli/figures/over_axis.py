@@ -291,12 +291,8 @@ class Section:
     def why_none(self, most: int, held: str = "") -> str:
         """Return a text on why no impact is shown.
 
-        Parameters
-        ----------
-        most
-            Greatest number of impacts of a run (see `counts`).
-        held
-            The values at which other axes are held, as text.
+        `most` is the greatest number of impacts of a run (see `counts`), `held` tells the values
+        at which other axes are held.
         """
         whose = "" if self.pair is None else f" of bodies {self.pair[0]} and {self.pair[1]}"
         where = f" (held: {held})" if held else ""
@@ -347,21 +343,9 @@ def bifurcation(
 ) -> Figure:
     """Draw columns of the impacts of each run over the axis with most values.
 
-    Parameters
-    ----------
-    grid, width
-        The grid; "single" or "double".
-    quantities
-        At most two; place and speed of the left body by default.
-    section
-        Selection of impacts; by default the last 20 of each run that has more.
-    shown
-        The points, if they are already known.
-
-    Raises
-    ------
-    NothingToShow
-        If no such impact was kept, or no axis of numbers changes.
+    `quantities` are at most two, by default place and speed of the left body. `section` selects the
+    impacts, by default the last 20 of each run that has more. `shown` are the points, if they are
+    already known. Raises `NothingToShow` if no such impact was kept, or no axis of numbers changes.
     """
     section = section or Section()
     kept = grid.impact_columns()
@@ -401,19 +385,8 @@ def poincare(
 ) -> Figure:
     """Draw one column of the impacts of a run over another.
 
-    Parameters
-    ----------
-    impacts
-        The impacts of the run, with the two columns and those that the section needs.
-    quantities
-        Horizontal and vertical quantity.
-    section, width
-        Selection of impacts; "single" or "double".
-
-    Raises
-    ------
-    NothingToShow
-        If there is no such impact.
+    `impacts` has the columns of the horizontal and the vertical quantity, and those that the
+    section needs. Raises `NothingToShow` if there is no such impact.
     """
     names = [name for name, _, _ in quantities]
     run = np.zeros(len(impacts[names[0]]), dtype=np.int64)

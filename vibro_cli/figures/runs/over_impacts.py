@@ -76,20 +76,11 @@ def speed_map(
     width: str,
     lines: Sequence[float] = (),
 ) -> Figure:
-    """Draw approach speed against the places of impacts, coloured by their numbers.
+    """Draw approach speed against the places of impacts, of which there is at least one.
 
-    Parameters
-    ----------
-    table
-        The impacts, at least one.
-    column, named
-        Column of the places; their name, in words or as a symbol, and their unit.
-    room
-        Margin on both sides if all places are equal up to rounding.
-    width
-        ``"single"`` or ``"double"``.
-    lines
-        Places of vertical lines.
+    They are coloured by their numbers. `column` has the places; `named` are their name, in words or
+    as a symbol, and their unit. `room` is the margin on both sides if all places are equal up to
+    rounding; `lines` are places of vertical lines.
     """
     number = np.asarray(table["n"])
     place = np.asarray(table[column], dtype=np.float64)
