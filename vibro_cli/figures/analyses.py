@@ -189,10 +189,7 @@ class Mapped:
     basins: Basins
 
     def map(self, width: str) -> Figure | None:
-        """Draw the map of the outcomes; return None for a grid over one axis.
-
-        Raises ``ValueError`` for an unknown width.
-        """
+        """Draw the map of the outcomes; return None for a grid over one axis."""
         style.width_of(width)
         if len(self.shown.coordinates) < 2:
             return None
@@ -202,8 +199,6 @@ class Mapped:
         """Draw the fraction of points with another outcome within a distance, over the distance.
 
         Returns None without an exponent.
-
-        Raises as :meth:`map` does.
         """
         style.width_of(width)
         found = self.basins

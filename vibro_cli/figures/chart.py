@@ -134,7 +134,7 @@ def stacked(
     """Return a figure with panels of the given heights (mm), top to bottom.
 
     `above` is the room for one row of a legend (mm). The legend of `entries` is drawn and may take
-    more rows. Raises ValueError for a width that is neither `single` nor `double`.
+    more rows.
     """
     wide = width_of(width)
     rows = rows_of(entries, wide - RIGHT) if entries else []

@@ -52,8 +52,8 @@ class Kind:
     """One kind of figure of a run or of a grid."""
 
     draw: Callable[..., Figure | None]
-    """Draws a run or grid, or a body (from 1) of a run, at a width; None if there is nothing to
-    show."""
+    """Draws a run or grid, or a body (from 1) of a run, `single` or `double` as in `style.WIDTHS`;
+    None if there is nothing to show."""
     title: str
     """Title, to which the number of the body is appended, if any."""
     caption: str

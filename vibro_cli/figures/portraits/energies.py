@@ -103,8 +103,7 @@ POTENTIAL = line(style.BLACK, 1.0)
 def energy_portrait(run: Recorded, ball: int, width: str = "single") -> Figure:
     """Draw speed and energies of a body (from 1) of a run over the arc length of the trace.
 
-    Raises ValueError for a width that is neither `single` nor `double`, and IndexError for a body
-    that does not exist.
+    Raises IndexError for a body that does not exist.
     """
     if not 1 <= ball <= len(run.system.bodies):
         raise IndexError(f"no body {ball}: the run has {len(run.system.bodies)}")

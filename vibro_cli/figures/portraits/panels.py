@@ -140,7 +140,6 @@ def on_a_page(
     """Return as many pieces around that of index `start` as fit a page, and a legend entry.
 
     There is an entry only if some pieces are left out. `below` mm are needed under the panels.
-    Raises ValueError for an unknown width.
     """
     across, row = width_of(width), _LOWER * _HEIGHT[width] + BOTTOM + ROW_TOP
     most = int((_PAGE - below - TOP + ROW_TOP) / row) * _most_in_row(pieces, across)
@@ -156,10 +155,9 @@ def lay_out(
 ) -> tuple[Sheet, tuple[Panel, ...]]:
     """Return an empty sheet with a panel for each window, in the order given.
 
-    `width` is `single` (85 mm) or `double` (170 mm). The widths of panels are in proportion to the
-    angles of their arcs. Neighbours are close together unless their vertical axes differ (arc and
-    line). Room is left for `legend` above the panels, and `below` mm under them. Raises ValueError
-    for another width.
+    The widths of panels are in proportion to the angles of their arcs. Neighbours are close
+    together unless their vertical axes differ (arc and line). Room is left for `legend` above the
+    panels, and `below` mm under them.
     """
     across = width_of(width)
     rows = _rows(windows, across)

@@ -153,9 +153,8 @@ def phase_portrait(run: Recorded, ball: int, width: str = "single") -> Figure:
     The panels show rate against angle, φ̇ (φ) in valleys and ψ̇ (ψ) on humps, and speed against arc
     length on lines; of very many pieces only those around the start. All arcs share one vertical
     axis. Separatrices, level curves of energy, centres and saddles are drawn behind the branches. A
-    motion that would be too small is shown close up beside the whole piece. `width` is `single`
-    (85 mm) or `double` (170 mm). Raises ValueError for another width and IndexError for a body that
-    does not exist.
+    motion that would be too small is shown close up beside the whole piece. Raises IndexError for a
+    body that does not exist.
     """
     if not 1 <= ball <= len(run.system.bodies):
         raise IndexError(f"no body {ball}: the run has {len(run.system.bodies)}")

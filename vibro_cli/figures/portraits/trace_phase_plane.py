@@ -84,8 +84,7 @@ def structure(portrait: Portrait, width: str = "single", bodies: str = "") -> Fi
 
     Above, piece by piece as in the papers: φ̇ against φ, ψ̇ against ψ, speed against arc length on
     lines; of very many pieces only the first. Below, speed against arc length along the trace, with
-    the values E/(m g) of centres and saddles above it. `bodies` is the index of the symbols. Raises
-    ValueError for an unknown width.
+    the values E/(m g) of centres and saddles above it. `bodies` is the index of the symbols.
     """
     inner = width_of(width) - LEFT - RIGHT
     words = _words(portrait, inner)
@@ -264,8 +263,7 @@ def comparison(members: Sequence[tuple[str, Portrait]], width: str = "single") -
 
     For each body the separatrices and one level curve below and above them are drawn in its line
     style. Bodies that differ only in κ have the same curves, with rates proportional to 1/√κ.
-    `members` are names and portraits on one trace. Raises ValueError for no member, for more than
-    `MOST` and for an unknown width.
+    `members` are names and portraits on one trace. Raises ValueError for none and more than `MOST`.
     """
     if not 1 <= len(members) <= MOST:
         raise ValueError(f"a comparison has 1 to {MOST} members, found {len(members)}")

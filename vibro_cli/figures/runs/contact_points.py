@@ -119,8 +119,7 @@ class Rolling:
 def contact_points(run: Recorded, width: str = "single") -> Figure | None:
     """Draw possible contact points of the first impact's bodies with their velocities before it.
 
-    Returns None without an impact, or if neither body moves. Raises ValueError for a width that is
-    neither `single` nor `double`.
+    Returns None without an impact, or if neither body moves.
     """
     if not len(run.collisions["n"]):
         return None

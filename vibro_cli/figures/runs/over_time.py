@@ -325,8 +325,7 @@ def energy_chart(
 
     `course` gives the energies of a body; `losses` are times (s) and losses (J) of the impacts,
     negative for gains; `contacts` are the time spans (s) of lasting contact; `times` are the time
-    up to which energies are drawn and the end of the run (s). Raises ValueError for an unknown
-    width.
+    up to which energies are drawn and the end of the run (s).
     """
     until, whole = times
     lines = _lines_of(run, course, until)

@@ -81,8 +81,6 @@ def scene(run: Recorded, width: str = "single") -> Figure:
 
     The centres O and radii R of the arcs are drawn and, for a few bodies, the centres C, contact
     points P and angles φ, ψ. Of very short pieces only the junctions are marked.
-
-    Raises ValueError for a width that is neither `single` nor `double`.
     """
     surface = trace_points(run.system.trace)
     low, high = _extent(run, surface)
@@ -336,9 +334,8 @@ def plan(run: Recorded, width: str = "single") -> Figure | None:
     """Draw the trace with the bodies at the start, at the first impacts and at the last one.
 
     If the bodies stay on a small part of the trace, only that part is drawn. Returns None without
-    an impact. Raises ValueError for a width that is neither `single` nor `double`.
+    an impact.
     """
-    width_of(width)
     if not len(run.collisions["n"]):
         return None
     shown = configurations(run, _COLUMNS[width] * _ROWS)

@@ -130,8 +130,7 @@ def velocities(run: Recorded, width: str = "single") -> Figure | None:
 
     Arrows at the centres are the velocities of the centres. Arrows at the impact point are the
     velocities there of both bodies, the parts due to rolling, and the components along the line of
-    centres. Arcs around the centres are angular velocities. Returns None without an impact. Raises
-    ValueError for a width that is neither `single` nor `double`.
+    centres. Arcs around the centres are angular velocities. Returns None without an impact.
     """
     width_of(width)
     rows = range(min(_IMPACTS[width], len(run.collisions["n"])))

@@ -245,10 +245,7 @@ _RING = ring(90)
 
 
 def springs_scene(run: Run, width: str = "single") -> Figure:
-    """Draw bodies, springs and feet to scale, at the start and at the first impacts.
-
-    Raises ValueError for a width that is neither `single` nor `double`.
-    """
+    """Draw bodies, springs and feet to scale, at the start and at the first impacts."""
     wide = width_of(width)
     titles, states = _instants(run)
     low, high = _extent(run, states[..., 0])

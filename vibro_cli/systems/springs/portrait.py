@@ -192,10 +192,7 @@ _COUNT = 129
 
 
 def springs_portrait(run: Run, ball: int, width: str = "single") -> Figure:
-    """Draw speed and energies against displacement for a body (from 1) of a run.
-
-    `width` is `single` (85 mm) or `double` (170 mm).
-    """
+    """Draw speed and energies against displacement for a body (from 1) of a run."""
     path = springs_trajectory(run, ball)
     (branches,) = path.branches
     hills = SpringsLandscape.of(run.system, ball - 1, ball - 1)

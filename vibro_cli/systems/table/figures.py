@@ -122,10 +122,7 @@ class Met:
 
 
 def table_velocities(run: Run, width: str = "single") -> Figure | None:
-    """Draw velocities, paths and angles before and after the first impacts; None without impacts.
-
-    Raises ValueError for a width that is neither `single` nor `double`.
-    """
+    """Draw velocities, paths and angles before and after the first impacts; None without any."""
     wide = width_of(width)
     impacts = _first_met(run, _IMPACTS[width])
     if not impacts:

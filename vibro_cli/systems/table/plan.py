@@ -51,8 +51,7 @@ _SHAPES = (0.25, 1.35)
 def table_plan(run: Run, width: str = "single") -> Figure:
     """Draw the plan of a run: the wall, the path of each ball, velocity arrows at its events.
 
-    The balls are drawn at the start (filled) and at their impacts (outlined). `width` is `single`
-    (85 mm) or `double` (170 mm).
+    The balls are drawn at the start (filled) and at their impacts (outlined).
     """
     until = _shown_until(run)
     paths = [_path(run, ball, until) for ball in range(len(run.system.bodies))]

@@ -125,8 +125,7 @@ _LEFT, _RIGHT, _TOP, _BOTTOM = 12.0, 3.0, 5.0, 9.0
 def wall_portrait(system: TableSystem, ball: int, width: str = "single") -> Figure:
     """Draw the portrait of the bounces of a ball (from 1), alone on the table.
 
-    `width` is `single` (85 mm) or `double` (170 mm). The wall must be an ellipse or a circle around
-    the balls.
+    The wall must be an ellipse or a circle around the balls.
     """
     wall, radius = system.wall, system.bodies[ball - 1].radius
     assert wall is not None
