@@ -62,7 +62,7 @@ def test_very_many_flights_without_any_error_lie_on_the_lower_edge(
 ) -> None:
     """On a level line no flight changes its energy: the figure of more than 200,000 failed."""
     run = run_of("horizontal_line_1_2")
-    monkeypatch.setattr(over_impacts, "MOST_MARKS", 0)
+    monkeypatch.setattr(over_impacts, "MOST_VECTOR_POINTS", 0)
     figure = over_impacts.accuracy(run)
     assert figure is not None
     (errors, _) = figure.axes[-1].lines

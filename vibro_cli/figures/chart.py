@@ -343,9 +343,6 @@ MANY = " If there are very many impacts, those at the same spot are drawn as one
 """Sentence for the captions of figures whose marks are `last_in_each_pixel`."""
 MOST_MARKS = 200_000
 """Number of points above which each is drawn as a pixel."""
-_CELLS = (5120, 1024)
-"""Number of cells across and along the widest chart over time, each half a pixel of print."""
-_AT_ONCE = 1 << 18
 
 
 def draw_dots(
@@ -394,27 +391,3 @@ def last_in_each_pixel(axes: Axes, across: Array, along: Array) -> Integers:
     column, row = np.floor(places[finite]).astype(np.int64).T
     _, last = np.unique((column * (1 << 20) + row)[::-1], return_index=True)
     return finite[np.sort(len(finite) - 1 - last)]
-
-
-def distinguishable(across: Array, values: Array) -> Integers:
-    """Return the rows of the points that are distinguishable on a chart with a logarithmic axis.
-
-    Of the points in the same half pixel the last is kept. Values are non-negative; zeros have a
-    row of pixels of their own.
-    """
-    columns, rows = _CELLS
-    positive = (values > 0.0) & np.isfinite(values)
-    low, high = 0.0, 0.0
-    if np.any(positive):
-        low = math.log10(np.min(values, where=positive, initial=np.inf))
-        high = math.log10(np.max(values, where=positive, initial=0.0))
-    start, end = float(np.min(across)), float(np.max(across))
-    last = np.full(columns * rows, -1, dtype=np.int64)
-    for first in range(0, len(values), _AT_ONCE):
-        some = np.arange(first, min(first + _AT_ONCE, len(values)))
-        column = (across[some] - start) * ((columns - 1) / ((end - start) or 1.0))
-        height = np.log10(values[some], where=positive[some], out=np.full(len(some), low))
-        row = 1.0 + (height - low) * ((rows - 2) / ((high - low) or 1.0))
-        row[~positive[some]] = 0.0
-        last[column.astype(np.int64) * rows + row.astype(np.int64)] = some
-    return last[last >= 0]

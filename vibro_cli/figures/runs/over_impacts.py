@@ -16,12 +16,10 @@ from vibro_cli.figures import style
 from vibro_cli.figures.chart import (
     BAND,
     BAND_KEY,
-    MOST_MARKS,
     MOST_VECTOR_POINTS,
     body_look,
     count_axis,
     distinct_lines,
-    distinguishable,
     draw_by_colour,
     last_in_each_pixel,
     log_axis,
@@ -157,71 +155,48 @@ def accuracy(run: Recorded, width: str = "single") -> Figure | None:
     """
     table = run.collisions
     gap = np.abs(np.asarray(table["gap"], dtype=np.float64))
-    time, error, flights = _errors(run)
+    time, error = _errors(run)
     end = float(np.max(run.flights()["t_end"]))
-    if not len(gap) + flights:
+    if not len(gap) + len(time):
         return None
     entries = [("error (0: at the lower edge)", DOT), (r"$2^{-52}$", ROUNDING)]
     with style.journal():
-        heights = [_SMALL[width]] * (bool(len(gap)) + bool(flights))
-        figure, panels = stacked(width, heights, entries=entries[: 1 + bool(flights)])
+        heights = [_SMALL[width]] * (bool(len(gap)) + bool(len(time)))
+        figure, panels = stacked(width, heights, entries=entries[: 1 + bool(len(time))])
         for axes in panels:
             time_axis(axes, end, labelled=axes is panels[-1])
         if len(gap):
             least = EPSILON * max(body.radius for body in run.system.bodies)
             _residuals(panels[0], (np.asarray(table["t"]), gap), least, "gap", "m")
-        if flights:
-            _residuals(panels[-1], (time, error), EPSILON, r"$|\delta E|/E_0$", "", flights)
+        if len(time):
+            _residuals(panels[-1], (time, error), EPSILON, r"$|\delta E|/E_0$", "")
             panels[-1].axhline(EPSILON, zorder=1.0, **ROUNDING)
     return figure
 
 
 @kept
-def _errors(run: Recorded) -> tuple[Array, Array, int]:
-    """Return the ends (s) of free flights, their energy errors, and the number of free flights.
-
-    Of very many flights, only those that a chart can distinguish are returned.
-    """
-    times, errors, flights = [], [], 0
-    for time, change in energy_residuals(run):
-        error = np.abs(change)
-        apart = distinguishable(time, error) if len(time) > MOST_MARKS else slice(None)
-        times.append(time[apart])
-        errors.append(error[apart])
-        flights += len(time)
-    return np.concatenate(times), np.concatenate(errors), flights
+def _errors(run: Recorded) -> tuple[Array, Array]:
+    """Return the ends (s) of free flights and their energy errors."""
+    times, changes = zip(*energy_residuals(run), strict=True)
+    return np.concatenate(times), np.abs(np.concatenate(changes))
 
 
-def _residuals(
-    axes: Axes,
-    over: tuple[Array, Array],
-    least: float,
-    symbol: str,
-    unit: str,
-    number: int | None = None,
-) -> None:
+def _residuals(axes: Axes, over: tuple[Array, Array], least: float, symbol: str, unit: str) -> None:
     """Draw residuals on a logarithmic axis; those that are exactly 0 lie on its lower edge.
 
-    `over` are times (s) and residuals, `least` is one that the axis has in any case, `number` is
-    how many there are, where they are not all given.
+    `over` are times (s) and residuals, `least` is one that the axis has in any case.
     """
     time, values = over
     log_axis(axes, np.append(values, least), symbol, unit)
     bottom = axes.get_ylim()[0]
     shown = np.where(values > 0.0, values, bottom)
-    _draw_dots(axes, time, shown, number, clip_on=False)
+    _draw_dots(axes, time, shown, clip_on=False)
 
 
-def _draw_dots(
-    axes: Axes, across: Array, along: Array, number: int | None = None, **look: Any
-) -> None:
-    """Draw a dot for each point; the limits of the axes must be set.
-
-    `number` is the number of all points, if only some are given.
-    """
-    number = number or len(along)
-    size = _dot(number)
-    if number > MOST_VECTOR_POINTS:
+def _draw_dots(axes: Axes, across: Array, along: Array, **look: Any) -> None:
+    """Draw a dot for each point; the limits of the axes must be set."""
+    size = _dot(len(along))
+    if len(along) > MOST_VECTOR_POINTS:
         rows = last_in_each_pixel(axes, across, along)
         axes.plot(across[rows], along[rows], rasterized=True, **(DOT | look | _small(size)))
     else:
