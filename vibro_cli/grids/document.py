@@ -27,7 +27,6 @@ from vibro_cli.scenario.base import (
     system_of,
 )
 from vibro_cli.scenario.fields import DIALECT, SCHEMA_KEY, identifier, json_schema, schema_of
-from vibro_cli.scenario.forms import Source
 from vibro_cli.scenario.loading import Document, apply, load_document, located
 from vibro_cli.scenario.models import Data, one_of, rows, section
 from vibro_cli.scenario.problems import (
@@ -261,7 +260,7 @@ def _base(
     if "base" in document.data:
         given = _referred(document, folder)
     else:
-        own = Source(outer.file, outer.form, outer.text, within=("scenario",))
+        own = replace(outer, within=("scenario",))
         given = Document(document.data["scenario"], own, document.name)
     changed, texts, wrong = loading.overridden(given.data, overrides)
     return Document(changed, replace(given.source, overrides=tuple(texts)), given.name), wrong
