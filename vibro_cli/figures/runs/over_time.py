@@ -100,7 +100,7 @@ def calm_until(run: Recorded) -> float:
     begun = flights["t_start"][contact & (flights["t_end"] == end)]
     if not len(begun):
         return end
-    joined = np.asarray(flights["cause_start"], dtype=object) == "contact_closed"
+    joined = flights["cause_start"] == "contact_closed"
     closed = flights["t_start"][joined]
     return min(end, float(np.max(np.concatenate([struck, closed, [0.0]]))) + _periods(run))
 
@@ -183,7 +183,7 @@ def energy_residuals(run: Recorded) -> Iterator[tuple[Array, Array]]:
         for body, row in enumerate(firsts)
     )
     # the last flight of an accumulation represents all remaining impacts
-    free = np.asarray(flights["cause_end"], dtype=object) != "contact_closed"
+    free = flights["cause_end"] != "contact_closed"
     free &= ~flights["contact"]
     for body in range(len(hills)):
         mine = free & (flights["ball"] == body + 1)

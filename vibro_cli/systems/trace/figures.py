@@ -120,7 +120,7 @@ def _at_walls(run: Recorded, body: int) -> Iterator[States]:
     scales = np.array([piece.path_scale(run.system.bodies[body].radius) for piece in pieces])
     mine = flights["ball"] == body + 1
     for order, end in enumerate(("end", "start")):
-        rows = np.flatnonzero(mine & (np.asarray(flights[f"cause_{end}"], dtype=object) == "wall"))
+        rows = np.flatnonzero(mine & (flights[f"cause_{end}"] == "wall"))
         arc = flights["arc"][rows] - 1
         places = flights[f"angle_{end}"][rows]
         along = [pieces[n].arc_length(place) for n, place in zip(arc, places, strict=True)]

@@ -118,6 +118,8 @@ class Places:
 
 CAUSES = ("cause_start", "cause_end")
 """Columns of flights with the causes of their start and end."""
+_WORDS = np.array([*CAUSE_NAMES, "end"], dtype=object)
+"""The causes in words, by their integer codes."""
 
 
 def states_at(world: World, rows: Any, after: Floats, overrides: Overrides | None) -> Any:
@@ -143,23 +145,6 @@ def places_and_rates(places: Places, body: int, piece: int, states: Any) -> tupl
     position = places.position(np.full(len(states), piece), states["s"], states["c"])
     frequency = places.frequency(body, piece)
     return position, states["p"] * (2.0 * frequency if frequency > 0.0 else 1.0)
-
-
-class InWords:
-    """Causes in words, converted on indexing; ``np.asarray`` converts all of them."""
-
-    def __init__(self, numbers: Any) -> None:
-        self._numbers = numbers
-        self._words = np.array([*CAUSE_NAMES, "end"], dtype=object)
-
-    def __getitem__(self, rows: Any) -> Any:
-        return self._words[self._numbers[rows]]
-
-    def __len__(self) -> int:
-        return len(self._numbers)
-
-    def __array__(self, dtype: Any = None, copy: bool | None = None) -> Any:
-        return self[:]
 
 
 class Paths:
@@ -195,7 +180,7 @@ class Paths:
     def table(self) -> dict[str, Any]:
         """Return the flights as columns: body, arc, times, positions and rates at both ends."""
         columns = self.columns()
-        return columns | {name: InWords(columns[name])[:] for name in CAUSES}
+        return columns | {name: _WORDS[columns[name]] for name in CAUSES}
 
     def columns(self) -> dict[str, Any]:
         """Return the flights as columns, with integer codes for the causes."""
@@ -379,7 +364,7 @@ class LongMotion:
         for name in list(columns):
             columns[name] = np.concatenate([columns[name][rows] for rows in order])
         numbers, durations = columns.pop(_NUMBER), columns.pop(_LASTS)
-        return columns | {name: InWords(columns[name]) for name in CAUSES}, numbers, durations
+        return columns | {name: _WORDS[columns[name]] for name in CAUSES}, numbers, durations
 
     def _room(self, table: dict[str, Any], flights: int) -> dict[str, Any]:
         """Allocate columns for `flights` flights, with small types for small integers."""
