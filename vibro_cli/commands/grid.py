@@ -125,9 +125,7 @@ class GridCommand:
 
     def __call__(self) -> int:
         """Estimate the cost of the grid, or solve the missing chunks of its dataset."""
-        if self.dry_run:
-            return _estimate(self)
-        return _sweep(self)
+        return _estimate(self) if self.dry_run else _sweep(self)
 
     def folder_of(self, grid: "Grid") -> Path:
         """Return the folder of the dataset."""

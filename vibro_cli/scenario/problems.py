@@ -46,10 +46,8 @@ class Problem:
 
     def __str__(self) -> str:
         place = str(Place(self.file, self.line, self.column))
-        pair = ""
-        if self.found or self.expected:
-            pair = f"found {self.found}, expected {self.expected}"
-        return ": ".join(part for part in (place, self.path, self.message, pair) if part)
+        pair = f"found {self.found}, expected {self.expected}"
+        return ": ".join(part for part in (place, self.path, pair) if part)
 
 
 def in_order(problems: Iterable[Problem]) -> list[Problem]:
