@@ -150,12 +150,7 @@ def _texts(name: str, values: NDArray[Any]) -> list[str]:
 def basins_of(outcomes: Outcomes, cells: Codes) -> Basins:
     """Return the measures of outcomes over evenly spaced values of one or two axes.
 
-    Parameters
-    ----------
-    outcomes
-        Outcomes of all points.
-    cells
-        Index of the outcome of each cell; an axis needs at least `FEWEST` values.
+    `cells` has the index of the outcome of each cell; an axis needs at least `FEWEST` values.
     """
     number = len(outcomes.names)
     shares = np.bincount(cells.ravel(), minlength=number) / cells.size

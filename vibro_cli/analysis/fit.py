@@ -72,14 +72,8 @@ class Measured:
 def read_measured(file: str | Path, from_start: bool = True) -> Measured:
     """Return the measured times in a CSV or Parquet file, distinguished by its suffix.
 
-    Arguments as for :func:`measured_of`; the ``collisions.parquet`` of a run is such a file.
-
-    Raises
-    ------
-    NotMeasured
-        With the file, the row and what was expected.
-    OSError
-        If the file cannot be read.
+    Arguments as for :func:`measured_of`; the ``collisions.parquet`` of a run is such a file. Raises
+    `NotMeasured` with the file, the row and what was expected, `OSError` if it cannot be read.
     """
     import pyarrow as pa
 
@@ -113,19 +107,11 @@ def read_measured(file: str | Path, from_start: bool = True) -> Measured:
 def measured_of(columns: Mapping[str, Any], from_start: bool = True) -> Measured:
     """Return the measured times in a table.
 
-    Parameters
-    ----------
-    columns
-        ``t``, ascending times (s). Optional: ``n``, the number of each impact from 1, if not all
-        were measured; ``error``, the standard deviation of each time (s); ``ball_a`` and
-        ``ball_b``, the numbers of the bodies from 1.
-    from_start
-        Whether times count from the start of the motion, so that they are greater than 0.
-
-    Raises
-    ------
-    NotMeasured
-        With the row and what was expected.
+    `columns` are ``t``, ascending times (s), and optionally ``n``, the number of each impact from
+    1, if not all were measured; ``error``, the standard deviation of each time (s); ``ball_a`` and
+    ``ball_b``, the numbers of the bodies from 1. `from_start` tells whether times count from the
+    start of the motion, so that they are greater than 0. Raises `NotMeasured` with the row and what
+    was expected.
     """
     _check_times(columns)
     t = _numbers(columns, "t")
@@ -350,25 +336,12 @@ def fit_impacts(
 ) -> Fit:
     """Fit parameters of a scenario of a trace at rest to measured times of its impacts.
 
-    Parameters
-    ----------
-    scenario
-        Scenario with the initial values; its ``stop`` is ignored.
-    measured
-        Measured times of impacts.
-    free
-        Numbers to fit, with their bounds.
-    noise
-        Standard deviation (s) of the times, unless they have their own; by default it is estimated
-        from the residuals.
-
-    Raises
-    ------
-    NoFit
-        If there are fewer times than parameters, if the motion lacks a measured impact, if the
-        times do not determine a parameter or all parameters independently, or without convergence.
-    ValueError
-        If the noise is not greater than 0.
+    The scenario has the initial values; its ``stop`` is ignored. `free` are the numbers to fit and
+    their bounds. `noise` is the standard deviation (s) of the times, unless they have their own; by
+    default it is estimated from the residuals. Raises `NoFit` if there are fewer times than
+    parameters, if the motion lacks a measured impact, if the times do not determine a parameter or
+    all parameters independently, or without convergence; `ValueError` if the noise is not greater
+    than 0.
     """
     check_noise("noise", noise)
     problem = _Problem(scenario, measured, tuple(free), noise)

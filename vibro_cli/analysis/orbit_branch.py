@@ -127,20 +127,10 @@ class Branch:
 def family_of(scenario: Scenario, found: Orbit, path: str, low: float, high: float) -> Branch:
     """Return the family of an orbit over a parameter of its scenario.
 
-    Parameters
-    ----------
-    scenario
-        The scenario to which the orbit `found` belongs.
-    path, low, high
-        Path of the parameter and its range (SI units, radians), which is followed at constant
-        energy; or `ENERGY` as the path, and its range (J).
-
-    Raises
-    ------
-    NoOrbit
-        If the scenario has no such number, or its value is outside the range.
-    ScenarioError, ValueError
-        If the scenario is invalid at an end of the range; if the text is not a path.
+    `path`, `low` and `high` are the path of the parameter and its range (SI units, radians), which
+    is followed at constant energy; or `ENERGY` as the path, and its range (J). Raises `NoOrbit` if
+    the scenario has no such number, or its value is outside the range, `ScenarioError` if the
+    scenario is invalid at an end of the range, and `ValueError` if the text is not a path.
     """
 
     @lru_cache(maxsize=64)
@@ -175,14 +165,8 @@ def _restitutions(system: TraceSystem) -> tuple[float | None, ...]:
 class Family:
     """A family of orbits over a parameter.
 
-    Parameters
-    ----------
-    system_at
-        Returns the system at a value of the parameter; None if the parameter is the energy.
-    first
-        The first orbit.
-    value, low, high
-        Value of the parameter for the first orbit, and the range to follow.
+    `system_at` returns the system at a value of the parameter; it is None if the parameter is the
+    energy. `value` is that of the orbit `first`; the range from `low` to `high` is followed.
     """
 
     def __init__(

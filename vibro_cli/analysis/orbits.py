@@ -242,11 +242,8 @@ def started(system: TraceSystem, state: Floats) -> TraceSystem:
 def admitted(system: TraceSystem, state: Floats) -> TraceSystem:
     """Return the system with another start, after checking that it is valid.
 
-    Raises
-    ------
-    NoOrbit
-        If bodies would start off the trace, out of order (for example because only one of them has
-        crossed the seam of a closed trace), overlapping or in a wall.
+    Raises `NoOrbit` if bodies would start off the trace, out of order (for example because only one
+    of them has crossed the seam of a closed trace), overlapping or in a wall.
     """
     found = started(system, state)
     trace, bodies, initial = found.trace, found.bodies, found.initial
@@ -334,11 +331,8 @@ def events_of(run: Run) -> list[tuple[float, str, float]]:
 def shoot(system: TraceSystem, period: float) -> Shot:
     """Follow a motion and its tangent map over a period (s).
 
-    Raises
-    ------
-    NoOrbit
-        If it ends earlier, has lasting contact, or has impacts of laws that conserve different
-        energies.
+    Raises `NoOrbit` if it ends earlier, has lasting contact, or has impacts of laws that conserve
+    different energies.
     """
     if not period > 0.0:
         raise NoOrbit("the period has become zero")
@@ -409,10 +403,7 @@ def begun_between(orbit: Orbit, longest: bool = False) -> Orbit:
     they are not between two bodies' crossings of the seam of a closed trace. Of several of equal
     length it is the one with the first of the following events by name, then by time.
 
-    Raises
-    ------
-    NoOrbit
-        If the motion from the new start has other events.
+    Raises `NoOrbit` if the motion from the new start has other events.
     """
     times, period = orbit.shot.instants, orbit.period
     middles = [0.5 * (times[0] + times[-1] - period)]
@@ -458,19 +449,10 @@ def size_of(system: TraceSystem, state: Floats) -> float:
 def newton(system: TraceSystem, state: Floats, period: float, energy: float | None = None) -> Orbit:
     """Return the periodic orbit near a start.
 
-    Parameters
-    ----------
-    system
-        The system; its start is not used.
-    state, period
-        Initial guess, with the same events as the orbit.
-    energy
-        Energy of the orbit (J); without it the orbit nearest to the guess is sought.
-
-    Raises
-    ------
-    NoOrbit
-        If the method does not converge with the events of the guess, or the period tends to 0.
+    The start of `system` is not used; `state` and `period` are an initial guess, with the same
+    events as the orbit. Without its `energy` (J) the orbit nearest to the guess is sought. Raises
+    `NoOrbit` if the method does not converge with the events of the guess, or the period tends
+    to 0.
     """
     shot = shoot(admitted(system, state), period)
     walls = [end.restitution for end in (system.left_end, system.right_end) if end is not None]
@@ -598,10 +580,7 @@ def nearest_return(system: TraceSystem, impacts: int | None, longest: float | No
 
     Without a number, numbers up to 23 are tried and the nearest return is taken.
 
-    Raises
-    ------
-    NoOrbit
-        If the motion has too few impacts.
+    Raises `NoOrbit` if the motion has too few impacts.
     """
     count = 24 if impacts is None else impacts
     run = simulate_system(system, longest, count + 1)
@@ -641,13 +620,9 @@ def find_orbit(
 ) -> Orbit:
     """Return the periodic orbit near the start of a system.
 
-    Parameters
-    ----------
-    impacts, period
-        Number of impacts and period (s) of the orbit, if known. Without a period the first guess is
-        the time of the nearest return.
-    longest
-        How long (s) a return is waited for at most; None for as long as impacts follow.
+    `impacts` and `period` (s) are those of the orbit, if known; without a period the first guess is
+    the time of the nearest return. `longest` is how long (s) a return is waited for at most; None
+    for as long as impacts follow.
     """
     if len(system.bodies) < 2:
         raise NoOrbit("found one body, expected two or more for an orbit of impacts")

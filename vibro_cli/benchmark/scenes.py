@@ -133,10 +133,7 @@ class ReferenceOutdated(Failure):
 def reference_times(scene: Scene) -> list[str]:
     """Return the times (s) of the first impacts of a scene as decimals of ``DIGITS`` digits.
 
-    Raises
-    ------
-    ReferenceOutdated
-        If there is no reference of exactly this scene.
+    Raises `ReferenceOutdated` if there is no reference of exactly this scene.
     """
     path = files("vibro_cli.benchmark") / "references" / f"{scene.name}.json"
     try:
