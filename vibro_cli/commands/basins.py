@@ -90,7 +90,6 @@ class BasinsCommand:
 
 
 def _warn_of_unsolved(stored: StoredGrid) -> None:
-    """Warn if some points of the grid have not been solved."""
     if stored.unsolved:
         say(f"{stored.name}: warning: {stored.unsolved}", "warning")
 
@@ -131,7 +130,6 @@ def _plain(one: Estimate | None) -> dict[str, float | None] | None:
 
 
 def _lines(name: str, mapped: Mapped) -> Iterator[str]:
-    """Yield the results as lines of text."""
     found = mapped.basins
     axes = " x ".join(
         f"{counted(len(one.different), 'value')} of {one.path}" for one in mapped.shown.coordinates

@@ -99,7 +99,6 @@ def _measure(options: BenchCommand, form: str) -> int:
 
 
 def _line(row: "Row") -> str:
-    """Return one row of the table as text."""
     name = row.method if row.size is None else f"{row.method}, {row.part} {row.size}"
     time = "" if row.per_impact is None else f"{row.per_impact * 1e6:10.3g} µs per impact"
     error = "" if row.error is None else f"  error {row.error:.1e}"

@@ -177,7 +177,6 @@ def _plain(one: Orbit) -> dict[str, Any]:
 
 
 def _lines(name: str, found: Orbit, branch: Branch | None) -> Iterator[str]:
-    """Yield the results as lines of text."""
     yield f"{name}: period {found.period:.15g} s, closes to within {found.residual:.1e}"
     yield f"  events       {' '.join(found.shot.word)}"
     yield (
@@ -363,7 +362,6 @@ def _line_of_number(one: dict[str, Any], free: Free) -> str:
 
 
 def _lines_of_fit(found: Fit) -> Iterator[str]:
-    """Yield the results as lines of text."""
     from vibro_cli.analysis.fit import has_start_time
 
     record = record_of_fit(found)

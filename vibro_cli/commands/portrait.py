@@ -309,7 +309,6 @@ def _systems_with(capable: "Callable[[System], bool]") -> str:
 
 
 def _lines(scenario: "AnyScenario", found: dict[str, Any]) -> Iterator[str]:
-    """Yield the table as lines of text."""
     from vibro_cli.systems import system_named
 
     yield from system_named(scenario.system).portrait_lines(found)

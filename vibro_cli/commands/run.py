@@ -220,7 +220,6 @@ def _checked(options: RunCommand) -> "tuple[list[tuple[AnyScenario, Any]], list[
 
 
 def _continue(options: RunCommand, folder: Path) -> int:
-    """Continue an earlier run."""
     from vibro_cli.commands.shared.loading import read_earlier, refusals_reported
     from vibro_cli.scenario.loading import load_stored
 

@@ -232,7 +232,6 @@ def _few_rows(parts: "Iterator[pyarrow.Table]") -> "Iterator[pyarrow.RecordBatch
 
 
 def _text(value: Any) -> str:
-    """Return one value as text for the terminal."""
     if isinstance(value, float):  # first, since most values are floats
         return f"{value + 0.0:.9g}"  # no -0
     if value is None:

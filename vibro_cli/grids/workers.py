@@ -347,7 +347,6 @@ def _check_shared(folder: Path, receipt: Receipt) -> None:
 
 
 def _line(error: BaseException) -> str:
-    """Return an error as one line."""
     return " ".join(f"{type(error).__name__}: {error}".split())[:300]
 
 

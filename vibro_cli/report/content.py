@@ -362,7 +362,6 @@ def _impacts(run: StoredRun, name: str, beside: Path) -> dict[str, Any]:
 
 
 def _logs(run: StoredRun, name: str, beside: Path) -> list[dict[str, Any]]:
-    """Return the first rows of the tables of impacts."""
     found = []
     for table, kept in run.kind.impact_logs.items():
         columns = [column for column in kept.table.columns if column.name not in _LEFT_OUT]

@@ -137,7 +137,6 @@ def _refused(grid: StoredGrid) -> list[list[str]]:
 
 
 def _points(grid: StoredGrid) -> dict[str, Any]:
-    """Return the first rows of the summary, with its columns."""
     known = {column.name: column for column in system_named(grid.system).summary(0).columns}
     axes = [_axis_column(grid, path) for path in grid.axes]
     first = Column("scenario", "int64", "", "number of the scenario in the grid, from 1")

@@ -72,7 +72,6 @@ def _image(figure: Figure) -> dict[str, str]:
 
 
 def _address(figure: Figure, form: str, dpi: float) -> str:
-    """Return a data URL that holds a figure."""
     content = base64.b64encode(render(figure, form, dpi)).decode()
     return f"data:image/{_TYPES[form]};base64,{content}"
 

@@ -117,7 +117,6 @@ class Stretches:
         return self._stretch(logs)
 
     def _last(self, cause: int) -> Stretch:
-        """Return the stretch that ends the run."""
         driver, loop = self.driver, self._loop
         self.cause = cause
         self.state = driver.state()

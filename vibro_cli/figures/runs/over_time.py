@@ -58,7 +58,6 @@ def shown_until(run: Recorded) -> float:
 
 
 def _end(run: Recorded) -> float:
-    """Return the time (s) at which a run ended."""
     return float(np.max(run.flights()["t_end"]))
 
 

@@ -194,7 +194,6 @@ def _in_line(pair: Sequence[Striking]) -> bool:
 
 
 def _legend(pairs: Sequence[Sequence[Striking]]) -> list[Entry]:
-    """Return the legend of some impacts."""
     if all(map(_in_line, pairs)):
         return _IN_LINE
     return _SLIDING if all(one.body.slides for pair in pairs for one in pair) else _LEGEND
@@ -364,7 +363,6 @@ def draw_head(axes: Axes, tip: Array, along: Array, head: float, colour: str) ->
 def _write_heading(
     axes: Axes, run: Recorded, row: int, pair: Sequence[Striking], when: int
 ) -> None:
-    """Write the values above a panel."""
     number, time = int(run.collisions["n"][row]), float(run.collisions["t"][row])
     sides = "before" if when == 0 else "after"
     known = first_of(run.collisions, row + 1)

@@ -56,7 +56,6 @@ class _Force:
 
 
 def _scene(system: SpringsSystem) -> Scene:
-    """Return the scene of the oracle."""
     bodies = []
     for body, spring in zip(system.bodies, system.springs, strict=True):
         mass, kappa = mp.mpf(body.mass), mp.mpf(body.kappa)

@@ -277,7 +277,6 @@ def _angle_symbol(number: int, when: int) -> str:
 
 
 def _write_heading(axes: Axes, one: Met, when: int) -> None:
-    """Write the values above a panel."""
     after = "after" if one.made else "after (inadmissible)"
     write_over(axes, 0.0, 3, after if when else f"{one.title}, {short_number(one.time)} s: before")
     rows = (
