@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from tests.analysis.traces import (
@@ -112,6 +113,36 @@ def test_the_level_through_equal_crests_is_found_once(monkeypatch: pytest.Monkey
     monkeypatch.setattr(levels, "reaches", counted)
     assert [trigger.orbit for trigger in triggers(hills)] == 20 * [HETEROCLINIC]
     assert asked == list(range(41))
+
+
+def test_the_levels_of_unequal_crests_are_followed_only_to_their_turning_points(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Each was sought on the whole trace: a portrait of 2,000 unequal crests took 46 s."""
+    ends = [30.0 + 37.0 * n % 29.0 for n in range(200)]
+    crests = [arc for end in ends for arc in (valley(1.0, end), hump(0.5, -end))]
+    hills = landscape(-120.0, *crests, valley(1.0, 120))
+    asked: list[int] = []
+
+    def counted(trace: Landscape, piece: Piece, energy: float) -> tuple[Reach, ...]:
+        asked.append(piece.index)
+        return reaches(trace, piece, energy)
+
+    monkeypatch.setattr(levels, "reaches", counted)
+    found = triggers(hills)
+    assert len(found) == 200
+    assert len(asked) < 0.1 * len(found) * len(hills.trace.pieces)
+    places = np.array([one.saddle.s for one in found])
+    energies = np.array([one.saddle.energy for one in found])
+    for one in found:
+        assert one.turning_left is not None
+        assert one.turning_right is not None
+        # Only lower crests, and those as high as its own, lie between; the next ones are higher.
+        inside = (one.turning_left < places) & (places < one.turning_right)
+        assert np.max(energies[inside]) == pytest.approx(one.saddle.energy, rel=1e-13)
+        first, last = np.flatnonzero(inside)[[0, -1]]
+        outer = np.pad(energies, 1, constant_values=math.inf)[[first, last + 2]]
+        assert np.min(outer) > one.saddle.energy
 
 
 def test_a_separatrix_among_equal_crests_runs_to_the_nearest() -> None:

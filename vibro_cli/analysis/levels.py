@@ -6,10 +6,12 @@ A branch of a phase trajectory is the path of a body in free flight between two 
 from __future__ import annotations
 
 import math
+from bisect import bisect
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import pairwise
+from operator import attrgetter
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -395,20 +397,54 @@ def connected_reaches(
     """Return the accessible parts of the trace at an energy (J), grouped across junctions.
 
     On a closed trace a part across the seam appears at both ends of the list, unjoined. Given the
-    arc lengths (m) of `saddles`, only groups that contain one are returned: the others are ordinary
-    level curves with the same energy.
+    arc lengths (m) of `saddles`, only groups on their pieces or connected with these are returned.
     """
-    parts = [part for piece in landscape.trace.pieces for part in reaches(landscape, piece, energy)]
     tolerance = _JOINED * landscape.trace.length
     runs: list[list[Reach]] = []
-    for part in parts:
+    for part in _parts(landscape, energy, saddles):
         joined = runs and part.left_s - runs[-1][-1].right_s <= tolerance
         if joined:
             runs[-1].append(part)
         else:
             runs.append([part])
-    if saddles is None:
-        return runs
+    return runs
+
+
+def _parts(landscape: Landscape, energy: float, saddles: Sequence[float] | None) -> list[Reach]:
+    """Return the parts that `connected_reaches` groups.
+
+    A level is followed from the pieces of its saddles to where it turns: a trace of thousands of
+    crests would take minutes if every crest's level were sought on the whole of it.
+    """
+    trace = landscape.trace
+    pieces, near = trace.pieces, 2.0 * _JOINED * trace.length
+    waiting = list(range(len(pieces))) if saddles is None else []
+    for s in saddles or ():
+        here = bisect(pieces, s, key=attrgetter("start_s")) - 1
+        waiting += here - 1, here, here + 1
+    waiting.reverse()
+    found: dict[int, tuple[Reach, ...]] = {}
+    while waiting:
+        index = waiting.pop()
+        index = index % len(pieces) if trace.closed else index
+        if index in found or not 0 <= index < len(pieces):
+            continue
+        piece = pieces[index]
+        parts = found[index] = reaches(landscape, piece, energy)
+        if parts and parts[0].left_s - piece.start_s <= near:
+            waiting.append(index - 1)
+        if parts and piece.start_s + piece.length - parts[-1].right_s <= near:
+            waiting.append(index + 1)
+    return [part for index in sorted(found) for part in found[index]]
+
+
+def _through(landscape: Landscape, energy: float, saddles: Sequence[float]) -> list[list[Reach]]:
+    """Return the groups of `connected_reaches` that contain a saddle (arc lengths, m).
+
+    The others are ordinary level curves with the same energy.
+    """
+    runs = connected_reaches(landscape, energy, saddles)
+    tolerance = _JOINED * landscape.trace.length
     spans = [(run[0].left_s - tolerance, run[-1].right_s + tolerance) for run in runs]
     found = [any(low <= s <= high for s in saddles) for low, high in spans]
     ends = [low <= 0.0 or high >= landscape.trace.length for low, high in spans]
@@ -428,7 +464,7 @@ def separatrix_curves(
     shown = {piece.index for piece in pieces}
     return tuple(
         LevelCurve(part.piece.index, *_sampled(landscape, part, energy))
-        for run in connected_reaches(landscape, energy, saddles)
+        for run in _through(landscape, energy, saddles)
         for part in run
         if part.piece.index in shown
     )
@@ -440,10 +476,10 @@ def speed_curves(
     """Return the level curves of an energy (J) along the whole trace, `count` points per piece.
 
     They give the centre's speed against the arc length of the contact point, continuous at
-    junctions. `saddles` as in `connected_reaches`.
+    junctions. Given the arc lengths (m) of `saddles`, only curves through one are returned.
     """
-    runs = connected_reaches(landscape, energy, saddles)
-    return tuple(_along(landscape, run, energy, count) for run in runs)
+    find = connected_reaches if saddles is None else partial(_through, saddles=saddles)
+    return tuple(_along(landscape, run, energy, count) for run in find(landscape, energy))
 
 
 def _along(landscape: Landscape, run: Sequence[Reach], energy: float, count: int) -> LevelCurve:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import cache, cached_property
 from itertools import count, pairwise
 from typing import Any
 
@@ -205,10 +205,16 @@ def triggers(landscape: Landscape) -> tuple[Trigger, ...]:
     two different centres.
     """
     points = singular_points(landscape)
+    hills = [(point.energy, point.s) for point in points if point.kind != CENTRE]
     around = (*points[-1:], *points, *points[:1]) if landscape.trace.closed else points
-    runs_at = cache(partial(connected_reaches, landscape))  # many crests may be equally high
+
+    @cache  # many crests may be equally high
+    def runs_at(energy: float) -> list[list[Reach]]:
+        places = [s for height, s in hills if height == energy]
+        return connected_reaches(landscape, energy, places)
+
     return tuple(
-        _trigger(landscape, points, (left, saddle, right), runs_at)
+        _trigger(landscape, hills, (left, saddle, right), runs_at)
         for left, saddle, right in zip(around, around[1:], around[2:], strict=False)
         if (left.kind, saddle.kind, right.kind) == (CENTRE, SADDLE, CENTRE) and left is not right
     )
@@ -216,12 +222,13 @@ def triggers(landscape: Landscape) -> tuple[Trigger, ...]:
 
 def _trigger(
     landscape: Landscape,
-    points: tuple[SingularPoint, ...],
+    hills: Hills,
     coupled: tuple[SingularPoint, SingularPoint, SingularPoint],
     runs_at: Callable[[float], list[list[Reach]]],
 ) -> Trigger:
     left, saddle, right = coupled
-    ways = _barriers(landscape, points, saddle)
+    beside = _hills_beside(landscape, hills, saddle)
+    ways = _barriers(landscape, beside, saddle)
     margin_left, margin_right = margins = [max(way)[0] - saddle.energy for way in ways]
     # The margin decides whether the separatrix turns (within rounding, it does), not the turning
     # point: near a bifurcation, where centres and saddle differ by less than rounding, turning
@@ -240,48 +247,46 @@ def _trigger(
         (instead if place is None else place) if closed else None
         for place, instead, closed in zip(turnings, lost, closes, strict=True)
     )
-    joined = _meets_another_saddle(landscape, points, saddle)
+    joined = any(_meets_another_saddle(way, saddle) for way in beside)
     orbit = OPEN if not all(closes) else HETEROCLINIC if joined else FIGURE_EIGHT
     return Trigger(
         left, saddle, right, margin_left, margin_right, turning_left, turning_right, orbit
     )
 
 
-def _meets_another_saddle(
-    landscape: Landscape, points: tuple[SingularPoint, ...], saddle: SingularPoint
-) -> bool:
-    """Return whether, on either side, the first hill that is not lower is as high as a saddle."""
-    rounding = _EQUAL * saddle.energy
-    place = points.index(saddle)
-    before, after = points[:place], points[place + 1 :]
-    if landscape.trace.closed:
-        before = after = (*after, *before)
-    for way in (before[::-1], after):
-        hills = (point.energy - saddle.energy for point in way if point.kind != CENTRE)
-        if next((hill for hill in hills if hill >= -rounding), math.inf) <= rounding:
-            return True
-    return False
+Hills = list[tuple[float, float]]
+"""Energy (J) and arc length (m) of points that are no centres, and of ends of the trace."""
 
 
-Barriers = list[tuple[float, float]]
-"""Energy (J) and arc length (m) of each, the nearest first."""
-
-
-def _barriers(
-    landscape: Landscape, points: tuple[SingularPoint, ...], saddle: SingularPoint
-) -> tuple[Barriers, Barriers]:
-    """Return the barriers to the left and to the right of a saddle."""
-    hills = [(point.energy, point.s) for point in points if point.kind != CENTRE]
+def _hills_beside(landscape: Landscape, hills: Hills, saddle: SingularPoint) -> tuple[Hills, Hills]:
+    """Return the hills to the left and to the right of a saddle, the nearest first."""
     place = hills.index((saddle.energy, saddle.s))
     before, after = hills[:place], hills[place + 1 :]
     if landscape.trace.closed:
-        # On a closed trace without another hill the separatrix returns to its own saddle.
-        around = [*after, *before] or [hills[place]]
-        return around[::-1], around
+        before = after = after + before
+    return before[::-1], after
+
+
+def _meets_another_saddle(way: Hills, saddle: SingularPoint) -> bool:
+    """Return whether the first hill on a way that is not lower is as high as a saddle."""
+    rounding = _EQUAL * saddle.energy
+    over = (energy - saddle.energy for energy, _ in way)
+    return next((hill for hill in over if hill >= -rounding), math.inf) <= rounding
+
+
+def _barriers(
+    landscape: Landscape, beside: tuple[Hills, Hills], saddle: SingularPoint
+) -> tuple[Hills, Hills]:
+    """Return the barriers to the left and to the right of a saddle, the nearest first."""
+    before, after = beside
+    if landscape.trace.closed:
+        # Without another hill the separatrix returns to its own saddle.
+        own = (saddle.energy, saddle.s)
+        return before or [own], after or [own]
     first, last = landscape.trace.pieces[0], landscape.trace.pieces[-1]
     left_end = float(landscape.potential(first, first.angle_start)), 0.0
     right_end = float(landscape.potential(last, last.angle_end)), landscape.trace.length
-    return [*before[::-1], left_end], [*after, right_end]
+    return [*before, left_end], [*after, right_end]
 
 
 def _turnings(
@@ -345,7 +350,16 @@ class Portrait:
 
     def name(self, point: SingularPoint) -> str:
         """Return the name of one of the points."""
-        return self.names[self.points.index(point)]
+        return self._named[point]
+
+    @cached_property
+    def _named(self) -> dict[SingularPoint, str]:
+        return dict(zip(self.points, self.names, strict=True))
+
+    @cached_property
+    def highest(self) -> float:
+        """The greatest energy (J) of a point, without its sign."""
+        return max(abs(point.energy) for point in self.points)
 
     def height(self, energy: float) -> float:
         """Return E/(m g) (m), the height above its lowest position at which the body is at rest.
@@ -380,8 +394,7 @@ def condition(portrait: Portrait, trigger: Trigger) -> str:
 
 def _barrier(portrait: Portrait, margin: float) -> float:
     """Return a barrier as a height (m), or 0 for saddles equal up to rounding."""
-    highest = max(abs(point.energy) for point in portrait.points)
-    return portrait.height(margin) if abs(margin) > _SAME * highest else 0.0
+    return portrait.height(margin) if abs(margin) > _SAME * portrait.highest else 0.0
 
 
 def _signed(height: float) -> str:
