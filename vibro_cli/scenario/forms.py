@@ -474,18 +474,24 @@ class _Builder:
         return values
 
 
-def read(text: str, form: str) -> tuple[Any, Node | None]:
-    """Return the data of a text in a format, and the tree of places if reading produced it.
+def read(text: str, form: str) -> Any:
+    """Return the data of a text in a format.
 
     Raises `FormError` if the text has broken syntax, repeats a key, or exceeds the limits.
     """
     if form == "yaml":
-        return read_yaml(text)
-    return (read_toml(text) if form == "toml" else read_json(text)), None
+        return read_yaml(text)[0]
+    return read_toml(text) if form == "toml" else read_json(text)
 
 
+@lru_cache(maxsize=1)
 def places(text: str, form: str) -> Node:
-    """Return the tree of places of a valid text in TOML or JSON; reading YAML produces its own."""
+    """Return the tree of places of a text that is valid in a format, cached for its next problems.
+
+    The points of a grid, of which thousands may be invalid, share a text.
+    """
+    if form == "yaml":
+        return read_yaml(text)[1]
     return (Scanner if form == "toml" else _JsonScanner)(text).scan()
 
 
@@ -519,7 +525,6 @@ class Source:
     """The data as given, after overrides, to which further changes apply."""
     within: KeyPath = ()
     """Path of the scenario in the text; not empty in a grid file."""
-    _tree: Node | None = field(default=None, repr=False)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Source)
@@ -539,11 +544,5 @@ class Source:
                 return Place(override)
         if not self.text:
             return Place(self.file)
-        offset = self.tree().offset_of((*self.within, *loc), on_key)
+        offset = places(self.text, self.form).offset_of((*self.within, *loc), on_key)
         return Place(self.file, *line_and_column(self.text, offset))
-
-    def tree(self) -> Node:
-        """Return the tree of places, made on first use."""
-        if self._tree is None:
-            self._tree = places(self.text, self.form)
-        return self._tree

@@ -386,7 +386,7 @@ def parse_document(text: str, form: str, file: str, name: str = "scenario") -> D
 def _parsed(text: str, form: str, file: str, name: str = "scenario") -> Document:
     """Return the data of a text of any length."""
     try:
-        data, tree = forms.read(text, form)
+        data = forms.read(text, form)
     except FormError as error:
         place = Place(file, *line_and_column(text, error.offset))
         problem = Problem.at(place, path_text(error.loc), error.found, error.expected)
@@ -398,4 +398,4 @@ def _parsed(text: str, form: str, file: str, name: str = "scenario") -> Document
         raise _error(file, shown(data), "a table with the keys of a scenario", Place(file, 1, 1))
     if isinstance(data.get("$schema"), str):  # for editors only
         del data["$schema"]
-    return Document(data, Source(file, form, text, _tree=tree), name)
+    return Document(data, Source(file, form, text), name)

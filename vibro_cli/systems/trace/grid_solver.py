@@ -159,11 +159,14 @@ class TraceSolver:
         self._room = 0.0
         self._table = impact_table_of(grid) if grid.keep.collisions else None
         self._wanted = OutputRequest(lyapunov=is_followed(grid))
+        self._summary = SYSTEM.summary(ball_count(grid), self._wanted.lyapunov)
         self._sums: Any = None
         self._reader = Reader(grid.base)
         self._indices: Array = np.zeros(0, dtype=np.int64)
         self._summaries: list[tuple[Array, Columns]] = []
         """Each with the indices of its points (from 0 in the stretch)."""
+        self._refused: dict[int, str] = {}
+        """Reasons of invalid points, by the indices of these."""
         self._logged: list[Logged] = []
         paths = grid.design.paths
         self._of_systems = [path for path in paths if is_of_system(path)]
@@ -171,10 +174,14 @@ class TraceSolver:
 
     def solve(self, indices: Array) -> Solved:
         """Solve the points with these indices, from 0."""
-        self._indices, self._summaries, self._logged = indices, [], []
+        self._indices, self._summaries, self._refused, self._logged = indices, [], {}, []
         values = self._grid.design.columns(indices)
         for key, rows in self._groups(values, len(indices)):
             self._solve_group(key, rows, {path: values[path][rows] for path in values})
+        if self._refused:
+            rows = np.array(list(self._refused))
+            records = [{"status": "invalid", "reason": why} for why in self._refused.values()]
+            self._summaries.append((rows, columns_of_records(records, self._summary)))
         summary = _in_order(self._summaries, len(indices))
         impacts = int(np.ma.filled(summary["collisions"], 0).sum())
         if self._table is None:
@@ -323,12 +330,10 @@ class TraceSolver:
 
     def _solve_alone(self, number: int, point: SystemTemplate | str) -> None:
         """Solve one point on its own, or record why it cannot be solved."""
-        row = np.array([number])
-        table = SYSTEM.summary(ball_count(self._grid), self._wanted.lyapunov)
         if isinstance(point, str):
-            record = {"status": "invalid", "reason": point}
-            self._summaries.append((row, columns_of_records([record], table)))
+            self._refused[number] = point
             return
+        row = np.array([number])
         stop, system = point.scenario.stop, point.system
         limits = Limits(stop.time, stop.collisions)
         logs = ("impacts",) if self._grid.keep.collisions else ()
@@ -338,7 +343,7 @@ class TraceSolver:
             )
         except (ArithmeticError, ValueError, IndexError, RuntimeError) as error:
             record = {"status": "failed", "reason": f"{type(error).__name__}: {error}"}
-            self._summaries.append((row, columns_of_records([record], table)))
+            self._summaries.append((row, columns_of_records([record], self._summary)))
             return
         self._summaries.append((row, summary))
         for log in kept.values():
