@@ -1,5 +1,7 @@
 """Base classes of the package's errors, and helpers for their messages."""
 
+import errno
+import os
 from collections.abc import Iterable
 
 
@@ -32,6 +34,22 @@ class NoPortrait(VibroError, ValueError):
 
 class NoLibrary(Failure):
     """No library of kernels is available for this machine; the message says what to do."""
+
+
+def exhausted(fault: Exception) -> str:
+    """Name the exhausted resource (memory or threads), or "" for other faults."""
+    ends = ("failed to map segment from shared object", os.strerror(errno.ENOMEM))
+    if isinstance(fault, MemoryError) or (
+        isinstance(fault, ImportError) and str(fault).rstrip().endswith(ends)
+    ):
+        return "out of memory"
+    threads = ("can't start new thread", "Failed to launch worker thread")
+    if any(words in str(fault) for words in threads):
+        return (
+            "no thread can be started: the limit of processes (ulimit -u) or memory (ulimit -v) is "
+            "reached"
+        )
+    return ""
 
 
 def printable(text: str) -> str:

@@ -28,7 +28,7 @@ from scipy.special import chdtrc, chdtri, stdtrit
 
 from vibro_cli.analysis.impact_times import ImpactTimes, NoDerivative, impact_times, number_at
 from vibro_cli.assemble import build_system
-from vibro_cli.errors import VibroError, counted
+from vibro_cli.errors import VibroError, counted, exhausted
 from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.numerics.elementwise import Floats, outside
 from vibro_cli.progress import WORK
@@ -82,9 +82,9 @@ def read_measured(file: str | Path, from_start: bool = True) -> Measured:
     path = Path(file)
     try:
         table = read_table(path)
-    except MemoryError:  # Arrow's own is an ArrowException too
-        raise
     except pa.ArrowException as error:
+        if exhausted(error):
+            raise
         why = " ".join(str(error).split())
         if why.startswith("CSV parse error"):
             why += "; expected fields separated by commas, and . as decimal point"

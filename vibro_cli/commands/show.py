@@ -17,13 +17,12 @@ from vibro_cli.commands.shared.error_handling import (
     DONE,
     FAILED,
     CommandError,
-    exhausted,
     reason,
     suggestion,
 )
 from vibro_cli.commands.shared.options import TableFormat, json_option, table_files
 from vibro_cli.commands.shared.terminal import json_text, say
-from vibro_cli.errors import printable, similar
+from vibro_cli.errors import exhausted, printable, similar
 
 if TYPE_CHECKING:
     import pyarrow

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from vibro_cli import __version__
-from vibro_cli.errors import Failure, VibroError
+from vibro_cli.errors import Failure, VibroError, exhausted
 from vibro_cli.grids.chunks import Chunks, Division, Receipt, file_names, receipt_of
 from vibro_cli.grids.document import Grid
 from vibro_cli.storage.files import (
@@ -269,7 +269,9 @@ def _read_receipt(folder: Path, grid: Grid, chunks: Chunks, chunk: int) -> Recei
     files = {name: entry((folder / name).read_bytes()) for name in names.values()}
     try:
         table = read_parquet(folder / names["summary"])
-    except (OSError, pa.ArrowException):
+    except (OSError, pa.ArrowException) as error:
+        if exhausted(error):
+            raise
         return None
     metadata = table.schema.metadata or {}
     wanted = json.dumps(grid.resolved(), ensure_ascii=False, allow_nan=False).encode()

@@ -13,7 +13,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from vibro_cli.errors import counted
+from vibro_cli.errors import counted, exhausted
 
 if TYPE_CHECKING:
     import pandas
@@ -58,9 +58,9 @@ def read_columns(path: Path) -> dict[str, np.ndarray[Any, np.dtype[Any]]]:
     """
     try:
         table = read_table(path)
-    except MemoryError:  # Arrow's own is an ArrowException too
-        raise
     except (OSError, pa.ArrowException) as error:
+        if exhausted(error):
+            raise
         text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
         raise ValueError(f"which cannot be read ({' '.join(text.split())[:100]})") from error
     for name in table.column_names:

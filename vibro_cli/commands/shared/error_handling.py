@@ -27,7 +27,7 @@ from vibro_cli.commands.shared.terminal import (
     say,
     silence,
 )
-from vibro_cli.errors import Failure, VibroError, similar
+from vibro_cli.errors import Failure, VibroError, exhausted, similar
 
 DONE, FAILED, MISUSED, NOT_STRICT = 0, 1, 2, 3
 HUNG_UP, INTERRUPTED, TERMINATED = 129, 130, 143
@@ -96,22 +96,6 @@ def attempt(task: Task) -> int:
         lack = exhausted(fault)
         say(*((f"vibro: {lack}", "error") if lack else _report_fault(fault)))
     return FAILED
-
-
-def exhausted(fault: Exception) -> str:
-    """Name the exhausted resource (memory or threads), or "" for other faults."""
-    ends = ("failed to map segment from shared object", os.strerror(errno.ENOMEM))
-    if isinstance(fault, MemoryError) or (
-        isinstance(fault, ImportError) and str(fault).rstrip().endswith(ends)
-    ):
-        return "out of memory"
-    threads = ("can't start new thread", "Failed to launch worker thread")
-    if any(words in str(fault) for words in threads):
-        return (
-            "no thread can be started: the limit of processes (ulimit -u) or memory (ulimit -v) is "
-            "reached"
-        )
-    return ""
 
 
 def _signalled(fault: BaseException) -> BaseException | None:
