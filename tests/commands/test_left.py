@@ -3,6 +3,7 @@
 import contextlib
 import os
 import signal
+import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -11,6 +12,8 @@ import pytest
 
 from tests.commands.conftest import Vibro
 from tests.grid_folder import product, write_grid
+from vibro_cli.benchmark.end_to_end import measure_grid
+from vibro_cli.benchmark.measurement import PLANS, Job, Plan, Row, command
 from vibro_cli.commands.shared.error_handling import Terminated
 from vibro_cli.storage.files import write_file
 
@@ -81,6 +84,38 @@ def test_temporary_folders_of_measurements_are_not_called_results(
     assert outcome.code == 143
     assert outcome.err.splitlines()[-1] == "vibro: terminated; nothing was written"
     assert not list(tmp_path.iterdir())
+
+
+def test_a_measured_grid_that_is_ended_leaves_no_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def timed(jobs: list[tuple[Row, Job]], plan: Plan) -> None:
+        for _, job in jobs:
+            job.ready()
+            job.go()
+        assert list(tmp_path.rglob("*.parquet"))
+        signalled()
+
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    monkeypatch.setattr("vibro_cli.benchmark.end_to_end.timed", timed)
+    with pytest.raises(Terminated):
+        measure_grid(PLANS["quick"])
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_measured_command_ends_with_its_measurement(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It would go on to write to the temporary folder, which is removed."""
+    begun = list[subprocess.Popen[bytes]]()
+
+    def signalled_once(process: subprocess.Popen[bytes]) -> None:
+        if not begun:
+            begun.append(process)
+            signalled()
+
+    monkeypatch.setattr(subprocess.Popen, "poll", signalled_once)
+    with pytest.raises(Terminated):
+        command("help")
+    assert begun[0].returncode
 
 
 @pytest.mark.parametrize("error", [None, SyntaxError("(unicode error)")])

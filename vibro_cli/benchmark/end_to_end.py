@@ -63,15 +63,14 @@ _MOST = 50
 def measure_grid(plan: Plan) -> list[Row]:
     """Measure one grid, with every impact and with summaries only, and its kernel, interleaved."""
     grid, jobs = _grid(_SIDE[plan.form]), list[tuple[Row, Job]]()
-    for setting, one in ((ROWS, grid), (SUMMARIES, grid.without_collisions())):
-        chunks = chunks_of(one, None, "compiled")
-        for method, job in ((KERNEL, _kernel_alone(one, chunks)), (GRID, _whole(one, chunks))):
-            row = Row(GRID_PART, _SCENE, method, setting, size=chunks.points)
-            jobs.append((row, job))
-    rows = timed(jobs, plan)
-    for _, job in jobs:
-        job.ready()
-    return rows
+    with tempfile.TemporaryDirectory(prefix="vibro-bench-") as folder:
+        for setting, one in ((ROWS, grid), (SUMMARIES, grid.without_collisions())):
+            chunks = chunks_of(one, None, "compiled")
+            whole = _whole(one, chunks, Path(folder) / setting)
+            for method, job in ((KERNEL, _kernel_alone(one, chunks)), (GRID, whole)):
+                row = Row(GRID_PART, _SCENE, method, setting, size=chunks.points)
+                jobs.append((row, job))
+        return timed(jobs, plan)
 
 
 def _grid(side: int) -> Grid:
@@ -87,9 +86,8 @@ def _grid(side: int) -> Grid:
     return grid_of(loading.Document(document), Path())
 
 
-def _whole(grid: Grid, chunks: Chunks) -> Job:
+def _whole(grid: Grid, chunks: Chunks, folder: Path) -> Job:
     """Return the whole grid as a job: planned, solved, encoded, written, with its checksums."""
-    folder = Path(tempfile.mkdtemp(prefix="vibro-bench-"))
 
     def go() -> int:
         for name in ("summary", *grid.kept_tables):

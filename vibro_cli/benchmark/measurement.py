@@ -205,6 +205,16 @@ def shared_out(work: Iterable[Work], solvers: Sequence[Callable[[Work], int]]) -
         return sum(crew.map(lambda solve: sum(map(solve, left)), solvers))
 
 
+def _peak_memory(process: int) -> int | None:
+    """Return the peak memory (B) of a process, None if the system does not provide it."""
+    with contextlib.suppress(OSError):
+        status = Path(f"/proc/{process}/status").read_text(encoding="utf-8")
+        for line in status.splitlines():
+            if line.startswith("VmHWM"):
+                return int(line.split()[1]) * 1024
+    return None
+
+
 def command(*arguments: str) -> int | None:
     """Run a command of this program; return its peak memory (B).
 
@@ -214,13 +224,13 @@ def command(*arguments: str) -> int | None:
     """
     greatest = None
     words = [sys.executable, "-m", "vibro_cli", *arguments, "-q"]
-    process = subprocess.Popen(words, stdout=subprocess.DEVNULL)
-    while process.poll() is None:
-        with contextlib.suppress(OSError):
-            status = Path(f"/proc/{process.pid}/status").read_text(encoding="utf-8")
-            found = [line.split()[1] for line in status.splitlines() if line.startswith("VmHWM")]
-            greatest = int(found[0]) * 1024 if found else greatest
-        time.sleep(0.01)
+    with subprocess.Popen(words, stdout=subprocess.DEVNULL) as process:
+        try:
+            while process.poll() is None:
+                greatest = _peak_memory(process.pid) or greatest
+                time.sleep(0.01)
+        finally:
+            process.kill()  # only if a signal ends the measurement
     if process.returncode:
         raise subprocess.CalledProcessError(process.returncode, words)
     return greatest
