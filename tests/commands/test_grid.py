@@ -191,6 +191,25 @@ def test_a_grid_says_whether_something_is_kept_of_it(
     assert content(grid.parent / "outputs/sweep") == content(grid.parent / "whole")
 
 
+def test_a_chunk_is_finished_when_its_files_are(
+    vibro: Vibro, grid: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    solve = workers.solve_in_threads
+
+    def interrupted(*given: Any) -> Iterator[Any]:
+        next(solve(*given))
+        raise Terminated(15)
+        yield
+
+    vibro("grid", grid, "-o", "whole")
+    monkeypatch.setattr(workers, "solve_in_threads", interrupted)
+    outcome = vibro("grid", grid, "-o", "one")
+    assert outcome.code == 143
+    goes_on = "vibro: the same command continues from here"
+    assert outcome.err.splitlines() == [goes_on, "vibro: terminated; finished results are kept"]
+    assert content(Path("one")) == content(Path("whole"))
+
+
 def test_a_finished_grid_says_so(vibro: Vibro, grid: Path) -> None:
     assert "nothing to solve" not in vibro("grid", grid).err
     assert "already complete; nothing to solve" in vibro("grid", grid).err

@@ -343,9 +343,13 @@ def _solve(options: GridCommand, dataset: "Dataset", workers: int) -> None:
 
 
 def _keep(dataset: "Dataset") -> None:
-    """Write the manifest after an interruption; a full disk has already been reported."""
+    """Write the manifest after an interruption; a full disk has already been reported.
+
+    A chunk may have been written whose receipt has not arrived.
+    """
     try:
         dataset.write_manifest()
+        dataset.find_receipts()
     except OSError:
         say("vibro: the manifest could not be written; no finished chunk is lost")
 

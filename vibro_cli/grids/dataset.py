@@ -81,6 +81,11 @@ class Dataset:
         if time.monotonic() - self._written > _EVERY:
             self.write_manifest()
 
+    def find_receipts(self) -> None:
+        """Find the receipts of all finished chunks in the folder; write them to the manifest."""
+        self.receipts = found_receipts(self.folder, self.grid, self.chunks)
+        self.write_manifest()
+
     def write_manifest(self) -> None:
         """Write the manifest of the finished chunks; equal chunks give equal bytes."""
         write_file(self.folder / MANIFEST_NAME, json_bytes(self.manifest()))
@@ -142,8 +147,7 @@ def opened(
         dataset = Dataset(folder, grid, chunks, range(chunks.count) if wanted is None else wanted)
         if _stored_grid(folder) is None:
             write_file(folder / GRID_NAME, grid_content(grid, chunks))
-        dataset.receipts = found_receipts(folder, grid, chunks)
-        dataset.write_manifest()
+        dataset.find_receipts()
         yield dataset
 
 
