@@ -18,6 +18,7 @@ from vibro_cli.mechanics.system import LAWS
 from vibro_cli.report.words import ending
 from vibro_cli.scenario.models import Law
 from vibro_cli.systems.columns import END_CAUSES
+from vibro_cli.systems.request import STOPS
 
 
 def lines(**changes: Any) -> list[str]:
@@ -113,6 +114,10 @@ def test_a_system_need_not_count_anything_but_impacts() -> None:
 def test_every_end_cause_has_its_words(cause: str) -> None:
     assert lines(end_cause=cause)[0].endswith(END_CAUSES[cause])
     assert cause not in {word for word in END_CAUSES[cause].split() if "_" in word}
+
+
+def test_the_end_at_a_stop_has_the_name_of_its_key() -> None:
+    assert set(STOPS) <= set(END_CAUSES)
 
 
 @pytest.mark.parametrize(

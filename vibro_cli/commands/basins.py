@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from vibro_cli.interface.grids import Grid
     from vibro_cli.storage.stored import StoredGrid
 
-_STOPS = ("time", "collisions", "bounces")
 _MANY = 0.05
 """Share of runs ended by a stop above which the command warns."""
 _LISTED = 20
@@ -96,8 +95,10 @@ def _warn_of_unsolved(stored: StoredGrid) -> None:
 
 def _warn_of_stops(stored: StoredGrid, found: Mapped) -> None:
     """Warn if many runs were stopped while their bodies still moved."""
+    from vibro_cli.systems.request import STOPS
+
     causes = stored.summary["end_cause"][found.shown.rows].tolist()
-    share = sum(cause in _STOPS for cause in causes) / len(causes)
+    share = sum(cause in STOPS for cause in causes) / len(causes)
     if share > _MANY:
         say(
             f"{stored.name}: warning: {100.0 * share:.3g} % of the runs were stopped while "

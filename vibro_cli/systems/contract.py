@@ -198,10 +198,9 @@ class System(ABC):
 
     def limits(self, scenario: Any) -> Limits:
         """Return the limits at which the run of a scenario stops."""
-        from vibro_cli.systems.request import Limits
+        from vibro_cli.systems.request import STOPS, Limits
 
-        stop = scenario.stop
-        return Limits(stop.time, stop.collisions, getattr(stop, "bounces", None))
+        return Limits(*(getattr(scenario.stop, name, None) for name in STOPS))
 
     def wanted(self, scenario: Any) -> OutputRequest:
         """Return the outputs that a scenario requests besides the impacts."""

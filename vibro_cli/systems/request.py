@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -83,6 +83,8 @@ class Limits:
 
 
 NO_LIMITS = Limits()
+STOPS = tuple(field.name for field in fields(Limits))
+"""Keys of ``stop``, which are also the names of the end causes."""
 
 
 @dataclass(frozen=True)

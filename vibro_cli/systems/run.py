@@ -33,7 +33,7 @@ from vibro_cli.systems.driver import (
     record_array,
     rows_of,
 )
-from vibro_cli.systems.request import NOTHING_MORE, Limits, OutputRequest, within_run
+from vibro_cli.systems.request import NO_LIMITS, NOTHING_MORE, Limits, OutputRequest, within_run
 
 # Shortest stretch before the end of a run, in rows: a short run is one stretch.
 LEAST_ROWS = 8192
@@ -182,7 +182,7 @@ def begun(
 
     Raises `ValueError` for an unknown engine, and without a limit.
     """
-    if (limits.time, limits.collisions, limits.bounces) == (None, None, None):
+    if limits == NO_LIMITS:
         raise ValueError("a run needs a stop: a time or a number of impacts")
     world, overrides = kind.world(system, limits), kind.overrides(system)
     return kind.stretches(Driver(kind.loop, world, engine, earlier, overrides), limits.time)
