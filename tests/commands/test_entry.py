@@ -235,6 +235,8 @@ def test_every_command_has_help(vibro: Vibro, command: str) -> None:
         (["fly"], "No such command 'fly'"),
         (["run"], "Missing argument 'SCENARIO'"),
         (["-q", "run"], "No such option: -q (options follow a command; see vibro --help)"),
+        (["--json", "run"], "No such option: --json (options follow a command; see vibro --help)"),
+        (["--versoin"], "No such option: --versoin (did you mean '--version'?) (options follow"),
         (["rnu", "a.toml"], "No such command 'rnu'. Did you mean 'run'?"),
         (
             ["run", "--fromat", "csv", "a.toml"],

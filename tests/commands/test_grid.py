@@ -382,6 +382,14 @@ def test_runs_are_verified_too(vibro: Vibro, scenario: Path) -> None:
     assert told.lines[2]["reason"] == "none: no such folder"
 
 
+def test_a_file_beside_the_folders_is_no_folder_of_results(vibro: Vibro) -> None:
+    """As a report in `vibro verify outputs/*`, of which it was said that it has no manifest."""
+    Path("one-report.html").touch()
+    told = vibro("verify", "one-report.html")
+    words = "vibro: one-report.html is a file; expected a folder of results\n"
+    assert (told.code, told.err) == (2, words)
+
+
 def test_files_whose_folder_is_a_file_are_missing(vibro: Vibro, grid: Path) -> None:
     for folder in ("one", "other"):
         assert vibro("grid", grid, "-o", folder).code == 0

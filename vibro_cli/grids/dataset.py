@@ -321,6 +321,8 @@ def verify(folder: Path) -> Verdict:
     Raises `NoManifest` if the folder has no valid manifest, `OSError` if a file cannot be read.
     """
     found = read_manifest(folder)
+    if folder.is_file():
+        raise NoManifest(f"{folder} is a file; expected a folder of results")
     if found is None:
         raise NoManifest(f"{folder} has no valid {MANIFEST_NAME} of vibro")
     findings = list(check_files(folder, found["files"]))

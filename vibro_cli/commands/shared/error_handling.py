@@ -313,6 +313,12 @@ def _is_option(error: typer.TyperException) -> bool:
     return str(getattr(error, "option_name", "")).startswith("-")
 
 
+def _is_of_a_command(option: str, error: Any) -> bool:
+    """Return whether an option before the command is one of some command, thus not mistyped."""
+    commands = getattr(error.ctx.command, "commands", {}).values()
+    return any(option in parameter.opts for one in commands for parameter in one.params)
+
+
 def _words(error: typer.TyperException) -> str:
     cause = error.__cause__
     if cause is not None and hasattr(cause, "errors"):
@@ -320,7 +326,8 @@ def _words(error: typer.TyperException) -> str:
     possible = getattr(error, "possibilities", None)
     if possible:
         given = str(getattr(error, "option_name", ""))
-        return f"No such option: {given}{suggestion(given, possible)}"
+        meant = "" if _is_of_a_command(given, error) else suggestion(given, possible)
+        return f"No such option: {given}{meant}"
     return error.format_message().removeprefix("Invalid value: ")
 
 
