@@ -326,8 +326,9 @@ def test_a_family_ends_where_its_orbits_come_to_have_half_their_period(
 
 
 @pytest.mark.long
-def test_beside_a_halving_there_is_no_fold() -> None:
-    """The values of orbits that nearly repeat within their period are moved by rounding."""
+@pytest.mark.parametrize("share", [1.0e-3, 1.0e-4])
+def test_beside_a_halving_there_is_nothing_else(share: float) -> None:
+    """Rounding moves the values of orbits that nearly repeat, and mixes two tangents there."""
     path, low, high = "balls[2].mass", 0.9833, 0.9840
     scenario = scenario_of(SWINGING)
 
@@ -337,10 +338,11 @@ def test_beside_a_halving_there_is_no_fold() -> None:
     first = find_orbit(at(0.9838735473), None, 15.8194085)
     whole = Family(at, first, 0.9838735473, low, high)
     halved, beside, *_ = whole.follow().points
-    near = whole._between(halved, beside, 0.001)
+    near = whole._between(halved, beside, share)
     assert near.value == pytest.approx(halved.value, rel=1e-10)
     family = orbit_family(scenario.replace({path: near.value}), near.orbit, path, low, high)
     assert [one.kind for one in family.special] == ["halving", "bound"]
+    assert family.points[0].value == pytest.approx(halved.value, rel=1e-11)
     # A multiplier of the short orbit is a fourth root of 1, by differences of motions.
     once = gone_through_once(family.points[0].orbit)
     assert np.trace(_differences(once)) - 2.0 == pytest.approx(0.0, abs=1e-5)

@@ -187,7 +187,7 @@ class Family:
         self._first = self._point(value, first)
         # In a narrow range tangents would be dominated by the value and equal for two families
         # that cross. The value is therefore weighted no more than the quantities that change.
-        tangent = self._tangent(self._first, self._across)
+        tangent = self._first_tangent()
         changes = float(np.linalg.norm(tangent[:-1]))
         self._share = changes / max(changes, abs(tangent[-1])) if changes > _LEAST_CHANGE else 1.0
         self._units[-1] *= self._share
@@ -211,7 +211,7 @@ class Family:
 
     def follow(self) -> Branch:
         """Follow the branch in both directions from its first orbit, up to its ends."""
-        tangent = self._tangent(self._first, self._across)
+        tangent = self._first_tangent()
         back, start = self._one_way(-tangent)
         ahead, end = self._one_way(tangent)
         points = [*back[::-1], self._first, *ahead]
@@ -231,6 +231,17 @@ class Family:
         last = len(points) - 1
         ends = Special(start, points[0], 0), Special(end, points[last], last)
         return Branch(points, [ends[0], *special, ends[1]])
+
+    def _first_tangent(self) -> Floats:
+        """Return the tangent at the first orbit, towards greater values or away from a halving.
+
+        Beside a halving the orbits of half the period, traversed twice, are another branch, and
+        rounding mixes both tangents. Along this branch only the gap over half the period changes.
+        """
+        if not _nearly_halved(self._first):
+            return self._tangent(self._first, self._across)
+        gap = self._first.orbit.part_gaps[2][: len(self._units) - 2]
+        return self._tangent(self._first, -np.append(gap, [0.0, 0.0]) / np.linalg.norm(gap))
 
     def _one_way(self, tangent: Floats) -> tuple[list[Point], str]:
         """Follow the branch in one direction; return its points, and the cause of its end."""
@@ -393,6 +404,9 @@ class Family:
         opposite gap over half the period. Value, period and the mean of both starts are therefore
         functions of the square of this gap, and are extrapolated from four orbits by a polynomial.
         """
+        if _share_left(one, other) < -1.0:
+            # Rounding moves the values of the orbits nearest to the halving.
+            one, other = other, one
         whole = 1.0 / (1.0 - _share_left(one, other))
         near = [self._between(one, other, whole * (1.0 - share)) for share in _NEARING]
         gaps = [point.orbit.part_gaps[2] for point in near]
@@ -609,7 +623,7 @@ def _share_left(one: Point, other: Point) -> float:
 def _nearly_halved(here: Point) -> bool:
     """Return whether an orbit nearly repeats after half of its period."""
     orbit = here.orbit
-    gap = float(np.linalg.norm(orbit.part_gaps[2]))
+    gap = float(np.linalg.norm(orbit.part_gaps.get(2, np.inf)))
     return gap < _BESIDE_HALVING * size_of(orbit.system, orbit.state)
 
 
