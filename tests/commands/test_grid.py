@@ -210,6 +210,14 @@ def test_a_chunk_is_finished_when_its_files_are(
     assert content(Path("one")) == content(Path("whole"))
 
 
+def test_a_grid_is_written_to_where_a_link_leads(vibro: Vibro, grid: Path) -> None:
+    Path("link").symlink_to("there/sweep")
+    outcome = vibro("grid", grid, "-o", "link")
+    assert outcome.code == 0, outcome.err
+    assert vibro("verify", "there/sweep").code == 0
+    assert Path("link").is_symlink()
+
+
 def test_a_finished_grid_says_so(vibro: Vibro, grid: Path) -> None:
     assert "nothing to solve" not in vibro("grid", grid).err
     assert "already complete; nothing to solve" in vibro("grid", grid).err

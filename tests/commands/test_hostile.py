@@ -256,6 +256,12 @@ def test_a_shell_whose_folder_is_replaced_learns_how_to_enter_it(
     assert said not in outside.stderr
 
 
+def test_what_is_written_where_the_working_directory_is_gone(tmp_path: Path) -> None:
+    outcome = shell("mkdir here; cd here; rmdir ../here; $V new --all", tmp_path)
+    gone = 'the working directory was removed or replaced; enter it again: cd "$PWD"'
+    assert (outcome.returncode, outcome.stderr) == (1, f"vibro: scenarios: {gone}\n")
+
+
 def test_no_file_takes_the_place_of_a_closed_stream(scenario: Path, tmp_path: Path) -> None:
     """A library that prints to number 2 must not print into a table."""
     program = (

@@ -149,6 +149,13 @@ def test_in_a_read_only_folder(folder: Path, name: str) -> None:
     assert_nothing_left(name, set(left) - {"locked"})
 
 
+def test_a_mount_point_is_refused_before_anything_is_solved(folder: Path) -> None:
+    mounting = "mount -t tmpfs tmpfs locked"
+    outcome, _ = processes.in_mounts(folder, mounting, ["run", "small.toml", "-o", "locked"])
+    refusal = b"a mount point, which cannot be replaced; expected a folder within it"
+    assert (outcome.returncode, outcome.stderr) == (2, b"vibro: locked is " + refusal + b"\n")
+
+
 def assert_nothing_left(name: str, left: set[str]) -> None:
     """Nothing; of a grid the dataset that was begun, to be taken up, without a file in the making.
 

@@ -469,6 +469,11 @@ def test_a_signal_that_python_drops_comes_again(
             "vibro: out of memory\n",
         ),
         (
+            ImportError("no parquet (a.so: failed to map segment from shared object)"),
+            1,
+            "vibro: out of memory\n",
+        ),
+        (
             ImportError("a.so: failed to map segment from shared object: Operation not permitted"),
             1,
             "internal error, please report it: ImportError: a.so",

@@ -276,6 +276,18 @@ def test_a_link_to_a_folder_stays_a_link(tmp_path: Path) -> None:
     assert entries(tmp_path / "real") == ["a"]
 
 
+@pytest.mark.parametrize("before", [None, b"old"])
+def test_a_link_to_a_file_stays_a_link(tmp_path: Path, before: bytes | None) -> None:
+    (tmp_path / "inner").mkdir()
+    if before is not None:
+        (tmp_path / "inner" / "real").write_bytes(before)
+    (tmp_path / "link").symlink_to("inner/real")
+    write_file(tmp_path / "link", b"new")
+    assert (tmp_path / "link").is_symlink()
+    assert (tmp_path / "inner" / "real").read_bytes() == b"new"
+    assert (entries(tmp_path), entries(tmp_path / "inner")) == (["inner", "link"], ["real"])
+
+
 def test_two_writers_of_one_folder_do_not_disturb_each_other(tmp_path: Path) -> None:
     with new_folder(tmp_path / "run", allow) as slow:
         slow.write("slow", b"")

@@ -90,6 +90,7 @@ def test_an_empty_folder_is_filled(tmp_path: Path) -> None:
     ("name", "content", "message"),
     [
         ("thesis.tex", b"years of work", "is not a vibro run"),
+        (".git", b"gitdir: elsewhere", "is not a vibro run"),
         ("manifest.json", b"{}", "is not a vibro run"),
         ("manifest.json", b"[" * 100_000, "is not a vibro run"),
         ("manifest.json", b'{"schema": "vibro-grid/1", "files": {}}', "is not a vibro run"),

@@ -35,6 +35,7 @@ from vibro_cli.storage.files import (
     flush_folder,
     json_bytes,
     json_of,
+    make_folder,
     manifest_of,
     read_manifest,
     refusal,
@@ -137,7 +138,7 @@ def opened(
     """
     check_grid_folder(folder)
     for name in ("summary", *grid.kept_tables):
-        (folder / name).mkdir(parents=True, exist_ok=True)
+        make_folder(folder / name)
     with locked(folder):
         if anew:
             drop(folder)

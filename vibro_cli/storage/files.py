@@ -50,13 +50,14 @@ Each is counted before it is renamed: a signal during a slow renaming is raised 
 def write_file(path: Path, *pieces: bytes | memoryview) -> None:
     """Write a file atomically: write it beside its target, flush it, rename it, flush the folder.
 
-    Its content may be given in several pieces.
+    Its content may be given in several pieces. A link stays: the file that it names is written.
 
     Raises `OSError` if it cannot be written, or if the target is not a regular file, such as a
     device, which renaming would remove. Nothing is left behind then.
     """
+    shown, path = path, Path(os.path.realpath(path))
     partial = path.with_name(f".{path.name}.partial-{secrets.token_hex(6)}")
-    with _errors_name(path):
+    with _errors_name(shown):
         if path.exists() and not path.is_file():
             raise OSError(errno.EINVAL, "not a regular file; it is left as it is")
         try:
@@ -207,11 +208,12 @@ def flush_folder(path: Path) -> None:
 
 
 def make_folder(path: Path) -> None:
-    """Create a folder and its parents unless they exist; raises `OSError` if impossible."""
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-    except FileExistsError as error:  # a file is in the way; the error would be misleading
-        raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(path)) from error
+    """Create a folder, where a link leads, and its parents unless they exist; raises `OSError`."""
+    with _errors_name(path):
+        try:
+            os.makedirs(os.path.realpath(path), exist_ok=True)
+        except FileExistsError as error:  # a file is in the way; the error would be misleading
+            raise OSError(errno.ENOTDIR, os.strerror(errno.ENOTDIR)) from error
 
 
 class NewFolder:
@@ -477,6 +479,10 @@ def _short(value: Any) -> str:
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 
+_OF_THE_SYSTEM = (".DS_Store", ".nfs")
+"""Beginnings of the names of files that no user misses: of macOS, and of NFS."""
+
+
 def check_replaceable(folder: Path, kind: str) -> None:
     """Raise `FolderRefused` unless `folder` does not exist, is empty, or is vibro's of this kind.
 
@@ -486,7 +492,11 @@ def check_replaceable(folder: Path, kind: str) -> None:
         return
     if not folder.is_dir():
         raise FolderRefused(f"{folder} is a file; expected a folder name")
-    names = {entry.name for entry in folder.iterdir() if not entry.name.startswith(".")}
+    if os.path.ismount(folder):
+        raise FolderRefused(
+            f"{folder} is a mount point, which cannot be replaced; expected a folder within it"
+        )
+    names = {one.name for one in folder.iterdir() if not one.name.startswith(_OF_THE_SYSTEM)}
     if not names:
         return
     found = read_manifest(folder)

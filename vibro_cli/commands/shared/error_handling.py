@@ -179,7 +179,8 @@ def reason(error: OSError) -> str:
     text = error.strerror or str(error)
     if error.errno == errno.EBADF and not error.filename:
         text = "standard output is closed"
-    if error.errno == errno.ENOENT and not error.filename and _is_nowhere():
+    is_absolute = os.path.isabs(error.filename or "")
+    if error.errno == errno.ENOENT and not is_absolute and _is_nowhere():
         text = f"the working directory was removed or replaced; {_ENTER}"
     return " ".join((f"{error.filename}: {text}" if error.filename else text).split())
 
