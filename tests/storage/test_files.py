@@ -1,5 +1,6 @@
 """Files and folders written whole or not at all, also when interrupted at any moment."""
 
+import errno
 import hashlib
 import mmap
 import os
@@ -217,6 +218,37 @@ def test_a_folder_refused_at_the_end_is_left_as_it_is_and_the_new_one_kept(tmp_p
         (tmp_path / "run" / "foreign").unlink()
         (tmp_path / "run").rmdir()
     assert entries(tmp_path) == ["run-2", "run-3"]
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt(), OSError(errno.EXDEV, "another device")])
+def test_without_an_exchange_neither_folder_is_lost(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: BaseException
+) -> None:
+    """A signal comes when the old folder has been moved, or it is in an image's layer."""
+    target, rename = tmp_path / "run", os.rename
+
+    def moved(one: Path, other: Path) -> None:
+        if one == target and isinstance(error, OSError):
+            raise error
+        rename(one, other)
+        if one == target:
+            raise error
+
+    target.mkdir()
+    (target / "old").touch()
+    monkeypatch.setattr(files, "_exchange", lambda one, other: False)
+    monkeypatch.setattr(os, "rename", moved)
+    expected = FolderRefused if isinstance(error, OSError) else KeyboardInterrupt
+    with pytest.raises(expected) as raised, new_folder(target, allow) as folder:
+        folder.write("new", b"")
+    assert entries(target) == ["old"]
+    if isinstance(raised.value, FolderRefused):
+        kept = f"the new results are kept in {tmp_path / 'run-2'}"
+        assert raised.value.lines == [f"{target} cannot be replaced: another device", kept]
+        assert entries(tmp_path / "run-2") == ["new"]
+        (tmp_path / "run-2" / "new").unlink()
+        (tmp_path / "run-2").rmdir()
+    assert entries(tmp_path) == ["run"]
 
 
 def test_the_name_of_a_dangling_link_is_not_free(tmp_path: Path) -> None:

@@ -248,8 +248,8 @@ def new_folder(
     """Create a folder atomically: the block fills it, then it replaces `target`.
 
     `check(target)` raises if an existing `target` must not be replaced; it is called again at the
-    end. If it raises `FolderRefused` then, the finished folder is kept under another name, which
-    the error tells. If the block or the replacement fails, `target` is unchanged and nothing is
+    end. If it raises `FolderRefused` then, or `target` cannot be moved, the finished folder is kept
+    under another name, which the error tells. If the block or the replacement fails, `target` is unchanged and nothing is
     left behind. A process whose working directory is `target` is in the new folder then. A killed
     process leaves its unfinished folder (see :func:`abandoned_parts`), which the next call
     removes after writing the files of `first`, names and contents.
@@ -270,13 +270,13 @@ def new_folder(
             flush_folder(partial)
         try:
             check(target)
-        except FolderRefused as error:  # filled by another process in the meantime
+            with _errors_name(shown):
+                _count_one()
+                _put_in_place(partial, target)
+        except FolderRefused as error:  # filled in the meantime, or it cannot be moved
             kept = _free_name(target)
             os.rename(partial, kept)
             raise FolderRefused(*error.lines, f"the new results are kept in {kept}") from error
-        with _errors_name(shown):
-            _count_one()
-            _put_in_place(partial, target)
     finally:
         shutil.rmtree(partial, ignore_errors=True)
         os.close(handle)
@@ -333,7 +333,10 @@ def _abandoned(target: Path) -> Iterator[tuple[Path, int]]:
 
 
 def _put_in_place(partial: Path, target: Path) -> None:
-    """Rename a finished folder to `target`; an old folder there is moved to `partial`."""
+    """Rename a finished folder to `target`; an old folder there is moved to `partial`.
+
+    Raises `FolderRefused` if the old folder cannot be moved.
+    """
     if not target.exists():
         try:
             os.rename(partial, target)
@@ -346,12 +349,23 @@ def _put_in_place(partial: Path, target: Path) -> None:
     except PermissionError:  # it may not be entered, as after a change of the user
         is_working_directory = False
     if not _exchange(partial, target):
-        aside = target.with_name(f".{target.name}.partial-{secrets.token_hex(6)}")
-        os.rename(target, aside)
-        os.rename(partial, target)
-        os.rename(aside, partial)
+        _exchange_by_turns(partial, target)
     if is_working_directory:  # the process would be left in the old folder, which is removed
         os.chdir(target)
+
+
+def _exchange_by_turns(partial: Path, target: Path) -> None:
+    """Exchange two folders; after a signal or an error `target` is one of them."""
+    aside = target.with_name(f".{target.name}.partial-{secrets.token_hex(6)}")
+    try:
+        try:
+            os.rename(target, aside)
+        except OSError as error:  # in a layer of a container's image, or mounted there
+            raise FolderRefused(f"{target} cannot be replaced: {error.strerror}") from error
+        os.rename(partial, target)
+    finally:
+        if aside.exists():
+            os.rename(aside, partial if target.exists() else target)
 
 
 def _free_name(target: Path) -> Path:
