@@ -251,6 +251,21 @@ def test_without_an_exchange_neither_folder_is_lost(
     assert entries(tmp_path) == ["run"]
 
 
+def test_a_file_system_without_locks_is_told_of(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object) -> None:
+        raise OSError(errno.ENOSYS, os.strerror(errno.ENOSYS))
+
+    monkeypatch.setattr("fcntl.flock", refuse)
+    with (
+        pytest.raises(OSError, match=r"has no locks \(Function not implemented\).*run'$"),
+        new_folder(tmp_path / "run", allow),
+    ):
+        pass
+    assert entries(tmp_path) == []
+
+
 def test_the_name_of_a_dangling_link_is_not_free(tmp_path: Path) -> None:
     def check(folder: Path) -> None:
         if folder.exists():

@@ -35,6 +35,7 @@ from vibro_cli.storage.files import (
     flush_folder,
     json_bytes,
     json_of,
+    lock,
     make_folder,
     manifest_of,
     read_manifest,
@@ -194,7 +195,7 @@ def locked(folder: Path) -> Iterator[None]:
     handle = os.open(folder / _LOCK_NAME, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
     try:
         try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            lock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
             raise FolderInUse(f"another process is using {folder}") from error
         yield

@@ -249,10 +249,10 @@ def new_folder(
 
     `check(target)` raises if an existing `target` must not be replaced; it is called again at the
     end. If it raises `FolderRefused` then, or `target` cannot be moved, the finished folder is kept
-    under another name, which the error tells. If the block or the replacement fails, `target` is unchanged and nothing is
-    left behind. A process whose working directory is `target` is in the new folder then. A killed
-    process leaves its unfinished folder (see :func:`abandoned_parts`), which the next call
-    removes after writing the files of `first`, names and contents.
+    under another name, which the error tells. If the block or the replacement fails, `target` is
+    unchanged and nothing is left behind. A process whose working directory is `target` is in the
+    new folder then. A killed process leaves its unfinished folder (see :func:`abandoned_parts`),
+    which the next call removes after writing the files of `first`, names and contents.
     """
     shown, target = target, Path(os.path.realpath(target))
     check(target)
@@ -305,10 +305,26 @@ def _open_partial(target: Path) -> tuple[Path, int]:
         partial.mkdir()
         with contextlib.suppress(FileNotFoundError):  # removed by another process before the lock
             handle = os.open(partial, os.O_RDONLY)
-            fcntl.flock(handle, fcntl.LOCK_EX)
+            try:
+                lock(handle, fcntl.LOCK_EX)
+            except BaseException:
+                os.close(handle)
+                partial.rmdir()
+                raise
             if partial.exists():
                 return partial, handle
             os.close(handle)
+
+
+def lock(handle: int, operation: int) -> None:
+    """Lock an open file or folder; raises `OSError`, also where the file system has no locks."""
+    try:
+        fcntl.flock(handle, operation)
+    except OSError as error:
+        if error.errno not in (errno.ENOSYS, errno.ENOTSUP, errno.ENOLCK):
+            raise
+        why = f"the file system has no locks ({error.strerror}); expected a folder on another one"
+        raise OSError(error.errno, why) from error
 
 
 def abandoned_parts(target: Path) -> list[Path]:
