@@ -57,5 +57,5 @@ def programs() -> list[Program]:
 if __name__ == "__main__":
     try:
         build(programs())
-    except (BuildError, TranslationError) as error:
+    except (BuildError, TranslationError, OSError) as error:
         sys.exit(f"vibro: {error}")

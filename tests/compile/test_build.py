@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import resource
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
-from vibro_cli.compile import build
+from vibro_cli.compile import build, native
+from vibro_cli.errors import NoLibrary
 
 ROOT = Path(__file__).parents[2]
 
@@ -63,3 +66,35 @@ def test_a_compiler_that_fails_is_told_and_leaves_nothing(
     with pytest.raises(build.BuildError, match=r"false .*: exit 1"):
         build.build([], tmp_path)
     assert not list(tmp_path.iterdir())
+
+
+def test_a_record_that_is_cut_short_counts_as_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As by a power failure: the library is built again."""
+
+    def make(why: str) -> None:
+        raise NoLibrary(why)
+
+    (tmp_path / native.RECORD).write_text('{"libraries": [')
+    monkeypatch.setattr(native, "FOLDER", tmp_path)
+    monkeypatch.setattr(native, "_make", make)
+    with pytest.raises(NoLibrary, match="are not built yet"):
+        native._path()
+
+
+def test_why_the_library_cannot_be_written_is_told_line_by_line(tmp_path: Path) -> None:
+    without = shutil.ignore_patterns("library", "__pycache__")
+    shutil.copytree(ROOT / "vibro_cli", tmp_path / "vibro_cli", ignore=without)
+    command = [sys.executable, "-m", "vibro_cli", "run", ROOT / "scenarios" / "one_circle.toml"]
+    done = subprocess.run(
+        [*command, "--format", "csv", "-q"], cwd=tmp_path, capture_output=True, text=True,
+        env={"PYTHONPATH": str(tmp_path), "PYTHONDONTWRITEBYTECODE": "1"}, check=False,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100)),
+    )  # fmt: skip
+    assert done.returncode == 1
+    assert done.stderr.splitlines()[1] == (
+        "vibro: the kernels cannot be compiled by python -m vibro_cli.programs:"
+    )
+    (why,) = done.stderr.splitlines()[2:]
+    assert why.startswith("vibro: [Errno 27] File too large: ")

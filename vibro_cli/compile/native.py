@@ -66,7 +66,7 @@ def _path() -> Path:
 def _record() -> Any:
     try:
         return json.loads((FOLDER / RECORD).read_text())
-    except FileNotFoundError:
+    except (FileNotFoundError, ValueError):  # cut short, as by a power failure
         return None
 
 
@@ -80,8 +80,8 @@ def _make(why: str) -> None:
         check=False,
     )  # fmt: skip
     if done.returncode:
-        found = done.stderr.strip()
-        raise NoLibrary(f"the kernels cannot be compiled by python -m {_MODULE}:\n{found}")
+        why = f"the kernels cannot be compiled by python -m {_MODULE}:"
+        raise NoLibrary(why, *done.stderr.splitlines())
 
 
 def digest_of(sources: Sequence[str]) -> str:
