@@ -57,6 +57,7 @@ _ENCODINGS = {pa.float64(): "BYTE_STREAM_SPLIT", pa.int64(): "DELTA_BINARY_PACKE
 # Six of the eight bytes of a double are noise: more effort reduces files by only 1 or 2 per cent.
 _LEVEL = -5
 _JSON_LINES_AT_ONCE = 4096
+_JSON = json.JSONEncoder(ensure_ascii=False, allow_nan=False)
 # Up to so many rows, words are joined in Python, in less time than Arrow needs to import the module
 # that does it faster.
 _FEW_ROWS = 1 << 10
@@ -514,10 +515,18 @@ class GrowingTable:
         self._sink.flush()
 
     def _write_lines(self, rows: pa.RecordBatch) -> None:
+        from pyarrow import compute
+
+        names = [_JSON.encode(name) for name in rows.schema.names]
+        texts = [f"{', ' if n else '{'}{name}: ".encode() for n, name in enumerate(names)]
+        # Made texts of Arrow here: Arrow imports pandas to take texts of Python.
+        *keys, end, between = _texts([*texts, b"}\n", b""])
+        null = {"null_handling": "replace", "null_replacement": "null"}
         for first in range(0, rows.num_rows, _JSON_LINES_AT_ONCE):
-            some = rows.slice(first, _JSON_LINES_AT_ONCE).to_pylist()
-            lines = (json.dumps(row, ensure_ascii=False, allow_nan=False) for row in some)
-            self._sink.write("".join(f"{line}\n" for line in lines).encode())
+            columns = rows.slice(first, _JSON_LINES_AT_ONCE).columns
+            parts = chain.from_iterable(zip(keys, map(_as_json, columns), strict=True))
+            lines = compute.binary_join_element_wise(*parts, end, between, **null)
+            self._sink.write("".join(lines.to_pylist()).encode())
 
     def _write_groups(self, least: int) -> None:
         """Write groups from the waiting rows, as long as there are at least `least`."""
@@ -537,6 +546,19 @@ class GrowingTable:
     def abandon(self) -> None:
         """Stop writing a Parquet file, without its end; the owner of the file removes it."""
         self._writer.is_open = False  # otherwise garbage collection would write the end
+
+
+def _as_json(column: pa.Array) -> pa.Array:
+    """Return each value of a column as JSON; numbers by Arrow, five times faster than Python."""
+    from pyarrow import compute
+
+    if pa.types.is_integer(column.type) or pa.types.is_boolean(column.type):
+        return column.cast(pa.string())
+    if column.type == pa.float64() and compute.all(compute.is_finite(column)).as_py() is not False:
+        texts = column.cast(pa.string())
+        # A whole number must not be read back as an integer, which has no negative zero.
+        return compute.replace_substring_regex(texts, r"^(-?\d+)$", r"\1.0")
+    return _texts([_JSON.encode(value).encode() for value in column.to_pylist()])
 
 
 def stream(parts: Iterator[pa.Table], form: str, sink: BinaryIO) -> None:
