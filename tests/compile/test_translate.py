@@ -23,11 +23,7 @@ from vibro_cli.compile.kernel import (
     has_bit,
     insert,
     kernel,
-    mask_and,
-    mask_not,
-    mask_or,
     pack,
-    select,
     struct,
 )
 from vibro_cli.compile.kinds import TranslationError
@@ -144,9 +140,9 @@ def _reach(cell: Cell) -> float:
 def in_lanes(rows: Sequence[Wide]) -> float:
     a = rows[0]
     larger = a.x > a.y
-    mixed = select(larger, math.sqrt(a.x), -a.y)
-    mixed = select(mask_or(larger, mask_and(a.x > 0.0, mask_not(larger))), mixed, 0.0)
-    mixed = select(has_bit(a.y, 1), mixed + 1.0, abs(mixed))
+    mixed = math.sqrt(a.x) if larger else -a.y
+    mixed = mixed if larger or (a.x > 0.0 and not larger) else 0.0
+    mixed = mixed + 1.0 if has_bit(a.y, 1) else abs(mixed)
     a.x = max(min(mixed, 1e3), 2.0 * a.y)
     pair = insert(pack(extract(a.x, 3), 2.0), 1, 5.0)
     return extract(pair * pair, 1) + _half(extract(a.x, 0)) if any_lane(larger) else -1.0
@@ -410,7 +406,7 @@ def of_no_variable(a: float) -> float:
         (of_itself, "of_itself calls itself"),
         (of_itself_after_a_return, "calls itself"),
         (of_itself_for_nothing, "calls itself"),
-        (of_the_first_that_is_not_zero, "found i, expected one truth value"),
+        (of_the_first_that_is_not_zero, "found i, expected a truth value"),
         (of_other_loops, "expected `for name in range"),
         (of_no_field, "has no field y"),
         (of_keywords, "by position only"),

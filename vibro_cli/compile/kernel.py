@@ -7,9 +7,9 @@ Both evaluate the same floating-point operations in the same order (no contracti
 reassociation), so they give the same bits. The build needs it, so nothing heavy is imported here.
 
 A kernel without branches may work on lanes instead of numbers. Each lane then undergoes the same
-operations in the same order as a single number, and has the same bits. Where lanes take different
-branches, both are computed and :func:`select` chooses one for each lane. Only compiled kernels have
-lanes; the functions here define their meaning for a single number.
+operations in the same order as a single number, and has the same bits. Where lanes differ in a
+condition, both values of ``a if condition else b`` are computed, and each lane takes its own. Only
+compiled kernels have lanes; the functions here define their meaning for a single number.
 """
 
 from __future__ import annotations
@@ -187,29 +187,9 @@ def interpreted(function: Function, overrides: Overrides | None) -> Function:
     return function if overrides is None else overrides.interpreted(function)
 
 
-def select(condition: bool, yes: float, no: float) -> float:
-    """Return one of two numbers; in lanes, each lane's condition chooses."""
-    return yes if condition else no
-
-
 def any_lane(condition: bool) -> bool:
     """Return whether a condition holds in any lane."""
     return condition
-
-
-def mask_and(one: bool, other: bool) -> bool:
-    """Return in each lane whether both conditions hold."""
-    return one and other
-
-
-def mask_or(one: bool, other: bool) -> bool:
-    """Return in each lane whether at least one of two conditions holds."""
-    return one or other
-
-
-def mask_not(condition: bool) -> bool:
-    """Return in each lane whether a condition does not hold."""
-    return not condition
 
 
 def has_bit(x: float, bit: int) -> bool:

@@ -89,10 +89,13 @@ BY_PARTS(Mask, ==, Lanes)
 BY_PARTS(Mask, !=, Lanes)
 BY_PARTS(Mask, &, Mask)
 BY_PARTS(Mask, |, Mask)
-BY_PARTS(Mask, ==, Mask)
 template <int count>
 static inline Lanes<count> operator-(Lanes<count> a) {
   return by_parts<Lanes<count>>([&](int at) { return -a.part[at]; });
+}
+template <int count>
+static inline Mask<count> operator!(Mask<count> a) {
+  return by_parts<Mask<count>>([&](int at) { return ~a.part[at]; });
 }
 
 namespace py {

@@ -52,12 +52,6 @@ class Rule(NamedTuple):
     """Index of the first argument to cast to the type of the result; all later ones are too."""
 
 
-def _chosen(condition: Kind, yes: Kind, no: Kind) -> Kind | None:
-    if condition.size:
-        return t.lanes_of(condition.size)
-    return t.FLOAT if yes == no == t.INT else t.joined(yes, no)
-
-
 _RULES: dict[Any, Rule] = {
     min: Rule("py::min<{kind}>({all})", t.joined, 0),
     max: Rule("py::max<{kind}>({all})", t.joined, 0),
@@ -66,11 +60,7 @@ _RULES: dict[Any, Rule] = {
     float: Rule("(double)({0})", t.FLOAT),
     round: Rule("(int64_t)std::nearbyint({0})", t.INT),
     k.fused: Rule("std::fma({all})", t.FLOAT, 0),
-    k.select: Rule("py::select({all})", _chosen, 1),
     k.any_lane: Rule("py::any_lane({0})", t.BOOL),
-    k.mask_and: Rule("{kind}({0} & {1})", t.joined, 0),
-    k.mask_or: Rule("{kind}({0} | {1})", t.joined, 0),
-    k.mask_not: Rule("({0} == {kind}{{}})", lambda kind: kind),
     k.has_bit: Rule("py::has_bit({all})", lambda kind, _: t.mask_of(kind)),
     k.extract: Rule("{0}[{1}]", t.FLOAT),
     k.insert: Rule("py::insert({all})", lambda kind, *_: kind),
@@ -423,12 +413,20 @@ class Function:
             return f"({kind.cpp})({code})"
         self._fail(node, f"found a value of type {given.cpp}, expected {kind.cpp}")
 
-    def _condition(self, node: ast.expr, kinds: Sequence[Kind] = (t.BOOL, t.INT)) -> str:
+    def _truth(self, node: ast.expr) -> Value:
+        """Return a truth value, or one for each lane."""
         value = self._value(node)
-        if value.kind not in kinds:
-            lanes = " of lanes (see select, any_lane)" if value.kind.form == "mask" else ""
-            self._fail(node, f"found {ast.unparse(node)}{lanes}, expected one truth value")
-        return value.code
+        if value.kind != t.BOOL and value.kind.form != "mask":
+            self._fail(node, f"found {ast.unparse(node)}, expected a truth value")
+        return value
+
+    def _condition(self, node: ast.expr) -> str:
+        """Return the code of the one truth value by which a branch is taken."""
+        code, kind = self._truth(node)
+        if kind != t.BOOL:
+            found = f"found {ast.unparse(node)} in lanes (see any_lane)"
+            self._fail(node, f"{found}, expected one truth value")
+        return code
 
     def _alike(self, node: ast.expr, values: Sequence[Value]) -> tuple[Kind, list[str]]:
         """Return the type that numbers share, and their code cast to it."""
@@ -510,7 +508,8 @@ class Function:
 
     def _value_UnaryOp(self, node: ast.UnaryOp) -> Value:
         if isinstance(node.op, ast.Not):
-            return Value(f"(!{self._condition(node.operand)})", t.BOOL)
+            code, kind = self._truth(node.operand)
+            return Value(f"(!{code})", kind)
         operand = self._value(node.operand)
         if not isinstance(node.op, ast.USub) or not operand.kind.is_numeric:
             self._fail(node, f"{ast.unparse(node)}: a kernel has no such operator")
@@ -518,10 +517,11 @@ class Function:
         return Value(f"(-{self._cast(operand, kind, node)})", kind)
 
     def _value_BoolOp(self, node: ast.BoolOp) -> Value:
-        sign = " && " if isinstance(node.op, ast.And) else " || "
-        # Only booleans: of integers, Python would return one of the operands.
-        codes = [self._condition(one, (t.BOOL,)) for one in node.values]
-        return Value(f"({sign.join(codes)})", t.BOOL)
+        # Only truth values: of integers, Python would return one of the operands.
+        kind, codes = self._alike(node, [self._truth(one) for one in node.values])
+        sign = "&" if isinstance(node.op, ast.And) else "|"
+        sign = sign if kind.size else 2 * sign
+        return Value(f"({f' {sign} '.join(codes)})", kind)
 
     def _value_Compare(self, node: ast.Compare) -> Value:
         values = [self._value(one) for one in (node.left, *node.comparators)]
@@ -534,12 +534,14 @@ class Function:
         return Value(parts[0] if len(parts) == 1 else f"({' && '.join(parts)})", t.mask_of(kind))
 
     def _value_IfExp(self, node: ast.IfExp) -> Value:
-        yes, no = self._value(node.body), self._value(node.orelse)
-        kind = t.joined(yes.kind, no.kind)
+        test, yes, no = self._truth(node.test), self._value(node.body), self._value(node.orelse)
+        lanes = test.kind.size
+        kind = t.lanes_of(lanes) if lanes else t.joined(yes.kind, no.kind)
         if kind is None:
             self._fail(node, f"{ast.unparse(node)}: expected values of one type")
         one, other = self._cast(yes, kind, node), self._cast(no, kind, node)
-        return Value(f"({self._condition(node.test)} ? {one} : {other})", kind)
+        text = "py::select({}, {}, {})" if lanes else "({} ? {} : {})"
+        return Value(text.format(test.code, one, other), kind)
 
     def _value_Tuple(self, node: ast.Tuple) -> Value:
         values = [self._value(one) for one in node.elts]

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 
-from vibro_cli.compile.kernel import kernel, mask_and
+from vibro_cli.compile.kernel import kernel
 from vibro_cli.kernels.contact.contact_kinematics import half_gap_sine
 from vibro_cli.kernels.contact.first_contact import (
     DEEP,
@@ -111,7 +111,7 @@ def is_last(x: float, change: float, x1: float, x2: float, fastest: float, settl
     iteration. Newton's step is not that short there.
     """
     is_short = abs(change) * (abs(x2) - fastest * x1) < -settled * x1
-    return mask_and(is_short, abs(x) <= -2.0 * abs(change) * x1)
+    return is_short and abs(x) <= -2.0 * abs(change) * x1
 
 
 @kernel

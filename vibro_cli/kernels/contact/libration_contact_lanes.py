@@ -17,10 +17,6 @@ from vibro_cli.compile.kernel import (
     any_lane,
     extract,
     kernel,
-    mask_and,
-    mask_not,
-    mask_or,
-    select,
     struct,
 )
 from vibro_cli.kernels.contact.arc_contact import (
@@ -50,7 +46,7 @@ from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.numerics.elliptic import (
     REDUCTION_LIMIT,
     TRIGONOMETRIC,
-    sine_cosine_in_lanes,
+    reduced_sine_cosine,
     trigonometric_form,
 )
 from vibro_cli.kernels.world import (
@@ -136,7 +132,7 @@ def contact_in_lanes(
     h, lost = _refined(a, b, guess, contact)
     approach = 2.0 * (a.frequency * a.contact_p - b.frequency * b.contact_p)
     certain = _is_certain(h, clear, approach, level, max(a.frequency, b.frequency))
-    return h, mask_or(mask_or(clear <= 0.0, lost), mask_not(certain))
+    return h, clear <= 0.0 or lost or not certain
 
 
 @kernel
@@ -151,7 +147,7 @@ def _expected(
     level = math.pi - contact.far_gap
     if a.frequency != b.frequency:
         level += uneven_torque(a, b) / (fastest * fastest)
-    over = select(rate > 0.0, 2.0 * rate, 0.0)
+    over = 2.0 * rate if rate > 0.0 else 0.0
     clear = safe_time(over, fastest * (2.0 * level), fastest)
     slowed = frequency_of_difference(a, b, level, rate, mean_s, mean_p, 1.0)
     return clear, time_of_rise(over, slowed * (2.0 * level), slowed), level
@@ -163,8 +159,8 @@ def _is_certain(h: float, clear: float, approach: float, level: float, fastest: 
 
     Short flights from contact to contact are timed differently (kernels.contact.first_contact).
     """
-    long = mask_or(fastest * h > LONG, approach * h > FAR)
-    return mask_and(is_clear_before(h - clear, approach, level, fastest), long)
+    long = fastest * h > LONG or approach * h > FAR
+    return is_clear_before(h - clear, approach, level, fastest) and long
 
 
 @kernel
@@ -188,36 +184,36 @@ def _refined(
         x, cosine = half_gap_sine(contact, a_s, a_c, b_s, b_c, 1.0)
         x1, x2, x3 = derivatives_of_sine(x, cosine, rate, second, third)
         change = inverted(x, x1, x2, x3)
-        falls = mask_and(x1 < 0.0, abs(change) * fastest <= LONGEST_CHANGE)
-        ends = mask_and(falls, is_last(x, change, x1, x2, fastest, FINAL_CORRECTION))
-        ends = mask_and(ends, mask_not(done))
+        falls = x1 < 0.0 and abs(change) * fastest <= LONGEST_CHANGE
+        ends = falls and is_last(x, change, x1, x2, fastest, FINAL_CORRECTION)
+        ends = ends and not done
         if any_lane(ends):
             a_s, a_c, a_p = advance_slightly(a.frequency, change, a_s, a_c, a_p)
             b_s, b_c, b_p = advance_slightly(b.frequency, change, b_s, b_c, b_p)
             _keep(a, ends, a_s, a_c, a_p)
             _keep(b, ends, b_s, b_c, b_p)
-        h = select(done, h, h + change)
-        falls = mask_and(falls, abs(h) * (a.frequency + b.frequency) < 0.1 * REDUCTION_LIMIT)
-        lost = mask_or(lost, mask_and(mask_not(falls), mask_not(done)))
-        done = mask_or(mask_or(done, ends), lost)
-        if not any_lane(mask_not(done)):
+        h = h if done else h + change
+        falls = falls and abs(h) * (a.frequency + b.frequency) < 0.1 * REDUCTION_LIMIT
+        lost = lost or not (falls or done)
+        done = done or ends or lost
+        if not any_lane(not done):
             break
-    return h, mask_or(lost, mask_not(done))
+    return h, lost or not done
 
 
 @kernel
 def flow_in_lanes(libration: Flight, t: Lanes) -> tuple[Lanes, Lanes, Lanes]:
     """Return the state of a libration a time t (s) after its start (see ``kernels.flow.flow``)."""
-    s, c = sine_cosine_in_lanes(libration.frequency * t * libration.argument_scale)
+    s, c = reduced_sine_cosine(libration.frequency * t * libration.argument_scale)
     s, c, d, common = trigonometric_form(libration, s, c)
     return by_addition(libration.flow_s, libration.flow_c, libration.flow_p, s, c, d, common)
 
 
 @kernel
 def _keep(libration: LibrationLanes, where: bool, s: Lanes, c: Lanes, p: Lanes) -> None:
-    libration.contact_s = select(where, s, libration.contact_s)
-    libration.contact_c = select(where, c, libration.contact_c)
-    libration.contact_p = select(where, p, libration.contact_p)
+    libration.contact_s = s if where else libration.contact_s
+    libration.contact_c = c if where else libration.contact_c
+    libration.contact_p = p if where else libration.contact_p
 
 
 @kernel

@@ -21,10 +21,6 @@ from vibro_cli.compile.kernel import (
     extract,
     insert,
     kernel,
-    mask_and,
-    mask_not,
-    mask_or,
-    select,
     struct,
 )
 from vibro_cli.kernels.contact.libration_contact_lanes import (
@@ -75,13 +71,13 @@ def range_in_lanes(
     end = s * s
     angle = libration.frequency * duration * libration.argument_scale
     whole = angle > math.pi
-    turned = mask_and(libration.flow_p * p <= 0.0, abs(libration.flow_p) > 0.0)
-    high = select(mask_or(whole, turned), libration.parameter, max(start, end))
+    turned = libration.flow_p * p <= 0.0 and abs(libration.flow_p) > 0.0
+    high = libration.parameter if whole or turned else max(start, end)
     inward = libration.flow_s * libration.flow_c * libration.flow_p < 0.0
-    again = mask_or(whole, mask_and(inward, angle > 0.5 * math.pi))
-    low = select(mask_or(again, libration.flow_s * s < 0.0), 0.0, min(start, end))
+    again = whole or (inward and angle > 0.5 * math.pi)
+    low = 0.0 if again or libration.flow_s * s < 0.0 else min(start, end)
     margin = math.pi * CAUTION
-    unsure = mask_or(abs(angle - math.pi) < margin, abs(angle - 0.5 * math.pi) < margin)
+    unsure = abs(angle - math.pi) < margin or abs(angle - 0.5 * math.pi) < margin
     return low, high, unsure
 
 
@@ -140,23 +136,23 @@ def next_impact(world: World, group: LaneGroup) -> bool:
         b.angular_bound = angular_bound_of_libration(b.frequency, b.parameter)
     h, failed = contact_in_lanes(a, b, world.contacts[run.piece])
     t, t_low = add_to_time(run.t, run.t_low, h)
-    failed = mask_or(failed, time_between(t, t_low, run.stop_t, 0.0) >= 0.0)
-    failed = mask_or(failed, project_libration(a))
-    failed = mask_or(failed, project_libration(b))
+    failed = failed or time_between(t, t_low, run.stop_t, 0.0) >= 0.0
+    failed = project_libration(a) or failed
+    failed = project_libration(b) or failed
     excess, lost = _collide(world, group)
-    failed = mask_or(failed, lost)
-    failed = mask_or(failed, mask_or(_is_other(a, track_a), _is_other(b, track_b)))
+    failed = failed or lost
+    failed = failed or _is_other(a, track_a) or _is_other(b, track_b)
     duration = (t - run.t) + (t_low - run.t_low)
-    failed = mask_or(failed, _count(world, group, duration, failed))
-    run.t = select(failed, run.t, t)
-    run.t_low = select(failed, run.t_low, t_low)
-    done = select(failed, 0.0, 1.0)
+    failed = _count(world, group, duration, failed) or failed
+    run.t = run.t if failed else t
+    run.t_low = run.t_low if failed else t_low
+    done = 0.0 if failed else 1.0
     run.failed = 1.0 - done
     run.collisions += done
-    run.energy_correction += select(failed, 0.0, abs(excess))
+    run.energy_correction += 0.0 if failed else abs(excess)
     _take(a, failed)
     _take(b, failed)
-    return mask_or(failed, run.collisions >= run.stop_collisions)
+    return failed or run.collisions >= run.stop_collisions
 
 
 @kernel
@@ -186,27 +182,27 @@ def _collide(world: World, group: LaneGroup) -> tuple[Lanes, bool]:
     energy_b = body_b.weight * specific_energy_b
     less = energy_a < energy_b
     # The body with less energy gets that of its state, the other one the rest of the total.
-    spare = (total - select(less, energy_a, energy_b)) / select(less, body_b.weight, body_a.weight)
-    a.next_specific_energy = select(less, specific_energy_a, spare)
-    b.next_specific_energy = select(less, spare, specific_energy_b)
+    spare = (total - (energy_a if less else energy_b)) / (body_b.weight if less else body_a.weight)
+    a.next_specific_energy = specific_energy_a if less else spare
+    b.next_specific_energy = spare if less else specific_energy_b
     m, root = _energy_of_state(a, b, less)
     rest, rest_root = _parameter_of_specific_energy(track_a, track_b, less, spare)
-    a.next_m = select(less, m, rest)
-    b.next_m = select(less, rest, m)
-    a.next_root = select(less, root, rest_root)
-    b.next_root = select(less, rest_root, root)
-    sure = mask_and(bounces, mask_or(less, energy_b < energy_a))
-    return total - (energy_a + energy_b), mask_not(sure)
+    a.next_m = m if less else rest
+    b.next_m = rest if less else m
+    a.next_root = root if less else rest_root
+    b.next_root = rest_root if less else root
+    sure = bounces and (less or energy_b < energy_a)
+    return total - (energy_a + energy_b), not sure
 
 
 @kernel
 def _energy_of_state(a: LibrationLanes, b: LibrationLanes, of_a: bool) -> tuple[Lanes, Lanes]:
     """Return the parameter of one body's state after the impact, and its complementary modulus."""
-    s = select(of_a, a.contact_s, b.contact_s)
-    c = select(of_a, a.contact_c, b.contact_c)
-    p = select(of_a, a.next_p, b.next_p)
+    s = a.contact_s if of_a else b.contact_s
+    c = a.contact_c if of_a else b.contact_c
+    p = a.next_p if of_a else b.next_p
     root = size_of_root(c, p)
-    return s * s + p * p, select(abs(p) < abs(c), root, -1.0)
+    return s * s + p * p, root if abs(p) < abs(c) else -1.0
 
 
 @kernel
@@ -214,11 +210,11 @@ def _parameter_of_specific_energy(
     track_a: TrackData, track_b: TrackData, of_b: bool, specific_energy: Lanes
 ) -> tuple[Lanes, Lanes]:
     """Return the parameter of one body with a specific energy, and its complementary modulus."""
-    twice = select(of_b, track_b.twice_radius, track_a.twice_radius)
-    complement = (select(of_b, track_b.top, track_a.top) - specific_energy) / twice
-    m = max((specific_energy - select(of_b, track_b.bottom, track_a.bottom)) / twice, 0.0)
+    twice = track_b.twice_radius if of_b else track_a.twice_radius
+    complement = ((track_b.top if of_b else track_a.top) - specific_energy) / twice
+    m = max((specific_energy - (track_b.bottom if of_b else track_a.bottom)) / twice, 0.0)
     root = math.sqrt(abs(complement))
-    return select(complement < 0.5, 1.0 - complement, m), select(complement > 0.0, root, -1.0)
+    return 1.0 - complement if complement < 0.5 else m, root if complement > 0.0 else -1.0
 
 
 @kernel
@@ -229,10 +225,8 @@ def _is_other(libration: LibrationLanes, track: TrackData) -> bool:
         < CREST_NEIGHBOURHOOD
     )
     most = min(PARAMETER_SPLIT, largest_libration(track))
-    librates = mask_and(
-        mask_and(libration.next_m > 0.0, libration.next_m < most), libration.next_root > 0.0
-    )
-    return mask_or(crest, mask_not(librates))
+    librates = libration.next_m > 0.0 and libration.next_m < most and libration.next_root > 0.0
+    return crest or not librates
 
 
 @kernel
@@ -246,34 +240,34 @@ def _count(world: World, group: LaneGroup, duration: Lanes, failed: bool) -> boo
     piece = world.pieces[run.piece]
     low_a, high_a, open_a = range_in_lanes(a, duration, a.contact_s, a.contact_p)
     low_b, high_b, open_b = range_in_lanes(b, duration, b.contact_s, b.contact_p)
-    failed = mask_or(failed, mask_or(open_a, open_b))
+    failed = failed or open_a or open_b
     least, most = run.least_force, run.most_demand
     least, most = arc_extremes(body_a, piece, a.parameter, low_a, high_a, least, most)
     least, most = arc_extremes(body_b, piece, b.parameter, low_b, high_b, least, most)
-    run.least_force = select(failed, run.least_force, least)
-    run.most_demand = select(failed, run.most_demand, most)
+    run.least_force = run.least_force if failed else least
+    run.most_demand = run.most_demand if failed else most
     rho_a = track_on(world, 0, run.piece).path_radius
     rho_b = track_on(world, 1, run.piece).path_radius
     gap = gap_on_arc(
         rho_a * rho_b, body_a.radius, body_b.radius,
         a.contact_s, a.contact_c, b.contact_s, b.contact_c,
     )  # fmt: skip
-    run.max_gap = select(failed, run.max_gap, max(run.max_gap, abs(gap)))
+    run.max_gap = run.max_gap if failed else max(run.max_gap, abs(gap))
     return failed
 
 
 @kernel
 def _take(libration: LibrationLanes, failed: bool) -> None:
     """Begin the next flight in all lanes that have not failed."""
-    libration.flow_s = select(failed, libration.flow_s, libration.contact_s)
-    libration.flow_c = select(failed, libration.flow_c, libration.contact_c)
-    libration.flow_p = select(failed, libration.flow_p, libration.next_p)
-    libration.specific_energy = select(
-        failed, libration.specific_energy, libration.next_specific_energy
+    libration.flow_s = libration.flow_s if failed else libration.contact_s
+    libration.flow_c = libration.flow_c if failed else libration.contact_c
+    libration.flow_p = libration.flow_p if failed else libration.next_p
+    libration.specific_energy = (
+        libration.specific_energy if failed else libration.next_specific_energy
     )
-    libration.parameter = select(failed, libration.parameter, libration.next_m)
-    libration.complementary_modulus = select(
-        failed, libration.complementary_modulus, libration.next_root
+    libration.parameter = libration.parameter if failed else libration.next_m
+    libration.complementary_modulus = (
+        libration.complementary_modulus if failed else libration.next_root
     )
 
 

@@ -7,7 +7,7 @@ bodies at once, in the two lanes of a register. Other events are left to the eve
 
 from __future__ import annotations
 
-from vibro_cli.compile.kernel import Two, any_lane, extract, kernel, mask_or, pack
+from vibro_cli.compile.kernel import Two, any_lane, extract, kernel, pack
 from vibro_cli.kernels.contact.libration_contact_lanes import (
     TwoBodies,
     TwoLibrations,
@@ -228,7 +228,7 @@ def _share_energy(world: World, two: TwoLibrations, tracks: TwoTracks, p: Two, l
     else:
         m = pack(extract(m, 0), rest)
         root = pack(extract(root, 0), rest_root)
-    if any_lane(mask_or(m <= 0.0, mask_or(m >= two.most_parameter, root <= 0.0))):
+    if any_lane(m <= 0.0 or m >= two.most_parameter or root <= 0.0):
         other.specific_energy = kept
         return -1
     less = world.flights[1 - more]

@@ -8,9 +8,6 @@ from vibro_cli.compile.kernel import (
     SERIES_LENGTH,
     any_lane,
     kernel,
-    mask_and,
-    mask_not,
-    select,
 )
 from vibro_cli.kernels.flow.flow import LINE, flow, time_ahead, time_of_flight
 from vibro_cli.kernels.numerics.constants import EPSILON, NEVER
@@ -118,10 +115,10 @@ def specific_energy_of_state(world: World, ball: int) -> float:
 def specific_energy_on_arc(track: TrackData, s: float, c: float, p: float) -> float:
     """Return energy over weight (m) in a state on an arc."""
     s2 = s * s
-    return select(
-        s2 > 0.5,
-        track.top - track.twice_radius * ((c - p) * (c + p)),
-        track.bottom + track.twice_radius * (s2 + p * p),
+    return (
+        track.top - track.twice_radius * ((c - p) * (c + p))
+        if s2 > 0.5
+        else track.bottom + track.twice_radius * (s2 + p * p)
     )
 
 
@@ -250,7 +247,7 @@ def snap_of_pendulum(w2: float, m: float) -> float:
 @kernel
 def angular_bound_of_libration(frequency: float, m: float) -> float:
     """Return a bound on ``|f''|`` (rad/s^2) of a libration about the bottom of an arc."""
-    sine = select(m > 0.5, 1.0, math.sqrt(max(4.0 * m * (1.0 - m), 0.0)))
+    sine = 1.0 if m > 0.5 else math.sqrt(max(4.0 * m * (1.0 - m), 0.0))
     return frequency * frequency * sine
 
 
@@ -578,15 +575,15 @@ def projected(
     """Project a state on the circle as :func:`project` does, given ``SC`` and ``P^2 + (SC)^2``."""
     root = flight.complementary_modulus
     is_high = s * s > 0.5
-    lack = select(is_high, (c - p) * (c + p) - root * abs(root), flight.parameter - s * s - p * p)
+    lack = (c - p) * (c + p) - root * abs(root) if is_high else flight.parameter - s * s - p * p
     defect = 0.5 * lack / size
-    beyond = mask_and(mask_not(is_high), defect * defect * size > MOST_TURN * MOST_TURN)
+    beyond = not is_high and defect * defect * size > MOST_TURN * MOST_TURN
     if any_lane(beyond):
         # The carried energy is rounded relative to the trace's lowest position. For a small
         # libration about a higher bottom it is less accurate than the state; it would move bodies
         # apart.
         most = MOST_TURN / math.sqrt(size)
-        defect = select(beyond, max(min(defect, most), -most), defect)
+        defect = max(min(defect, most), -most) if beyond else defect
     turn = sc * defect
     return s + c * turn, c - s * turn, p + p * defect
 

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 
-from vibro_cli.compile.kernel import kernel, mask_and
+from vibro_cli.compile.kernel import kernel
 from vibro_cli.kernels.contact.contact_kinematics import (
     distance_gap,
     free_acceleration,
@@ -123,7 +123,7 @@ def speeds_after(
     u = separation_speed(normal_a, normal_b, wa, wb)
     bounces = u * u > SMALL_BOUNCE * settings.gravity * world.pairs[0].distance
     part = do_part(normal_a, normal_b, wa, wb, abs(va) + abs(vb))
-    return wa, wb, loss, mask_and(part, bounces)
+    return wa, wb, loss, part and bounces
 
 
 @kernel

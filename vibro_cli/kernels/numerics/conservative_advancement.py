@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from vibro_cli.compile.kernel import kernel, mask_and
+from vibro_cli.compile.kernel import kernel
 from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.kernels.numerics.elliptic import sine_cosine, twice_angle
 
@@ -104,7 +104,7 @@ def is_clear_before(time: float, slope: float, level: float, frequency: float) -
     # sqrt(u^2 + v^2) <= u + (sqrt 2 - 1) v for v <= u
     hypotenuse = max(over, under) + 0.4142135623730951 * min(over, under)
     bound = time * (frequency * (under + 2.0 * hypotenuse))
-    return mask_and(slope > 0.0, 0.99 * (6.0 * over) > bound)
+    return slope > 0.0 and 0.99 * (6.0 * over) > bound
 
 
 @kernel

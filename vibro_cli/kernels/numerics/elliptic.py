@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from vibro_cli.compile.kernel import Lanes, has_bit, kernel, select, struct
+from vibro_cli.compile.kernel import has_bit, kernel, struct
 
 
 @struct
@@ -94,23 +94,19 @@ def sine_cosine(x: float) -> tuple[float, float]:
     """Return ``(sin x, cos x)`` for any finite ``x`` in radians."""
     if abs(x) > REDUCTION_LIMIT:
         return math.sin(x), math.cos(x)
-    quadrant, s, c = in_quadrant(x)
-    turn = int(quadrant) & 3
-    # Each value is selected without a branch, which could not be predicted.
-    sine = c if turn & 1 else s
-    cosine = s if turn & 1 else c
-    return -sine if turn & 2 else sine, -cosine if (turn + 1) & 2 else cosine
+    return reduced_sine_cosine(x)
 
 
 @kernel
-def sine_cosine_in_lanes(x: Lanes) -> tuple[Lanes, Lanes]:
-    """Return :func:`sine_cosine` in lanes, for ``x`` up to ``REDUCTION_LIMIT`` in size."""
+def reduced_sine_cosine(x: float) -> tuple[float, float]:
+    """Return :func:`sine_cosine` of ``x`` up to ``REDUCTION_LIMIT`` in size."""
     quadrant, s, c = in_quadrant(x)
+    # Each value is chosen without a branch, which could not be predicted.
     odd = has_bit(quadrant, 1)
-    sine = select(odd, c, s)
-    cosine = select(odd, s, c)
-    turned = select(has_bit(quadrant, 2), -sine, sine)
-    return turned, select(has_bit(quadrant + 1.0, 2), -cosine, cosine)
+    sine = c if odd else s
+    cosine = s if odd else c
+    turned = -sine if has_bit(quadrant, 2) else sine
+    return turned, -cosine if has_bit(quadrant + 1.0, 2) else cosine
 
 
 @kernel

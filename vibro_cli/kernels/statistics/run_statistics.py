@@ -20,10 +20,6 @@ from typing import NamedTuple
 from vibro_cli.compile.kernel import (
     any_lane,
     kernel,
-    mask_and,
-    mask_not,
-    mask_or,
-    select,
     struct,
 )
 from vibro_cli.kernels.cluster.trace_forces import (
@@ -336,9 +332,9 @@ def arc_extremes(
     a = 4.0 * m / body.kappa - 2.0 / body.kappa
     if any_lane(abs(a) > b):
         stationary = 0.5 * (1.0 + b / a)
-        within = mask_and(mask_and(abs(a) > b, low <= stationary), stationary <= high)
-        there = _arc_demand(body, piece, m, select(within, stationary, low), most)
-        most = max(most, select(within, there, 0.0))
+        within = abs(a) > b and low <= stationary and stationary <= high
+        there = _arc_demand(body, piece, m, stationary if within else low, most)
+        most = max(most, there if within else 0.0)
     return least, most
 
 
@@ -387,15 +383,15 @@ def _arc_demand(body: BodyData, piece: PieceData, m: float, s2: float, most: flo
     share = 1.0 - 1.0 / body.kappa
     pull = 2.0 * body.weight * share
     held = most * normal
-    less = mask_and(normal > 0.0, pull * pull * square <= BELOW * (held * held))
-    less = mask_or(share == 0.0, less)
-    if not any_lane(mask_not(less)):
+    less = normal > 0.0 and pull * pull * square <= BELOW * (held * held)
+    less = less or share == 0.0
+    if not any_lane(not less):
         return 0.0 * normal
     force = body.weight * (2.0 * math.sqrt(square)) * share
     none_suffices = math.inf
-    demand = select(normal > 0.0, force / select(normal > 0.0, normal, 1.0), none_suffices)
-    demand = select(force == 0.0, select(normal >= 0.0, 0.0, none_suffices), demand)
-    return select(less, 0.0, demand)
+    demand = force / normal if normal > 0.0 else none_suffices
+    if_free = 0.0 if normal >= 0.0 else none_suffices
+    return 0.0 if less else if_free if force == 0.0 else demand
 
 
 TURN = 2.0 * math.pi
