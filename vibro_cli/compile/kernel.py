@@ -59,11 +59,6 @@ def is_kernel(value: Any) -> bool:
     return isinstance(value, FunctionType) and value in _kernels
 
 
-def kernel_names() -> set[str]:
-    """Return the names of all kernels."""
-    return {function.__name__ for function in _kernels}
-
-
 def is_struct(value: Any) -> bool:
     """Return whether a value is a class decorated with :func:`struct`."""
     return isinstance(value, type) and hasattr(value, "fields")

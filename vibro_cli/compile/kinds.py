@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import ast
 import inspect
 import sys
-import types
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, get_args, get_origin
 
 from vibro_cli.compile.kernel import (
     CACHE_LINE,
@@ -22,20 +21,28 @@ from vibro_cli.compile.kernel import (
 )
 
 
-class Kind(NamedTuple):
+@dataclass(frozen=True)
+class Kind:
     """A type: its form and its name in C++."""
 
     form: str
     cpp: str
     item: Any = None
     """Type of the elements of an array or row; types of a tuple's items; class of a struct."""
-    size: Any = 0
-    """Number of lanes or axes, or the extents of a constant."""
+    size: int = 0
+    """Number of lanes or axes."""
 
     @property
     def is_numeric(self) -> bool:
         """Whether its values are numbers or booleans, in lanes or not."""
         return self.form in ("number", "lanes", "mask")
+
+    @property
+    def members(self) -> Mapping[str, Any]:
+        """Types of the members of a struct, a named tuple or a tuple, by their names in C++."""
+        if self.form == "tuple":
+            return {f"at{n}": item for n, item in enumerate(self.item)}
+        return _members(self.item) if self.form in ("struct", "world") else {}
 
 
 def lanes_of(count: int) -> Kind:
@@ -106,75 +113,48 @@ def _joined(one: Kind, other: Kind) -> Kind | None:
 @cache
 def annotated(text: str, module: str) -> Any:
     """Return the type of an annotation in a module; None if it is not in the subset."""
-    return _type_of(ast.parse(text, mode="eval").body, module)
+    return _kind_of(eval(text, vars(sys.modules[module]), NAMED))
 
 
-def _type_of(node: ast.expr, module: str) -> Any:
-    if isinstance(node, ast.Constant):
-        return NOTHING if node.value is None else None
-    if isinstance(node, ast.Name):
-        if node.id in NAMED:
-            return NAMED[node.id]
-        return _of_value(getattr(sys.modules[module], node.id, None))
-    if isinstance(node, ast.Subscript) and isinstance(node.value, ast.Name):
-        parts = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
-        items = tuple(_type_of(part, module) for part in parts)
-        if None in items:
-            return None
-        if node.value.id == "tuple":
-            return tuple_of(items)
-        if node.value.id in ("Sequence", "list"):
-            (inner,) = items
-            is_array = inner.form == "array"
-            return array_of(inner.item, inner.size + 1) if is_array else array_of(inner)
-    return None
-
-
-def _of_value(value: Any) -> Any:
+def _kind_of(value: Any) -> Any:
+    if isinstance(value, Kind):
+        return value
     if is_struct(value):
         return Kind("struct", f"{value.__name__}*", value)
-    if isinstance(value, type) and issubclass(value, tuple) and hasattr(value, "_fields"):
+    if hasattr(value, "_fields"):
         return Kind("world", f"const {value.__name__}*", value)
-    if isinstance(value, types.GenericAlias) and value.__origin__ is tuple:
-        return tuple_of(NAMED[item.__name__] for item in value.__args__)
-    return None
+    items = tuple(map(_kind_of, get_args(value)))
+    if not items or None in items:
+        return NAMED.get(getattr(value, "__name__", str(value)))
+    if get_origin(value) is tuple:
+        return tuple_of(items)
+    (item,) = items
+    return array_of(item.item, item.size + 1) if item.form == "array" else array_of(item)
 
 
 @cache
-def fields_of(world: type) -> dict[str, Any]:
-    """Return the types of the arrays of a named tuple, by name."""
+def _members(cls: Any) -> dict[str, Any]:
+    texts = cls.fields if is_struct(cls) else cls.__annotations__
     return {
-        name: annotated(kind if isinstance(kind, str) else kind.__forward_arg__, world.__module__)
-        for name, kind in world.__annotations__.items()
+        name: annotated(getattr(text, "__forward_arg__", text), cls.__module__)
+        for name, text in texts.items()
     }
-
-
-def field(cls: type, name: str) -> Any:
-    """Return the type of a field of a struct; None if there is no such field."""
-    return NAMED.get(cls.fields.get(name, ""))  # type: ignore[attr-defined]
 
 
 def declaration(kind: Kind) -> str:
     """Return the C++ declaration of a type; structs have the layout of their structured array."""
-    head = f"struct {getattr(kind.item, '__name__', '')}"
-    if kind.form == "struct":
-        if has_lanes(kind.item):
-            head = f"struct alignas({CACHE_LINE}) {kind.item.__name__}"
-        fields = [_in_struct(name, field(kind.item, name)) for name in kind.item.fields]
-    elif kind.form == "world":
-        fields = [f"{each.cpp} {name}" for name, each in fields_of(kind.item).items()]
-    elif kind.form == "tuple":
-        head = f"template <>\nstruct {kind.cpp}"
-        fields = [f"{each.cpp} at{n}" for n, each in enumerate(kind.item)]
-    else:
+    if not kind.members:
         return ""
-    return "\n".join([f"{head} {{", *(f"  {one};" for one in fields), "};\n"])
-
-
-def _in_struct(name: str, kind: Kind) -> str:
-    if kind == SERIES:
-        return f"double {name}[{SERIES_LENGTH}]"
-    return f"{kind.cpp} {name}"
+    if kind.form == "tuple":
+        head = f"template <>\nstruct {kind.cpp}"
+    else:
+        aligned = kind.form == "struct" and has_lanes(kind.item)
+        head = f"struct {f'alignas({CACHE_LINE}) ' if aligned else ''}{kind.item.__name__}"
+    members = [
+        f"double {name}[{SERIES_LENGTH}]" if each == SERIES else f"{each.cpp} {name}"
+        for name, each in kind.members.items()
+    ]
+    return "\n".join([f"{head} {{", *(f"  {one};" for one in members), "};\n"])
 
 
 def symbol_of(kernel: Kernel, overrides: Overrides | None = None) -> str:

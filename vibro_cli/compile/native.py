@@ -9,7 +9,6 @@ import ctypes
 import hashlib
 import json
 import os
-import struct
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -19,7 +18,7 @@ from typing import Any
 
 from vibro_cli.compile import kinds as t
 from vibro_cli.compile.kernel import CACHE_LINE, Kernel, Overrides, dtype, has_lanes
-from vibro_cli.compile.kinds import fields_of, signature, symbol_of
+from vibro_cli.compile.kinds import signature, symbol_of
 from vibro_cli.errors import NoLibrary
 
 PACKAGE = Path(__file__).parents[1]
@@ -30,8 +29,6 @@ RECORD = "build.json"
 LEVELS = ("x86-64-v4", "x86-64-v3", "x86-64-v2")
 """Levels of a portable library: the best one that the processor supports is loaded."""
 _SCALARS = {t.FLOAT: ctypes.c_double, t.INT: ctypes.c_int64, t.BOOL: ctypes.c_bool}
-# Each result takes eight bytes.
-_RESULTS = {t.FLOAT: "d", t.INT: "q", t.BOOL: "?7x", t.NOTHING: ""}
 _MODULE = "vibro_cli.programs"
 
 
@@ -106,12 +103,11 @@ class CompiledKernel:
     def __init__(self, kernel: Kernel, overrides: Overrides | None = None) -> None:
         self._names, self._kinds, returned = signature(kernel)
         self._function = _exported(symbol_of(kernel, overrides))
-        kinds = [_SCALARS.get(kind, ctypes.c_void_p) for kind in self._kinds]
-        self._function.argtypes = [*kinds, ctypes.c_void_p]
-        self._function.restype = None
-        self._is_tuple = returned.form == "tuple"
-        results = returned.item if self._is_tuple else (returned,)
-        self._results = struct.Struct("=" + "".join(_RESULTS[kind] for kind in results))
+        self._function.argtypes = [_SCALARS.get(kind, ctypes.c_void_p) for kind in self._kinds]
+        self._function.restype = _SCALARS.get(returned)
+        if returned.form == "tuple":
+            fields = [(name, _SCALARS[kind]) for name, kind in returned.members.items()]
+            self._function.restype = type("Tuple", (ctypes.Structure,), {"_fields_": fields})
 
     def __call__(self, *arguments: Any) -> Any:
         """Call the kernel and return its result.
@@ -126,10 +122,10 @@ class CompiledKernel:
             argument if kind in _SCALARS else _words(kind, argument, name)
             for kind, argument, name in zip(self._kinds, arguments, self._names, strict=True)
         ]
-        found = (ctypes.c_int64 * (self._results.size // 8))()
-        self._function(*given, found)
-        values = self._results.unpack(found)
-        return values if self._is_tuple else next(iter(values), None)
+        found = self._function(*given)
+        if isinstance(found, ctypes.Structure):
+            return tuple(getattr(found, name) for name, *_ in found._fields_)
+        return found
 
 
 compiled = cache(CompiledKernel)
@@ -150,7 +146,7 @@ def _words(kind: Any, argument: Any, name: str) -> Any:
         words = _array_words(argument, kind, name)
     else:
         words = []
-        for (field, each), array in zip(fields_of(kind.item).items(), argument, strict=True):
+        for (field, each), array in zip(kind.members.items(), argument, strict=True):
             words += _array_words(array, each, field)
     return (ctypes.c_int64 * len(words))(*words)
 
@@ -174,8 +170,7 @@ def _layout(kind: Any) -> tuple[Any, int, int]:
     """Return the type, axes and alignment (bytes) of an array."""
     import numpy as np
 
-    plain: dict[Any, Any] = {t.FLOAT: np.float64, t.INT: np.int64, t.BOOL: np.bool_}
     item = kind.item
-    if item in plain:
-        return np.dtype(plain[item]), kind.size, 1
+    if item in _SCALARS:
+        return np.dtype(_SCALARS[item]), kind.size, 1
     return dtype(item.item), kind.size, CACHE_LINE if has_lanes(item.item) else 1

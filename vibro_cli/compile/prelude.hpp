@@ -5,7 +5,6 @@
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
-#include <cstring>
 #ifdef __x86_64__
 #include <cpuid.h>
 #endif
@@ -209,12 +208,6 @@ static inline double mod(double one, double other) {
 }
 static inline int64_t floordiv(int64_t one, int64_t other) {
   return (one - mod(one, other)) / other;
-}
-
-// Store a result of an entry point; each takes eight bytes.
-template <class Value>
-static inline void keep(int64_t* results, Value value) {
-  std::memcpy(results, &value, sizeof value);
 }
 }  // namespace py
 

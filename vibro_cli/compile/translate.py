@@ -1,8 +1,8 @@
 """Translate kernels to C++: one readable source file per program, with the kernels' line numbers.
 
 A kernel becomes one C++ function of the same name for each combination of argument types;
-overloading tells these apart. Locals are declared at the top, with the type that all their
-assignments share. Anything outside the subset is an error with its file and line.
+overloading tells these apart. Locals are declared at the top, with the type of their first
+assignment. Anything outside the subset is an error with its file and line.
 """
 
 from __future__ import annotations
@@ -19,16 +19,17 @@ from typing import Any, NamedTuple, NoReturn
 
 from vibro_cli.compile import kernel as k
 from vibro_cli.compile import kinds as t
-from vibro_cli.compile.kernel import LANES, Kernel, Overrides, is_kernel, kernel_names
-from vibro_cli.compile.kinds import Kind, TranslationError, place_of, shown, signature, symbol_of
+from vibro_cli.compile.kernel import LANES, Kernel, Overrides, is_kernel
+from vibro_cli.compile.kinds import Kind, TranslationError, shown, signature, symbol_of
 
-_WORDS = """alignas and asm auto bool break case catch char class const continue default delete do
-    double else enum export extern false float for friend goto if inline int int64_t long mutable
-    namespace new not operator or private protected public register return short signed sizeof
-    static struct switch template this throw true try typedef typename union unsigned using
-    virtual void volatile while xor std math py"""
-_RESERVED = set(_WORDS.split())
-_OPERATORS = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.BitAnd: "&"}
+_OPERATORS = {
+    ast.Add: "({} + {})",
+    ast.Sub: "({} - {})",
+    ast.Mult: "({} * {})",
+    ast.Div: "({} / {})",
+    ast.Mod: "py::mod({}, {})",
+    ast.FloorDiv: "py::floordiv({}, {})",
+}
 _ORDER = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">="}
 _COMPARISONS = {**_ORDER, ast.Eq: "==", ast.NotEq: "!="}
 _PLAIN = {ast.Pass: ";", ast.Break: "break;", ast.Continue: "continue;"}
@@ -48,31 +49,29 @@ class Rule(NamedTuple):
     """Template: {0}, {1}, … are the arguments, {all} all of them, {kind} the type of the result."""
     result: Kind | Callable[..., Kind | None]
     """Type of the result, or a function that returns it for the types of the arguments."""
-    cast: int = 9
-    """Index of the first argument to cast to the type of the result; all later ones are too."""
 
 
 _RULES: dict[Any, Rule] = {
-    min: Rule("py::min<{kind}>({all})", t.joined, 0),
-    max: Rule("py::max<{kind}>({all})", t.joined, 0),
+    min: Rule("py::min<{kind}>({all})", t.joined),
+    max: Rule("py::max<{kind}>({all})", t.joined),
     abs: Rule("py::abs({0})", lambda kind: kind),
     int: Rule("(int64_t)({0})", t.INT),
     float: Rule("(double)({0})", t.FLOAT),
     round: Rule("(int64_t)std::nearbyint({0})", t.INT),
-    k.fused: Rule("std::fma({all})", t.FLOAT, 0),
+    k.fused: Rule("std::fma({all})", t.FLOAT),
     k.any_lane: Rule("py::any_lane({0})", t.BOOL),
     k.has_bit: Rule("py::has_bit({all})", lambda kind, _: t.mask_of(kind)),
     k.extract: Rule("{0}[{1}]", t.FLOAT),
     k.insert: Rule("py::insert({all})", lambda kind, *_: kind),
     k.pack: Rule("py::pack({all})", t.lanes_of(2)),
-    math.sqrt: Rule("py::sqrt({0})", lambda kind: kind if kind.form == "lanes" else t.FLOAT, 0),
+    math.sqrt: Rule("py::sqrt({0})", lambda kind: kind if kind.form == "lanes" else t.FLOAT),
     math.floor: Rule("(int64_t)std::floor({0})", t.INT),
     math.ceil: Rule("(int64_t)std::ceil({0})", t.INT),
 }
 # Functions of Python's module math with the same bits as those of the C library.
 _OF_C = """exp expm1 log log1p log2 copysign fabs pow sin cos tan asin acos atan atan2
     sinh cosh tanh asinh acosh atanh"""
-_RULES |= {getattr(math, name): Rule(f"std::{name}({{all}})", t.FLOAT, 0) for name in _OF_C.split()}
+_RULES |= {getattr(math, name): Rule(f"std::{name}({{all}})", t.FLOAT) for name in _OF_C.split()}
 
 
 @dataclass
@@ -83,12 +82,9 @@ class Program:
     entries: Sequence[Kernel]  # called from Python
     overrides: Overrides | None = None
     flags: Sequence[str] = ()  # further options of the compiler
-    functions: dict[Any, Function] = field(default_factory=dict)
+    functions: dict[Any, Function | None] = field(default_factory=dict)
     declared: dict[Kind, None] = field(default_factory=dict)
-    constants: dict[str, tuple[Any, str]] = field(default_factory=dict)
-    translated: list[Function] = field(default_factory=list)
-    names: dict[str, Kernel] = field(default_factory=dict)
-    taken: set[str] = field(default_factory=lambda: kernel_names() | _RESERVED)
+    constants: dict[str, None] = field(default_factory=dict)
 
     def source(self) -> str:
         """Return the C++ source file.
@@ -102,8 +98,8 @@ class Program:
         parts = [
             '#include "prelude.hpp"\n\nnamespace {\n\ntemplate <class... Items>\nstruct Tuple;\n',
             *map(t.declaration, self.declared),
-            "\n".join(code for _, code in self.constants.values()) + "\n",
-            *(function.definition() for function in self.translated),
+            "\n".join(self.constants) + "\n",
+            *(function.definition() for function in self.functions.values() if function),
             "}  // namespace\n",
             *doors,
         ]
@@ -112,78 +108,68 @@ class Program:
     def note(self, kind: Kind) -> Kind:
         """Register a type for declaration, after the types that it consists of; return it."""
         if kind not in self.declared:
-            is_world, is_tuple = kind.form == "world", kind.form == "tuple"
-            parts = t.fields_of(kind.item).values() if is_world else kind.item
-            for part in parts if is_world or is_tuple else [kind.item]:
-                if isinstance(part, Kind):
-                    self.note(part)
+            parts = [kind.item] if kind.form == "array" else kind.members.values()
+            for part in parts:
+                self.note(part)
             self.declared[kind] = None
         return kind
 
-    def name_of(self, kernel: Kernel) -> str:
-        """Return the C++ name of a kernel: its own, prefixed with its module's if that is taken."""
-        own, home = kernel.__name__, kernel.__module__.rpartition(".")[2]
-        if self.names.setdefault(own, kernel) is not kernel:
-            own = f"{home}_{own}"
-            if self.names.setdefault(own, kernel) is not kernel:
-                raise TranslationError(f"{place_of(kernel)}: another kernel is called {own}")
-        return own
+    def function(self, kernel: Kernel, kinds: tuple[Kind, ...]) -> Function | None:
+        """Return the function of a kernel for given parameter types; None while it is translated.
 
-    def function(self, kernel: Kernel, kinds: tuple[Kind, ...]) -> Function:
-        """Return the translated function of a kernel for given parameter types."""
-        if (kernel, kinds) not in self.functions:
-            function = self.functions[kernel, kinds] = Function(self, kernel, kinds)
-            function.translate()
-            self.translated.append(function)
-        return self.functions[kernel, kinds]
+        Callees come before their callers.
+        """
+        key = kernel, kinds
+        if key not in self.functions:
+            self.functions[key] = None
+            function = Function(self, kernel, kinds)
+            del self.functions[key]
+            self.functions[key] = function
+        return self.functions[key]
 
     def _entry(self, kernel: Kernel) -> str:
-        """Return the exported function of a kernel, which writes the results to ``found``."""
+        """Return the exported function of a kernel."""
         kernel = self.overrides.resolved(kernel) if self.overrides else kernel
         names, kinds, _ = signature(kernel)
-        function = self.function(kernel, kinds)
-        parameters, given = ["int64_t* found"], []
-        for name, kind in zip(names, kinds, strict=True):
-            is_array = kind.form == "array"
-            parameters.insert(-1, f"{f'const {kind.cpp}*' if is_array else kind.cpp} {name}")
-            given.append(f"*{name}" if is_array else name)
-        call, returned = f"{function.name}({', '.join(given)})", function.returns
-        body = [f"{call};" if returned == t.NOTHING else f"py::keep(found, {call});"]
-        if returned.form == "tuple":
-            body = [f"const auto result = {call};"]
-            body += [f"py::keep(found + {n}, result.at{n});" for n in range(len(returned.item))]
-        symbol = symbol_of(kernel, self.overrides)
-        head = f'extern "C" EXPORTED void {symbol}({", ".join(parameters)}) {{'
-        return "\n".join([head, *(f"  {line}" for line in body), "}\n"])
+        function: Any = self.function(kernel, kinds)
+        parameters = [
+            f"const {kind.cpp}& {name}_" if kind.form == "array" else f"{kind.cpp} {name}_"
+            for name, kind in zip(names, kinds, strict=True)
+        ]
+        head = (
+            f"{function.returns.cpp} {symbol_of(kernel, self.overrides)}({', '.join(parameters)})"
+        )
+        call = f"{function.name}({', '.join(f'{name}_' for name in names)})"
+        return f'extern "C" EXPORTED {head} {{\n  return {call};\n}}\n'
 
     def constant(self, name: str, value: Any, module: str) -> Value | None:
         """Return a module's number or tuple of numbers as a named constant, else None."""
-        kind = _kind_of_constant(value)
+        kind = inner = _kind_of_constant(value)
         if kind is None:
             return None
-        known = self.constants.get(name)
-        if known is not None and repr(known[0]) != repr(value):
-            name = f"{name}_of_{module.rpartition('.')[2]}"
-        shape = "".join(f"[{length}]" for length in kind.size or ())
-        self.constants[name] = value, f"constexpr {kind.cpp} {name}{shape} = {literal(value)};"
+        name, shape, part = f"{_last(module)}_{name}", "", value
+        while inner.form == "row":
+            shape, part, inner = f"{shape}[{len(part)}]", part[0], inner.item
+        self.constants[f"constexpr {inner.cpp} {name}{shape} = {literal(value)};"] = None
         return Value(name, kind)
 
 
-def _kind_of_constant(value: Any) -> Kind | None:
+def _last(module: str) -> str:
+    return module.rpartition(".")[2]
+
+
+def _kind_of_constant(value: Any) -> Any:
     for kind, cls in ((t.BOOL, bool), (t.INT, int), (t.FLOAT, float)):
         if isinstance(value, cls):
             return kind
-    if not isinstance(value, tuple) or not value:
-        return None
-    inner = _kind_of_constant(value[0])
-    return inner and Kind("constant", "double", size=(len(value), *(inner.size or ())))
+    inner = _kind_of_constant(value[0]) if isinstance(value, tuple) and value else None
+    return inner and Kind("row", f"const {inner.cpp}*", inner)
 
 
 def literal(value: Any) -> str:
     """Return a number or a tuple of numbers as an exact C++ literal."""
     if isinstance(value, tuple):
-        reals = (one if isinstance(one, tuple) else float(one) for one in value)
-        return "{" + ", ".join(map(literal, reals)) + "}"
+        return "{" + ", ".join(map(literal, value)) + "}"
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, int):
@@ -215,32 +201,15 @@ class Function:
         self._lines: list[str] = []
         self._depth = 1
         self._temporaries = 0
-        self.name = program.name_of(kernel)
+        self.name = f"{_last(kernel.__module__)}_{kernel.__name__}"
         for kind in kinds:
             program.note(kind)
-
-    def translate(self) -> None:
-        """Translate the body repeatedly, until the types of all variables are known."""
-        known: Any = None
-        while known != (self._kinds, self.returns):
-            known = dict(self._kinds), self.returns
-            self._lines, self._temporaries = [], 0
-            self._block(self._node.body)
-        self.returns = self.program.note(self._result())
-
-    def _result(self) -> Kind:
-        """Return the declared type of the result, in lanes where the returned values are."""
-        declared: Kind = self._declared
-        found = self.returns
-        if declared == t.NOTHING or found is None:
-            return declared
-        if declared.form == found.form == "tuple":
-            return t.tuple_of(map(_in_lanes, declared.item, found.item))
-        return _in_lanes(declared, found)
+        self._block(self._node.body)
+        self.returns = program.note(self.returns or self._declared)
 
     def definition(self) -> str:
         """Return the function in C++."""
-        declared = [f"{kind.cpp} {self._local(name)}" for name, kind in self._kinds.items()]
+        declared = [f"{kind.cpp} {name}_" for name, kind in self._kinds.items()]
         parameters = ", ".join(declared[: len(self.parameters)])
         locals_ = [f"  {one}{{}};" for one in declared[len(self.parameters) :]]
         typed = f"{self.returns.cpp} {self.name}({parameters})"
@@ -252,9 +221,6 @@ class Function:
 
     def _fail(self, node: Any, text: str) -> NoReturn:
         raise TranslationError(f"{self._file}:{node.lineno}: {self.kernel.__name__}: {text}")
-
-    def _local(self, name: str) -> str:
-        return f"{name}_" if name in self.program.taken or name.isupper() else name
 
     def _meaning(self, node: ast.expr) -> Any:
         """Return the value in the kernel's module of a name that is not a variable."""
@@ -309,11 +275,9 @@ class Function:
             self._write("return;")
             return
         value = self._value(statement.value)
-        joined = value.kind if self.returns is None else t.joined(self.returns, value.kind)
-        if joined is None:
-            self._fail(statement, "returns values of several types")
-        self.returns = joined
-        self._write(f"return {self._cast(value, self._result(), statement)};")
+        if self.returns is None:
+            self.returns = _returned(self._declared, value.kind)
+        self._write(f"return {self._cast(value, self.returns, statement)};")
 
     def _write_If(self, statement: ast.If) -> None:
         self._inner(f"if ({self._condition(statement.test)})", statement.body)
@@ -348,52 +312,39 @@ class Function:
         self._assign(statement.target, value, statement)
 
     def _write_Assign(self, statement: ast.Assign) -> None:
-        target, given = statement.targets[0], statement.value
-        if isinstance(target, ast.Tuple) and isinstance(given, ast.Tuple):
-            # All values are evaluated before the first one is assigned.
-            values = [self._kept(self._value(expression)) for expression in given.elts]
-            for one, value in zip(target.elts, values, strict=True):
-                self._assign(one, value, statement)
-        elif isinstance(target, ast.Tuple):
-            self._unpack(target.elts, self._value(given), statement)
-        else:
-            value = self._value(given)
-            for one in statement.targets:
-                self._assign(one, value, statement)
+        value = self._value(statement.value)
+        for target in statement.targets:
+            self._assign(target, value, statement)
 
-    def _kept(self, value: Value) -> Value:
-        self._temporaries += 1
-        name = f"value_{self._temporaries}"
-        self._write(f"const auto {name} = {value.code};")
-        return Value(name, value.kind)
+    def _assign(self, target: ast.expr, value: Value, at: ast.stmt) -> None:
+        if isinstance(target, ast.Tuple):
+            self._unpack(target.elts, value, at)
+        elif isinstance(target, ast.Name):
+            name = self._declare(target, target.id, value.kind)
+            self._write(f"{name} = {self._cast(value, self._kinds[target.id], at)};")
+        else:
+            place = self._value(target)
+            code = self._cast(value, place.kind, at)
+            is_struct = place.kind.form == "struct"  # contents, not addresses
+            self._write(f"*{place.code} = *{code};" if is_struct else f"{place.code} = {code};")
 
     def _unpack(self, targets: Sequence[ast.expr], value: Value, at: ast.stmt) -> None:
         if value.kind.form != "tuple" or len(value.kind.item) != len(targets):
             self._fail(at, f"expected a tuple of {len(targets)} values")
-        name = self._kept(value).code
-        for n, (target, kind) in enumerate(zip(targets, value.kind.item, strict=True)):
+        self._temporaries += 1
+        name = f"value_{self._temporaries}"
+        self._write(f"const auto {name} = {value.code};")
+        for target, (member, kind) in zip(targets, value.kind.members.items(), strict=True):
             if not (isinstance(target, ast.Name) and target.id == "_"):
-                self._assign(target, Value(f"{name}.at{n}", kind), at)
-
-    def _assign(self, target: ast.expr, value: Value, at: ast.stmt) -> None:
-        if isinstance(target, ast.Name):
-            name = self._declare(target, target.id, value.kind)
-            self._write(f"{name} = {self._cast(value, self._kinds[target.id], at)};")
-            return
-        place = self._value(target)
-        code = self._cast(value, place.kind, at)
-        is_struct = place.kind.form == "struct"  # contents, not addresses
-        self._write(f"*{place.code} = *{code};" if is_struct else f"{place.code} = {code};")
+                self._assign(target, Value(f"{name}.{member}", kind), at)
 
     def _declare(self, node: ast.expr, name: str, kind: Kind) -> str:
-        if kind.form in ("nothing", "constant"):
+        if kind == t.NOTHING:
             self._fail(node, f"{name} is given {ast.unparse(node)}, which is no number or struct")
-        joined = t.joined(self._kinds.get(name, kind), kind)
-        if joined is None or (name in self.parameters and joined != self._kinds[name]):
-            kinds = f"{self._kinds[name].cpp} and {kind.cpp}"
-            self._fail(node, f"{name} is given values of two types, {kinds}")
-        self._kinds[name] = joined
-        return self._local(name)
+        first = self._kinds.setdefault(name, kind)
+        if t.joined(first, kind) != first:
+            self._fail(node, f"{name} is given values of two types, {first.cpp} and {kind.cpp}")
+        return f"{name}_"
 
     # Expressions
 
@@ -404,14 +355,14 @@ class Function:
     def _cast(self, value: Value, kind: Kind, node: ast.AST) -> str:
         """Return the C++ code of an expression cast to another type without loss."""
         code, given = value
+        if t.joined(kind, given) != kind:
+            self._fail(node, f"found a value of type {given.cpp}, expected {kind.cpp}")
         if given == kind:
             return code
-        if kind.form in ("lanes", "mask") and t.joined(kind, given) == kind:
+        if kind.size:
             one = "double" if kind.form == "lanes" else "bool"
             return f"py::in_all<{kind.size}>(({one}){code})"
-        if (kind, given) in ((t.FLOAT, t.INT), (t.FLOAT, t.BOOL), (t.INT, t.BOOL)):
-            return f"({kind.cpp})({code})"
-        self._fail(node, f"found a value of type {given.cpp}, expected {kind.cpp}")
+        return f"({kind.cpp})({code})"
 
     def _truth(self, node: ast.expr) -> Value:
         """Return a truth value, or one for each lane."""
@@ -443,7 +394,7 @@ class Function:
 
     def _value_Name(self, node: ast.Name) -> Value:
         if node.id in self._kinds:
-            return Value(self._local(node.id), self._kinds[node.id])
+            return Value(f"{node.id}_", self._kinds[node.id])
         value = self.program.constant(node.id, self._meaning(node), self.kernel.__module__)
         if value is None:
             self._fail(node, f"{node.id} is no variable, and no number of the module")
@@ -454,11 +405,7 @@ class Function:
         if isinstance(number, float):
             return Value(literal(number), t.FLOAT)
         owner = self._value(node.value)
-        kind = None
-        if owner.kind.form == "struct":
-            kind = t.field(owner.kind.item, node.attr)
-        elif owner.kind.form == "world":
-            kind = t.fields_of(owner.kind.item).get(node.attr)
+        kind = owner.kind.members.get(node.attr) if owner.kind.form != "tuple" else None
         if kind is None:
             self._fail(node, f"{ast.unparse(node.value)} has no field {node.attr}")
         is_element = owner.code.startswith("(&")
@@ -473,16 +420,11 @@ class Function:
             owner = self._element(owner, index, place, node)
         return owner
 
-    def _element(self, owner: Value, index: str, place: Any, node: ast.Subscript) -> Value:
+    def _element(self, owner: Value, index: str, place: ast.expr, node: ast.Subscript) -> Value:
         (code, kind), at = owner, f"{owner.code}[{index}]"
         number = place.value if isinstance(place, ast.Constant) else None
         if kind.form == "tuple" and isinstance(number, int):
             return Value(f"{code}.at{number}", kind.item[number])
-        if kind.form == "tuple":
-            picked = "".join(f"{index} == {n} ? {code}.at{n} : " for n in range(len(kind.item) - 1))
-            return Value(f"({picked}{code}.at{len(kind.item) - 1})", kind.item[0])
-        if kind.form == "constant":
-            return Value(at, kind._replace(size=kind.size[1:]) if kind.size[1:] else t.FLOAT)
         if kind.form == "array" and kind.size > 1:
             return Value(at, t.array_of(kind.item, kind.size - 1))
         if kind.form not in ("array", "row"):
@@ -492,46 +434,39 @@ class Function:
 
     def _value_BinOp(self, node: ast.BinOp) -> Value:
         kind, codes = self._alike(node, [self._value(node.left), self._value(node.right)])
-        is_real = isinstance(node.op, (ast.Div, ast.Pow)) and kind.form != "lanes"
-        wanted = t.FLOAT if is_real else t.INT if kind == t.BOOL else kind
-        one, other = (self._cast(Value(code, kind), wanted, node) for code in codes)
-        name = {ast.Pow: "std::pow", ast.Mod: "py::mod", ast.FloorDiv: "py::floordiv"}
-        function, sign = name.get(type(node.op)), _OPERATORS.get(type(node.op))
-        if function and kind.size:
-            self._fail(node, f"{ast.unparse(node)}: lanes have no such operator")
-        is_whole = isinstance(node.op, (ast.FloorDiv, ast.BitAnd))
-        if not (function or sign) or kind.form == "mask" or (is_whole and wanted != t.INT):
-            self._fail(node, f"{ast.unparse(node)}: a kernel has no such operator")
-        if function:
-            return Value(f"{function}({one}, {other})", wanted)
-        return Value(f"({one} {sign} {other})", wanted)
+        text = _OPERATORS.get(type(node.op))
+        if isinstance(node.op, ast.Div) and kind == t.INT:
+            kind, codes = t.FLOAT, [f"(double){code}" for code in codes]
+        is_whole = isinstance(node.op, ast.FloorDiv) and kind != t.INT
+        is_of_one = isinstance(node.op, ast.Mod) and kind.size
+        if text is None or kind.form == "mask" or kind == t.BOOL or is_whole or is_of_one:
+            self._fail(node, f"{ast.unparse(node)}: a kernel has no such operator of {kind.cpp}")
+        return Value(text.format(*codes), kind)
 
     def _value_UnaryOp(self, node: ast.UnaryOp) -> Value:
         if isinstance(node.op, ast.Not):
             code, kind = self._truth(node.operand)
             return Value(f"(!{code})", kind)
-        operand = self._value(node.operand)
-        if not isinstance(node.op, ast.USub) or not operand.kind.is_numeric:
+        code, kind = self._value(node.operand)
+        if not isinstance(node.op, ast.USub) or kind.form not in ("number", "lanes"):
             self._fail(node, f"{ast.unparse(node)}: a kernel has no such operator")
-        kind = t.INT if operand.kind == t.BOOL else operand.kind
-        return Value(f"(-{self._cast(operand, kind, node)})", kind)
+        return Value(f"(-{code})", kind)
 
     def _value_BoolOp(self, node: ast.BoolOp) -> Value:
         # Only truth values: of integers, Python would return one of the operands.
         kind, codes = self._alike(node, [self._truth(one) for one in node.values])
-        sign = "&" if isinstance(node.op, ast.And) else "|"
-        sign = sign if kind.size else 2 * sign
-        return Value(f"({f' {sign} '.join(codes)})", kind)
+        return _chained("&" if isinstance(node.op, ast.And) else "|", codes, kind)
 
     def _value_Compare(self, node: ast.Compare) -> Value:
         values = [self._value(one) for one in (node.left, *node.comparators)]
         kind, codes = self._alike(node, values)
         signs = [_COMPARISONS.get(type(operator)) for operator in node.ops]
-        if None in signs or (kind.size and len(signs) > 1):
+        if None in signs:
             self._fail(node, f"{ast.unparse(node)}: a kernel has no such comparison")
         pairs = zip(codes, signs, codes[1:], strict=False)
         parts = [f"({one} {sign} {other})" for one, sign, other in pairs]
-        return Value(parts[0] if len(parts) == 1 else f"({' && '.join(parts)})", t.mask_of(kind))
+        kind = t.mask_of(kind)
+        return Value(parts[0], kind) if len(parts) == 1 else _chained("&", parts, kind)
 
     def _value_IfExp(self, node: ast.IfExp) -> Value:
         test, yes, no = self._truth(node.test), self._value(node.body), self._value(node.orelse)
@@ -553,10 +488,8 @@ class Function:
             self._fail(node, "expected arguments by position only")
         values = [self._value(one) for one in node.args]
         meaning = self._meaning(node.func)
-        if meaning is len and values[0].kind.form in ("array", "constant"):
-            is_array, extents = values[0].kind.form == "array", values[0].kind.size
-            code = f"{values[0].code}.extents[0]" if is_array else literal(extents[0])
-            return Value(code, t.INT)
+        if meaning is len and values[0].kind.form == "array":
+            return Value(f"{values[0].code}.extents[0]", t.INT)
         if callable(meaning) and meaning in _RULES:
             return self._call_by_rule(node, _RULES[meaning], values)
         if not is_kernel(meaning):
@@ -565,12 +498,12 @@ class Function:
         return self._call_of_kernel(node, meaning, values)
 
     def _call_by_rule(self, node: ast.Call, rule: Rule, values: list[Value]) -> Value:
-        kinds = [value.kind for value in values]
+        kinds, codes = [value.kind for value in values], [value.code for value in values]
         kind = rule.result if isinstance(rule.result, Kind) else rule.result(*kinds)
         if kind is None or not all(one.is_numeric for one in kinds):
             self._fail(node, f"{ast.unparse(node)}: expected numbers")
-        codes = [value.code for value in values[: rule.cast]]
-        codes += [self._cast(value, kind, node) for value in values[rule.cast :]]
+        if rule.result is t.joined:
+            codes = [self._cast(value, kind, node) for value in values]
         return Value(rule.text.format(*codes, all=", ".join(codes), kind=kind.cpp), kind)
 
     def _call_of_kernel(self, node: ast.Call, kernel: Kernel, values: list[Value]) -> Value:
@@ -579,7 +512,7 @@ class Function:
             self._fail(node, f"{kernel.__name__} is given {len(values)} of {len(names)} arguments")
         kinds = tuple(_passed(kind, value.kind) for kind, value in zip(wanted, values, strict=True))
         function = self.program.function(kernel, kinds)
-        if function not in self.program.translated:
+        if function is None:
             self._fail(node, f"{kernel.__name__} calls itself")
         given = [self._cast(value, kind, node) for value, kind in zip(values, kinds, strict=True)]
         return Value(f"{function.name}({', '.join(given)})", function.returns)
@@ -593,6 +526,14 @@ def _passed(wanted: Kind, given: Kind) -> Kind:
     return number if t.joined(number, given) == number else given
 
 
-def _in_lanes(declared: Kind, found: Kind) -> Kind:
-    """Return the type of a result: as found if it is in lanes, otherwise as declared."""
-    return found if "lanes" in (declared.form, found.form) or found.form == "mask" else declared
+def _chained(sign: str, codes: Sequence[str], kind: Kind) -> Value:
+    """Return truth values joined by "and" or "or"; in lanes all of them are evaluated."""
+    return Value(f"({f' {sign if kind.size else 2 * sign} '.join(codes)})", kind)
+
+
+def _returned(declared: Kind, found: Kind) -> Kind:
+    """Return the type of a result: as found where it is in lanes, otherwise as declared."""
+    if declared.form == found.form == "tuple":
+        return t.tuple_of(map(_returned, declared.item, found.item))
+    in_lanes = "lanes" in (declared.form, found.form) or found.form == "mask"
+    return found if in_lanes else declared

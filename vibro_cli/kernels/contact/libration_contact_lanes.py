@@ -144,9 +144,8 @@ def _expected(
     Also returns the contact angle (rad), increased by what unequal frequencies add.
     """
     fastest = max(a.frequency, b.frequency)
-    level = math.pi - contact.far_gap
-    if a.frequency != b.frequency:
-        level += uneven_torque(a, b) / (fastest * fastest)
+    uneven = uneven_torque(a, b) / (fastest * fastest) if a.frequency != b.frequency else 0.0
+    level = math.pi - contact.far_gap + uneven
     over = 2.0 * rate if rate > 0.0 else 0.0
     clear = safe_time(over, fastest * (2.0 * level), fastest)
     slowed = frequency_of_difference(a, b, level, rate, mean_s, mean_p, 1.0)

@@ -69,7 +69,7 @@ def unresolved_step(second: float, bound_third: float, rounding: float) -> float
     The function must not fall now, ``g' >= 0``, and ``|g'''| <= B``. Half the rounding is allowed
     for ``g''``, if that is negative, and half for ``B``.
     """
-    step: float = (3.0 * rounding / max(bound_third, LEAST_BOUND)) ** (1.0 / 3.0)
+    step: float = math.pow(3.0 * rounding / max(bound_third, LEAST_BOUND), 1.0 / 3.0)
     if second < 0.0:
         step = min(step, math.sqrt(rounding / -second))
     return step

@@ -48,11 +48,11 @@ def sum_of_products(a: float, b: float, c: float, d: float) -> tuple[float, floa
 @kernel
 def product_error(a: float, b: float, product: float) -> float:
     """Return ``a b - product`` exactly, for the rounded product."""
-    shifted = SPLITTER * a
-    a_high = shifted - (shifted - a)
+    shifted_a = SPLITTER * a
+    a_high = shifted_a - (shifted_a - a)
     a_low = a - a_high
-    shifted = SPLITTER * b
-    b_high = shifted - (shifted - b)
+    shifted_b = SPLITTER * b
+    b_high = shifted_b - (shifted_b - b)
     b_low = b - b_high
     return ((a_high * b_high - product) + a_high * b_low + a_low * b_high) + a_low * b_low
 

@@ -78,7 +78,7 @@ def _isolated_root(p2: float, p1: float, p0: float) -> float:
         if ratio <= 1.0:
             y = _trisected(ratio)
         else:
-            v = (ratio + math.sqrt((ratio - 1.0) * (ratio + 1.0))) ** (1.0 / 3.0)
+            v = math.pow(ratio + math.sqrt((ratio - 1.0) * (ratio + 1.0)), 1.0 / 3.0)
             y = v + 1.0 / v
         e = size * y
     elif g < 0.0:
@@ -87,10 +87,10 @@ def _isolated_root(p2: float, p1: float, p0: float) -> float:
         if ratio <= FLAT:
             e = size * _hyperbolically_trisected(ratio)
         else:
-            v = (ratio + math.sqrt(ratio * ratio + 1.0)) ** (1.0 / 3.0)
+            v = math.pow(ratio + math.sqrt(ratio * ratio + 1.0), 1.0 / 3.0)
             e = size * (v - 1.0 / v)
     else:
-        e = (2.0 * abs(h)) ** (1.0 / 3.0)
+        e = math.pow(2.0 * abs(h), 1.0 / 3.0)
     z = (e if h >= 0.0 else -e) - shift
     # Polished in z itself, so that a small root is known to full relative accuracy (Halley).
     for _ in range(POLISHING_STEPS):

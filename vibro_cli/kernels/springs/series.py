@@ -108,7 +108,7 @@ def unit_of(step: float) -> float:
     """Return the unit of time (s) of series for a step (s)."""
     if LEAST_IN_SECONDS < step < MOST_IN_SECONDS:
         return 1.0
-    return 2.0 ** math.floor(math.log2(step))
+    return math.pow(2.0, math.floor(math.log2(step)))
 
 
 @kernel

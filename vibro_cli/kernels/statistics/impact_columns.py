@@ -575,8 +575,8 @@ def _fill_body(
     arc_length, size = _fill_place(world, columns, at, end, place)
     for when in range(2):
         later = end + _AFTER * when
-        speed = motion[when]
-        specific_energy = motion[2 + when]
+        speed = motion[0] if when == 0 else motion[1]
+        specific_energy = motion[2] if when == 0 else motion[3]
         _number(columns, _RATE + later, at, math.nan if line else speed / track.path_radius)
         _number(columns, _OMEGA + later, at, math.nan if slides else speed / body.radius)
         _number(columns, _SPEED + later, at, speed)

@@ -112,7 +112,7 @@ def divide(a: Wide, b: Wide) -> Wide:
 @kernel
 def square_root(a: Wide) -> Wide:
     """Return the square root of a positive wide number, by two steps of Newton's iteration."""
-    root = (a[0] ** 0.5, 0.0)
+    root = (math.pow(a[0], 0.5), 0.0)
     for _ in range(2):
         rest = add(a, negative(multiply(root, root)))
         root = add(root, scale(divide(rest, root), 0.5))
@@ -240,10 +240,11 @@ def _line_step(
     for axis in range(2):
         for k in range(ORDER + 1):
             path[axis, HIGH, k], path[axis, LOW, k] = 0.0, 0.0
-    terms = (place, scale(speed, h), scale(scale(pull, 0.5 * h), h))
+    linear, quadratic = scale(speed, h), scale(scale(pull, 0.5 * h), h)
     for k in range(3):
+        term = place if k == 0 else linear if k == 1 else quadratic
         for axis in range(2):
-            value = multiply(terms[k], cosine if axis == X else sine)
+            value = multiply(term, cosine if axis == X else sine)
             if k == 0:
                 value = add(value, x0 if axis == X else y0)
             path[axis, HIGH, k], path[axis, LOW, k] = value
@@ -335,7 +336,7 @@ def _arc_step(
         for k in range(ORDER, -1, -1):
             total = add(total, (rows[row, HIGH, k], rows[row, LOW, k]))
         state[row, HIGH], state[row, LOW] = total
-    left_out: float = bound * share ** (ORDER + 1) / (1.0 - share)
+    left_out: float = bound * math.pow(share, ORDER + 1) / (1.0 - share)
     rounding: float = WIDE_ROUNDING * (1.0 + abs(state[2, HIGH]))
     return left_out + rounding
 
@@ -403,8 +404,9 @@ def _examine(
     be overlap (above 1: none), and dD/du there.
     """
     second, steepest, square, extent = _bounds(between)
-    exact_error = error * (2.0 * extent + error) + WIDE_ROUNDING * (square + touch[0] ** 2)
-    plain_error = exact_error + DOUBLE_ROUNDING * (square + touch[0] ** 2)
+    scale_of_touch = square + touch[0] * touch[0]
+    exact_error = error * (2.0 * extent + error) + WIDE_ROUNDING * scale_of_touch
+    plain_error = exact_error + DOUBLE_ROUNDING * scale_of_touch
     doubtful, overlap, rate = 2.0, 2.0, 0.0
     stack[0, 0], stack[0, 1], count = 0.0, end, 1
     while count > 0:
@@ -488,7 +490,7 @@ def judge(
     _start(flight, a, states[0])
     _start(flight, b, states[1])
     t, doubtful, horizon = 0.0, math.inf, flight.horizon
-    tick = GRID * 2.0 ** math.ceil(math.log2(horizon))
+    tick = GRID * math.pow(2.0, math.ceil(math.log2(horizon)))
     error_a, error_b = 0.0, 0.0
     for _ in range(MOST_STEPS):
         h = min(_step_length(flight, a, states[0]), _step_length(flight, b, states[1]))
