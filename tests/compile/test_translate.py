@@ -383,6 +383,35 @@ def of_shifts(i: int) -> int:
 
 
 @kernel
+def of_several_targets(a: float) -> float:
+    x = y = a
+    return x + y
+
+
+@kernel
+def of_a_negative_truth(a: float) -> int:
+    return -(a > 0.0)
+
+
+@kernel
+def of_a_sum_of_truths(a: float) -> int:
+    return (a > 0.0) + (a > 1.0)
+
+
+@kernel
+def of_an_integer_as_truth(i: int) -> int:
+    if i:
+        return 1
+    return 0
+
+
+@kernel
+def of_an_item_by_a_variable(i: int) -> float:
+    pair = (0.5, 1.5)
+    return pair[i]
+
+
+@kernel
 def of_powers(a: float) -> float:
     return a**2.0  # type: ignore[no-any-return]
 
@@ -410,6 +439,11 @@ def of_no_variable(a: float) -> float:
         (of_fewer_names, "expected a tuple of 3 values"),
         (of_no_elements, "a has no elements"),
         (of_shifts, "a kernel has no such operator of int64_t"),
+        (of_several_targets, "expected one target, or a tuple of them"),
+        (of_a_negative_truth, "a kernel has no such operator of bool"),
+        (of_a_sum_of_truths, "a kernel has no such operator of bool"),
+        (of_an_integer_as_truth, "found i, expected a truth value"),
+        (of_an_item_by_a_variable, "pair has no items by variable indices"),
         (of_powers, "a kernel has no such operator of double"),
         (of_whole_quotients_of_reals, "a kernel has no such operator of double"),
         (of_a_later_type, "x is given values of two types, int64_t and double"),

@@ -312,9 +312,9 @@ class Function:
         self._assign(statement.target, value, statement)
 
     def _write_Assign(self, statement: ast.Assign) -> None:
-        value = self._value(statement.value)
-        for target in statement.targets:
-            self._assign(target, value, statement)
+        if len(statement.targets) > 1:
+            self._fail(statement, "expected one target, or a tuple of them")
+        self._assign(statement.targets[0], self._value(statement.value), statement)
 
     def _assign(self, target: ast.expr, value: Value, at: ast.stmt) -> None:
         if isinstance(target, ast.Tuple):
@@ -428,7 +428,8 @@ class Function:
         if kind.form == "array" and kind.size > 1:
             return Value(at, t.array_of(kind.item, kind.size - 1))
         if kind.form not in ("array", "row"):
-            self._fail(node, f"{ast.unparse(node.value)} has no elements")
+            elements = "items by variable indices" if kind.form == "tuple" else "elements"
+            self._fail(node, f"{ast.unparse(node.value)} has no {elements}")
         is_struct = kind.item.form == "struct"
         return Value(f"(&{at})" if is_struct else at, self.program.note(kind.item))
 
@@ -448,8 +449,9 @@ class Function:
             code, kind = self._truth(node.operand)
             return Value(f"(!{code})", kind)
         code, kind = self._value(node.operand)
-        if not isinstance(node.op, ast.USub) or kind.form not in ("number", "lanes"):
-            self._fail(node, f"{ast.unparse(node)}: a kernel has no such operator")
+        is_number = kind.form in ("number", "lanes") and kind != t.BOOL
+        if not isinstance(node.op, ast.USub) or not is_number:
+            self._fail(node, f"{ast.unparse(node)}: a kernel has no such operator of {kind.cpp}")
         return Value(f"(-{code})", kind)
 
     def _value_BoolOp(self, node: ast.BoolOp) -> Value:
