@@ -11,14 +11,7 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from vibro_cli.compile.kernel import (
-    Lanes,
-    Two,
-    any_lane,
-    extract,
-    kernel,
-    struct,
-)
+from vibro_cli.compile.kernel import Lanes, Two, any_lane, extract, kernel, struct
 from vibro_cli.kernels.contact.arc_contact import (
     LONGEST_CHANGE,
     derivatives_of_sine,

@@ -14,15 +14,7 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from vibro_cli.compile.kernel import (
-    LANES,
-    Lanes,
-    any_lane,
-    extract,
-    insert,
-    kernel,
-    struct,
-)
+from vibro_cli.compile.kernel import LANES, Lanes, any_lane, extract, insert, kernel, struct
 from vibro_cli.kernels.contact.libration_contact_lanes import (
     LONGEST_STAY,
     BodyLanes,

@@ -4,11 +4,7 @@ from __future__ import annotations
 
 import math
 
-from vibro_cli.compile.kernel import (
-    SERIES_LENGTH,
-    any_lane,
-    kernel,
-)
+from vibro_cli.compile.kernel import SERIES_LENGTH, any_lane, kernel
 from vibro_cli.kernels.flow.flow import LINE, flow, time_ahead, time_of_flight
 from vibro_cli.kernels.numerics.constants import EPSILON, NEVER
 from vibro_cli.kernels.numerics.double_double import add_to_time, time_between

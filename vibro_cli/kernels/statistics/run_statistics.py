@@ -17,11 +17,7 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from vibro_cli.compile.kernel import (
-    any_lane,
-    kernel,
-    struct,
-)
+from vibro_cli.compile.kernel import any_lane, kernel, struct
 from vibro_cli.kernels.cluster.trace_forces import (
     AT_TIME,
     bodies_of,
