@@ -143,6 +143,19 @@ def test_what_is_no_regular_file_is_not_replaced(tmp_path: Path) -> None:
     assert entries(tmp_path) == ["a", "b"]
 
 
+def test_a_pipe_behind_a_link_is_not_replaced(tmp_path: Path) -> None:
+    """As behind /dev/stdout; where such a link leads is not the name of a file."""
+    if not Path("/proc/self/fd").exists():
+        pytest.skip("the system does not show the open files of a process")
+    reading, writing = os.pipe()
+    (tmp_path / "link").symlink_to(f"/proc/self/fd/{writing}")
+    with pytest.raises(OSError, match="not a regular file"):
+        write_file(tmp_path / "link", b"one")
+    os.close(reading)
+    os.close(writing)
+    assert entries(tmp_path) == ["link"]
+
+
 @pytest.mark.parametrize("inner", ["folder", "one/folder"])
 def test_a_folder_within_a_file_is_told_of(tmp_path: Path, inner: str) -> None:
     (tmp_path / "file").write_text("kept")

@@ -58,7 +58,7 @@ def write_file(path: Path, *pieces: bytes | memoryview) -> None:
     shown, path = path, Path(os.path.realpath(path))
     partial = path.with_name(f".{path.name}.partial-{secrets.token_hex(6)}")
     with _errors_name(shown):
-        if path.exists() and not path.is_file():
+        if shown.exists() and not shown.is_file():
             raise OSError(errno.EINVAL, "not a regular file; it is left as it is")
         try:
             _write_new(partial, *pieces)
