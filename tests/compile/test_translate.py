@@ -498,15 +498,15 @@ def test_no_two_kernels_have_one_name(tmp_path: Path, monkeypatch: pytest.Monkey
         exec(compile(TWIN, path, "exec"), vars(module))  # the text above
     one, other, another = (module.twin for module in modules)
     text = Program("twins", (one, other)).source()
-    assert "double place_twin(double a_)" in text
-    assert "double other_twin(double a_)" in text
-    with pytest.raises(BuildError, match=r"place\.py:6:.*redefinition of .*place_twin"):
+    assert "return place::twin(a);" in text
+    assert "return other::twin(a);" in text
+    with pytest.raises(BuildError, match=r"place\.py:6:.*redefinition of .*place::twin"):
         build([Program("twins", (one, another))], tmp_path)
 
 
 def test_the_source_points_to_the_kernels() -> None:
     text = Program("rules", (control,)).source()
-    assert "static int64_t test_translate_control(int64_t limit_) {" in text
+    assert "static int64_t control(int64_t limit) {" in text
     assert f'#line {control.__code__.co_firstlineno + 1} "' in text
 
 

@@ -1,7 +1,7 @@
 """Translate kernels to C++: one readable source file per program, with the kernels' line numbers.
 
-A kernel becomes one C++ function of the same name for each combination of argument types;
-overloading tells these apart. Locals are declared at the top, with the type of their first
+A kernel becomes one C++ function of the same name, in a namespace for its module, for each
+combination of argument types; overloading tells these apart. Locals are declared at the top, with the type of their first
 assignment. Anything outside the subset is an error with its file and line.
 """
 
@@ -22,6 +22,11 @@ from vibro_cli.compile import kinds as t
 from vibro_cli.compile.kernel import LANES, Kernel, Overrides, is_kernel
 from vibro_cli.compile.kinds import Kind, TranslationError, shown, signature, symbol_of
 
+_WORDS = """alignas asm auto bool case catch char class const default delete do double else enum
+    explicit export extern false float friend goto inline int int64_t long mutable namespace new
+    operator private protected public register short signed sizeof static struct switch template
+    this throw true typedef typename union unsigned using virtual void volatile xor"""
+_RESERVED = set(_WORDS.split())
 _OPERATORS = {
     ast.Add: "({} + {})",
     ast.Sub: "({} - {})",
@@ -132,14 +137,14 @@ class Program:
         kernel = self.overrides.resolved(kernel) if self.overrides else kernel
         names, kinds, _ = signature(kernel)
         function: Any = self.function(kernel, kinds)
+        given = list(map(_local, names))
         parameters = [
-            f"const {kind.cpp}& {name}_" if kind.form == "array" else f"{kind.cpp} {name}_"
-            for name, kind in zip(names, kinds, strict=True)
+            f"const {kind.cpp}& {name}" if kind.form == "array" else f"{kind.cpp} {name}"
+            for name, kind in zip(given, kinds, strict=True)
         ]
-        head = (
-            f"{function.returns.cpp} {symbol_of(kernel, self.overrides)}({', '.join(parameters)})"
-        )
-        call = f"{function.name}({', '.join(f'{name}_' for name in names)})"
+        symbol = symbol_of(kernel, self.overrides)
+        head = f"{function.returns.cpp} {symbol}({', '.join(parameters)})"
+        call = f"{function.name}({', '.join(given)})"
         return f'extern "C" EXPORTED {head} {{\n  return {call};\n}}\n'
 
     def constant(self, name: str, value: Any, module: str) -> Value | None:
@@ -147,15 +152,22 @@ class Program:
         kind = inner = _kind_of_constant(value)
         if kind is None:
             return None
-        name, shape, part = f"{_last(module)}_{name}", "", value
+        shape, part = "", value
         while inner.form == "row":
             shape, part, inner = f"{shape}[{len(part)}]", part[0], inner.item
-        self.constants[f"constexpr {inner.cpp} {name}{shape} = {literal(value)};"] = None
-        return Value(name, kind)
+        home = _namespace(module)
+        text = f"constexpr {inner.cpp} {name}{shape} = {literal(value)};"
+        self.constants[f"namespace {home} {{ {text} }}"] = None
+        return Value(f"{home}::{name}", kind)
 
 
-def _last(module: str) -> str:
+def _namespace(module: str) -> str:
     return module.rpartition(".")[2]
+
+
+def _local(name: str) -> str:
+    """Return the C++ name of a local variable: its own, unless that is a word of C++."""
+    return f"{name}_" if name in _RESERVED else name
 
 
 def _kind_of_constant(value: Any) -> Any:
@@ -201,7 +213,7 @@ class Function:
         self._lines: list[str] = []
         self._depth = 1
         self._temporaries = 0
-        self.name = f"{_last(kernel.__module__)}_{kernel.__name__}"
+        self.name = f"{_namespace(kernel.__module__)}::{kernel.__name__}"
         for kind in kinds:
             program.note(kind)
         self._block(self._node.body)
@@ -209,12 +221,14 @@ class Function:
 
     def definition(self) -> str:
         """Return the function in C++."""
-        declared = [f"{kind.cpp} {name}_" for name, kind in self._kinds.items()]
+        declared = [f"{kind.cpp} {_local(name)}" for name, kind in self._kinds.items()]
         parameters = ", ".join(declared[: len(self.parameters)])
         locals_ = [f"  {one}{{}};" for one in declared[len(self.parameters) :]]
-        typed = f"{self.returns.cpp} {self.name}({parameters})"
+        home, _, name = self.name.partition("::")
+        typed = f"{self.returns.cpp} {name}({parameters})"
         head = f"{'IN_PLACE' if f'<{LANES}>' in typed else 'static'} {typed} {{"
-        return "\n".join([self._line_of(self._node), head, *locals_, *self._lines, "}\n"])
+        lines = [self._line_of(self._node), head, *locals_, *self._lines, "}"]
+        return "\n".join([f"namespace {home} {{", *lines, "}\n"])
 
     def _line_of(self, node: Any) -> str:
         return f'#line {node.lineno} "{self._file}"'
@@ -344,7 +358,7 @@ class Function:
         first = self._kinds.setdefault(name, kind)
         if t.joined(first, kind) != first:
             self._fail(node, f"{name} is given values of two types, {first.cpp} and {kind.cpp}")
-        return f"{name}_"
+        return _local(name)
 
     # Expressions
 
@@ -394,7 +408,7 @@ class Function:
 
     def _value_Name(self, node: ast.Name) -> Value:
         if node.id in self._kinds:
-            return Value(f"{node.id}_", self._kinds[node.id])
+            return Value(_local(node.id), self._kinds[node.id])
         value = self.program.constant(node.id, self._meaning(node), self.kernel.__module__)
         if value is None:
             self._fail(node, f"{node.id} is no variable, and no number of the module")
