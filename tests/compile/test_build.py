@@ -86,9 +86,10 @@ def test_a_record_that_is_cut_short_counts_as_none(
 def test_why_the_library_cannot_be_written_is_told_line_by_line(tmp_path: Path) -> None:
     without = shutil.ignore_patterns("library", "__pycache__")
     shutil.copytree(ROOT / "vibro_cli", tmp_path / "vibro_cli", ignore=without)
-    command = [sys.executable, "-m", "vibro_cli", "run", ROOT / "scenarios" / "one_circle.toml"]
+    scenario = str(ROOT / "scenarios" / "one_circle.toml")
+    command = [sys.executable, "-m", "vibro_cli", "run", scenario, "--format", "csv", "-q"]
     done = subprocess.run(
-        [*command, "--format", "csv", "-q"], cwd=tmp_path, capture_output=True, text=True,
+        command, cwd=tmp_path, capture_output=True, text=True,
         env={"PYTHONPATH": str(tmp_path), "PYTHONDONTWRITEBYTECODE": "1"}, check=False,
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100)),
     )  # fmt: skip

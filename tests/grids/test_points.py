@@ -14,7 +14,7 @@ from scipy.stats import kstest
 from vibro_cli.assemble import build_system
 from vibro_cli.grids.axes import Array
 from vibro_cli.grids.document import document_at, load_grid
-from vibro_cli.grids.solving import solver_of
+from vibro_cli.grids.solving import columns_of_records, solver_of
 from vibro_cli.scenario import ScenarioError
 from vibro_cli.scenario.forms import Scanner, places
 from vibro_cli.scenario.loading import load_document, scenario_of
@@ -74,7 +74,11 @@ def test_what_invalid_points_share_is_done_once(
     done: list[str] = []
 
     def counted(act: Callable[..., Any], name: str) -> Callable[..., Any]:
-        return lambda *given: [done.append(name), act(*given)][1]
+        def counting(*given: Any) -> Any:
+            done.append(name)
+            return act(*given)
+
+        return counting
 
     path = tmp_path / "half.toml"
     path.write_text(
@@ -83,7 +87,7 @@ def test_what_invalid_points_share_is_done_once(
     )
     solver = solver_of(load_grid(path, ["stop.collisions=1"]))
     monkeypatch.setattr(Scanner, "scan", counted(Scanner.scan, "places"))
-    make_table = counted(grid_solver.columns_of_records, "table")
+    make_table = counted(columns_of_records, "table")
     monkeypatch.setattr(grid_solver, "columns_of_records", make_table)
     places.cache_clear()
     solved = solver.solve(np.arange(40))

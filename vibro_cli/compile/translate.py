@@ -1,8 +1,8 @@
 """Translate kernels to C++: one readable source file per program, with the kernels' line numbers.
 
 A kernel becomes one C++ function of the same name, in a namespace for its module, for each
-combination of argument types; overloading tells these apart. Locals are declared at the top, with the type of their first
-assignment. Anything outside the subset is an error with its file and line.
+combination of argument types; overloading tells these apart. Locals are declared at the top, with
+the type of their first assignment. Anything outside the subset is an error with its file and line.
 """
 
 from __future__ import annotations
