@@ -9,6 +9,7 @@ import sys
 
 from vibro_cli.compile.build import BuildError, build
 from vibro_cli.compile.kinds import TranslationError
+from vibro_cli.compile.native import IF_CHANGED
 from vibro_cli.compile.translate import Program
 from vibro_cli.kernels.ensemble.lanes import run_points_in_lanes
 from vibro_cli.kernels.ensemble.points import follow_points, proceed, run_points
@@ -56,6 +57,6 @@ def programs() -> list[Program]:
 
 if __name__ == "__main__":
     try:
-        build(programs())
+        build(programs(), if_changed=IF_CHANGED in sys.argv)
     except (BuildError, TranslationError, OSError) as error:
         sys.exit(f"vibro: {error}")

@@ -99,3 +99,31 @@ def test_why_the_library_cannot_be_written_is_told_line_by_line(tmp_path: Path) 
     )
     (why,) = done.stderr.splitlines()[2:]
     assert why.startswith("vibro: [Errno 27] File too large: ")
+
+
+COMPILER = """#!/bin/sh
+while [ "$1" != -o ]; do shift; done
+echo "$2" >> "$0.made"
+sleep 0.3
+: > "$2"
+"""
+
+
+def test_processes_that_wait_for_a_build_use_it(tmp_path: Path) -> None:
+    without = shutil.ignore_patterns("library", "__pycache__")
+    shutil.copytree(ROOT / "vibro_cli", tmp_path / "vibro_cli", ignore=without)
+    compiler = tmp_path / "compiler"
+    compiler.write_text(COMPILER)
+    compiler.chmod(0o755)
+    processes = [
+        subprocess.Popen(
+            [sys.executable, "-c", "from vibro_cli.compile import native; print(native._path())"],
+            cwd=tmp_path, env={"PYTHONPATH": str(tmp_path), "CXX": str(compiler)}, text=True,
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        )
+        for _ in range(3)
+    ]  # fmt: skip
+    found = {process.communicate()[0] for process in processes}
+    assert found == {f"{tmp_path / 'vibro_cli' / 'compile' / 'library' / 'kernels-native.so'}\n"}
+    made = Path(f"{compiler}.made").read_text().split()
+    assert made.count("kernels-native.so") == 1

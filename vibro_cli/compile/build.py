@@ -21,7 +21,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from vibro_cli.compile.native import FOLDER, LEVELS, PACKAGE, RECORD, digest_of
+from vibro_cli.compile.native import FOLDER, LEVELS, PACKAGE, RECORD, digest_of, reason_to_build
 from vibro_cli.compile.translate import Program
 
 PRELUDE = Path(__file__).parent / "prelude.hpp"
@@ -96,11 +96,13 @@ def build(
     folder: Path = FOLDER,
     levels: Sequence[str] = (NATIVE,),
     more_flags: Sequence[str] = (),
+    if_changed: bool = False,
 ) -> None:
     """Build the library in a folder with a record of its sources; a failure changes nothing.
 
     The folder is created if it does not exist. ``levels`` are the processor levels, best first;
-    ``more_flags`` are further options of the compiler, after all others.
+    ``more_flags`` are further options of the compiler, after all others. With ``if_changed``
+    nothing is built where another process has just built the library from the present sources.
 
     Raises
     ------
@@ -111,6 +113,8 @@ def build(
     """
     command = compiler()
     with _work_folder(folder) as work:
+        if if_changed and not reason_to_build(folder):
+            return
         shutil.copy(PRELUDE, work)
         for program in programs:
             (work / f"{program.name}.cpp").write_text(program.source())

@@ -30,6 +30,8 @@ LEVELS = ("x86-64-v4", "x86-64-v3", "x86-64-v2")
 """Levels of a portable library: the best one that the processor supports is loaded."""
 _SCALARS = {t.FLOAT: ctypes.c_double, t.INT: ctypes.c_int64, t.BOOL: ctypes.c_bool}
 _MODULE = "vibro_cli.programs"
+IF_CHANGED = "--if-changed"
+"""Option of ``python -m vibro_cli.programs``: to leave a library as it is if it is up to date."""
 
 
 @cache
@@ -47,11 +49,9 @@ def library() -> ctypes.CDLL:
 
 
 def _path() -> Path:
-    record = _record()
-    if not record or record["digest"] != digest_of(record["sources"]):
-        _make("have changed" if record else "are not built yet")
-        record = _record()
-    names: list[str] = record["libraries"]
+    if why := reason_to_build(FOLDER):
+        _make(why)
+    names: list[str] = json.loads((FOLDER / RECORD).read_text())["libraries"]
     if len(names) == 1:
         return FOLDER / names[0]
     # Every library can report the processor's level; the lowest one runs on all processors.
@@ -60,17 +60,19 @@ def _path() -> Path:
     return FOLDER / names[max(0, len(LEVELS) + 1 - level)]
 
 
-def _record() -> Any:
+def reason_to_build(folder: Path) -> str:
+    """Return what makes a build necessary in a folder, empty if its library is up to date."""
     try:
-        return json.loads((FOLDER / RECORD).read_text())
+        record = json.loads((folder / RECORD).read_text())
     except (FileNotFoundError, ValueError):  # cut short, as by a power failure
-        return None
+        return "are not built yet"
+    return "" if record["digest"] == digest_of(record["sources"]) else "have changed"
 
 
 def _make(why: str) -> None:
     """Build the library in a separate process, which imports only what the build needs."""
     print(f"vibro: compiling the kernels, which {why}; this takes a few seconds", file=sys.stderr)
-    command = [sys.executable, "-m", _MODULE]
+    command = [sys.executable, "-m", _MODULE, IF_CHANGED]
     environment = {**os.environ, "PYTHONPATH": str(FOLDER.parents[2])}
     done = subprocess.run(
         command, env=environment, stdin=subprocess.DEVNULL, capture_output=True, text=True,
