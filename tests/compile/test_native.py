@@ -14,8 +14,8 @@ import pytest
 
 from vibro_cli.compile import native
 from vibro_cli.compile.build import NATIVE, build, library_name
-from vibro_cli.compile.kernel import FloatMatrix, Overrides, dtype, interpreted, kernel, struct
-from vibro_cli.compile.native import CompiledKernel, compiled
+from vibro_cli.compile.kernel import FloatMatrix, Overrides, dtype, kernel, struct
+from vibro_cli.compile.native import compiled
 from vibro_cli.compile.translate import Program
 from vibro_cli.errors import NoLibrary
 
@@ -132,7 +132,7 @@ def test_overrides_hold_in_both_engines() -> None:
     assert compiled(mixed, DOUBLED)(True, 2, 3.0, one) == (42, 8.0, False)
     points = [Point(), Point()]
     points[1].x = 2.0
-    found = interpreted(mixed, DOUBLED)(True, 2, 3.0, Plane(points, [40]))
+    found = DOUBLED.interpreted(mixed)(True, 2, 3.0, Plane(points, [40]))
     assert found == (42, 8.0, False)
     assert compiled(mixed)(True, 2, 3.0, other) == (42, 3.5, False)
 
@@ -148,4 +148,4 @@ def test_arrays_of_another_form_are_refused(table: Any) -> None:
 
 def test_a_kernel_that_no_program_names_is_told() -> None:
     with pytest.raises(NoLibrary, match="it is named in no program"):
-        CompiledKernel(unnamed)
+        compiled(unnamed)

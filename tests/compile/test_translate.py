@@ -427,6 +427,39 @@ def of_membership(a: float) -> bool:
 
 
 @kernel
+def of_fewer_results(a: float) -> tuple[float, float, float]:
+    return _ordered(a, a)  # type: ignore[return-value]
+
+
+@kernel
+def of_an_integer_for_a_float(i: int) -> float:
+    return i
+
+
+@kernel
+def of_an_item_beyond_the_last(a: float) -> float:
+    return _ordered(a, a)[2]  # type: ignore[misc,no-any-return]
+
+
+@kernel
+def of_no_bounds(i: int) -> int:
+    found = 0
+    for n in range():  # type: ignore[call-overload]
+        found += n
+    return found + i
+
+
+@kernel
+def of_two_forms(a: float | None) -> float:
+    return a or 0.0
+
+
+@kernel
+def of_a_choice_of_two_types(rows: Sequence[Cell], a: float) -> float:
+    return rows[0] if a > 0.0 else a  # type: ignore[return-value]
+
+
+@kernel
 def of_no_variable(a: float) -> float:
     return a + ENTRIES  # type: ignore[operator]
 
@@ -465,6 +498,12 @@ def of_no_variable(a: float) -> float:
         (of_remainders_of_lanes, "a kernel has no such operator of Lanes<8>"),
         (of_wrong_number, "is given 2 of 1 arguments"),
         (of_try, "a kernel has no try"),
+        (of_fewer_results, "found a value of type Tuple<double, double>, expected Tuple<double, d"),
+        (of_an_integer_for_a_float, "found a value of type int64_t, expected double"),
+        (of_an_item_beyond_the_last, "has no item 2"),
+        (of_no_bounds, "expected `for name in range"),
+        (of_two_forms, "expected a type of numbers"),
+        (of_a_choice_of_two_types, r"found Cell\* and double, expected numbers, or values of one"),
     ],
 )
 def test_what_the_subset_does_not_have_is_told_with_its_place(

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from tests.systems.table_cases import Document, ball, box, ellipse, table
-from vibro_cli.compile.kernel import Overrides, kernel
+from vibro_cli.compile.kernel import NO_OVERRIDES, Overrides, kernel
 from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.table.loop import note_motion, sift, time_to_pair
 from vibro_cli.kernels.table.world import World
@@ -40,7 +40,7 @@ def world_of(document: Document, limits: Limits = NO_LIMITS) -> World:
     return make_world(build(cast(TableScenario, any_scenario_of(document))), limits)
 
 
-def rows_of(document: Document, engine: str, overrides: Overrides | None = None) -> list[Any]:
+def rows_of(document: Document, engine: str, overrides: Overrides = NO_OVERRIDES) -> list[Any]:
     """Return impacts, bounces and the end of a run, with all their numbers."""
     world = world_of(document, Limits(time=1e6, collisions=60, bounces=60))
     driver = Driver(LOOP, world, engine, overrides=overrides)

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibro_cli.assemble import body_of, speed_of, system_of, trace_of
-from vibro_cli.compile import kernel as engine
+from vibro_cli.compile.kernel import dtype
 from vibro_cli.compile.native import compiled
 from vibro_cli.errors import VibroError
 from vibro_cli.kernels.impact.laws import weight_and_response
@@ -170,9 +170,9 @@ def impact_times(
 def _arrivals(system: TraceSystem, stretch: Any) -> Any:
     own = make_world(system)
     world = with_logs(SYSTEM.loop, own, stretch.engine, stretch.logs, stretch.clock)
-    arrivals = np.zeros(len(stretch.logs["log"]), dtype=engine.dtype(Arrival))
+    arrivals = np.zeros(len(stretch.logs["log"]), dtype=dtype(Arrival))
     current = np.zeros((1, len(system.bodies)), dtype=np.int64)
-    scratch = np.zeros(1, dtype=engine.dtype(Flight))
+    scratch = np.zeros(1, dtype=dtype(Flight))
     find: Any = compiled(find_arrivals)
     series = np.zeros((SERIES_ROWS, TERMS + 1))
     find(world, arrivals, current, series, scratch)

@@ -20,30 +20,27 @@ from fractions import Fraction
 from functools import cache, update_wrapper
 from operator import attrgetter
 from types import FunctionType
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
+
+from vibro_cli.compile import kinds as t
 
 Kernel = Callable[..., Any]
 Function = TypeVar("Function", bound=Kernel)
 StructClass = TypeVar("StructClass", bound=type)
 
-# Lanes of a register of 512 bits; on processors with shorter registers several are used.
-LANES = 8
-# Bytes of a line of the processor's cache. Lanes that cross one take twice as long to read.
-CACHE_LINE = 64
-
+LANES = t.LANES
+SERIES_LENGTH = t.SERIES_LENGTH
 # For the type checker, lanes are numbers and comparisons of them booleans.
-Lanes = float
+Lanes = Annotated[float, t.lanes_of(t.LANES)]
 # Two lanes: the same quantity of both bodies of a pair.
-Two = float
-# Number of entries of a Series: the nodes of a collocation segment.
-SERIES_LENGTH = 8
-Series = list[float]
+Two = Annotated[float, t.lanes_of(2)]
+Series = Annotated[list[float], t.SERIES]
 # Arrays of two or more axes in C order; the type checker does not check them.
-FloatMatrix = Any
-IntMatrix = Any
-BoolMatrix = Any
-FloatArray3 = Any
-FloatArray4 = Any
+FloatMatrix = Annotated[Any, t.array_of(t.FLOAT, 2)]
+IntMatrix = Annotated[Any, t.array_of(t.INT, 2)]
+BoolMatrix = Annotated[Any, t.array_of(t.BOOL, 2)]
+FloatArray3 = Annotated[Any, t.array_of(t.FLOAT, 3)]
+FloatArray4 = Annotated[Any, t.array_of(t.FLOAT, 4)]
 
 _kernels: set[Kernel] = set()
 
@@ -59,29 +56,20 @@ def is_kernel(value: Any) -> bool:
     return isinstance(value, FunctionType) and value in _kernels
 
 
-def is_struct(value: Any) -> bool:
-    """Return whether a value is a class decorated with :func:`struct`."""
-    return isinstance(value, type) and hasattr(value, "fields")
-
-
-def has_lanes(cls: type) -> bool:
-    """Return whether a struct has fields in lanes."""
-    return "Lanes" in cls.fields.values()  # type: ignore[attr-defined]
-
-
 def struct(cls: StructClass) -> StructClass:
     """Turn a class of annotated fields into one with slots and zeros as initial values.
 
-    The mapping ``fields`` of the result gives the kind of each field by name: ``float``, ``int``,
+    The mapping ``fields`` of the result gives the type of each field by name: ``float``, ``int``,
     ``Series`` (a short row of floats, such as the coefficients of a polynomial), ``Lanes`` or
-    ``Two``. The fields of base classes that are structs come first, and those in lanes before all.
+    ``Two``. The fields of base classes that are structs come first, and those in lanes before all,
+    with which a struct has the ``alignment`` (bytes) of a line of the cache.
     """
-    fields: dict[str, str] = {}
+    fields: dict[str, Any] = {}
     for base in reversed(cls.__mro__):
         fields.update(getattr(base, "fields", {}))
-    fields.update(cls.__annotations__)
-    fields = dict(sorted(fields.items(), key=lambda field: field[1] != "Lanes"))
-    zeros: dict[str, Callable[[], Any]] = {"int": int, "Series": lambda: [0.0] * SERIES_LENGTH}
+    fields.update(t.kinds_in(cls))
+    fields = dict(sorted(fields.items(), key=lambda field: field[1].size != t.LANES))
+    zeros: dict[Any, Callable[[], Any]] = {t.INT: int, t.SERIES: lambda: [0.0] * t.SERIES_LENGTH}
     values = [(name, zeros.get(kind, float)) for name, kind in fields.items()]
 
     def initialise(self: object) -> None:
@@ -94,27 +82,20 @@ def struct(cls: StructClass) -> StructClass:
         "__doc__": cls.__doc__,
         "__module__": cls.__module__,
         "fields": fields,
+        "alignment": t.CACHE_LINE if t.lanes_of(t.LANES) in fields.values() else 1,
     }
     return type(cls.__name__, (), body)  # type: ignore[return-value]
 
 
 @cache
-def dtype(cls: type) -> Any:
+def dtype(cls: Any) -> Any:
     """Return the structured numpy type of a struct; one with lanes fills whole cache lines."""
     import numpy as np
 
-    kinds: dict[str, Any] = {
-        "float": np.float64,
-        "int": np.int64,
-        "Series": (np.float64, (SERIES_LENGTH,)),
-        "Lanes": (np.float64, (1, LANES)),
-        "Two": (np.float64, (1, 2)),
-    }
-    fields = cls.fields  # type: ignore[attr-defined]
-    layout: Any = {"names": list(fields), "formats": [kinds[kind] for kind in fields.values()]}
-    if has_lanes(cls):
-        layout["itemsize"] = -(-np.dtype(layout).itemsize // CACHE_LINE) * CACHE_LINE
-    return np.dtype(layout)
+    formats = [kind.stored for kind in cls.fields.values()]
+    size = np.dtype({"names": list(cls.fields), "formats": formats}).itemsize
+    size += -size % cls.alignment
+    return np.dtype({"names": list(cls.fields), "formats": formats, "itemsize": size})
 
 
 def interpreted_copies(rows: Any, cls: type) -> list[Any]:
@@ -123,7 +104,7 @@ def interpreted_copies(rows: Any, cls: type) -> list[Any]:
     copies = [cls() for _ in rows]
     for copy, values in zip(copies, rows.tolist(), strict=True):
         for (name, kind), value in zip(fields, values, strict=True):
-            setattr(copy, name, list(value) if kind == "Series" else value)
+            setattr(copy, name, list(value) if kind == t.SERIES else value)
     return copies
 
 
@@ -158,8 +139,14 @@ class Overrides:
         """Return the override of a kernel if it has one, else the value itself."""
         return self.replaced.get(value, value) if isinstance(value, FunctionType) else value
 
+    def symbol(self, kernel: Kernel) -> str:
+        """Return the name under which the library exports a kernel that is an entry point."""
+        return f"{self.name}.{kernel.__module__}.{kernel.__name__}".lstrip(".").replace(".", "_")
+
     def interpreted(self, function: Function) -> Function:
         """Return a kernel for the interpreter, with overrides for all kernels that it calls."""
+        if not self.replaced:
+            return function
         meant = self.resolved(function)
         if meant not in self._functions:
             namespace = self._namespace(meant.__module__)
@@ -177,9 +164,7 @@ class Overrides:
         return self._namespaces[module]
 
 
-def interpreted(function: Function, overrides: Overrides | None) -> Function:
-    """Return a kernel for the interpreter with overrides; without any, the kernel itself."""
-    return function if overrides is None else overrides.interpreted(function)
+NO_OVERRIDES = Overrides("", {})
 
 
 def any_lane(condition: bool) -> bool:

@@ -1,24 +1,20 @@
-"""The types of the compiled subset of Python, and their names in C++."""
+"""The types of the compiled subset of Python, each with its names in C++, numpy and ctypes."""
 
 from __future__ import annotations
 
-import inspect
-import sys
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+import ctypes
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
-from typing import Any, get_args, get_origin
+from typing import Any, get_args, get_origin, get_type_hints
 
-from vibro_cli.compile.kernel import (
-    CACHE_LINE,
-    LANES,
-    SERIES_LENGTH,
-    Kernel,
-    Overrides,
-    has_lanes,
-    is_struct,
-)
+# Lanes of a register of 512 bits; on processors with shorter registers several are used.
+LANES = 8
+# Bytes of a line of the processor's cache. Lanes that cross one take twice as long to read.
+CACHE_LINE = 64
+# Number of entries of a Series: the nodes of a collocation segment.
+SERIES_LENGTH = 8
 
 
 @dataclass(frozen=True)
@@ -31,28 +27,33 @@ class Kind:
     """Type of the elements of an array or row; types of a tuple's items; class of a struct."""
     size: int = 0
     """Number of lanes or axes."""
-
-    @property
-    def is_numeric(self) -> bool:
-        """Whether its values are numbers or booleans, in lanes or not."""
-        return self.form in ("number", "lanes", "mask")
+    stored: Any = field(default=None, compare=False)
+    """Type in ctypes of a number, which numpy knows too; with its shape if it has several."""
 
     @property
     def members(self) -> Mapping[str, Any]:
-        """Types of the members of a struct, a named tuple or a tuple, by their names in C++."""
+        """Types of the members of a struct or a tuple, by their names in C++."""
         if self.form == "tuple":
             return {f"at{n}": item for n, item in enumerate(self.item)}
-        return _members(self.item) if self.form in ("struct", "world") else {}
+        return _members(self.item) if self.form == "struct" else {}
+
+
+FLOAT = Kind("number", "double", stored=ctypes.c_double)
+INT = Kind("number", "int64_t", stored=ctypes.c_int64)
+BOOL = Kind("truth", "bool", stored=ctypes.c_bool)
+NOTHING = Kind("nothing", "void")
+SERIES = Kind("row", "double*", FLOAT, stored=(ctypes.c_double, SERIES_LENGTH))
+_PLAIN = {"float": FLOAT, "int": INT, "bool": BOOL, "NoneType": NOTHING}
 
 
 def lanes_of(count: int) -> Kind:
     """Return the type of ``count`` lanes with a double in each."""
-    return Kind("lanes", f"Lanes<{count}>", size=count)
+    return Kind("number", f"Lanes<{count}>", size=count, stored=(ctypes.c_double, (1, count)))
 
 
-def mask_of(kind: Kind) -> Kind:
-    """Return the type of a comparison of numbers: boolean, in lanes if the numbers are."""
-    return Kind("mask", f"Mask<{kind.size}>", size=kind.size) if kind.size else BOOL
+def truth_of(kind: Kind) -> Kind:
+    """Return the type of a comparison of numbers: a truth value, or one for each lane."""
+    return Kind("truth", f"Mask<{kind.size}>", size=kind.size) if kind.size else BOOL
 
 
 def tuple_of(items: Iterable[Kind]) -> Kind:
@@ -67,78 +68,57 @@ def array_of(item: Kind, axes: int = 1) -> Kind:
     return Kind("array", f"Array<{element}, {axes}>", item, axes)
 
 
+def joined(*kinds: Kind) -> Kind | None:
+    """Return the type to which values of the given types are converted; None if there is none.
+
+    Integers become floats, and numbers and truth values take part in every lane.
+    """
+
+    def takes(kind: Kind, given: Kind) -> bool:
+        widens = kind.form == given.form and not given.size and (kind.size or kind == FLOAT)
+        return kind == given or bool(widens)
+
+    return next((kind for kind in kinds if all(takes(kind, one) for one in kinds)), None)
+
+
+def in_one_lane(kind: Kind) -> Kind:
+    """Return a type with numbers in place of lanes."""
+    if kind.form == "tuple":
+        return tuple_of(map(in_one_lane, kind.item))
+    is_in_lanes = kind.form in ("number", "truth") and kind.size
+    return kind if not is_in_lanes else FLOAT if kind.form == "number" else BOOL
+
+
 class TranslationError(Exception):
     """A kernel is not in the compiled subset; the message gives file, line and reason."""
 
 
-FLOAT, INT, BOOL = (Kind("number", name) for name in ("double", "int64_t", "bool"))
-NOTHING = Kind("nothing", "void")
-SERIES = Kind("row", "double*", FLOAT)
-NAMED: Mapping[str, Kind] = {
-    "float": FLOAT,
-    "int": INT,
-    "bool": BOOL,
-    "None": NOTHING,
-    "Lanes": lanes_of(LANES),
-    "Two": lanes_of(2),
-    "Series": SERIES,
-    "FloatMatrix": array_of(FLOAT, 2),
-    "IntMatrix": array_of(INT, 2),
-    "BoolMatrix": array_of(BOOL, 2),
-    "FloatArray3": array_of(FLOAT, 3),
-    "FloatArray4": array_of(FLOAT, 4),
-}
-
-
-def joined(*kinds: Kind) -> Kind | None:
-    """Return the type of a variable assigned values of the given types; None if there is none."""
-    found: Kind | None = kinds[0]
-    for kind in kinds[1:]:
-        found = found and _joined(found, kind)
-    return found
-
-
-def _joined(one: Kind, other: Kind) -> Kind | None:
-    if one == other:
-        return one
-    for kind, beside in ((one, other), (other, one)):
-        if kind.size and kind.is_numeric:
-            numbers = (FLOAT, INT, BOOL) if kind.form == "lanes" else (BOOL,)
-            return kind if beside in numbers else None
-    if one.is_numeric and other.is_numeric:
-        return FLOAT if FLOAT in (one, other) else INT
-    return None
-
-
-@cache
-def annotated(text: str, module: str) -> Any:
-    """Return the type of an annotation in a module; None if it is not in the subset."""
-    return _kind_of(eval(text, vars(sys.modules[module]), NAMED))
-
-
-def _kind_of(value: Any) -> Any:
-    if isinstance(value, Kind):
-        return value
-    if is_struct(value):
-        return Kind("struct", f"{value.__name__}*", value)
-    if hasattr(value, "_fields"):
-        return Kind("world", f"const {value.__name__}*", value)
-    items = tuple(map(_kind_of, get_args(value)))
-    if not items or None in items:
-        return NAMED.get(getattr(value, "__name__", str(value)))
-    if get_origin(value) is tuple:
+def kind_of(hint: Any) -> Any:
+    """Return the type that an annotation means; None if it is not in the subset."""
+    if hasattr(hint, "__metadata__"):
+        return hint.__metadata__[0]
+    if hasattr(hint, "fields"):
+        return Kind("struct", f"{hint.__name__}*", hint)
+    if hasattr(hint, "_fields"):
+        return Kind("struct", f"const {hint.__name__}*", hint)
+    items, origin = tuple(map(kind_of, get_args(hint))), get_origin(hint)
+    if not items or None in items or origin not in (tuple, list, Sequence):
+        return None if items else _PLAIN.get(getattr(hint, "__name__", ""))
+    if origin is tuple:
         return tuple_of(items)
     (item,) = items
     return array_of(item.item, item.size + 1) if item.form == "array" else array_of(item)
 
 
+def kinds_in(annotated: Any) -> dict[str, Any]:
+    """Return the types of the annotations of a class or a function by name."""
+    hints = get_type_hints(annotated, include_extras=True)
+    return {name: kind_of(hint) for name, hint in hints.items()}
+
+
 @cache
-def _members(cls: Any) -> dict[str, Any]:
-    texts = cls.fields if is_struct(cls) else cls.__annotations__
-    return {
-        name: annotated(getattr(text, "__forward_arg__", text), cls.__module__)
-        for name, text in texts.items()
-    }
+def _members(cls: Any) -> Mapping[str, Any]:
+    return getattr(cls, "fields", None) or kinds_in(cls)
 
 
 def declaration(kind: Kind) -> str:
@@ -148,7 +128,7 @@ def declaration(kind: Kind) -> str:
     if kind.form == "tuple":
         head = f"template <>\nstruct {kind.cpp}"
     else:
-        aligned = kind.form == "struct" and has_lanes(kind.item)
+        aligned = getattr(kind.item, "alignment", 1) > 1
         head = f"struct {f'alignas({CACHE_LINE}) ' if aligned else ''}{kind.item.__name__}"
     members = [
         f"double {name}[{SERIES_LENGTH}]" if each == SERIES else f"{each.cpp} {name}"
@@ -157,14 +137,8 @@ def declaration(kind: Kind) -> str:
     return "\n".join([f"{head} {{", *(f"  {one};" for one in members), "};\n"])
 
 
-def symbol_of(kernel: Kernel, overrides: Overrides | None = None) -> str:
-    """Return the name under which the library exports a kernel that is an entry point."""
-    place = f"{kernel.__module__}.{kernel.__name__}".replace(".", "_")
-    return f"{overrides.name}_{place}" if overrides else place
-
-
 @cache
-def signature(kernel: Kernel) -> tuple[tuple[str, ...], tuple[Any, ...], Any]:
+def signature(kernel: Any) -> tuple[tuple[str, ...], tuple[Any, ...], Any]:
     """Return the names and types of a kernel's parameters, and the type of its result.
 
     Raises
@@ -172,23 +146,16 @@ def signature(kernel: Kernel) -> tuple[tuple[str, ...], tuple[Any, ...], Any]:
     TranslationError
         If an annotation is missing or not in the subset.
     """
-    kinds = {}
-    for name in (*inspect.signature(kernel).parameters, "return"):
-        text = kernel.__annotations__.get(name)
-        kind = annotated(str(text), kernel.__module__) if text is not None else None
-        if kind is None:
+    kinds, code = kinds_in(kernel), kernel.__code__
+    names = code.co_varnames[: code.co_argcount]
+    for name in (*names, "return"):
+        if kinds.get(name) is None:
+            text = kernel.__annotations__.get(name)
             raise TranslationError(
-                f"{place_of(kernel)}: {kernel.__name__}: {name}: found {text!r}, expected a type "
-                "of numbers, structs, tuples or arrays of them"
+                f"{shown(code.co_filename)}:{code.co_firstlineno}: {kernel.__name__}: {name}: "
+                f"found {text!r}, expected a type of numbers, structs, tuples or arrays of them"
             )
-        kinds[name] = kind
-    returned = kinds.pop("return")
-    return tuple(kinds), tuple(kinds.values()), returned
-
-
-def place_of(kernel: Kernel) -> str:
-    """Return the file and line of a kernel."""
-    return f"{shown(kernel.__code__.co_filename)}:{kernel.__code__.co_firstlineno}"
+    return names, tuple(kinds[name] for name in names), kinds["return"]
 
 
 def shown(path: str) -> str:

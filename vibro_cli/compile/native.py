@@ -11,14 +11,13 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
 
-from vibro_cli.compile import kinds as t
-from vibro_cli.compile.kernel import CACHE_LINE, Kernel, Overrides, dtype, has_lanes
-from vibro_cli.compile.kinds import signature, symbol_of
+from vibro_cli.compile.kernel import NO_OVERRIDES, Kernel, Overrides, dtype
+from vibro_cli.compile.kinds import signature
 from vibro_cli.errors import NoLibrary
 
 PACKAGE = Path(__file__).parents[1]
@@ -28,7 +27,6 @@ RECORD = "build.json"
 """File beside the library that records its sources."""
 LEVELS = ("x86-64-v4", "x86-64-v3", "x86-64-v2")
 """Levels of a portable library: the best one that the processor supports is loaded."""
-_SCALARS = {t.FLOAT: ctypes.c_double, t.INT: ctypes.c_int64, t.BOOL: ctypes.c_bool}
 _MODULE = "vibro_cli.programs"
 IF_CHANGED = "--if-changed"
 """Option of ``python -m vibro_cli.programs``: to leave a library as it is if it is up to date."""
@@ -94,85 +92,65 @@ def digest_of(sources: Sequence[str]) -> str:
     return found.hexdigest()
 
 
-class CompiledKernel:
-    """A kernel of the library, called like the kernel itself.
+@cache
+def compiled(kernel: Kernel, overrides: Overrides = NO_OVERRIDES) -> Callable[..., Any]:
+    """Return a kernel of the library, called like the kernel itself.
 
     It must be an entry point of a program (see ``vibro_cli.programs``) with the same overrides. Its
     parameters are numbers, numpy arrays in C order, or named tuples of arrays; it returns a number,
-    a tuple of numbers, or None.
+    a tuple of numbers, or None. A call raises TypeError if an array does not have the type of the
+    kernel's annotation, or its records have lanes and do not begin a line of the cache.
+
+    Raises
+    ------
+    NoLibrary
+        If the library cannot be built, or does not have the kernel.
     """
-
-    def __init__(self, kernel: Kernel, overrides: Overrides | None = None) -> None:
-        self._names, self._kinds, returned = signature(kernel)
-        self._function = _exported(symbol_of(kernel, overrides))
-        self._function.argtypes = [_SCALARS.get(kind, ctypes.c_void_p) for kind in self._kinds]
-        self._function.restype = _SCALARS.get(returned)
-        if returned.form == "tuple":
-            fields = [(name, _SCALARS[kind]) for name, kind in returned.members.items()]
-            self._function.restype = type("Tuple", (ctypes.Structure,), {"_fields_": fields})
-
-    def __call__(self, *arguments: Any) -> Any:
-        """Call the kernel and return its result.
-
-        Raises
-        ------
-        TypeError
-            If an array does not have the type of the kernel's annotation, or its records
-            have lanes and do not begin a line of the cache.
-        """
-        given = [
-            argument if kind in _SCALARS else _words(kind, argument, name)
-            for kind, argument, name in zip(self._kinds, arguments, self._names, strict=True)
-        ]
-        found = self._function(*given)
-        if isinstance(found, ctypes.Structure):
-            return tuple(getattr(found, name) for name, *_ in found._fields_)
-        return found
-
-
-compiled = cache(CompiledKernel)
-"""Return the compiled form of a kernel, created once."""
-
-
-def _exported(symbol: str) -> Any:
+    names, kinds, returned = signature(kernel)
+    symbol = overrides.symbol(kernel)
     try:
-        return library()[symbol]  # a new object each time, so that argument types are not shared
+        function = library()[symbol]  # a new object, so that argument types are not shared
     except AttributeError:
         found = f"the library of kernels has no {symbol}: it is named in no program"
         raise NoLibrary(found) from None
+    function.argtypes = [kind.stored or ctypes.c_void_p for kind in kinds]
+    function.restype, results = returned.stored, returned.members
+    if results:
+        fields = [(name, kind.stored) for name, kind in results.items()]
+        function.restype = type("Tuple", (ctypes.Structure,), {"_fields_": fields})
+
+    def call(*arguments: Any) -> Any:
+        given = [
+            argument if kind.stored else _as_words(argument, kind, name)
+            for argument, kind, name in zip(arguments, kinds, names, strict=True)
+        ]
+        found = function(*given)
+        return tuple(getattr(found, name) for name in results) or found
+
+    return call
 
 
-def _words(kind: Any, argument: Any, name: str) -> Any:
-    """Return an array or a named tuple of arrays as the words that C++ reads."""
-    if kind.form != "world":
-        words = _array_words(argument, kind, name)
-    else:
-        words = []
-        for (field, each), array in zip(kind.members.items(), argument, strict=True):
-            words += _array_words(array, each, field)
+def _as_words(argument: Any, kind: Any, name: str) -> Any:
+    """Return what C++ reads of an array, address and extents, or of a named tuple of arrays."""
+    arrays = [(name, kind, argument)]
+    if kind.form != "array":
+        parts = zip(kind.members.items(), argument, strict=True)
+        arrays = [(field, each, array) for (field, each), array in parts]
+    words = [word for one in arrays for word in _words(*one)]
     return (ctypes.c_int64 * len(words))(*words)
 
 
-def _array_words(array: Any, kind: Any, name: str) -> list[int]:
-    """Return the address and extents of an array."""
-    wanted, axes, alignment = _layout(kind)
+def _words(name: str, kind: Any, array: Any) -> list[int]:
+    import numpy as np
+
+    stored, cls = kind.item.stored, kind.item.item
+    wanted, alignment = (np.dtype(stored), 1) if stored else (dtype(cls), cls.alignment)
     address = array.ctypes.data
-    if array.dtype != wanted or array.ndim != axes or not array.flags.c_contiguous:
+    if array.dtype != wanted or array.ndim != kind.size or not array.flags.c_contiguous:
         raise TypeError(
             f"{name}: found an array of {array.dtype}, shape {array.shape}; expected one of "
-            f"{wanted} in C order, with {axes} axes"
+            f"{wanted} in C order, with {kind.size} axes"
         )
     if address % alignment:
         raise TypeError(f"{name}: found address {address}, expected a multiple of {alignment}")
     return [address, *array.shape]
-
-
-@cache
-def _layout(kind: Any) -> tuple[Any, int, int]:
-    """Return the type, axes and alignment (bytes) of an array."""
-    import numpy as np
-
-    item = kind.item
-    if item in _SCALARS:
-        return np.dtype(_SCALARS[item]), kind.size, 1
-    return dtype(item.item), kind.size, CACHE_LINE if has_lanes(item.item) else 1

@@ -19,8 +19,8 @@ from typing import Any, NamedTuple, NoReturn
 
 from vibro_cli.compile import kernel as k
 from vibro_cli.compile import kinds as t
-from vibro_cli.compile.kernel import LANES, Kernel, Overrides, is_kernel
-from vibro_cli.compile.kinds import Kind, TranslationError, shown, signature, symbol_of
+from vibro_cli.compile.kernel import NO_OVERRIDES, Kernel, Overrides, is_kernel
+from vibro_cli.compile.kinds import LANES, Kind, TranslationError, shown, signature
 
 _WORDS = """alignas asm auto bool case catch char class const default delete do double else enum
     explicit export extern false float friend goto inline int int64_t long mutable namespace new
@@ -52,24 +52,24 @@ class Rule(NamedTuple):
 
     text: str
     """Template: {0}, {1}, … are the arguments, {all} all of them, {kind} the type of the result."""
-    result: Kind | Callable[..., Kind | None]
-    """Type of the result, or a function that returns it for the types of the arguments."""
+    result: Kind | Callable[..., Kind] | None
+    """Type of the result, its function of the types of the arguments, or None: that of them all."""
 
 
 _RULES: dict[Any, Rule] = {
-    min: Rule("py::min<{kind}>({all})", t.joined),
-    max: Rule("py::max<{kind}>({all})", t.joined),
+    min: Rule("py::min<{kind}>({all})", None),
+    max: Rule("py::max<{kind}>({all})", None),
     abs: Rule("py::abs({0})", lambda kind: kind),
     int: Rule("(int64_t)({0})", t.INT),
     float: Rule("(double)({0})", t.FLOAT),
     round: Rule("(int64_t)std::nearbyint({0})", t.INT),
     k.fused: Rule("std::fma({all})", t.FLOAT),
     k.any_lane: Rule("py::any_lane({0})", t.BOOL),
-    k.has_bit: Rule("py::has_bit({all})", lambda kind, _: t.mask_of(kind)),
+    k.has_bit: Rule("py::has_bit({all})", lambda kind, _: t.truth_of(kind)),
     k.extract: Rule("{0}[{1}]", t.FLOAT),
     k.insert: Rule("py::insert({all})", lambda kind, *_: kind),
     k.pack: Rule("py::pack({all})", t.lanes_of(2)),
-    math.sqrt: Rule("py::sqrt({0})", lambda kind: kind if kind.form == "lanes" else t.FLOAT),
+    math.sqrt: Rule("py::sqrt({0})", lambda kind: kind if kind.size else t.FLOAT),
     math.floor: Rule("(int64_t)std::floor({0})", t.INT),
     math.ceil: Rule("(int64_t)std::ceil({0})", t.INT),
 }
@@ -85,7 +85,7 @@ class Program:
 
     name: str  # of the source file
     entries: Sequence[Kernel]  # called from Python
-    overrides: Overrides | None = None
+    overrides: Overrides = NO_OVERRIDES
     flags: Sequence[str] = ()  # further options of the compiler
     functions: dict[Any, Function | None] = field(default_factory=dict)
     declared: dict[Kind, None] = field(default_factory=dict)
@@ -134,7 +134,7 @@ class Program:
 
     def _entry(self, kernel: Kernel) -> str:
         """Return the exported function of a kernel."""
-        kernel = self.overrides.resolved(kernel) if self.overrides else kernel
+        kernel = self.overrides.resolved(kernel)
         names, kinds, _ = signature(kernel)
         function: Any = self.function(kernel, kinds)
         given = list(map(_local, names))
@@ -142,7 +142,7 @@ class Program:
             f"const {kind.cpp}& {name}" if kind.form == "array" else f"{kind.cpp} {name}"
             for name, kind in zip(given, kinds, strict=True)
         ]
-        symbol = symbol_of(kernel, self.overrides)
+        symbol = self.overrides.symbol(kernel)
         head = f"{function.returns.cpp} {symbol}({', '.join(parameters)})"
         call = f"{function.name}({', '.join(given)})"
         return f'extern "C" EXPORTED {head} {{\n  return {call};\n}}\n'
@@ -244,7 +244,7 @@ class Function:
             return None
         value = getattr(sys.modules[self.kernel.__module__], node.id, None)
         value = getattr(builtins, node.id, None) if value is None else value
-        return self.program.overrides.resolved(value) if self.program.overrides else value
+        return self.program.overrides.resolved(value)
 
     # Statements
 
@@ -289,9 +289,10 @@ class Function:
             self._write("return;")
             return
         value = self._value(statement.value)
-        if self.returns is None:
-            self.returns = _returned(self._declared, value.kind)
-        self._write(f"return {self._cast(value, self.returns, statement)};")
+        if self.returns is None and t.in_one_lane(value.kind) == t.in_one_lane(self._declared):
+            self.returns = value.kind
+        code = self._exact(value, self.returns or self._declared, statement)
+        self._write(f"return {code};")
 
     def _write_If(self, statement: ast.If) -> None:
         self._inner(f"if ({self._condition(statement.test)})", statement.body)
@@ -304,9 +305,10 @@ class Function:
     def _write_For(self, statement: ast.For) -> None:
         steps: Any = statement.iter
         is_range = isinstance(steps, ast.Call) and ast.unparse(steps.func) == "range"
+        is_range = is_range and len(steps.args) in (1, 2, 3)
         if not is_range or not isinstance(statement.target, ast.Name):
             self._fail(statement, "expected `for name in range(...)`")
-        bounds = [self._cast(self._value(one), t.INT, one) for one in steps.args]
+        bounds = [self._exact(self._value(one), t.INT, one) for one in steps.args]
         low, high, step = (("0", *bounds, "1") if len(bounds) == 1 else (*bounds, "1"))[:3]
         name = self._declare(statement.target, statement.target.id, t.INT)
         self._temporaries += 1
@@ -334,11 +336,10 @@ class Function:
         if isinstance(target, ast.Tuple):
             self._unpack(target.elts, value, at)
         elif isinstance(target, ast.Name):
-            name = self._declare(target, target.id, value.kind)
-            self._write(f"{name} = {self._cast(value, self._kinds[target.id], at)};")
+            self._write(f"{self._declare(target, target.id, value.kind)} = {value.code};")
         else:
             place = self._value(target)
-            code = self._cast(value, place.kind, at)
+            code = self._exact(value, place.kind, at)
             is_struct = place.kind.form == "struct"  # contents, not addresses
             self._write(f"*{place.code} = *{code};" if is_struct else f"{place.code} = {code};")
 
@@ -356,7 +357,7 @@ class Function:
         if kind == t.NOTHING:
             self._fail(node, f"{name} is given {ast.unparse(node)}, which is no number or struct")
         first = self._kinds.setdefault(name, kind)
-        if t.joined(first, kind) != first:
+        if kind != first:
             self._fail(node, f"{name} is given values of two types, {first.cpp} and {kind.cpp}")
         return _local(name)
 
@@ -366,22 +367,16 @@ class Function:
         value: Value = self._method("_value", node)(node)
         return value
 
-    def _cast(self, value: Value, kind: Kind, node: ast.AST) -> str:
-        """Return the C++ code of an expression cast to another type without loss."""
-        code, given = value
-        if t.joined(kind, given) != kind:
-            self._fail(node, f"found a value of type {given.cpp}, expected {kind.cpp}")
-        if given == kind:
-            return code
-        if kind.size:
-            one = "double" if kind.form == "lanes" else "bool"
-            return f"py::in_all<{kind.size}>(({one}){code})"
-        return f"({kind.cpp})({code})"
+    def _exact(self, value: Value, kind: Kind, node: ast.AST) -> str:
+        """Return the code of an expression that must have a type."""
+        if value.kind != kind:
+            self._fail(node, f"found a value of type {value.kind.cpp}, expected {kind.cpp}")
+        return value.code
 
     def _truth(self, node: ast.expr) -> Value:
         """Return a truth value, or one for each lane."""
         value = self._value(node)
-        if value.kind != t.BOOL and value.kind.form != "mask":
+        if value.kind.form != "truth":
             self._fail(node, f"found {ast.unparse(node)}, expected a truth value")
         return value
 
@@ -394,11 +389,22 @@ class Function:
         return code
 
     def _alike(self, node: ast.expr, values: Sequence[Value]) -> tuple[Kind, list[str]]:
-        """Return the type that numbers share, and their code cast to it."""
+        """Return the type that values share in an expression, and their code converted to it."""
         kind = t.joined(*(value.kind for value in values))
-        if kind is None or not kind.is_numeric:
-            self._fail(node, f"{ast.unparse(node)}: expected numbers")
-        return kind, [self._cast(value, kind, node) for value in values]
+        if kind is None:
+            found = " and ".join(value.kind.cpp for value in values)
+            expected = "numbers, or values of one type"
+            self._fail(node, f"{ast.unparse(node)}: found {found}, expected {expected}")
+        return kind, [self._converted(value, kind) for value in values]
+
+    def _converted(self, value: Value, kind: Kind) -> str:
+        code, given = value
+        if given == kind:
+            return code
+        if kind.size:
+            one = "double" if kind.form == "number" else "bool"
+            return f"py::in_all<{kind.size}>(({one}){code})"
+        return f"({kind.cpp})({code})"
 
     def _value_Constant(self, node: ast.Constant) -> Value:
         kind = _kind_of_constant(node.value)
@@ -430,19 +436,20 @@ class Function:
         owner = self._value(node.value)
         places = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
         for place in places:
-            index = self._cast(self._value(place), t.INT, place)
+            index = self._exact(self._value(place), t.INT, place)
             owner = self._element(owner, index, place, node)
         return owner
 
     def _element(self, owner: Value, index: str, place: ast.expr, node: ast.Subscript) -> Value:
         (code, kind), at = owner, f"{owner.code}[{index}]"
-        number = place.value if isinstance(place, ast.Constant) else None
-        if kind.form == "tuple" and isinstance(number, int):
+        number: Any = place.value if isinstance(place, ast.Constant) else None
+        if kind.form == "tuple" and f"at{number}" in kind.members:
             return Value(f"{code}.at{number}", kind.item[number])
         if kind.form == "array" and kind.size > 1:
             return Value(at, t.array_of(kind.item, kind.size - 1))
         if kind.form not in ("array", "row"):
-            elements = "items by variable indices" if kind.form == "tuple" else "elements"
+            items = "items by variable indices" if number is None else f"item {number!r}"
+            elements = items if kind.form == "tuple" else "elements"
             self._fail(node, f"{ast.unparse(node.value)} has no {elements}")
         is_struct = kind.item.form == "struct"
         return Value(f"(&{at})" if is_struct else at, self.program.note(kind.item))
@@ -454,7 +461,7 @@ class Function:
             kind, codes = t.FLOAT, [f"(double){code}" for code in codes]
         is_whole = isinstance(node.op, ast.FloorDiv) and kind != t.INT
         is_of_one = isinstance(node.op, ast.Mod) and kind.size
-        if text is None or kind.form == "mask" or kind == t.BOOL or is_whole or is_of_one:
+        if text is None or kind.form != "number" or is_whole or is_of_one:
             self._fail(node, f"{ast.unparse(node)}: a kernel has no such operator of {kind.cpp}")
         return Value(text.format(*codes), kind)
 
@@ -463,8 +470,7 @@ class Function:
             code, kind = self._truth(node.operand)
             return Value(f"(!{code})", kind)
         code, kind = self._value(node.operand)
-        is_number = kind.form in ("number", "lanes") and kind != t.BOOL
-        if not isinstance(node.op, ast.USub) or not is_number:
+        if not isinstance(node.op, ast.USub) or kind.form != "number":
             self._fail(node, f"{ast.unparse(node)}: a kernel has no such operator of {kind.cpp}")
         return Value(f"(-{code})", kind)
 
@@ -477,22 +483,22 @@ class Function:
         values = [self._value(one) for one in (node.left, *node.comparators)]
         kind, codes = self._alike(node, values)
         signs = [_COMPARISONS.get(type(operator)) for operator in node.ops]
-        if None in signs:
+        if None in signs or kind.form not in ("number", "truth"):
             self._fail(node, f"{ast.unparse(node)}: a kernel has no such comparison")
         pairs = zip(codes, signs, codes[1:], strict=False)
         parts = [f"({one} {sign} {other})" for one, sign, other in pairs]
-        kind = t.mask_of(kind)
+        kind = t.truth_of(kind)
         return Value(parts[0], kind) if len(parts) == 1 else _chained("&", parts, kind)
 
     def _value_IfExp(self, node: ast.IfExp) -> Value:
-        test, yes, no = self._truth(node.test), self._value(node.body), self._value(node.orelse)
-        lanes = test.kind.size
-        kind = t.lanes_of(lanes) if lanes else t.joined(yes.kind, no.kind)
-        if kind is None:
-            self._fail(node, f"{ast.unparse(node)}: expected values of one type")
-        one, other = self._cast(yes, kind, node), self._cast(no, kind, node)
-        text = "py::select({}, {}, {})" if lanes else "({} ? {} : {})"
-        return Value(text.format(test.code, one, other), kind)
+        code, truth = self._truth(node.test)
+        values = [self._value(node.body), self._value(node.orelse)]
+        if truth.size:
+            kind = t.lanes_of(truth.size)
+            one, other = (self._alike(node, [value, Value("", kind)])[1][0] for value in values)
+            return Value(f"py::select({code}, {one}, {other})", kind)
+        kind, (one, other) = self._alike(node, values)
+        return Value(f"({code} ? {one} : {other})", kind)
 
     def _value_Tuple(self, node: ast.Tuple) -> Value:
         values = [self._value(one) for one in node.elts]
@@ -515,41 +521,25 @@ class Function:
 
     def _call_by_rule(self, node: ast.Call, rule: Rule, values: list[Value]) -> Value:
         kinds, codes = [value.kind for value in values], [value.code for value in values]
-        kind = rule.result if isinstance(rule.result, Kind) else rule.result(*kinds)
-        if kind is None or not all(one.is_numeric for one in kinds):
+        if not all(one.form in ("number", "truth") for one in kinds):
             self._fail(node, f"{ast.unparse(node)}: expected numbers")
-        if rule.result is t.joined:
-            codes = [self._cast(value, kind, node) for value in values]
+        if rule.result is None:
+            kind, codes = self._alike(node, values)
+        else:
+            kind = rule.result if isinstance(rule.result, Kind) else rule.result(*kinds)
         return Value(rule.text.format(*codes, all=", ".join(codes), kind=kind.cpp), kind)
 
     def _call_of_kernel(self, node: ast.Call, kernel: Kernel, values: list[Value]) -> Value:
-        names, wanted, _ = signature(kernel)
+        names, _, _ = signature(kernel)
         if len(names) != len(values):
             self._fail(node, f"{kernel.__name__} is given {len(values)} of {len(names)} arguments")
-        kinds = tuple(_passed(kind, value.kind) for kind, value in zip(wanted, values, strict=True))
-        function = self.program.function(kernel, kinds)
+        function = self.program.function(kernel, tuple(value.kind for value in values))
         if function is None:
             self._fail(node, f"{kernel.__name__} calls itself")
-        given = [self._cast(value, kind, node) for value, kind in zip(values, kinds, strict=True)]
-        return Value(f"{function.name}({', '.join(given)})", function.returns)
-
-
-def _passed(wanted: Kind, given: Kind) -> Kind:
-    """Return the type of a parameter for an argument; only integers and booleans are converted."""
-    if given not in (t.INT, t.BOOL):
-        return given
-    number = t.FLOAT if wanted.form == "lanes" else wanted
-    return number if t.joined(number, given) == number else given
+        given = ", ".join(value.code for value in values)
+        return Value(f"{function.name}({given})", function.returns)
 
 
 def _chained(sign: str, codes: Sequence[str], kind: Kind) -> Value:
     """Return truth values joined by "and" or "or"; in lanes all of them are evaluated."""
     return Value(f"({f' {sign if kind.size else 2 * sign} '.join(codes)})", kind)
-
-
-def _returned(declared: Kind, found: Kind) -> Kind:
-    """Return the type of a result: as found where it is in lanes, otherwise as declared."""
-    if declared.form == found.form == "tuple":
-        return t.tuple_of(map(_returned, declared.item, found.item))
-    in_lanes = "lanes" in (declared.form, found.form) or found.form == "mask"
-    return found if in_lanes else declared

@@ -237,9 +237,11 @@ class System(ABC):
         """
         return self.part("system").make_world(system, limits)
 
-    def overrides(self, system: Any) -> Overrides | None:
-        """Return the kernels that replace others in this system, or None."""
-        return None
+    def overrides(self, system: Any) -> Overrides:
+        """Return the kernels that replace others in this system."""
+        from vibro_cli.compile.kernel import NO_OVERRIDES
+
+        return NO_OVERRIDES
 
     def stretches(self, driver: Driver, stop_time: float | None) -> Stretches:
         """Return the stretches of the run that a driver is about to begin."""

@@ -12,8 +12,13 @@ from typing import Any, NamedTuple, get_args, get_origin, get_type_hints
 
 import numpy as np
 
-from vibro_cli.compile import kernel as engine
-from vibro_cli.compile.kernel import CACHE_LINE, Overrides, compiled_rows, dtype, has_lanes
+from vibro_cli.compile.kernel import (
+    NO_OVERRIDES,
+    Overrides,
+    compiled_rows,
+    dtype,
+    interpreted_copies,
+)
 from vibro_cli.compile.native import compiled
 from vibro_cli.errors import VibroError
 from vibro_cli.kernels.impact.laws import LAW_NAMES
@@ -75,7 +80,7 @@ class EventLoop:
     scratch: tuple[type, ...] = ()
     start: Callable[[Any], None] | None = None
     """Kernel that is called once, before the loop."""
-    enter: Callable[[Any, Overrides | None], int] | None = None
+    enter: Callable[[Any, Overrides], int] | None = None
     """Calls the compiled loop, if more than a plain call is needed."""
     counted: Mapping[str, str] | None = None
     """Logs whose rows are also counted over the whole run, each with the clock's field for it."""
@@ -118,7 +123,7 @@ class Driver:
         world: Any,
         engine_name: str,
         earlier: Earlier | None = None,
-        overrides: Overrides | None = None,
+        overrides: Overrides = NO_OVERRIDES,
     ) -> None:
         if engine_name not in ENGINES:
             raise ValueError(f"engine: found {engine_name!r}, expected one of {', '.join(ENGINES)}")
@@ -142,7 +147,7 @@ class Driver:
             for name, rows in earlier.logs.items():
                 self._take(name, rows, len(rows))
         elif loop.start is not None:
-            engine.interpreted(loop.start, overrides)(self.world)
+            overrides.interpreted(loop.start)(self.world)
             self._collect()
         if compiles:
             self.engine = "compiled"
@@ -229,7 +234,7 @@ class Driver:
     def _called(self) -> int:
         loop = self._loop
         if self.engine != "compiled":
-            return engine.interpreted(loop.advance, self._overrides)(self.world)
+            return self._overrides.interpreted(loop.advance)(self.world)
         if loop.enter is not None:
             return loop.enter(self.world, self._overrides)
         return int(compiled(loop.advance, self._overrides)(self.world))
@@ -331,7 +336,7 @@ def compiled_world(
         elif name in loop.logs:
             arrays[name] = zeros(2 * capacity, loop.records[name])
         elif cls is not None:
-            arrays[name] = engine.compiled_rows(values, cls)
+            arrays[name] = compiled_rows(values, cls)
         else:  # plain numbers
             kind = np.float64 if len(values) and isinstance(values[0], float) else np.int64
             arrays[name] = np.asarray(values, dtype=kind)
@@ -387,13 +392,11 @@ def with_logs(
     for field, value in {**(clock or {}), **counts}.items():
         _set(world.clock, field, value)
     if not compiles:
-        logs = {
-            name: engine.interpreted_copies(rows, loop.records[name]) for name, rows in logs.items()
-        }
+        logs = {name: interpreted_copies(rows, loop.records[name]) for name, rows in logs.items()}
     return world._replace(**logs)
 
 
-def called(kernel: Any, overrides: Overrides | None, world: Any, *arguments: Any) -> Any:
+def called(kernel: Any, overrides: Overrides, world: Any, *arguments: Any) -> Any:
     """Call a kernel with a world of either engine, and with numbers, arrays and records.
 
     Records are structured arrays, or named tuples of them. The interpreter works on copies, which
@@ -403,7 +406,7 @@ def called(kernel: Any, overrides: Overrides | None, world: Any, *arguments: Any
         return compiled(kernel, overrides)(world, *arguments)
     hints = _hints(kernel)[1:]
     copies = [_interpreted(one, hint) for one, hint in zip(arguments, hints, strict=False)]
-    found = engine.interpreted(kernel, overrides)(world, *copies)
+    found = overrides.interpreted(kernel)(world, *copies)
     for one, copy in zip(arguments, copies, strict=True):
         _write_back(one, copy)
     return found
@@ -419,7 +422,7 @@ def _interpreted(value: Any, hint: Any) -> Any:
     if isinstance(value, tuple):
         return type(value)(*map(_interpreted, value, _hints(type(value))))
     if isinstance(value, np.ndarray) and value.dtype.names:
-        return engine.interpreted_copies(value, get_args(hint)[0])
+        return interpreted_copies(value, get_args(hint)[0])
     return value
 
 
@@ -494,13 +497,11 @@ def check_continuable(checkpoint: Mapping[str, Any], limits: Limits) -> None:
 # twentieth of the time of indexing.
 
 
-def zeros(count: int, cls: type) -> Any:
+def zeros(count: int, cls: Any) -> Any:
     """Return an array of zeroed structs; those with lanes begin a line of the processor's cache."""
     kind = dtype(cls)
-    if not has_lanes(cls):
-        return np.zeros(count, kind)
-    room = np.zeros(count * kind.itemsize + CACHE_LINE, np.uint8)
-    start = -room.ctypes.data % CACHE_LINE
+    room = np.zeros(count * kind.itemsize + cls.alignment, np.uint8)
+    start = -room.ctypes.data % cls.alignment
     return room[start : start + count * kind.itemsize].view(kind)
 
 

@@ -20,7 +20,7 @@ from tests.systems.trace.turning_scenes import (
     over_the_hump,
 )
 from vibro_cli.api import simulate
-from vibro_cli.compile.kinds import symbol_of
+from vibro_cli.compile.kernel import NO_OVERRIDES
 from vibro_cli.kernels.rotating import TURNING
 from vibro_cli.scenario import load_any
 from vibro_cli.stress.oracles.scene import scene_of_system
@@ -197,7 +197,8 @@ def test_a_run_continued_is_the_run_without_a_break() -> None:
 
 
 @pytest.mark.parametrize(
-    "replaced", [pytest.param(function, id=symbol_of(function)) for function in TURNING.replaced]
+    "replaced",
+    [pytest.param(function, id=NO_OVERRIDES.symbol(function)) for function in TURNING.replaced],
 )
 def test_a_kernel_is_replaced_by_one_that_is_called_alike(replaced: Callable[..., Any]) -> None:
     here, there = (signature(function) for function in (replaced, TURNING.replaced[replaced]))

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vibro_cli.compile.kernel import dtype
+from vibro_cli.compile.kernel import NO_OVERRIDES, dtype
 from vibro_cli.kernels.springs.series import Found, Sample, sample_states
 from vibro_cli.kernels.springs.world import CONTACT_CLOSED, CONTACT_OPENED, ImpactRow, SpringBody
 from vibro_cli.kernels.statistics.impact_columns import EIGHTS, REGIMES
@@ -270,7 +270,7 @@ class Motion:
         world = with_logs(LOOP, make_world(self._system), self._engine, logs)
         found = zeros(len(samples) * bodies, Found)
         scratch = zeros(bodies, SpringBody)
-        called(sample_states, None, world, samples, len(samples), found, scratch)
+        called(sample_states, NO_OVERRIDES, world, samples, len(samples), found, scratch)
         return found
 
 

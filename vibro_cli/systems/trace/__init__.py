@@ -48,9 +48,9 @@ class Trace(System):
     def one_sided(self, scenario: Any) -> bool:
         return bool(scenario.trace.surface == "one-sided")
 
-    def overrides(self, system: Any) -> Overrides | None:
+    def overrides(self, system: Any) -> Overrides:
         if system.turning is None:
-            return None
+            return super().overrides(system)
         from vibro_cli.kernels.rotating import TURNING
 
         return TURNING

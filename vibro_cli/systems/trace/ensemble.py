@@ -51,7 +51,7 @@ class Batch:
         self._fresh = self.world._replace(**copies)
         two = len(system.bodies) == 2 and not system.trace.closed
         free = system.turning is None and system.surface == "two-sided"
-        self._bodies = two_bodies(in_lanes and self._overrides is None)
+        self._bodies = two_bodies(in_lanes and not self._overrides.replaced)
         self._group = lane_group() if in_lanes and two and free else None
         self.impacts_in_lanes = 0
         """Number of impacts computed in lanes, over all runs so far."""

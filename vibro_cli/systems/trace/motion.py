@@ -122,7 +122,7 @@ _WORDS = np.array([*CAUSE_NAMES, "end"], dtype=object)
 """The causes in words, by their integer codes."""
 
 
-def states_at(world: World, rows: Any, after: Floats, overrides: Overrides | None) -> Any:
+def states_at(world: World, rows: Any, after: Floats, overrides: Overrides) -> Any:
     """Return the states of flights, rows of the log, at times (s) after their starts.
 
     The states are records of ``Sample``. ``world`` has the log, interpreted or compiled, and

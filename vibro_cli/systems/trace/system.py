@@ -43,9 +43,9 @@ def time_scale(system: TraceSystem) -> Any:
     return np.sqrt(body.kappa * length / system.gravity)
 
 
-def enter_advance(world: World, overrides: Overrides | None) -> int:
+def enter_advance(world: World, overrides: Overrides) -> int:
     """Run the loop on a compiled world (see ``kernels.events.event_loop.advance``)."""
-    return int(compiled(proceed, overrides)(world, two_bodies(overrides is None)))
+    return int(compiled(proceed, overrides)(world, two_bodies(not overrides.replaced)))
 
 
 LOOP = driver.EventLoop(

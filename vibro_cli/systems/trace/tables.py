@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from vibro_cli.compile.kernel import NO_OVERRIDES
 from vibro_cli.compile.native import compiled
 from vibro_cli.kernels.ensemble.records import Stack, fill_stacked
 from vibro_cli.kernels.numerics.constants import NEVER
@@ -248,7 +249,7 @@ class ImpactTable:
         if stack is not None:
             compiled(fill_stacked)(world, log, runs, self._columns, around, stack)
         else:
-            called(fill_columns, None, world, log, runs, self._columns, around)
+            called(fill_columns, NO_OVERRIDES, world, log, runs, self._columns, around)
 
     def columns(self) -> dict[str, Any]:
         """Return the wanted columns in order; words are integer codes, and a side of 0 is null."""
