@@ -57,6 +57,7 @@ class FakeRun:
     engine: str = "python"
     kind: System = field(default_factory=lambda: system_named("trace"))
     not_made: int = 0
+    unsampled_from: float | None = None
     skipped: list[str] = field(default_factory=lambda: ["normal forces: nothing asked for them"])
 
     def summary_record(self) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -48,13 +48,15 @@ def simulate_streamed(
     engine: str = "compiled",
     checkpoint: dict[str, Any] | None = None,
     figures: bool = False,
+    interrupted: Callable[[], bool] = lambda: False,
     **more: Any,
 ) -> Streamed:
     """Run a scenario to its end, and pass the rows of its tables to a sink as they are computed.
 
     The sink receives the name of a table and further rows of it, in order of time; `more` are
     arguments of ``systems.run.stream``. With `figures`, systems that are slow to solve keep the
-    motion. Raises ``CannotContinue`` unless a run from the checkpoint can be continued.
+    motion. When `interrupted` returns true, the run ends after its last event, and its motion may
+    lack samples. Raises ``CannotContinue`` unless a run from the checkpoint can be continued.
     """
     kind = system_named(scenario.system)
     limits = kind.limits(scenario)
@@ -62,7 +64,7 @@ def simulate_streamed(
         check_continuable(checkpoint, limits)
     system = build_any(scenario)
     stretches = begun(kind, system, limits, engine)
-    wanted = replace(kind.wanted(scenario), figures=figures)
+    wanted = replace(kind.wanted(scenario), figures=figures, interrupted=interrupted)
     return stream(kind, system, stretches, sink, wanted, **more)
 
 

@@ -625,6 +625,45 @@ def test_a_signal_does_not_wait_for_figures_and_loses_no_table(
     assert content(tmp_path / "run") == uninterrupted[3]
 
 
+@pytest.mark.parametrize("scene", ["three_arcs", "springs/two_disks", "table/skew_impact"])
+def test_a_signal_does_not_wait_for_very_many_samples(
+    vibro: Vibro, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, scene: str
+) -> None:
+    """With a mistyped step the table of one stretch would take years, and fill the disk."""
+    real, struck = StreamedFolder.add, 0.0
+
+    def add(folder: StreamedFolder, name: str, rows: Any) -> None:
+        nonlocal struck
+        if name == "motion" and not struck:
+            struck = time.monotonic()
+            os.kill(os.getpid(), signal.SIGTERM)
+        real(folder, name, rows)
+
+    monkeypatch.setattr(StreamedFolder, "add", add)
+    options = ("--no-figures", "-q", "-o")
+    path, step = GALLERY / f"{scene}.toml", 1e-12
+    outcome = vibro("run", path, "--set", f"output.step={step}", *options, "run")
+    assert outcome.code == 143
+    assert time.monotonic() - struck < 10.0  # mostly 1.5 s
+    monkeypatch.undo()
+    monkeypatch.chdir(tmp_path)
+    assert vibro("verify", "run").code == 0
+    motion = read_parquet(tmp_path / "run/motion.parquet")
+    bodies = motion["body" if "body" in motion.column_names else "ball"].to_numpy()
+    count = motion.num_rows // len(set(bodies))
+    missing = json.loads((tmp_path / "run/manifest.json").read_text())["unsampled_from"]
+    assert missing == count * step
+    name = path.stem
+    words = (
+        f"finished results are kept, {name} without samples of its motion from t = {missing:.6g} s"
+    )
+    assert outcome.err.endswith(f"vibro: terminated; {words}\n")
+    longer = ("--set", "output.step=0.01")
+    assert vibro("run", "--continue", "run", *longer, *options, "run").code == 0
+    assert vibro("run", path, *longer, *options, "whole").code == 0
+    assert content(tmp_path / "run") == content(tmp_path / "whole")
+
+
 @pytest.mark.parametrize("step", ["folders.StreamedFolder.finish", "files._put_in_place"])
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_a_signal_while_a_solved_run_is_put_in_place_loses_nothing(

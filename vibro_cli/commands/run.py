@@ -338,6 +338,19 @@ class Interruption:
             terminate(number)
         self.number = number
 
+    def lacking(self, name: str, result: "Streamed", kinds: list[str]) -> dict[str, Any]:
+        """Return what the signal left out of a run; `kinds` are those of its figures."""
+        if not self:
+            return {}
+        found: dict[str, Any] = {"undrawn": kinds} if kinds else {}
+        words = ["without figures"] if kinds else []
+        if result.unsampled_from is not None:
+            found["unsampled_from"] = result.unsampled_from
+            words.append(f"without samples of its motion from t = {result.unsampled_from:.6g} s")
+        if words:
+            self.left += f", {name} {' and '.join(words)}"
+        return found
+
     def passed_on(self) -> None:
         """Raise the exception of the recorded signal, now that the tables are written."""
         if self.number is not None:
@@ -376,10 +389,7 @@ def stream_run(
             if interruption and goes_as_far(target, scenario, end):
                 interruption.left = f"the results in {target}, which go as far or further, are kept"
                 interruption.passed_on()  # which discards the unfinished folder
-            undrawn = names if interruption else []
-            folder.finish(result, figures, undrawn)
-            if undrawn:
-                interruption.left = f"finished results are kept, {scenario.name} without figures"
+            folder.finish(result, figures, interruption.lacking(scenario.name, result, names))
     interruption.passed_on()
     if refusal:
         raise CommandError(f"{refusal}; the run until then, without figures, is kept in {target}")

@@ -6,7 +6,7 @@ Each holds its tables and numbers, the scenario if any, and figures.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
 from functools import partial
@@ -157,12 +157,12 @@ class StreamedFolder:
         return self._folder.path
 
     def finish(
-        self, run: Streamed | Run, figures: Mapping[str, bytes], undrawn: Sequence[str] = ()
+        self, run: Streamed | Run, figures: Mapping[str, bytes], lacking: Mapping[str, Any] = {}
     ) -> None:
         """Write all remaining files; raises as :meth:`add`.
 
-        `undrawn` are kinds of figures that were skipped because of a signal; a continuation draws
-        them.
+        `lacking` is what a signal prevented and a continuation completes: `undrawn` kinds of
+        figures, and samples of the motion, `unsampled_from` a time (s).
         """
         self.end_tables()
         summary = arrow_table("summary", run.summary, self._scenario)
@@ -177,7 +177,7 @@ class StreamedFolder:
             if name != SCENARIO_NAME:  # already written at the start
                 self._folder.write(name, content)
             self._entries[name] = entry(content)
-        details = {"engine": run.engine} | ({"undrawn": list(undrawn)} if undrawn else {})
+        details = {"engine": run.engine, **lacking}
         self._folder.write(MANIFEST_NAME, json_bytes(manifest_of("run", self._entries, details)))
 
     def close(self) -> None:

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from vibro_cli.storage.stored import StoredRun
     from vibro_cli.systems.columns import Table
     from vibro_cli.systems.driver import Driver, EventLoop
-    from vibro_cli.systems.request import Limits, OutputRequest
+    from vibro_cli.systems.request import Limits, OutputRequest, Sampling
     from vibro_cli.systems.run import Gathered, Stretch, Stretches
     from vibro_cli.systems.tables import ImpactRows
 
@@ -73,6 +73,8 @@ class Tables(Protocol):
 
     motion: Gathered | None
     """The motion of the run, if figures need it and the system keeps it."""
+    sampling: Sampling | None
+    """The instants of the motion table, if it is made."""
 
     def take(self, stretch: Stretch) -> None:
         """Pass the rows of a stretch to the sink; the last stretch has the cause of the end."""

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+import time
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -68,6 +70,8 @@ def _reached(instants: Instants, end: float) -> Any:
 
 # Number of instants that are sampled together.
 _AT_ONCE = 1 << 14
+# Time (s) for which sampling goes on after an interruption: mostly it reaches the end of the run.
+_GRACE = 1.0
 
 
 @dataclass(frozen=True)
@@ -102,6 +106,8 @@ class OutputRequest:
     """The growth of small perturbations of the start, see ``systems.tangents``."""
     figures: bool = False
     """The motion as needed by figures, for systems that are slow to solve."""
+    interrupted: Callable[[], bool] = lambda: False
+    """Called repeatedly; when it returns true a run that is streamed ends after its last event."""
 
     @property
     def motion(self) -> bool:
@@ -133,17 +139,31 @@ class Sampling:
         self._times = None if wanted.times is None else np.array(wanted.times, dtype=np.float64)
         self._step = wanted.step
         self._sampled = 0
+        self._interrupted = wanted.interrupted
+        self._latest = math.inf
+        self.missing_from: float | None = None
+        """The first instant (s) that an interruption left out, if any."""
 
     def until(self, end: float, ended: bool) -> Iterator[Instants]:
         """Yield the next instants before the end (s) of a stretch, in arrays of limited length.
 
         When the run has ended, these are all that remain. At least one array is yielded. Arrays
         are made one at a time, since a stretch may have any number of instants up to 2^53, above
-        which `TooManyInstants` is raised.
+        which `TooManyInstants` is raised. `_GRACE` s after an interruption no more are made.
         """
         first, self._sampled = self._sampled, self._count(end, ended)
         for number in range(first, max(self._sampled, first + 1), _AT_ONCE):
-            yield self._numbered(number, min(number + _AT_ONCE, self._sampled))
+            instants = self._numbered(number, min(number + _AT_ONCE, self._sampled))
+            if len(instants) and self._is_late():
+                if self.missing_from is None:
+                    self.missing_from = float(instants[0])
+                return
+            yield instants
+
+    def _is_late(self) -> bool:
+        if self._latest == math.inf and self._interrupted():
+            self._latest = time.monotonic() + _GRACE
+        return time.monotonic() > self._latest
 
     def _numbered(self, first: int, beyond: int) -> Instants:
         if self._times is not None:

@@ -156,6 +156,8 @@ class Streamed:
     """Set if figures need the motion and do not solve the run again."""
     not_made: int = 0
     """Number of impacts in the tables that were not carried out, at the end of the run."""
+    unsampled_from: float | None = None
+    """Time (s) from which an interruption left the motion without its samples."""
 
     def summary_record(self) -> dict[str, Any]:
         """Return the summary as plain values, None for null."""
@@ -195,14 +197,12 @@ def stream(
     sink: Sink,
     wanted: OutputRequest = NOTHING_MORE,
     names: Collection[str] | None = None,
-    interrupted: Callable[[], bool] = lambda: False,
     in_background: bool = True,
 ) -> Streamed:
     """Run a system from `begun` to its stop, and pass the rows of its tables to a sink.
 
     The sink receives the tables in `names`, by default all, one call at a time; `in_background`,
-    it runs in its own thread while the solver and the tables continue. `interrupted` is called
-    repeatedly and ends the run after its last event when it returns true. Raises ``TooQuiet`` as
+    it runs in its own thread while the solver and the tables continue. Raises ``TooQuiet`` as
     :func:`simulate`, with the run so far.
     """
     if names is None:
@@ -212,7 +212,7 @@ def stream(
     with calls(_ROWS_AHEAD) as write, calls(_AHEAD) as make:
         tables = kind.table_maker(system, wanted, names, partial(write, sink))
         try:
-            for last in stretches.until(interrupted):
+            for last in stretches.until(wanted.interrupted):
                 make(tables.take, last)
                 not_made += int(np.sum(~made(last.logs[kind.impact_log("collisions")])))
         except TooQuiet as error:
@@ -227,6 +227,7 @@ def stream(
         _checkpoint=checkpoint_of(cause, end, last.clock, stretches.driver.rows, stretches.state),
         motion=tables.motion,
         not_made=not_made,
+        unsampled_from=None if tables.sampling is None else tables.sampling.missing_from,
     )
     if refusal is not None:
         refusal.streamed = streamed
@@ -245,7 +246,7 @@ def summed_up(
 ) -> tuple[Columns, dict[str, Any]]:
     """Run a system and return its summary and these logs; nothing else is kept.
 
-    `interrupted` as in :func:`stream`. Raises as :func:`simulate`.
+    It ends early, with unusable results, when `interrupted`. Raises as :func:`simulate`.
     """
     tables = kind.table_maker(system, wanted, (), lambda name, rows: None)
     kept: dict[str, list[Any]] = {name: [] for name in logs}

@@ -35,7 +35,7 @@ class SystemTables:
         logs = kind.impact_logs
         self._counted = logs["collisions"].log
         self._impacts = {name: _Impacts(one, system) for name, one in logs.items() if name in names}
-        self._sampling = Sampling(wanted) if "motion" in names and wanted.motion else None
+        self.sampling = Sampling(wanted) if "motion" in names and wanted.motion else None
         self.motion = Gathered(system) if wanted.figures else None
         self._before: Any = None
         self._begun = False
@@ -65,7 +65,7 @@ class SystemTables:
         if events is not None:
             self._sink("events", events)
         self._begun = True
-        if self._sampling is not None or self.motion is not None:
+        if self.sampling is not None or self.motion is not None:
             self._take_motion(stretch, ended)
         self._totals.take(stretch.logs[self._counted])
         if ended:
@@ -75,8 +75,8 @@ class SystemTables:
 
     def _take_motion(self, stretch: Stretch, ended: bool) -> None:
         trajectory = self._kind.trajectory(self._system, stretch, self._before)
-        if self._sampling is not None:
-            for instants in self._sampling.until(stretch.end[0], ended):
+        if self.sampling is not None:
+            for instants in self.sampling.until(stretch.end[0], ended):
                 self._sink("motion", trajectory.sample(instants))
         if self.motion is not None:
             self.motion.take(trajectory, stretch.end[0])

@@ -130,7 +130,7 @@ def read_earlier(folder: Path, overrides: Sequence[str]) -> "tuple[Path, Earlier
     """Return the path of the scenario to continue, and the stored run in the folder.
 
     The run is None if it must be solved from its start: because it was killed, or because it has
-    ended and lacks only its figures.
+    ended and lacks only figures or samples of its motion.
 
     Raises `NotContinuable` if the folder holds no run that can be continued, and `CommandError`
     for overrides of sections other than `CHANGEABLE`.
@@ -138,8 +138,8 @@ def read_earlier(folder: Path, overrides: Sequence[str]) -> "tuple[Path, Earlier
     from vibro_cli.storage.folders import read_earlier_run, scenario_of_killed_run
     from vibro_cli.systems.request import CHANGEABLE
 
-    for text in overrides:
-        section = text.partition("=")[0].strip().partition(".")[0]
+    sections = [text.partition("=")[0].strip().partition(".")[0] for text in overrides]
+    for text, section in zip(overrides, sections, strict=True):
         if section not in CHANGEABLE:
             raise CommandError(
                 f"--set {text}: found a value of {section!r}, expected one of "
@@ -151,5 +151,5 @@ def read_earlier(folder: Path, overrides: Sequence[str]) -> "tuple[Path, Earlier
         return killed, None
     found = read_earlier_run(folder)
     has_ended = found.checkpoint["end_cause"] != "interrupted"
-    lacks_figures = has_ended and "undrawn" in found.manifest and not overrides
-    return found.scenario, None if lacks_figures else found
+    lacking = {"undrawn", "unsampled_from"} & found.manifest.keys()
+    return found.scenario, None if has_ended and lacking and "stop" not in sections else found

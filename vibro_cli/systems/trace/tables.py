@@ -323,11 +323,8 @@ class Tables:
         self._sink = sink
         bodies = len(system.bodies)
         self._impacts = Impacts(system) if "collisions" in names else None
-        self._events = self._motion = None
-        if "events" in names:
-            self._events = Events(bodies, wanted)
-        if "motion" in names and wanted.motion:
-            self._motion = Sampling(wanted)
+        self._events = Events(bodies, wanted) if "events" in names else None
+        self.sampling = Sampling(wanted) if "motion" in names and wanted.motion else None
         self._overrides = SYSTEM.overrides(system)
         self._results = Results(
             zeros(1, Outcome), zeros(bodies, FinalState), zeros(0, ImpactRow), zeros(1, Flight)
@@ -357,13 +354,13 @@ class Tables:
             self._sink("collisions", self._waiting)
         of_run = known, stretch.cause, *stretch.end, self._results, 0
         called(update_statistics, self._overrides, world, *of_run)
-        if self._events is None and self._motion is None:
+        if self._events is None and self.sampling is None:
             return
         paths = Paths(self._places, world, stretch)
         if self._events is not None:
             self._sink("events", event_columns(self._events.take(paths)))
-        if self._motion is not None:
-            for instants in self._motion.until(stretch.end[0], ended):
+        if self.sampling is not None:
+            for instants in self.sampling.until(stretch.end[0], ended):
                 self._sink("motion", paths.sample(instants))
 
     def _pass_impacts(self, columns: dict[str, Any]) -> None:
