@@ -54,6 +54,8 @@ def exhausted(fault: Exception) -> str:
 
 def printable(text: str) -> str:
     """Return a text with unprintable characters (line breaks, terminal escapes) replaced."""
+    if text.isprintable():  # as nearly all are, a million words of a table among them
+        return text
     return "".join(char if char.isprintable() else "�" for char in text)
 
 

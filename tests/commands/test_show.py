@@ -260,3 +260,38 @@ def test_words_begin_where_the_name_of_their_column_does(vibro: Vibro, table: Pa
     lines = vibro("show", table, "--columns", "t,event,ball", "--rows", "10:11").text.splitlines()
     assert [line.index("event") for line in (lines[0], *lines[2:])] == [lines[0].index("event")] * 3
     assert {len(line) for line in (lines[0], *lines[2:])} == {len(lines[0])}
+
+
+def test_a_column_of_floats_is_as_wide_as_its_longest_text() -> None:
+    """Bounds of the lengths exclude values: none may be below a length, alone or among others."""
+    digits = (1.0, 1.5, 1.23456789, 9.99999999, 9.999999994, 9.9999999951, 9.9999999999999)
+    values = [
+        sign * float(f"{digit!r}e{power}")
+        for power in range(-324, 308)
+        for digit in digits
+        for sign in (1, -1)
+    ]
+    values += [0.0, -0.0, float("inf"), float("-inf"), float("nan")]
+    lengths = [len(f"{value + 0.0:.9g}") for value in values]
+    for value, length in zip(values, lengths, strict=True):
+        assert column_width([value]) == length
+    for first in range(0, len(values), 7):
+        assert column_width(values[first : first + 50]) == max(lengths[first : first + 50])
+
+
+def column_width(values: list[float]) -> int:
+    column = show._Column(["", ""])
+    column.fit(pa.array(values))
+    return column.width
+
+
+def test_floats_beside_missing_ones_look_as_without(vibro: Vibro, tmp_path: Path) -> None:
+    """Columns of floats alone become text line by line, others value by value."""
+    values = [-0.0, 1 / 3, -1e-5, 1e300, float("inf"), float("nan"), 123456789.5, 2.0]
+    table = pa.table({"all": values, "some": [*values[:-1], None]})
+    pq.write_table(table, tmp_path / "some.parquet")
+    lines = vibro("show", "some.parquet").text.splitlines()
+    found = [line.split()[1:] for line in lines[2:]]
+    assert [row[0] for row in found] == [f"{value + 0.0:.9g}" for value in values]
+    assert [row[1] for row in found] == [row[0] for row in found[:-1]] + ["-"]
+    assert {len(line) for line in (lines[0], *lines[2:])} == {len(lines[0])}
