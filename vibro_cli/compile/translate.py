@@ -14,7 +14,9 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cache
+from itertools import count
 from pathlib import Path
+from textwrap import indent
 from typing import Any, NamedTuple, NoReturn
 
 from vibro_cli.compile import kernel as k
@@ -161,6 +163,12 @@ class Program:
         return Value(f"{home}::{name}", kind)
 
 
+def _braced(head: str, lines: Sequence[str]) -> str:
+    """Return lines in braces; directives are not indented."""
+    text = indent("\n".join(lines), "  ", lambda line: not line.startswith("#"))
+    return f"{head} {{\n{text}\n}}"
+
+
 def _namespace(module: str) -> str:
     return module.rpartition(".")[2]
 
@@ -210,25 +218,23 @@ class Function:
         self.parameters, _, self._declared = signature(kernel)
         self.returns: Any = None
         self._kinds: dict[str, Kind] = dict(zip(self.parameters, kinds, strict=True))
-        self._lines: list[str] = []
-        self._depth = 1
-        self._temporaries = 0
+        self._numbers = count(1)  # of temporaries
         self.name = f"{_namespace(kernel.__module__)}::{kernel.__name__}"
         for kind in kinds:
             program.note(kind)
-        self._block(self._node.body)
+        self._lines = self._block(self._node.body)
         self.returns = program.note(self.returns or self._declared)
 
     def definition(self) -> str:
         """Return the function in C++."""
         declared = [f"{kind.cpp} {_local(name)}" for name, kind in self._kinds.items()]
         parameters = ", ".join(declared[: len(self.parameters)])
-        locals_ = [f"  {one}{{}};" for one in declared[len(self.parameters) :]]
+        locals_ = [f"{one}{{}};" for one in declared[len(self.parameters) :]]
         home, _, name = self.name.partition("::")
         typed = f"{self.returns.cpp} {name}({parameters})"
-        head = f"{'IN_PLACE' if f'<{LANES}>' in typed else 'static'} {typed} {{"
-        lines = [self._line_of(self._node), head, *locals_, *self._lines, "}"]
-        return "\n".join([f"namespace {home} {{", *lines, "}\n"])
+        head = f"{'IN_PLACE' if f'<{LANES}>' in typed else 'static'} {typed}"
+        text = _braced(head, [*locals_, *self._lines])
+        return f"namespace {home} {{\n{self._line_of(self._node)}\n{text}\n}}\n"
 
     def _line_of(self, node: Any) -> str:
         return f'#line {node.lineno} "{self._file}"'
@@ -248,18 +254,14 @@ class Function:
 
     # Statements
 
-    def _write(self, text: str) -> None:
-        self._lines.append("  " * self._depth + text)
-
-    def _block(self, body: Sequence[ast.stmt]) -> None:
+    def _block(self, body: Sequence[ast.stmt]) -> list[str]:
+        """Return statements in C++, each after the directive that names its line."""
+        lines = []
         for statement in body:
-            if isinstance(statement, ast.Expr) and isinstance(statement.value, ast.Constant):
-                continue  # a docstring
-            write = self._method("_write", statement)
-            if isinstance(statement, (ast.For, ast.While)) and statement.orelse:
-                self._fail(statement, "a kernel has no else of a loop")
-            self._lines.append(self._line_of(statement))
-            write(statement)
+            if not (isinstance(statement, ast.Expr) and isinstance(statement.value, ast.Constant)):
+                write = self._method("_write", statement)
+                lines += [self._line_of(statement), write(statement)]
+        return lines
 
     def _method(self, task: str, node: ast.AST) -> Any:
         """Return the method that performs a task for this type of node."""
@@ -267,42 +269,36 @@ class Function:
         method = getattr(self, f"{task}_{name}", None)
         return method or self._fail(node, f"a kernel has no {name.lower()}")
 
-    def _inner(self, head: str, body: Sequence[ast.stmt], first: str = "") -> None:
-        self._write(f"{head} {{")
-        self._depth += 1
-        if first:
-            self._write(first)
-        self._block(body)
-        self._depth -= 1
-        self._write("}")
-
-    def _write_plain(self, statement: ast.stmt) -> None:
-        self._write(_PLAIN[type(statement)])
+    def _write_plain(self, statement: ast.stmt) -> str:
+        return _PLAIN[type(statement)]
 
     _write_Pass = _write_Break = _write_Continue = _write_plain
 
-    def _write_Expr(self, statement: ast.Expr) -> None:
-        self._write(f"{self._value(statement.value).code};")
+    def _write_Expr(self, statement: ast.Expr) -> str:
+        return f"{self._value(statement.value).code};"
 
-    def _write_Return(self, statement: ast.Return) -> None:
+    def _write_Return(self, statement: ast.Return) -> str:
         if statement.value is None:
-            self._write("return;")
-            return
+            return "return;"
         value = self._value(statement.value)
         if self.returns is None and t.in_one_lane(value.kind) == t.in_one_lane(self._declared):
             self.returns = value.kind
-        code = self._exact(value, self.returns or self._declared, statement)
-        self._write(f"return {code};")
+        return f"return {self._exact(value, self.returns or self._declared, statement)};"
 
-    def _write_If(self, statement: ast.If) -> None:
-        self._inner(f"if ({self._condition(statement.test)})", statement.body)
+    def _write_If(self, statement: ast.If) -> str:
+        text = _braced(f"if ({self._condition(statement.test)})", self._block(statement.body))
+        other = self._block(statement.orelse)
+        return "\n".join([text, _braced("else", other)]) if other else text
+
+    def _loop(self, head: str, statement: ast.For | ast.While, first: Sequence[str] = ()) -> str:
         if statement.orelse:
-            self._inner("else", statement.orelse)
+            self._fail(statement, "a kernel has no else of a loop")
+        return _braced(head, [*first, *self._block(statement.body)])
 
-    def _write_While(self, statement: ast.While) -> None:
-        self._inner(f"while ({self._condition(statement.test)})", statement.body)
+    def _write_While(self, statement: ast.While) -> str:
+        return self._loop(f"while ({self._condition(statement.test)})", statement)
 
-    def _write_For(self, statement: ast.For) -> None:
+    def _write_For(self, statement: ast.For) -> str:
         steps: Any = statement.iter
         is_range = isinstance(steps, ast.Call) and ast.unparse(steps.func) == "range"
         is_range = is_range and len(steps.args) in (1, 2, 3)
@@ -310,56 +306,55 @@ class Function:
             self._fail(statement, "expected `for name in range(...)`")
         bounds = [self._exact(self._value(one), t.INT, one) for one in steps.args]
         low, high, step = (("0", *bounds, "1") if len(bounds) == 1 else (*bounds, "1"))[:3]
-        name = self._declare(statement.target, statement.target.id, t.INT)
-        self._temporaries += 1
-        at, end, by = (f"{word}_{self._temporaries}" for word in ("at", "end", "by"))
+        name, number = self._declare(statement.target, t.INT), next(self._numbers)
+        at, end, by = (f"{word}_{number}" for word in ("at", "end", "by"))
         going = f"{by} > 0 ? {at} < {end} : {at} > {end}"
         head = f"for (int64_t {at} = {low}, {end} = {high}, {by} = {step}; {going}; {at} += {by})"
-        self._inner(head, statement.body, f"{name} = {at};")
+        return self._loop(head, statement, [f"{name} = {at};"])
 
-    def _write_AnnAssign(self, statement: ast.AnnAssign) -> None:
-        if statement.value is None:
-            self._fail(statement, "expected a value")
-        self._assign(statement.target, self._value(statement.value), statement)
-
-    def _write_AugAssign(self, statement: ast.AugAssign) -> None:
+    def _write_AugAssign(self, statement: ast.AugAssign) -> str:
         read: Any = statement.target
         value = self._value(ast.copy_location(ast.BinOp(read, statement.op, statement.value), read))
-        self._assign(statement.target, value, statement)
+        return self._assigned(statement.target, value, statement)
 
-    def _write_Assign(self, statement: ast.Assign) -> None:
+    def _write_AnnAssign(self, statement: ast.AnnAssign) -> str:
+        if statement.value is None:
+            self._fail(statement, "expected a value")
+        return self._assigned(statement.target, self._value(statement.value), statement)
+
+    def _write_Assign(self, statement: ast.Assign) -> str:
         if len(statement.targets) > 1:
             self._fail(statement, "expected one target, or a tuple of them")
-        self._assign(statement.targets[0], self._value(statement.value), statement)
+        return self._assigned(statement.targets[0], self._value(statement.value), statement)
 
-    def _assign(self, target: ast.expr, value: Value, at: ast.stmt) -> None:
+    def _assigned(self, target: ast.expr, value: Value, at: ast.stmt) -> str:
         if isinstance(target, ast.Tuple):
-            self._unpack(target.elts, value, at)
-        elif isinstance(target, ast.Name):
-            self._write(f"{self._declare(target, target.id, value.kind)} = {value.code};")
-        else:
-            place = self._value(target)
-            code = self._exact(value, place.kind, at)
-            is_struct = place.kind.form == "struct"  # contents, not addresses
-            self._write(f"*{place.code} = *{code};" if is_struct else f"{place.code} = {code};")
+            return self._unpacked(target.elts, value, at)
+        if isinstance(target, ast.Name):
+            return f"{self._declare(target, value.kind)} = {value.code};"
+        place = self._value(target)
+        code = self._exact(value, place.kind, at)
+        is_struct = place.kind.form == "struct"  # contents, not addresses
+        return f"*{place.code} = *{code};" if is_struct else f"{place.code} = {code};"
 
-    def _unpack(self, targets: Sequence[ast.expr], value: Value, at: ast.stmt) -> None:
+    def _unpacked(self, targets: Sequence[ast.expr], value: Value, at: ast.stmt) -> str:
         if value.kind.form != "tuple" or len(value.kind.item) != len(targets):
             self._fail(at, f"expected a tuple of {len(targets)} values")
-        self._temporaries += 1
-        name = f"value_{self._temporaries}"
-        self._write(f"const auto {name} = {value.code};")
+        name = f"value_{next(self._numbers)}"
+        lines = [f"const auto {name} = {value.code};"]
         for target, (member, kind) in zip(targets, value.kind.members.items(), strict=True):
-            if not (isinstance(target, ast.Name) and target.id == "_"):
-                self._assign(target, Value(f"{name}.{member}", kind), at)
+            if ast.unparse(target) != "_":
+                lines.append(self._assigned(target, Value(f"{name}.{member}", kind), at))
+        return "\n".join(lines)
 
-    def _declare(self, node: ast.expr, name: str, kind: Kind) -> str:
+    def _declare(self, node: ast.Name, kind: Kind) -> str:
+        """Return the C++ name of a variable that is assigned a value of a type."""
         if kind == t.NOTHING:
-            self._fail(node, f"{name} is given {ast.unparse(node)}, which is no number or struct")
-        first = self._kinds.setdefault(name, kind)
+            self._fail(node, f"{node.id} is given {node.id}, which is no number or struct")
+        first = self._kinds.setdefault(node.id, kind)
         if kind != first:
-            self._fail(node, f"{name} is given values of two types, {first.cpp} and {kind.cpp}")
-        return _local(name)
+            self._fail(node, f"{node.id} is given values of two types, {first.cpp} and {kind.cpp}")
+        return _local(node.id)
 
     # Expressions
 
