@@ -91,6 +91,21 @@ def test_a_motion_that_turns_just_before_infinity_keeps_its_digits_there() -> No
             assert abs(value - true) <= 2e-14
 
 
+@pytest.mark.parametrize("p", [1e-7, -1e-10, 1e-20, -1e-40])
+def test_a_slow_motion_leaves_a_saddle_by_the_hyperbolic_sine(p: float) -> None:
+    """It passed close to two conjugate roots, and was off by 6 % at 1e-7 rad for ``p = 1e-20``."""
+    spread = 2.5
+    rate = math.sqrt(spread - 1.0)
+    quartic = motion(0.0, spread, 0.0, p, 0)
+    for share in (0.2, 0.5, 0.8, 1.0):
+        t = share * math.asinh(1e-7 * rate / abs(p)) / rate
+        sine, cosine, found = quartic_motion(quartic, t)
+        assert sine == pytest.approx(p * math.sinh(rate * t) / rate, rel=2e-13)
+        assert cosine == pytest.approx(1.0, rel=1e-15)
+        assert found == pytest.approx(p * math.cosh(rate * t), rel=2e-13)
+        assert time_to_place(quartic, sine, cosine, found) == pytest.approx(t, rel=1e-12)
+
+
 @pytest.mark.parametrize(("tilt", "spread", "angle", "p", "over", "near"), ORBITS)
 @pytest.mark.parametrize("share", [0.05, 0.31, 0.62, 0.93])
 def test_time_of_a_place_is_the_inverse(

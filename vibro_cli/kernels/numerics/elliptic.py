@@ -56,9 +56,9 @@ class QuarticConstants(ThetaConstants):
     quartic_2: float  # a2
     quartic_3: float  # a3
     start_rate: float  # u' at the start: its square is a4
-    lattice: int  # RECTANGULAR or RHOMBIC
+    lattice: int  # RECTANGULAR, RHOMBIC or BESIDE_SADDLE
     turns_over: int  # 1: u passes infinity
-    root: float  # z of the greatest real root (rectangular), of the real one (rhombic)
+    root: float  # z of the greatest real root, of the real one (rhombic), of Re e2 (saddle)
     second: float  # e1 - e2; rhombic: real part of e1 - e2
     third: float  # e1 - e3; rhombic: imaginary part of e1 - e2
     rate_scale: float  # argument of the theta functions for one unit of time

@@ -23,9 +23,12 @@ from vibro_cli.kernels.numerics.elliptic import (
 
 RECTANGULAR = 0  # three real roots e1 > e2 > e3 of the cubic
 RHOMBIC = 1  # one real root, two conjugate ones
+BESIDE_SADDLE = 2  # the same, and z passes close to the conjugate roots
 # Below this share of the other factors a root's distance is taken from the derivative.
 NEAR_ROOT = 0.25
 POLISHING_STEPS = 3
+# Complementary parameter 1 - m below which z passes close to the conjugate roots.
+NEAR_SADDLE = 1.0e-8
 # Up to this ratio a polynomial estimates the root of a cubic with one real root.
 FLAT = 1.25
 # If cancellation leaves a share of a form whose square is below this, the other form is used.
@@ -172,6 +175,9 @@ def _set_rhombic(motion: QuarticConstants, r: float, real: float, imaginary: flo
     near = 0.5 * imaginary * imaginary / (size * (size + abs(away)))
     far = 0.5 * (size + abs(away)) / size
     motion.rate_scale = math.sqrt(size)
+    if away < 0.0 and near < NEAR_SADDLE:
+        motion.lattice = BESIDE_SADDLE
+        motion.root = real
     if away >= 0.0:
         set_theta_constants(motion, near, math.sqrt(far))
     else:
@@ -189,6 +195,14 @@ def quartic_motion(motion: QuarticConstants, t: float) -> tuple[float, float, fl
         sigma = s
         level = square * (c * c)
         slope = square * scale * (c * d * n)
+    elif motion.lattice == BESIDE_SADDLE:
+        # From the real part of the conjugate roots, to which z comes close: it loses no digits.
+        sigma = s * d
+        m = motion.parameter
+        m1 = motion.complementary_modulus * motion.complementary_modulus
+        fall = m1 * ((n * n) * (n * n)) + m * ((c * c) * (c * c))
+        level = square * (fall - (2.0 * m * m1) * ((s * s) * (s * s)))
+        slope = square * scale * (c * n) * fall
     else:
         sigma = s * d
         level = square * (c * c) * (n * n)
@@ -373,14 +387,19 @@ def time_to_place(motion: QuarticConstants, sine: float, cosine: float, rate: fl
         t = carlson_rf(max(distance, 0.0), e2, e3)
         return t if derivative >= 0.0 else period_of(motion) - t
     e2 = distance + motion.second
-    others = e2 * e2 + motion.third * motion.third
     size = motion.rate_scale * motion.rate_scale
+    if motion.lattice == BESIDE_SADDLE:
+        e2 = distance
+        distance -= motion.second
+    others = e2 * e2 + motion.third * motion.third
     if distance < NEAR_ROOT * size:
         distance = derivative * derivative / others
     distance = max(distance, 0.0)
     # 2 sqrt(size) t = F(phi), cos phi = (distance - size)/(distance + size).
     inverse = 1.0 / (distance + size)
     c = (distance - size) * inverse
+    if motion.lattice == BESIDE_SADDLE:
+        c = (e2 - motion.third * motion.third / (size - motion.second)) * inverse
     s = 2.0 * math.sqrt(distance * size) * inverse
     m1 = motion.complementary_modulus * motion.complementary_modulus
     t = 0.5 * s * carlson_rf(c * c, c * c + m1 * s * s, 1.0) / motion.rate_scale
