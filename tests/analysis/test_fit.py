@@ -569,7 +569,12 @@ def test_the_command_tells_what_is_wrong(
         (["circle.json", *free], "expected .csv or .parquet"),
         (["bad.csv", "--free", "collision.k=1:0"], "expected PATH or PATH=LOW:HIGH"),
         (["bad.csv", "--free", "collision.k=0.5"], "expected PATH or PATH=LOW:HIGH"),
-        (["bad.csv", "--free", "balls[1].angle=-80 deg:1"], "both in SI units and radians"),
+        (
+            ["bad.csv", "--free", "balls[1].angle=-80 kg:1"],
+            'angle: found "-80 kg", expected an ang',
+        ),
+        (["good.csv", *free, "--noise", "1 mm"], '--noise: found "1 mm", expected a time (s, ms, '),
+        (["good.csv", *free, "--noise", "0 ms"], '--noise: found "0 ms" (0.0), expected a nu'),
     ):
         measured = str(tmp_path / arguments[0])
         assert run_command_line(["fit", str(file), measured, *arguments[1:]]) == 2
@@ -629,11 +634,15 @@ def test_numbers_have_their_units_and_a_lone_body_is_refused(
     angle, k = (line.split(",")[0] for line in capsys.readouterr().out.splitlines()[1:3])
     assert re.search(r"angle +\S+ ± \S+ rad$", angle)
     assert re.search(r"collision\.k +\S+ ± \S+$", k)
-    clock = ["--free", "start_time=-9:9", "--free", "balls[1].angle=-0.7:1"]
+    clock = ["--free", "start_time=-9 s:inf", "--free", f"balls[1].angle={-126 / math.pi} deg:1"]
     assert run_command_line(["fit", *arguments[:-2], *clock]) == 0
     _, start_time, _, bound = capsys.readouterr().out.splitlines()[:4]
     assert re.search(r"start_time .* s, 95 % interval \S+ to \S+ s; initially \S+ s$", start_time)
     assert "angle is bounded by -0.7 rad, within" in bound
+    assert run_command_line(["fit", *arguments[:2], "--free", "collision.k", "--noise=1e-4"]) == 0
+    plain = capsys.readouterr().out
+    assert run_command_line(["fit", *arguments[:2], "--free", "collision.k", "--noise=0.1 ms"]) == 0
+    assert capsys.readouterr().out == plain
     alone = _circle().resolved() | {"balls": [_circle().resolved()["balls"][0]]}
     file.write_text(json.dumps({name: alone[name] for name in alone if name != "collision"}))
     assert run_command_line(["fit", *arguments]) == 2

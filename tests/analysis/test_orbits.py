@@ -760,6 +760,12 @@ def test_python_finds_what_the_command_finds(
             "energy: found the range 1:2, expected one with the orbit's, "
             "17.5732 J relative to the trace's left end\n",
         ),
+        (["--vary", "a[=3:4"], '--vary: found "a[", expected a path such as collision.k or balls'),
+        (
+            ["--vary", "balls[2].mass=900 g:2 m"],
+            'mass: found "2 m", expected a mass (kg, g, t, ...',
+        ),
+        (["--vary", "energy=9:inf"], "--vary: energy: found inf, expected a finite number"),
         (["--vary", "balls[2].density=3:4"], "found no number, expected one given in the scenario"),
         (["--vary", "balls[2].mas=3:4"], 'did you mean "mass"?'),
         (["--vary", "enrgy=3:4"], ', or energy (did you mean "energy"?)'),
@@ -772,7 +778,7 @@ def test_python_finds_what_the_command_finds(
         (["--vary", "collision.k=0.5:1"], "collision.k: found a coefficient of restitution, exp"),
         (["--vary", "ends.left.wall=0.5:1"], "ends.left.wall: found a coefficient of restitution"),
         (["--period", "nan"], "--period: found nan, expected a finite number greater than 0"),
-        (["--period", "-1"], "--period: found -1.0, expected a number greater than 0"),
+        (["--period", "-1"], "--period: found -1, expected a number greater than 0"),
         (["--period", "1"], "found --impacts and --period, expected one of them"),
         (
             ["--impacts", f"{2**63}"],
@@ -786,6 +792,18 @@ def test_what_cannot_be_followed_is_told(
     code = run_command_line(["orbit", str(FALLING), "--impacts", "1", *arguments])
     assert code in (1, 2)
     assert words in capsys.readouterr().err
+
+
+def test_ranges_and_periods_may_have_units(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def told(*arguments: str) -> str:
+        options = ["--json", "--no-figures", "-o", str(tmp_path)]
+        assert run_command_line(["orbit", str(FALLING), *arguments, *options]) == 0
+        return capsys.readouterr().out
+
+    plain = told("--period=0.816", "--vary=balls[2].mass=0.9:1.1")
+    assert told("--period=816 ms", "--vary=balls[2].mass=900 g:1.1 kg") == plain
 
 
 def test_multipliers_that_do_not_leave_one_are_drawn_as_one() -> None:

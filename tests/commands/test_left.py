@@ -130,7 +130,7 @@ def test_nothing_is_written_while_the_command_line_is_parsed(
         if error is not None:
             raise error
 
-    monkeypatch.setattr("vibro_cli.analysis.fit.check_noise", struck)
+    monkeypatch.setattr("vibro_cli.commands.orbit._seconds", struck)
     outcome = vibro("fit", FALLING, "measured.csv", "--free", "gravity")
     assert (outcome.code, outcome.err) == (130, "vibro: interrupted; nothing was written\n")
 

@@ -343,7 +343,8 @@ def fit_impacts(
     all parameters independently, or without convergence; `ValueError` if the noise is not greater
     than 0.
     """
-    check_noise("noise", noise)
+    if noise is not None and not (_is_number(noise) and 0.0 < noise < math.inf):
+        raise ValueError(f"noise: found {noise!r}, expected seconds, greater than 0")
     problem = _Problem(scenario, measured, tuple(free), noise)
     problem.check()
     start = problem.values_at_start()
@@ -352,12 +353,6 @@ def fit_impacts(
     for rows in problem.stages():
         values = problem.solved(values, rows)
     return problem.result(start, first, values)
-
-
-def check_noise(name: str, noise: Any) -> None:
-    """Raise ``ValueError``, naming the argument, unless a noise (s) is positive or None."""
-    if noise is not None and not (_is_number(noise) and 0.0 < noise < math.inf):
-        raise ValueError(f"{name}: found {noise!r}, expected seconds, greater than 0")
 
 
 def _independent(jacobian: Floats) -> NDArray[np.int64]:

@@ -46,16 +46,19 @@ class OrbitCommand:
         ),
     ] = None
     period: Annotated[
-        float | None,
-        typer.Option(metavar="SECONDS", help="Estimate of the period, instead of --impacts."),
+        str | None,
+        typer.Option(
+            metavar="SECONDS",
+            help="Estimate of the period (s, or with its unit), instead of --impacts.",
+        ),
     ] = None
     vary: Annotated[
         str | None,
         typer.Option(
             metavar="PATH=LOW:HIGH",
             help="Follow the orbit at constant energy while a parameter of the scenario varies (SI "
-            "units, radians), e.g. --vary 'balls[2].mass=0.9:1.1', or while the energy (J, "
-            "relative to the trace's left end) does: --vary energy=5:20.",
+            "units and radians, or with their units), e.g. --vary 'balls[2].mass=0.9:1.1', or "
+            "while the energy (J, relative to the trace's left end) does: --vary energy=5:20.",
         ),
     ] = None
     output: Annotated[
@@ -72,13 +75,12 @@ class OrbitCommand:
 
     def __post_init__(self) -> None:
         from vibro_cli.scenario.base import checked
-        from vibro_cli.scenario.quantities import Count, Quantity
+        from vibro_cli.scenario.quantities import Count
 
         if self.vary is not None:
-            parsed_span(self.vary)
+            parsed_range("--vary", self.vary)
         try:
-            if self.period is not None:
-                checked("--period", self.period, Quantity(above=0.0))
+            _seconds("--period", self.period)
             if self.impacts is not None:
                 checked("--impacts", self.impacts, Count())
         except ValueError as error:
@@ -95,14 +97,15 @@ class OrbitCommand:
         from vibro_cli.storage.folders import write_results
 
         scenario = _on_a_trace(self.scenario, self.overrides, "orbits are found")
-        span = None if self.vary is None else parsed_span(self.vary)
+        span = None if self.vary is None else parsed_range("--vary", self.vary)
+        period = _seconds("--period", self.period)
         folder = None
         if span is not None or self.output is not None:
             folder = Path(self.output or Path("outputs") / f"{scenario.name}-orbit")
             check_replaceable(folder, "orbit")
         try:
             with progress_shown("searching"):
-                found = orbit(scenario, self.impacts, self.period)
+                found = orbit(scenario, self.impacts, period)
             with progress_shown("following"):
                 family = None if span is None else orbit_family(scenario, found, *span)
         except NoOrbit as error:
@@ -131,19 +134,52 @@ def _on_a_trace(source: str, overrides: Sequence[str], what: str) -> Scenario:
     return cast("Scenario", scenario)
 
 
-def parsed_span(vary: str) -> tuple[str, float, float]:
-    """Return the path, lowest value and highest value of `--vary`."""
-    path, _, values = vary.rpartition("=")
+def parsed_range(option: str, text: str, infinite: Sequence[str] = ()) -> tuple[str, float, float]:
+    """Return the path, lowest and highest value (SI) of a text `PATH=LOW:HIGH`.
+
+    The values may have units, or be among the texts for `infinite` ones. Raises `CommandError` for
+    other texts.
+    """
+    from vibro_cli.analysis.fit import START_TIME
+    from vibro_cli.commands.shared.loading import in_si_units
+    from vibro_cli.scenario.fields import kind_at
+    from vibro_cli.scenario.loading import path_of
+    from vibro_cli.scenario.models import Scenario
+    from vibro_cli.scenario.problems import Fault
+    from vibro_cli.scenario.quantities import TIME, Quantity
+
+    path, _, values = (part.strip() for part in text.rpartition("="))
+    ends = [end.strip() for end in values.split(":")]
+    expected = "PATH=LOW:HIGH with LOW < HIGH (SI units and radians, or with their units)"
+    if not path or len(ends) != 2:
+        raise CommandError(f"vibro: {option}: found {text!r}, expected {expected}")
     try:
-        low, high = map(float, values.split(":"))
-    except ValueError:
-        low = high = 0.0
-    if not path.strip() or not -float("inf") < low < high < float("inf"):
-        raise typer.BadParameter(
-            f"--vary: found {vary!r}, expected PATH=LOW:HIGH with LOW < HIGH, "
-            "both in SI units and radians"
-        )
-    return path.strip(), low, high
+        kind = TIME if path == START_TIME else kind_at(path_of(path), Scenario)
+    except Fault as error:
+        raise CommandError(f"vibro: {option}: {error}") from error
+    number = kind if isinstance(kind, Quantity) else Quantity()
+    low, high = (
+        float(end) if end in infinite else in_si_units(f"{option}: {path}", [end], number)[0]
+        for end in ends
+    )
+    if not low < high:
+        raise CommandError(f"vibro: {option}: found {text!r}, expected {expected}")
+    return path, low, high
+
+
+def _seconds(option: str, text: str | None) -> float | None:
+    """Return a time (s), written with or without a unit, None if there is none.
+
+    Raises `ValueError` unless it is greater than 0.
+    """
+    from vibro_cli.scenario.base import checked
+    from vibro_cli.scenario.loading import parse_value
+    from vibro_cli.scenario.quantities import Quantity
+
+    if text is None:
+        return None
+    found: float = checked(option, parse_value(text), Quantity("time", above=0.0))
+    return found
 
 
 def record_of(found: Orbit, branch: Branch | None) -> dict[str, Any]:
@@ -232,18 +268,18 @@ class FitCommand:
         list[str],
         typer.Option(
             metavar="PATH[=LOW:HIGH]",
-            help="Parameter to fit, and its bounds (SI units, radians), such as "
-            "balls[2].mass=0.1:10 (kg), or start_time, the time (s) of the start of the motion, if "
-            "it is not 0; repeatable.",
+            help="Parameter to fit, and its bounds (SI units and radians, or with their units), "
+            "such as 'balls[2].mass=100 g:10 kg', or start_time, the time (s) of the start of the "
+            "motion, if it is not 0; repeatable.",
             autocompletion=scenario_keys,
         ),
     ]
     noise: Annotated[
-        float | None,
+        str | None,
         typer.Option(
             metavar="SECONDS",
-            help="Standard deviation of the times, if they have no column error [default: "
-            "estimated from the residuals].",
+            help="Standard deviation of the times (s, or with its unit), if they have no column "
+            "error [default: estimated from the residuals].",
         ),
     ] = None
     overrides: Annotated[
@@ -260,10 +296,8 @@ class FitCommand:
     as_json: Annotated[bool, json_option(help="Print the results as JSON.")] = False
 
     def __post_init__(self) -> None:
-        from vibro_cli.analysis.fit import check_noise
-
         try:
-            check_noise("--noise", self.noise)
+            _seconds("--noise", self.noise)
         except ValueError as error:
             raise typer.BadParameter(str(error)) from error
 
@@ -277,7 +311,7 @@ class FitCommand:
 
         scenario = _on_a_trace(self.scenario, self.overrides, "parameters are fitted")
         folder = None if self.output is None else Path(self.output)
-        free = parsed_free(self.free)
+        free, noise = parsed_free(self.free), _seconds("--noise", self.noise)
         if folder is not None:
             check_replaceable(folder, "fit")
         try:
@@ -287,7 +321,7 @@ class FitCommand:
             raise CommandError(f"vibro: {self.measured}: cannot be read: {text}") from error
         try:
             with progress_shown("fitting"):
-                found = Fit.of(fit_impacts(scenario, measured, free, self.noise))
+                found = Fit.of(fit_impacts(scenario, measured, free, noise))
         except NoFit as error:
             raise CommandError(f"vibro: {scenario.name}: no fit: {error}") from error
         drawn = {}
@@ -307,16 +341,8 @@ def parsed_free(texts: Sequence[str]) -> list[Free]:
 
     found = []
     for text in texts:
-        path, equals, values = text.partition("=")
-        try:
-            low, high = map(float, values.split(":")) if equals else (-math.inf, math.inf)
-        except ValueError:
-            low = high = math.nan
-        if not low < high:
-            raise CommandError(
-                f"vibro: --free: found {text!r}, expected PATH or PATH=LOW:HIGH with LOW < HIGH, "
-                "both in SI units and radians"
-            )
+        ranged = text if "=" in text else f"{text}=-inf:inf"
+        path, low, high = parsed_range("--free", ranged, infinite=("-inf", "inf"))
         try:
             found.append(Free.of(path, low, high))
         except ValueError as error:

@@ -116,23 +116,20 @@ def varied(options: "PortraitCommand", vary: str, kind: "System") -> tuple[dict[
 
 def _numbers(path: str, texts: Sequence[str], model: Any) -> tuple[list[float], str]:
     """Return the values (SI) of numbers written for a path, with or without units; their unit."""
-    from pydantic_core import PydanticCustomError
-
-    from vibro_cli.grids.axes import kind_of, read_number
-    from vibro_cli.scenario.loading import parse_value, path_of
+    from vibro_cli.commands.shared.loading import in_si_units
+    from vibro_cli.grids.axes import kind_of
+    from vibro_cli.scenario.loading import path_of
     from vibro_cli.scenario.problems import Fault
     from vibro_cli.scenario.quantities import Quantity
 
     try:
         kind = kind_of(path_of(path), model)
-        if not isinstance(kind, Quantity):
-            expected = "a number of the scenario that need not be whole"
-            raise CommandError(f"vibro: --vary: found {path}, expected {expected}")
-        return [read_number(kind, parse_value(text)) for text in texts], kind.unit
     except Fault as error:
         raise CommandError(f"vibro: --vary: {error}") from error
-    except PydanticCustomError as error:
-        raise CommandError(f"vibro: --vary: {path}: {error.message()}") from error
+    if not isinstance(kind, Quantity):
+        expected = "a number of the scenario that need not be whole"
+        raise CommandError(f"vibro: --vary: found {path}, expected {expected}")
+    return in_si_units(f"--vary: {path}", texts, kind), kind.unit
 
 
 def _with(options: "PortraitCommand", path: str, value: str) -> Any:

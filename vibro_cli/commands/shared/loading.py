@@ -17,6 +17,7 @@ from vibro_cli.errors import similar
 if TYPE_CHECKING:
     from vibro_cli.grids.document import Grid
     from vibro_cli.scenario.base import AnyScenario
+    from vibro_cli.scenario.quantities import Quantity
     from vibro_cli.storage.folders import EarlierRun
 
 
@@ -106,6 +107,22 @@ def check_standard_input(sources: Sequence[str]) -> None:
     """Raise `CommandError` if standard input is named twice."""
     if sources.count("-") > 1:
         raise CommandError("vibro: standard input (-) can be read only once")
+
+
+def in_si_units(name: str, texts: Sequence[str], kind: "Quantity") -> list[float]:
+    """Return numbers in SI units, written with or without their units, not checked for bounds.
+
+    Raises `CommandError`, which begins with `name`, for any other text.
+    """
+    from pydantic_core import PydanticCustomError
+
+    from vibro_cli.grids.axes import read_number
+    from vibro_cli.scenario.loading import parse_value
+
+    try:
+        return [read_number(kind, parse_value(text.strip())) for text in texts]
+    except PydanticCustomError as error:
+        raise CommandError(f"vibro: {name}: {error.message()}") from error
 
 
 def together(refused: Sequence[Refused]) -> CommandError:
