@@ -5,8 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.commands.conftest import Vibro
+from tests.commands.conftest import Outcome, Vibro
 from tests.grid_folder import product, write_grid
+from tests.grids.kill import content
 
 pytestmark = pytest.mark.long
 
@@ -87,6 +88,33 @@ def test_each_figure_can_be_had_as_a_file(vibro: Vibro) -> None:
     outcome = vibro("report", "outputs/one_circle", *options)
     assert outcome.code == 2
     assert "notes.txt" in outcome.err
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_figures_of_another_run_are_replaced_only_if_asked(vibro: Vibro) -> None:
+    def report(*options: str) -> Outcome:
+        return vibro("report", *options, "--figures", "figures")
+
+    vibro(*RUN)
+    vibro(*RUN, "--set", "collision.k=0.5", "-o", "other")
+    write_grid(Path("sweep"), product({"collision.k": [1.0, 0.9]}))
+    assert report("outputs/one_circle").code == 0
+    before = content(Path("figures"))
+    for others in (["other"], ["sweep"], ["outputs/one_circle", "other"]):
+        outcome = report(*others)
+        assert outcome.code == 2
+        assert outcome.err.startswith(
+            "vibro: figures holds figures of others (found -> requested):"
+        )
+        assert content(Path("figures")) == before
+    assert "\n  collision.k[1]: 0.9 -> 0.5\n" in report("other").err
+    assert not Path("other-report.html").exists()
+    vibro("run", "--continue", "outputs/one_circle", "--set", "stop.collisions=5")
+    assert report("outputs/one_circle").code == 0  # as `run` itself replaces an earlier part
+    assert report("other", "--force").code == 0
+    assert content(Path("figures")) != before
+    assert report("outputs/one_circle").code == 2
+    assert "--force requires --figures" in vibro("report", "other", "--force").err
 
 
 def test_figures_as_pages_and_as_files_are_those_asked_for_alone(

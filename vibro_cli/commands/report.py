@@ -8,7 +8,7 @@ from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -57,6 +57,9 @@ class ReportCommand:
         Path | None,
         typer.Option(metavar="FOLDER", help="Also write each figure as PNG, PDF and SVG."),
     ] = None
+    force: Annotated[
+        bool, typer.Option("--force", help="Replace figures of other runs or grids in FOLDER.")
+    ] = False
     width: Annotated[
         Literal["single", "double"],
         typer.Option(
@@ -117,6 +120,8 @@ class ReportCommand:
             raise typer.BadParameter("--json and a printed page both need standard output")
         if self.width != type(self).width and self.pdf is None and self.figures is None:
             raise typer.BadParameter("--width requires --pdf FILE or --figures FOLDER")
+        if self.force and self.figures is None:
+            raise typer.BadParameter("--force requires --figures FOLDER")
         written = [path for path in (self.page, self.pdf, self.figures, self.animate) if path]
         places = [os.path.realpath(path) for path in written]
         for path, place in zip(written, places, strict=True):
@@ -177,11 +182,14 @@ class ReportCommand:
     def __call__(self) -> int:
         """Check, draw and write; print the page, or the paths of the files written."""
         from vibro_cli.storage.files import write_file
+        from vibro_cli.storage.folders import check_figures_folder
 
         target = self.target
         _check(self)
         subject = _subject(self)
         _check_maps(subject, self.maps)
+        if self.figures is not None:
+            check_figures_folder(self.figures, _shown(subject), self.force)
         # Drawing triggers many garbage collections: exempt the objects that exist by now.
         gc.freeze()
         gc.set_threshold(50_000, 4, 2)
@@ -274,7 +282,7 @@ def _check(options: ReportCommand) -> None:
     """
     from vibro_cli.report.html import is_report
     from vibro_cli.scenario.base import checked_page
-    from vibro_cli.storage.files import check_replaceable, first_bytes
+    from vibro_cli.storage.files import first_bytes
 
     target, pdf = options.target, options.pdf
     try:
@@ -290,8 +298,17 @@ def _check(options: ReportCommand) -> None:
         raise CommandError(f"vibro: {pdf} exists and is not a PDF; it is left as it is")
     if pdf is not None and pdf.suffix.lower() not in ("", ".pdf"):
         raise CommandError(f"vibro: --pdf: found {str(pdf)!r}, expected a .pdf file")
-    if options.figures is not None:
-        check_replaceable(options.figures, "figures")
+
+
+def _shown(subject: "Subject") -> Any:
+    """Return what is shown, as plain data: a grid, or scenarios without what may change later."""
+    from vibro_cli.systems.request import CHANGEABLE
+
+    if not isinstance(subject, list):
+        return dict(subject.definition)
+    scenarios = [run.scenario.resolved() for run in subject]
+    found = [{key: one[key] for key in one if key not in CHANGEABLE} for one in scenarios]
+    return found if len(found) > 1 else found[0]
 
 
 def _drawn(subject: "Subject", width: str, maps: Sequence[str]) -> "Iterator[tuple[str, Drawn]]":
@@ -339,7 +356,7 @@ def _write_figures(subject: "Subject", options: ReportCommand) -> None:
     if options.pdf is not None:
         say(f"figures in {options.pdf}")
     if options.figures is not None:
-        write_results("figures", options.figures, files)
+        write_results("figures", options.figures, files, of=_shown(subject))
         say(f"figures in {options.figures}")
 
 

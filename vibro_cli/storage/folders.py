@@ -84,6 +84,19 @@ def _changes(folder: Path, scenario: AnyScenario) -> list[str]:
     return differences(there, json.loads(json_bytes(scenario.resolved())))
 
 
+def check_figures_folder(folder: Path, of: Any, force: bool) -> None:
+    """Raise `FolderRefused` unless figures of runs or a grid, given as plain data, may replace one.
+
+    They may replace nothing or figures of the same; with `force`, figures of anything.
+    """
+    check_replaceable(folder, "figures")
+    there = (read_manifest(folder) or {}).get("of")
+    found = [] if force or there is None else differences(there, json.loads(json_bytes(of)))
+    if found:
+        hint = "--force replaces them, --figures names another folder"
+        raise FolderRefused(*refusal(f"{folder} holds figures of others", found, hint))
+
+
 def goes_as_far(folder: Path, scenario: AnyScenario, end_time: float) -> bool:
     """Return whether a folder holds a run of a scenario that ended at `end_time` (s) or later.
 
@@ -334,12 +347,13 @@ def write_results(
     scenario: AnyScenario | None = None,
     record: Mapping[str, Any] | None = None,
     table: frame.Table | None = None,
+    **details: Any,
 ) -> None:
     """Write the folder of a fit, orbits, a portrait, basins or figures atomically.
 
     The `kind` is ``fit``, ``orbit``, ``portrait``, ``basins`` or ``figures``; `figures` maps names
     of files to contents. Optional are the scenario, a `record` of plain values, stored under the
-    name of the kind, and a table of residuals or orbits.
+    name of the kind, a table of residuals or orbits, and further `details` in the manifest.
 
     Raises `FolderRefused` if `target` exists and is not such a folder of vibro, `OSError` if it
     cannot be written.
@@ -350,4 +364,4 @@ def write_results(
     if table is not None:
         files[f"{table.name}.parquet"] = parquet_bytes(table.to_arrow())
     files |= figures
-    write_folder(kind, target, files, {})
+    write_folder(kind, target, files, details)
