@@ -169,6 +169,12 @@ def test_a_wrong_minimum_tells_of_impacts_that_are_nearer_to_another(
     nearest = [int(np.argmin(np.abs(instants - one))) for one in computed]
     others = sum(near != own for own, near in enumerate(nearest))
     assert found.misplaced == others > 10
+    assert f"; warning: {others} of 20 computed impacts are nearer to another " in repr(found)
+    known = fit(start, instants, paths, noise=1e-4)
+    assert known.likelihood is not None
+    assert known.likelihood < 1e-6
+    assert "; warning: model or noise is wrong, impacts missed or counted twice" in repr(known)
+    assert "warning" not in repr(fit(true, instants, paths))
 
     (tmp_path / "start.json").write_text(json.dumps(start.resolved()), encoding="utf-8")
     csv.write_csv(pa.table({"t": instants}), tmp_path / "t.csv")

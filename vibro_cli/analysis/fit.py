@@ -47,6 +47,8 @@ _BODIES = ("ball_a", "ball_b")
 COLUMNS = ("t", "n", "error", *_BODIES)
 START_TIME = "start_time"
 """Stands for the path of the time (s) at which the motion starts on the measurements' clock."""
+DOUBTFUL = 1.0e-6
+"""Likelihood below which a fit is doubtful."""
 _NAMED = 6
 """Number of columns of a table without times that its message names."""
 
@@ -284,7 +286,8 @@ class Fit:
     def __repr__(self) -> str:
         numbers = zip(self.free, self.values, self.errors, strict=True)
         texts = [f"{one.name} = {value:.10g} ± {error:.2g}" for one, value, error in numbers]
-        return f"<Fit {self.scenario.name}: {', '.join(texts)}>"
+        doubt = f"; warning: {self.doubt}" if self.doubt else ""
+        return f"<Fit {self.scenario.name}: {', '.join(texts)}{doubt}>"
 
     @property
     def errors(self) -> Floats:
@@ -329,6 +332,25 @@ class Fit:
         middles = 0.5 * (measured[1:] + measured[:-1])
         nearest = np.searchsorted(middles, measured - self.residuals)
         return int(np.sum(nearest != np.arange(len(measured))))
+
+    @property
+    def doubt(self) -> str:
+        """Why values and errors cannot be trusted; empty if there is no reason."""
+        if self.likelihood is not None and self.likelihood < DOUBTFUL:
+            return (
+                "model or noise is wrong, impacts missed or counted twice (give n), or this is not "
+                "the lowest minimum (fit fewer, then all from there)"
+            )
+        if self.likelihood is not None or not self.misplaced:
+            return ""
+        clock = "seconds from the start of the motion (fit start_time)"
+        if has_start_time(self.free):
+            clock = "seconds"
+        return (
+            f"{self.misplaced} of {len(self.residuals)} computed impacts are nearer to another "
+            "measured one than to their own: this is a wrong minimum, impacts were missed or "
+            f"counted twice (give n), or the times are not in {clock}"
+        )
 
 
 def fit_impacts(

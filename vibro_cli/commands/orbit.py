@@ -241,10 +241,6 @@ def _multipliers(found: Orbit) -> str:
     return ", ".join(map("".join, pairs))
 
 
-DOUBTFUL = 1.0e-6
-"""Likelihood below which the command warns."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class FitCommand:
     """Fit parameters of a scenario to measured impact times. Print each with its standard error."""
@@ -388,8 +384,6 @@ def _line_of_number(one: dict[str, Any], free: Free) -> str:
 
 
 def _lines_of_fit(found: Fit) -> Iterator[str]:
-    from vibro_cli.analysis.fit import has_start_time
-
     record = record_of_fit(found)
     impacts, motions = counted(record["impacts"], "impact"), counted(found.evaluations, "motion")
     yield f"{found.scenario.name}: {impacts}, {motions} solved"
@@ -403,25 +397,13 @@ def _lines_of_fit(found: Fit) -> Iterator[str]:
     yield f"  residuals            {record['residual']:.3g} s, root mean square"
     if found.likelihood is None:
         yield "  noise                not given: errors are estimated from the residuals"
-        if found.misplaced:
-            clock = "seconds from the start of the motion (fit start_time)"
-            if has_start_time(found.free):
-                clock = "seconds"
-            yield (
-                f"  warning              {found.misplaced} of {record['impacts']} computed impacts "
-                "are nearer to another measured one than to their own: this is a wrong minimum, "
-                f"impacts were missed or counted twice (give n), or the times are not in {clock}"
-            )
     else:
         yield (
             f"  chi square           {found.chi_square:.4g} with {found.freedom} degrees of "
             f"freedom: as large or larger in {100.0 * found.likelihood:.3g} % of such measurements"
         )
-        if found.likelihood < DOUBTFUL:
-            yield (
-                "  warning              model or noise is wrong, impacts missed or counted twice "
-                "(give n), or this is not the lowest minimum (fit fewer, then all from there)"
-            )
+    if found.doubt:
+        yield f"  warning              {found.doubt}"
     if not found.same_events:
         yield (
             "  events               change within the 95 % region: the errors hold for the "
