@@ -147,7 +147,8 @@ class AnyScenario(Table):
         rules_apply = isinstance(data, dict)
         faults = cls.between_fields(data) if rules_apply else []
         own: list[InitErrorDetails] = [
-            {"type": kinds.fault(f.found, f.expected), "loc": f.loc, "input": None} for f in faults
+            {"type": kinds.fault(f.found, f.expected, f.on_key), "loc": f.loc, "input": None}
+            for f in faults
         ]
         try:
             model = handler(cls.prepared(data) if rules_apply else data)
@@ -274,9 +275,7 @@ def _details(error: ValidationError) -> list[InitErrorDetails]:
         kind = item["type"]
         details.append(
             {
-                "type": kinds.fault(context["found"], context["expected"])
-                if kind == "vibro"
-                else kind,
+                "type": kinds.fault(**context) if kind == "vibro" else kind,
                 "loc": item["loc"],
                 "input": item["input"],
                 "ctx": context,

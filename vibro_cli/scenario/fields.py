@@ -168,7 +168,7 @@ def _fault(details: ErrorDetails, root: Model) -> Fault:
     if kind == "extra_forbidden":
         loc = (*(part for part in given[:-1] if not str(part).startswith("<")), given[-1])
     if kind == "vibro":
-        return Fault(loc, context["found"], context["expected"])
+        return Fault(loc, **context)
     if kind == "missing":
         return Fault(loc, "nothing", _needed(loc, root))
     if kind == "extra_forbidden":

@@ -40,9 +40,9 @@ EXAMPLES = {
 """Units to name in errors, by dimension, the SI unit first."""
 
 
-def fault(found: str, expected: str) -> PydanticCustomError:
+def fault(found: str, expected: str, on_key: bool = False) -> PydanticCustomError:
     """Return the error that a field raises, with what was found and what was expected."""
-    context = {"found": found, "expected": expected}
+    context = {"found": found, "expected": expected, "on_key": on_key}
     return PydanticCustomError("vibro", "found {found}, expected {expected}", context)
 
 
