@@ -24,6 +24,7 @@ from vibro_cli.figures.runs.scene import WALL, configurations, plan, scene
 from vibro_cli.figures.style import render
 from vibro_cli.scenario import any_scenario_of
 from vibro_cli.stress import scenes
+from vibro_cli.systems.springs.portrait import springs_portrait
 from vibro_cli.systems.trace.figures import FIGURES
 
 pytestmark = pytest.mark.long
@@ -479,6 +480,31 @@ def test_the_figure_eight_is_within_the_phase_plane_along_the_trace() -> None:
     low, high = upper.get_ylim()
     assert low < np.min(rates)
     assert np.max(rates) < high
+
+
+def test_the_saddle_beside_a_slow_motion_is_within_the_energies() -> None:
+    """Above, the figure eight is drawn whole; below, the crest of the potential was cut off."""
+    trace = scenes.three_arcs(70)
+    run = scenes.solve(scenes.scene(trace, [scenes.ball(-0.8)], time=9.0))
+    crest, bottom = (on_trace(run.system, 1, arc, 0.0, np.zeros(())) for arc in (2, 1))
+    springs = run_of("springs/two_disks")
+    spring = springs.system.springs[1]
+    stretched = 0.5 * spring.stiffness * (spring.length - spring.height) ** 2
+    beside = springs_portrait(springs, 2)
+    for lower, saddle in (
+        (energy_portrait(run, 1).axes[1], crest - bottom),
+        (beside.axes[1], stretched),
+    ):
+        assert float(saddle) < lower.get_ylim()[1] < 1.3 * float(saddle)
+
+
+def test_a_distant_separatrix_does_not_flatten_the_phase_plane_along_the_trace() -> None:
+    """That of the outer saddles of this trace is five times as fast as the motion."""
+    run = run_of("turning_valley")
+    sampled = run.sample(np.linspace(0.0, run.end_time, 4001))
+    reached = float(np.max(np.abs(np.asarray(sampled["speed"])[np.asarray(sampled["ball"]) == 1])))
+    upper = energy_portrait(run, 1).axes[0]
+    assert reached < upper.get_ylim()[1] < 3.5 * reached
 
 
 def test_the_potential_energy_of_a_level_line_is_clear_of_the_frame() -> None:

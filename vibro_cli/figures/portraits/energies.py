@@ -19,10 +19,11 @@ from vibro_cli.figures import style
 from vibro_cli.figures.chart import MOST_VECTOR_POINTS, stacked
 from vibro_cli.figures.labels import Rows, draw_legend, room_for
 from vibro_cli.figures.portraits import layers
-from vibro_cli.figures.portraits.layers import Background, coloured_until
+from vibro_cli.figures.portraits.layers import Background, coloured_until, saddle_energies
 from vibro_cli.figures.portraits.panels import Panel, Symbols, Window, plane, straight
 from vibro_cli.figures.portraits.portrait import (
     draw_motion,
+    framed_rate,
     greatest_rate,
     legend_rows,
     seen,
@@ -132,7 +133,9 @@ def energy_portrait(run: Recorded, ball: int, width: str = "single") -> Figure:
         if stays_at_rest(path):
             limit_energies(lower, highest_energy(portrait))
         else:
-            least = 1e-3 * float(np.max(values))
+            framed = 0.5 * landscape.body.kappa * landscape.body.mass * window.top**2
+            saddles = saddles_below(behind, float(np.min(below)) + framed)
+            least = max(1e-3 * float(np.max(values)), saddles)
             limit_energies(lower, *energy_limits(energies, below, least))
         draw_legend(figure, rows, bar)
     return figure
@@ -201,21 +204,26 @@ def _potential_at(landscape: Landscape, s: Array) -> Array:
     return found
 
 
+def saddles_below(behind: Background, energy: float) -> float:
+    """Return the energy (J) of the highest saddle shown that is not above an energy, else 0."""
+    return max((one for one in saddle_energies(behind.points) if one <= energy), default=0.0)
+
+
 def energy_limits(energies: Array, potential: Array, least: float = 0.0) -> tuple[float, float]:
     """Return the upper and the lower end of the axis of energies (J) of a motion.
 
     The axis begins at 0 and reaches `least` or higher. For a motion whose potential energy is
     always large, it begins just below the least of it.
     """
-    low, high = float(np.min(potential)), float(np.max(energies))
+    low, high = float(np.min(potential)), max(float(np.max(energies)), least)
     if low > _HIGH_UP * high:
         room = 0.25 * (high - low) or 1e-3 * high
         return high + room, low - room
-    return 1.15 * max(high, least), 0.0
+    return 1.15 * high, 0.0
 
 
 def _window(trace: Trace, path: Trajectory, behind: Background) -> Window:
-    """Return the window: the whole trace, as high as the motion and the separatrices.
+    """Return the window: the whole trace, as high as the motion and separatrices near it.
 
     If the motion takes a small part of the trace, it is that part with room on both sides. For a
     body at rest, it is as high as the level curves.
@@ -223,12 +231,12 @@ def _window(trace: Trace, path: Trajectory, behind: Background) -> Window:
     (branches,), reached = path.branches, greatest_rate(path, [0])
     saddles = (*behind.separatrices, *behind.eights)
     through = max((float(np.max(curve.rate)) for curve in saddles), default=0.0)
+    levels = max((float(np.max(curve.rate)) for curve in behind.levels), default=1.0)
     low, high, extent = 0.0, trace.length, float(np.ptp(branches.position))
     if 0.0 < extent < _SMALL * trace.length:
         close = close_up(branches.position)
         low, high, through = max(low, close[0]), min(high, close[1]), 0.0
-    levels = max((float(np.max(curve.rate)) for curve in behind.levels), default=1.0)
-    return straight(*limits_apart(low, high), _MARGIN * (max(reached, through) or levels))
+    return straight(*limits_apart(low, high), _MARGIN * framed_rate(reached, through, levels))
 
 
 def close_up(position: Array) -> tuple[float, float]:

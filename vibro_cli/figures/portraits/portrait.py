@@ -122,8 +122,15 @@ def _top(pieces: Sequence[Piece], path: Trajectory, behind: Background, lines: b
     reached = greatest_rate(path, members)
     separatrix = _separatrix(behind, members)
     levels = _highest([curve.rate for curve in behind.levels if curve.piece in members])
-    shown = max(reached, min(separatrix, _FAR * reached)) or separatrix or levels
-    return _MARGIN * (shown or 1.0)
+    return _MARGIN * framed_rate(reached, separatrix, levels)
+
+
+def framed_rate(reached: float, separatrix: float, levels: float) -> float:
+    """Return the greatest rate that a frame holds: of the motion and of any nearby separatrix.
+
+    For a body at rest, it is that of the separatrices, else of the level curves.
+    """
+    return max(reached, min(separatrix, _FAR * reached)) or separatrix or levels or 1.0
 
 
 def greatest_rate(path: Trajectory, members: Sequence[int]) -> float:

@@ -28,6 +28,7 @@ from vibro_cli.figures.portraits.energies import (
     energy_limits,
     limit_energies,
     panels_over,
+    saddles_below,
 )
 from vibro_cli.figures.portraits.family import Member, draw_family, name_points, shown_of
 from vibro_cli.figures.portraits.layers import (
@@ -208,7 +209,9 @@ def springs_portrait(run: Run, ball: int, width: str = "single") -> Figure:
         behind = springs_background(run.system, ball - 1, float(np.max(energies)))
         window = _around(path, behind)
         behind = seen(behind, [window])
-        limits = energy_limits(energies, hills.mass * hills.potential(branches.position))
+        below = hills.mass * hills.potential(branches.position)
+        framed = float(np.min(below)) + 0.5 * hills.mass * window.top**2
+        limits = energy_limits(energies, below, saddles_below(behind, framed))
     with style.journal():
         rows, bar = legend_rows(path, behind, width, [("spring's energy", POTENTIAL)])
         figure, upper, lower = panels_over(width, window, rows, _symbols(ball))
