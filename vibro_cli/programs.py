@@ -22,6 +22,7 @@ from vibro_cli.kernels.statistics.impact_columns import fill_columns
 from vibro_cli.kernels.statistics.run_statistics import update_statistics
 from vibro_cli.kernels.tangent.flight_jacobian import find_arrivals
 from vibro_cli.kernels.tangent.follow import follow_tangents
+from vibro_cli.kernels.tangent.impact_times import differentiate_impacts
 from vibro_cli.stress.kernels import find_first_contacts
 from vibro_cli.stress.oracles.interval_oracle import judge_flights
 from vibro_cli.systems import NAMES, system_named
@@ -45,6 +46,7 @@ def programs() -> list[Program]:
         fill_stacked,
         fill_angles,
         find_arrivals,
+        differentiate_impacts,
         find_first_contacts,
     )
     return [

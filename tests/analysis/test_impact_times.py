@@ -12,7 +12,8 @@ import pytest
 
 from tests.highprecision.reference_solver import ReferenceSolver, events_of
 from tests.systems.trace.test_tangents import SCENES
-from vibro_cli.analysis.impact_times import NoDerivative, impact_times
+from vibro_cli import simulate
+from vibro_cli.analysis.impact_times import NoDerivative, impact_times, number_at
 from vibro_cli.assemble import build_system
 from vibro_cli.scenario import scenario_of
 from vibro_cli.scenario.problems import parsed_path
@@ -140,6 +141,43 @@ def test_density_stands_for_mass_and_radius_for_both() -> None:
     np.testing.assert_allclose(ours[:, 0], theirs[:, 0] * mass / 2700.0, rtol=1e-9)
     expected = theirs[:, 1] + theirs[:, 0] * 3.0 * mass / 0.1
     np.testing.assert_allclose(ours[:, 1], expected, rtol=1e-9)
+
+
+def test_late_impacts_obey_similarity_and_are_differences_of_motions() -> None:
+    """From rest ``T^2`` is a length over g, and ratios of masses are what matters of them."""
+    count, path = 20_000, "balls[2].angle"
+    scenario = scenario_of(scene(VALLEY, [ball(-0.6), ball(0.31)], 1.0, collisions=count))
+    lengths = ["trace.arcs[1].radius", "balls[1].radius", "balls[2].radius"]
+    masses = ["balls[1].mass", "balls[2].mass"]
+    paths = list(map(parsed_path, [*lengths, *masses, "gravity", path]))
+    found = impact_times(scenario, build_system(scenario), paths, count, None)
+    scale = np.array([number_at(scenario, one) for one in paths])
+    changes = found.derivative * scale
+    rounding = 1e-9 * np.max(np.abs(changes))
+    np.testing.assert_allclose(np.sum(changes[:, :3], axis=1), 0.5 * found.t, atol=rounding)
+    np.testing.assert_allclose(np.sum(changes[:, 3:5], axis=1), 0.0, atol=rounding)
+    np.testing.assert_allclose(changes[:, 5], -0.5 * found.t, atol=rounding)
+    step = 2e-6
+    ahead, back, far, behind = (
+        np.array(simulate(scenario.replace({path: 0.31 + n * step})).collisions["t"])
+        for n in (1, -1, 2, -2)
+    )
+    differences = (8.0 * (ahead - back) - (far - behind)) / (12.0 * step)
+    error = np.max(np.abs(found.derivative[:, 6] - differences))
+    assert error < 1e-7 * np.max(np.abs(differences))
+
+
+def test_two_pairs_may_collide_at_one_instant() -> None:
+    """Mirror images collide together, so that k changes both times alike and a mass its own."""
+    balls = [ball(-0.7), ball(0.3), ball(-0.3, arc=3), ball(0.7, arc=3)]
+    scenario = scenario_of(scene(THREE_ARCS, balls, 0.9, collisions=6))
+    paths = list(map(parsed_path, ["collision.k", "balls[1].mass", "balls[4].mass"]))
+    found = impact_times(scenario, build_system(scenario), paths, 6, LATEST)
+    assert found.word == ("12", "34") * 3
+    one, other = found.derivative[::2], found.derivative[1::2]
+    assert np.array_equal(found.t[::2], found.t[1::2])
+    assert np.all(one[1:, :2] != 0.0)
+    np.testing.assert_allclose(one, other[:, [0, 2, 1]], rtol=1e-12, atol=1e-15)
 
 
 def _refused(document: dict[str, Any], path: str, words: str, count: int = 50) -> None:

@@ -1,49 +1,64 @@
 """Derivatives of the times of impacts with respect to numbers of a scenario, for a trace at rest.
 
-Each event starts new flights at a time T with a position x and a speed v, which depend on the
-numbers p. For a flight of duration t from (T0, x0, v0), at a fixed time
-
-``dx = J (dx0, dv0) - xdot dT0 + (dx/dw) dw``,  ``x(t) = X(w t; x0, v0/w)`` on an arc, so that
-``dx/dw = (xdot t - J12 v0)/w,   dv/dw = (v + t vdot - J22 v0)/w``,
-
-with the closed form J of ``kernels.tangent``. The time of an event with g(x, p) = 0 changes by
-``dT = -dg/gdot``, which adds ``xdot dT`` and ``vdot dT`` to the changes of x and v. The system, and
-gaps, laws, walls and junctions are evaluated with numbers that carry their derivatives
-(``numerics.elementwise``); no finite differences are used.
+The system is evaluated with numbers that carry their derivatives (``numerics.elementwise``). The
+kernel of ``kernels.tangent.impact_times`` follows them from event to event; no finite differences
+are used.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vibro_cli.assemble import body_of, speed_of, system_of, trace_of
-from vibro_cli.compile.kernel import dtype
 from vibro_cli.compile.native import compiled
 from vibro_cli.errors import VibroError
-from vibro_cli.kernels.impact.laws import weight_and_response
+from vibro_cli.kernels.impact.laws import LAW_NAMES, weight_and_response
 from vibro_cli.kernels.tangent.flight_jacobian import Arrival, find_arrivals
 from vibro_cli.kernels.tangent.frame import SERIES_ROWS, TERMS
-from vibro_cli.kernels.world import CAUSE_NAMES, COLLISION, CROSSING, END_NAMES, START, WALL, Flight
+from vibro_cli.kernels.tangent.impact_times import (
+    Changes,
+    MotionChange,
+    StruckBody,
+    TrackChange,
+    WeightChange,
+    differentiate_impacts,
+)
+from vibro_cli.kernels.world import (
+    CAUSE_NAMES,
+    COLLISION,
+    CROSSING,
+    END_NAMES,
+    START,
+    WALL,
+    BodyData,
+    Flight,
+)
 from vibro_cli.mechanics.initial_conditions import wall_position
-from vibro_cli.mechanics.system import InitialState, TraceSystem
-from vibro_cli.mechanics.trace import sine_cosine
-from vibro_cli.numerics import elementwise
+from vibro_cli.mechanics.system import Body, InitialState, TraceSystem
+from vibro_cli.mechanics.trace import Piece, sine_cosine
 from vibro_cli.numerics.elementwise import Dual, Floats, change_of, value_of
 from vibro_cli.scenario.models import Scenario
 from vibro_cli.scenario.problems import KeyPath, ScenarioError, path_text, suggestion
-from vibro_cli.systems.driver import body_record, with_logs
+from vibro_cli.systems.driver import body_record, with_logs, zeros
 from vibro_cli.systems.request import Limits
 from vibro_cli.systems.run import begun
 from vibro_cli.systems.trace import SYSTEM
-from vibro_cli.systems.trace.motion import Places
 from vibro_cli.systems.trace.system_template import changed
 from vibro_cli.systems.trace.world import make_world
+
+_FAULTS = (
+    "",
+    "bodies in lasting contact ({cause}) at {t:.9g} s",
+    "several impacts at one instant or lasting contact at {t:.9g} s",
+    "bodies that only touch at {t:.9g} s",
+    "body {body} stops at an end of its piece at {t:.9g} s",
+    "body {body} comes to rest at a wall at {t:.9g} s",
+)
 
 
 class NoDerivative(VibroError, ValueError):
@@ -61,12 +76,8 @@ class ImpactTimes:
     word: tuple[str, ...]
     """Events up to the last impact: ``12`` (impact), ``1>``, ``1<`` (junction), ``1|`` (wall)."""
     end_cause: str
-    _differentiation: _Differentiation = field(repr=False)
-
-    @cached_property
-    def derivative(self) -> Floats:
-        """[impact, number] of their times (s) with respect to the numbers, in SI units."""
-        return self._differentiation.derivative()
+    derivative: Floats
+    """[impact, number] of their times (s) with respect to the numbers, in SI units."""
 
 
 def number_at(scenario: Scenario, path: KeyPath, other: str = "") -> float:
@@ -102,12 +113,9 @@ def number_at(scenario: Scenario, path: KeyPath, other: str = "") -> float:
     return found
 
 
-def differentiated(scenario: Scenario, paths: Sequence[KeyPath], more: int = 0) -> TraceSystem:
-    """Return the system of a scenario with derivatives with respect to the numbers at `paths`.
-
-    Derivatives with respect to `more` further numbers follow; they are null at first.
-    """
-    unit = np.eye(len(paths), len(paths) + more)
+def differentiated(scenario: Scenario, paths: Sequence[KeyPath]) -> TraceSystem:
+    """Return the system of a scenario with derivatives with respect to the numbers at `paths`."""
+    unit = np.eye(len(paths))
     values = {
         path: Dual(number_at(scenario, path), unit[n]) for n, path in enumerate(paths)
     }  # fmt: skip
@@ -150,85 +158,28 @@ def impact_times(
     """
     if system.turning is not None:
         raise NoDerivative("found a trace that turns, expected one at rest")
-    varied, moving = (differentiated(scenario, paths, more) for more in (0, 1))
+    varied = differentiated(scenario, paths)
     _check_starts(varied, system)
     stretch, _ = begun(SYSTEM, system, Limits(stop_time, count)).whole()
-    logs, arrivals = stretch.logs, _arrivals(system, stretch)
-    events = _events_of(logs["log"], logs["impacts"], arrivals)
-    made = logs["impacts"][: sum(one.other is not None for one in events)]
-    return ImpactTimes(
-        t=made["t"],
-        pairs=np.stack([made["a"], made["b"]], axis=1) + 1,
-        word=tuple(one.word for one in events),
-        end_cause=END_NAMES[stretch.cause],
-        _differentiation=_Differentiation(
-            varied, moving, Places(system), logs, arrivals, events, len(paths)
-        ),
-    )
-
-
-def _arrivals(system: TraceSystem, stretch: Any) -> Any:
+    log, impacts = stretch.logs["log"], stretch.logs["impacts"]
     own = make_world(system)
     world = with_logs(SYSTEM.loop, own, stretch.engine, stretch.logs, stretch.clock)
-    arrivals = np.zeros(len(stretch.logs["log"]), dtype=dtype(Arrival))
     current = np.zeros((1, len(system.bodies)), dtype=np.int64)
-    scratch = np.zeros(1, dtype=dtype(Flight))
-    find: Any = compiled(find_arrivals)
-    series = np.zeros((SERIES_ROWS, TERMS + 1))
-    find(world, arrivals, current, series, scratch)
-    return arrivals
-
-
-@dataclass(frozen=True)
-class _Event:
-    """An event, and its rows in the log of flights."""
-
-    word: str
-    row: int
-    other: int | None = None
-    """For an impact, the row of body b; `row` is that of body a."""
-
-
-def _events_of(log: Any, impacts: Any, arrivals: Any) -> list[_Event]:
-    """Return the events of a whole run; raise `NoDerivative` at one that has no derivative."""
-    found: list[_Event] = []
-    paired: set[int] = set()
-    columns = (log[name].tolist() for name in ("t", "t_low", "body"))
-    rows = {key: number for number, key in enumerate(zip(*columns, strict=True))}
-    closing = impacts["normal_a"] * impacts["speed_a_pre"]
-    closing -= impacts["normal_b"] * impacts["speed_b_pre"]
-    touching = impacts["contact"].astype(bool) | ~(closing > 0.0)
-    for number, (row, cause) in enumerate(zip(log, log["cause"].tolist(), strict=True)):
-        if number in paired or cause == START:
-            continue
-        if row["grouped"] or cause not in (COLLISION, CROSSING, WALL):
-            words = CAUSE_NAMES[cause].replace("_", " ")
-            raise NoDerivative(f"bodies in lasting contact ({words}) at {row['t']:.9g} s")
-        if cause != COLLISION:
-            found.append(_boundary_event(number, row, arrivals[number]["speed"]))
-            continue
-        impact = min(len(paired) // 2, len(impacts) - 1)
-        struck = impacts[impact]
-        pair = [rows.get((row["t"], row["t_low"], struck[end]), -1) for end in "ab"]
-        if number not in pair or -1 in pair or not paired.isdisjoint(pair):
-            raise NoDerivative(
-                f"several impacts at one instant or lasting contact at {row['t']:.9g} s"
-            )
-        if touching[impact]:
-            raise NoDerivative(f"bodies that only touch at {struck['t']:.9g} s")
-        paired.update(pair)
-        found.append(_Event(f"{struck['a'] + 1}{struck['b'] + 1}", *pair))
-    return found
-
-
-def _boundary_event(number: int, row: Any, speed: float) -> _Event:
-    """Return the event of a body at a junction or a wall."""
-    body, wall = row["body"] + 1, row["cause"] == WALL
-    if speed == 0.0:
-        raise NoDerivative(f"body {body} stops at an end of its piece at {row['t']:.9g} s")
-    if wall and row["at_rest"]:
-        raise NoDerivative(f"body {body} comes to rest at a wall at {row['t']:.9g} s")
-    return _Event(f"{body}{'|' if wall else '>' if speed > 0.0 else '<'}", number)
+    arrivals = _arrivals(world, current)
+    events = _events_of(log, impacts, arrivals)
+    made = impacts[: np.count_nonzero(events[:, 2] >= 0)]
+    starts = np.flatnonzero(log["cause"] == START)
+    current[0, log["body"][starts]] = starts
+    changes = _changes_of(varied, current, (len(made), len(paths)))
+    differentiate: Any = compiled(differentiate_impacts)
+    differentiate(world, arrivals, events, changes, len(paths))
+    return ImpactTimes(
+        t=made["t"].copy(),  # a view would keep all logs in memory
+        pairs=np.stack([made["a"], made["b"]], axis=1) + 1,
+        word=_word_of(log, arrivals, events),
+        end_cause=END_NAMES[stretch.cause],
+        derivative=changes.times,
+    )
 
 
 def _check_starts(varied: TraceSystem, system: TraceSystem) -> None:
@@ -237,174 +188,122 @@ def _check_starts(varied: TraceSystem, system: TraceSystem) -> None:
             raise NoDerivative(f"body {number} starts on a junction")
 
 
-@dataclass
-class _State:
-    """A body at the start of a flight."""
-
-    piece: int
-    begun: Any
-    """Time (s)."""
-    place: Any
-    """Angle (rad) on an arc, distance (m) on a line."""
-    speed: Any
-    """Speed (m/s)."""
+def _arrivals(world: Any, scratch: Any) -> Any:
+    """Return the ends of all flights; `scratch` has a whole number for each body."""
+    arrivals = zeros(len(world.log), Arrival)
+    find: Any = compiled(find_arrivals)
+    find(world, arrivals, scratch, np.zeros((SERIES_ROWS, TERMS + 1)), zeros(1, Flight))
+    return arrivals
 
 
-class _Differentiation:
-    """A pass through the events of a run with numbers that carry derivatives.
+def _events_of(log: Any, impacts: Any, arrivals: Any) -> NDArray[np.int64]:
+    """Return the events of a whole run, as ``differentiate_impacts`` takes them.
 
-    The numbers of `moving` carry one derivative more, with respect to time: at an impact, that of
-    the place of a body is its speed.
+    Raises `NoDerivative` at the first one that has no derivative.
     """
+    cause, body, t = log["cause"], log["body"], log["t"]
+    # An impact of two free bodies adds a row for each of them, in either order.
+    colliding = np.flatnonzero(cause == COLLISION)
+    made = impacts[: len(colliding) // 2]
+    struck = np.stack([made["a"], made["b"]], axis=1)
+    pairs = colliding[: struck.size].reshape(struck.shape)
+    first = pairs[:, 0]
+    pairs = np.where(body[pairs] == struck, pairs, pairs[:, ::-1])
+    fits = (body[pairs] == struck) & (made["contact"] == 0)[:, None]
+    for name in ("t", "t_low"):
+        fits &= log[name][pairs] == made[name][:, None]
+    fits &= (arrivals["age"][pairs] > 0.0) | (t[pairs] == t[0])
+    closing = made["normal_a"] * made["speed_a_pre"] - made["normal_b"] * made["speed_b_pre"]
+    alone, touches = (np.zeros(len(log), dtype=bool) for _ in range(2))
+    alone[pairs] = np.all(fits, axis=1, keepdims=True)
+    touches[pairs] = ~(closing > 0.0)[:, None]
+    ends = np.isin(cause, (CROSSING, WALL))
+    conditions = [
+        (cause != START) & ((log["grouped"] != 0) | ~(ends | (cause == COLLISION))),
+        (cause == COLLISION) & ~alone,
+        touches,
+        ends & (arrivals["speed"] == 0.0),
+        (cause == WALL) & (log["at_rest"] != 0),
+    ]
+    faults = np.select(conditions, range(1, len(_FAULTS)))
+    for row in np.flatnonzero(faults)[:1]:
+        words = CAUSE_NAMES[cause[row]].replace("_", " ")
+        raise NoDerivative(_FAULTS[faults[row]].format(cause=words, body=body[row] + 1, t=t[row]))
+    left = np.flatnonzero(ends)
+    events = np.full((len(made) + len(left), 3), -1)
+    events[: len(made), :2], events[: len(made), 2] = pairs, np.arange(len(made))
+    events[len(made) :, 0] = left
+    return events[np.argsort(np.concatenate([first, left]))]
 
-    def __init__(
-        self, varied: TraceSystem, moving: TraceSystem, places: Places, logs: Any, arrivals: Any,
-        events: Sequence[_Event], size: int,
-    ) -> None:  # fmt: skip
-        self._system, self._moving, self._places, self._size = varied, moving, places, size
-        self._log, self._impacts, self._arrivals = logs["log"], logs["impacts"], arrivals
-        self._events = events
-        self._records = [body_record(body) for body in varied.bodies]
-        self._states: list[_State] = []
 
-    def derivative(self) -> Floats:
-        """Return the derivatives of the times of impacts, shape [impact, number]."""
-        self._states = [
-            _State(start.piece, 0.0, start.position, start.speed) for start in self._system.initial
-        ]
-        ends = self._ends()
-        delays: list[Floats] = []
-        for one in self._events:
-            if one.other is None:
-                self._leave(one.row, ends[one.row])
-            else:
-                pair = (one.row, one.other)
-                delays.append(self._collide(self._impacts[len(delays)], pair, ends))
-        return np.array(delays).reshape(len(delays), self._size)
+def _word_of(log: Any, arrivals: Any, events: NDArray[np.int64]) -> tuple[str, ...]:
+    """Return the events in words, see `ImpactTimes`."""
+    first, other, impact = events.T
+    bodies = int(np.max(log["body"])) + 1
+    names = [str(number) for number in range(1, bodies + 1)]
+    table = np.array(
+        [[one + tail for tail in (*names, "|", ">", "<")] for one in names], dtype=object
+    )
+    conditions = [impact >= 0, log["cause"][first] == WALL, arrivals["speed"][first] > 0.0]
+    tail = np.select(conditions, [log["body"][other], bodies, bodies + 1], bodies + 2)
+    return tuple(table[log["body"][first], tail])
 
-    def _ends(self) -> list[float]:
-        """Return where on its piece the body of each row ended its previous flight."""
-        log, current = self._log, [state.piece for state in self._states]
-        pieces = np.empty(len(log), dtype=np.int64)
-        for n, (body, piece) in enumerate(zip(log["body"], log["piece"], strict=True)):
-            pieces[n], current[body] = current[body], piece
-        ends: list[float] = self._places.position(pieces, log["before_s"], log["before_c"]).tolist()
-        return ends
 
-    def _carried(self, body: int, place: float, arrival: Any) -> tuple[Any, Any]:
-        """Return place and speed of a body at the time of its event, which is held fixed."""
-        start, size = self._states[body], self._size
-        piece, old = self._system.trace.pieces[start.piece], self._system.bodies[body]
-        age, pull = float(arrival["age"]), float(arrival["acceleration"])
-        begun, x0 = change_of(start.begun, size), change_of(start.place, size)
-        j = [float(arrival[name]) for name in ("way_way", "way_speed", "speed_way", "speed_speed")]
-        if piece.is_line:
-            slope = sine_cosine(piece.start_slope)[0]
-            force = change_of(-self._system.gravity / old.kappa * slope, size)
-            v0 = change_of(start.speed, size)
-            moved = x0 + age * v0 + 0.5 * age * age * force - arrival["speed"] * begun
-            return Dual(place, moved), Dual(arrival["speed"], v0 + age * force - pull * begun)
-        rho = piece.path_radius(old.radius)
-        w = old.natural_rate(self._system.gravity, rho)
-        rate0 = start.speed / rho
-        rate, pull = arrival["speed"] / value_of(rho), pull / value_of(rho)
-        v0, faster = change_of(rate0, size), change_of(w, size) / value_of(w)
-        turned = j[0] * x0 + j[1] * v0 - rate * begun
-        turned = turned + (rate * age - j[1] * value_of(rate0)) * faster
-        spun = j[2] * x0 + j[3] * v0 - pull * begun
-        spun = spun + (rate + age * pull - j[3] * value_of(rate0)) * faster
-        return Dual(place, turned), rho * Dual(rate, spun)
+def _columns(kind: type, rows: Sequence[Mapping[str, Any]], size: int) -> Any:
+    """Return the derivatives of numbers with respect to `size` others, as successive records."""
+    found = zeros(len(rows) * size, kind).reshape(len(rows), size)
+    for row, numbers in zip(found, rows, strict=True):
+        for name, number in numbers.items():
+            row[name] = change_of(number, size)
+    return found.reshape(-1)
 
-    def _moved(self, body: int, place: Any, speed: Any, arrival: Any, delay: Floats) -> Any:
-        """Return position and speed corrected for the derivative `delay` of the event's time."""
-        piece = self._system.trace.pieces[self._states[body].piece]
-        scale = value_of(piece.path_scale(self._radius(body)))
-        place = place + Dual(0.0, arrival["speed"] / scale * delay)
-        return place, speed + Dual(0.0, arrival["acceleration"] * delay)
 
-    def _radius(self, body: int) -> Any:
-        return self._system.bodies[body].radius
+def _matrix(numbers: Sequence[Any], size: int) -> Floats:
+    return np.array([change_of(one, size) for one in numbers]).reshape(len(numbers), size)
 
-    def _leave(self, number: int, at: float) -> None:
-        """Advance a body past a junction or a wall."""
-        row, arrival = self._log[number], self._arrivals[number]
-        body, wall = int(row["body"]), row["cause"] == WALL
-        piece = self._system.trace.pieces[self._states[body].piece]
-        right = arrival["speed"] > 0.0
-        place, speed = self._carried(body, at, arrival)
-        end: Any = piece.angle_end if right else piece.angle_start
-        if wall:
-            end = wall_position(piece, self._radius(body), bool(right))
-        scale = value_of(piece.path_scale(self._radius(body)))
-        delay = (change_of(end, self._size) - place.change) * (scale / arrival["speed"])
-        _, speed = self._moved(body, place, speed, arrival, delay)
-        if wall:
-            ends = self._system.right_end if right else self._system.left_end
-            assert ends is not None
-            speed = -ends.restitution * speed
-        self._begin(body, row, Dual(float(row["t"]), delay), end, speed)
 
-    def _begin(self, body: int, row: Any, instant: Dual, place: Any, speed: Any) -> None:
-        """Start a flight, on the piece of its row."""
-        before, pieces = self._states[body].piece, self._system.trace.pieces
-        after = int(row["piece"])
-        if after != before:
-            right = after == (before + 1) % len(pieces) and value_of(speed) > 0.0
-            one, other, radius = pieces[before], pieces[after], self._radius(body)
-            edge = one.angle_end if right else one.angle_start
-            beyond = (place - edge) * one.path_scale(radius) / other.path_scale(radius)
-            place = (other.angle_start if right else other.angle_end) + beyond
-        self._states[body] = _State(after, instant, place, speed)
+def _changes_of(varied: TraceSystem, current: Any, shape: tuple[int, int]) -> Changes:
+    """Return the derivatives of a system; `shape` is that of the derivatives of its times."""
+    size, bodies = shape[1], varied.bodies
+    records = [body_record(body) for body in bodies]
+    restitution = [varied.restitution_of(pair) for pair in range(len(bodies))]  # at most
+    walls = [0.0 if one is None else one.restitution for one in (varied.left_end, varied.right_end)]
+    tracks = [_of_track(varied, body, piece) for body in bodies for piece in varied.trace.pieces]
+    weights = [_of_weight(law, one) for law in range(len(LAW_NAMES)) for one in records]
+    starts = [{"place": one.position, "speed": one.speed} for one in varied.initial]
+    return Changes(
+        tracks=_columns(TrackChange, tracks, size),
+        weights=_columns(WeightChange, weights, size),
+        radius=_matrix([body.radius for body in bodies], size),
+        restitution=_matrix(restitution, size),
+        walls=_matrix(walls, size),
+        motion=_columns(MotionChange, starts, size),
+        current=current,
+        struck=zeros(2, StruckBody),
+        times=np.zeros(shape),
+    )
 
-    def _collide(self, struck: Any, pair: tuple[int, int], at: Sequence[float]) -> Floats:
-        """Advance past an impact of one pair; return the derivative of its time."""
-        bodies = int(struck["a"]), int(struck["b"])
-        arrivals = [self._arrivals[row] for row in pair]
-        ends = [
-            self._carried(body, at[row], arrival)
-            for body, row, arrival in zip(bodies, pair, arrivals, strict=True)
-        ]
-        gap, normals = self._contact(bodies, [place for place, _ in ends], arrivals)
-        closing = struck["normal_a"] * struck["speed_a_pre"]
-        closing -= struck["normal_b"] * struck["speed_b_pre"]
-        delay: Floats = gap.change[:-1] / closing
-        ends = [
-            self._moved(body, *end, arrival, delay)
-            for body, end, arrival in zip(bodies, ends, arrivals, strict=True)
-        ]
-        normals = [Dual(n.value, n.change[:-1] + n.change[-1] * delay) for n in normals]
-        speeds = self._law(struck, bodies, normals, [speed for _, speed in ends])
-        instant = Dual(float(struck["t"]), delay)
-        for body, row, end, speed in zip(bodies, pair, ends, speeds, strict=True):
-            self._begin(body, self._log[row], instant, end[0], speed)
-        return delay
 
-    def _contact(
-        self, bodies: tuple[int, int], places: Sequence[Any], arrivals: Sequence[Any]
-    ) -> tuple[Any, list[Any]]:
-        """Return the gap (m) and n·t of both paths, with the derivative with respect to time."""
-        centres, tangents, radii = [], [], [self._moving.bodies[body].radius for body in bodies]
-        for body, place, radius, arrival in zip(bodies, places, radii, arrivals, strict=True):
-            piece = self._moving.trace.pieces[self._states[body].piece]
-            rate = arrival["speed"] / value_of(piece.path_scale(radius))
-            moving: Any = Dual(place.value, np.append(place.change, rate))
-            centre, tangent = piece.centre_and_tangent(moving, radius)
-            centres.append(centre)
-            tangents.append(tangent)
-        x, y = centres[1][0] - centres[0][0], centres[1][1] - centres[0][1]
-        distance = elementwise.square_root(x * x + y * y)
-        normals = [(x * along + y * up) / distance for along, up in tangents]
-        return distance - (radii[0] + radii[1]), normals
+def _of_weight(law: int, body: BodyData) -> dict[str, Any]:
+    found = weight_and_response(law, body, 1.0)
+    relative = (one / value_of(one) for one in found)
+    return dict(zip(("weight", "response"), relative, strict=True))
 
-    def _law(
-        self, struck: Any, bodies: tuple[int, int], normals: list[Any], speeds: list[Any]
-    ) -> list[Any]:
-        """Return the speeds after an impact, see ``kernels.impact.laws``."""
-        system, law = self._system, int(struck["law"])
-        (qa, ha), (qb, hb) = (
-            weight_and_response(law, self._records[body], normal)
-            for body, normal in zip(bodies, normals, strict=True)
-        )
-        k = system.restitution_of(int(struck["pair"]))
-        impulse = (1.0 + k) * (qa * speeds[0] - qb * speeds[1]) / (qa * ha + qb * hb)
-        return [speeds[0] - impulse * ha, speeds[1] + impulse * hb]
+
+def _of_track(system: TraceSystem, body: Body, piece: Piece) -> dict[str, Any]:
+    """Return the numbers of ``TrackChange``, with their derivatives."""
+    ends: list[Any] = [piece.angle_start, piece.angle_end]
+    if piece.index == 0 and system.left_end is not None:
+        ends[0] = wall_position(piece, body.radius, False)
+    if piece is system.trace.pieces[-1] and system.right_end is not None:
+        ends[1] = wall_position(piece, body.radius, True)
+    found: dict[str, Any] = {"left": ends[0], "right": ends[1]}
+    if piece.is_line:
+        x, y = piece.body_centre(0.0, body.radius)
+        fall = sine_cosine(piece.start_slope)[0]
+        pace = -system.gravity / body.kappa * fall
+        return found | {"x": x, "y": y, "slope": piece.start_slope, "pace": pace}
+    x, y = piece.centre
+    rho = piece.path_radius(body.radius)
+    w = body.natural_rate(system.gravity, rho)
+    return found | {"x": x, "y": y, "path_radius": rho, "pace": w / value_of(w)}
