@@ -25,7 +25,6 @@ from vibro_cli.kernels.tangent.impact_times import (
     MotionChange,
     StruckBody,
     TrackChange,
-    WeightChange,
     differentiate_impacts,
 )
 from vibro_cli.kernels.world import (
@@ -35,7 +34,6 @@ from vibro_cli.kernels.world import (
     END_NAMES,
     START,
     WALL,
-    BodyData,
     Flight,
 )
 from vibro_cli.mechanics.initial_conditions import wall_position
@@ -249,17 +247,17 @@ def _word_of(log: Any, arrivals: Any, events: NDArray[np.int64]) -> tuple[str, .
     return tuple(table[log["body"][first], tail])
 
 
-def _columns(kind: type, rows: Sequence[Mapping[str, Any]], size: int) -> Any:
-    """Return the derivatives of numbers with respect to `size` others, as successive records."""
-    found = zeros(len(rows) * size, kind).reshape(len(rows), size)
-    for row, numbers in zip(found, rows, strict=True):
-        for name, number in numbers.items():
-            row[name] = change_of(number, size)
-    return found.reshape(-1)
+def _structs(kind: type, rows: Sequence[Mapping[str, Any]], size: int) -> Any:
+    """Return derivatives with respect to `size` numbers, those of the first number first."""
+    found = zeros(size * len(rows), kind)
+    for n, row in enumerate(rows):
+        for name, number in row.items():
+            found[name][n :: len(rows)] = change_of(number, size)
+    return found
 
 
 def _matrix(numbers: Sequence[Any], size: int) -> Floats:
-    return np.array([change_of(one, size) for one in numbers]).reshape(len(numbers), size)
+    return np.array([change_of(one, size) for one in numbers])
 
 
 def _changes_of(varied: TraceSystem, current: Any, shape: tuple[int, int]) -> Changes:
@@ -269,25 +267,21 @@ def _changes_of(varied: TraceSystem, current: Any, shape: tuple[int, int]) -> Ch
     restitution = [varied.restitution_of(pair) for pair in range(len(bodies))]  # at most
     walls = [0.0 if one is None else one.restitution for one in (varied.left_end, varied.right_end)]
     tracks = [_of_track(varied, body, piece) for body in bodies for piece in varied.trace.pieces]
-    weights = [_of_weight(law, one) for law in range(len(LAW_NAMES)) for one in records]
+    laws = range(len(LAW_NAMES))
+    weights = [weight_and_response(law, one, 1.0) for law in laws for one in records]
     starts = [{"place": one.position, "speed": one.speed} for one in varied.initial]
     return Changes(
-        tracks=_columns(TrackChange, tracks, size),
-        weights=_columns(WeightChange, weights, size),
+        tracks=_structs(TrackChange, tracks, size),
+        weight=_matrix([q / value_of(q) for q, _ in weights], size),
+        response=_matrix([h / value_of(h) for _, h in weights], size),
         radius=_matrix([body.radius for body in bodies], size),
         restitution=_matrix(restitution, size),
         walls=_matrix(walls, size),
-        motion=_columns(MotionChange, starts, size),
+        motion=_structs(MotionChange, starts, size),
         current=current,
         struck=zeros(2, StruckBody),
         times=np.zeros(shape),
     )
-
-
-def _of_weight(law: int, body: BodyData) -> dict[str, Any]:
-    found = weight_and_response(law, body, 1.0)
-    relative = (one / value_of(one) for one in found)
-    return dict(zip(("weight", "response"), relative, strict=True))
 
 
 def _of_track(system: TraceSystem, body: Body, piece: Piece) -> dict[str, Any]:

@@ -37,14 +37,6 @@ class TrackChange:
 
 
 @struct
-class WeightChange:
-    """Derivatives of a body's weight and response under a law at constant ``n t``, over these."""
-
-    weight: float
-    response: float
-
-
-@struct
 class MotionChange:
     """Derivatives of the start of a body's present flight with respect to one number."""
 
@@ -57,7 +49,6 @@ class MotionChange:
 class StruckBody:
     """One body at an impact."""
 
-    row: int  # of the log, with the flight that begins
     piece: int  # before the impact
     tangent_x: float
     tangent_y: float
@@ -74,12 +65,18 @@ class StruckBody:
 
 
 class Changes(NamedTuple):
-    """Derivatives of a system and of its motion with respect to numbers, in successive elements."""
+    """Derivatives of a system and of its motion with respect to numbers.
+
+    Structs are those of the first number, then of the second one ...
+    """
 
     tracks: Sequence[TrackChange]
-    """of body 0 on each piece, then of body 1 ..."""
-    weights: Sequence[WeightChange]
-    """of each body under the first law, then under the second ..."""
+    """for each number those of body 0 on each piece, then of body 1 ..."""
+    weight: FloatMatrix
+    """[body, or body + bodies under the next law ..., number]: derivatives of q at a constant n t,
+    divided by q, see ``kernels.impact.laws``"""
+    response: FloatMatrix
+    """likewise of h"""
     radius: FloatMatrix
     """[body, number], m"""
     restitution: FloatMatrix
@@ -87,7 +84,7 @@ class Changes(NamedTuple):
     walls: FloatMatrix
     """[0 left, 1 right, number]: restitution"""
     motion: Sequence[MotionChange]
-    """of each body; at first, of its start"""
+    """for each number those of each body; at first, of its start"""
     current: IntMatrix
     """[0, body] row of the log with the body's flight; at first, of its start"""
     struck: Sequence[StruckBody]
@@ -127,8 +124,8 @@ def _carry(world: World, arrival: Arrival, body: int, changes: Changes, numbers:
         further = 0.5 * arrival.age * arrival.age
         faster = arrival.age
     for number in range(numbers):
-        of_track = changes.tracks[_track(world, body, before.piece) * numbers + number]
-        motion = changes.motion[body * numbers + number]
+        of_track = _track(world, changes, body, before.piece, number)
+        motion = _motion(world, changes, body, number)
         way = motion.place
         speed = (motion.speed - begun * of_track.path_radius) / scale
         motion.place = arrival.way_way * way + arrival.way_speed * speed
@@ -139,8 +136,14 @@ def _carry(world: World, arrival: Arrival, body: int, changes: Changes, numbers:
 
 
 @kernel
-def _track(world: World, body: int, piece: int) -> int:
-    return body * world.settings[0].pieces + piece
+def _track(world: World, changes: Changes, body: int, piece: int, number: int) -> TrackChange:
+    settings = world.settings[0]
+    return changes.tracks[(number * settings.bodies + body) * settings.pieces + piece]
+
+
+@kernel
+def _motion(world: World, changes: Changes, body: int, number: int) -> MotionChange:
+    return changes.motion[number * world.settings[0].bodies + body]
 
 
 @kernel
@@ -159,8 +162,8 @@ def _leave(world: World, arrival: Arrival, number: int, changes: Changes, number
     wall = world.settings[0].right_wall if right else world.settings[0].left_wall
     _carry(world, arrival, row.body, changes, numbers)
     for each in range(numbers):
-        of_track = changes.tracks[_track(world, row.body, piece) * numbers + each]
-        motion = changes.motion[row.body * numbers + each]
+        of_track = _track(world, changes, row.body, piece, each)
+        motion = _motion(world, changes, row.body, each)
         end = of_track.right if right else of_track.left
         motion.t = (end - motion.place) * _scale(world, row.body, piece) / arrival.speed
         motion.place = end
@@ -182,9 +185,9 @@ def _begin(world: World, body: int, number: int, changes: Changes, numbers: int)
     if row.piece == before:
         return
     for each in range(numbers):
-        one = changes.tracks[_track(world, body, before) * numbers + each]
-        other = changes.tracks[_track(world, body, row.piece) * numbers + each]
-        motion = changes.motion[body * numbers + each]
+        one = _track(world, changes, body, before, each)
+        other = _track(world, changes, body, row.piece, each)
+        motion = _motion(world, changes, body, each)
         if right:
             motion.place = other.left + (motion.place - one.right) * ratio
         else:
@@ -197,7 +200,6 @@ def _arrive(
 ) -> tuple[float, float]:
     """Set one of the bodies of an impact; return the position of its centre (m)."""
     row = world.log[number]
-    struck.row = number
     struck.piece = world.log[changes.current[0, row.body]].piece
     piece = world.pieces[struck.piece]
     struck.tangent_x, struck.tangent_y = centre_tangent(piece, row.before_s, row.before_c)
@@ -237,8 +239,8 @@ def _collide(
     ax, ay = _arrive(world, arrivals[row_a], row_a, impact, a, changes)
     bx, by = _arrive(world, arrivals[row_b], row_b, impact, b, changes)
     for number in range(numbers):
-        _meet(world, impact, changes, number, numbers, bx - ax, by - ay)
-        _strike(world, impact, changes, number, numbers)
+        _meet(world, impact, changes, number, bx - ax, by - ay)
+        _strike(world, impact, changes, number)
     _begin(world, row.a, row_a, changes, numbers)
     _begin(world, row.b, row_b, changes, numbers)
 
@@ -255,9 +257,7 @@ def _centre(struck: StruckBody, of_track: TrackChange, place: float) -> tuple[fl
 
 
 @kernel
-def _meet(
-    world: World, impact: int, changes: Changes, number: int, numbers: int, x: float, y: float
-) -> None:
+def _meet(world: World, impact: int, changes: Changes, number: int, x: float, y: float) -> None:
     """Move the derivatives of two bodies to their impact; set those of its time and of n t.
 
     ``(x, y)`` (m) leads from the centre of a to that of b.
@@ -265,10 +265,10 @@ def _meet(
     row = world.impacts[impact]
     a = changes.struck[0]
     b = changes.struck[1]
-    of_a = changes.tracks[_track(world, row.a, a.piece) * numbers + number]
-    of_b = changes.tracks[_track(world, row.b, b.piece) * numbers + number]
-    motion_a = changes.motion[row.a * numbers + number]
-    motion_b = changes.motion[row.b * numbers + number]
+    of_a = _track(world, changes, row.a, a.piece, number)
+    of_b = _track(world, changes, row.b, b.piece, number)
+    motion_a = _motion(world, changes, row.a, number)
+    motion_b = _motion(world, changes, row.b, number)
     distance = world.pairs[row.pair].distance
     nx = x / distance
     ny = y / distance
@@ -298,20 +298,19 @@ def _delay(struck: StruckBody, motion: MotionChange, delay: float) -> None:
 
 
 @kernel
-def _strike(world: World, impact: int, changes: Changes, number: int, numbers: int) -> None:
+def _strike(world: World, impact: int, changes: Changes, number: int) -> None:
     """Carry the derivatives of the speeds of two bodies across their impact."""
     row = world.impacts[impact]
     a = changes.struck[0]
     b = changes.struck[1]
-    bodies = len(world.bodies)
-    of_a = changes.weights[(row.law * bodies + row.a) * numbers + number]
-    of_b = changes.weights[(row.law * bodies + row.b) * numbers + number]
-    motion_a = changes.motion[row.a * numbers + number]
-    motion_b = changes.motion[row.b * numbers + number]
-    weight_a = of_a.weight * a.weight + a.turning * a.normal
-    weight_b = of_b.weight * b.weight + b.turning * b.normal
-    response_a = of_a.response * a.response + a.yielding * a.normal
-    response_b = of_b.response * b.response + b.yielding * b.normal
+    of_a = row.law * world.settings[0].bodies + row.a
+    of_b = row.law * world.settings[0].bodies + row.b
+    motion_a = _motion(world, changes, row.a, number)
+    motion_b = _motion(world, changes, row.b, number)
+    weight_a = changes.weight[of_a, number] * a.weight + a.turning * a.normal
+    weight_b = changes.weight[of_b, number] * b.weight + b.turning * b.normal
+    response_a = changes.response[of_a, number] * a.response + a.yielding * a.normal
+    response_b = changes.response[of_b, number] * b.response + b.yielding * b.normal
     k = world.pairs[row.pair].restitution
     inertia = a.weight * a.response + b.weight * b.response
     approach = law_approach(
