@@ -106,6 +106,38 @@ def test_a_slow_motion_leaves_a_saddle_by_the_hyperbolic_sine(p: float) -> None:
         assert time_to_place(quartic, sine, cosine, found) == pytest.approx(t, rel=1e-12)
 
 
+@pytest.mark.parametrize("p", [-1e-3, 1e-20, 1e-60, -1e-100])
+@pytest.mark.parametrize("share", [0.1, 0.24, 0.3, 0.49, 0.52, 0.7, 0.96])
+def test_a_very_slow_start_on_a_saddle_keeps_its_digits(p: float, share: float) -> None:
+    """Products underflowed, states were NaN below 1e-36. Compared with Jacobi's sd and sc."""
+    for a0, a2 in ((p * p - 1.0, (2.0 * p * p + 1.5) / 6.0), (p * p + 1.0, 0.3)):
+        quartic = QuarticConstants()
+        set_quartic_constants(quartic, a0, 0.0, a2, 0.0, p, int(a0 > 0.0))
+        t = share * period_of(quartic)
+        with mp.workdps(400):
+            # u'^2 = a0 u^4 + 6 a2 u^2 + p^2, with m (1 - m) w^4 = -p^2 a0 or (1 - m) w^4 = p^2 a0
+            half, last = mp.mpf(3.0 * a2), mp.mpf(p) ** 2 * mp.mpf(a0)
+            root = mp.sqrt(half**2 - last)
+            square = root + half if a0 > 0.0 else 2 * root
+            m = 1 - last / square**2 if a0 > 0.0 else (half + root) / square
+            rate = mp.sqrt(square)
+            s, c, d = (mp.ellipfun(name, rate * t, m=m) for name in ("sn", "cn", "dn"))
+            x, y, moved = (p / rate * s, c, p * d) if a0 > 0.0 else (p / rate * s, d, p * c)
+            norm = mp.sqrt(x * x + y * y)
+            exact = x / norm, y / norm, moved / norm**2
+        for value, true in zip(quartic_motion(quartic, t), exact, strict=True):
+            assert value == pytest.approx(float(true), rel=3e-13, abs=0.0)
+
+
+def test_the_sign_of_a_state_does_not_underflow() -> None:
+    """The product of a tiny speed and a short way was zero: `sin h` and `cos h` changed sign."""
+    turning, slow = motion(0.5, 1.3, -2.9, 0.0, 0), motion(0.5, 1.3, -2.9, -1e-300, 0)
+    for t in (1e-20, 1e-10, 1.0):
+        assert quartic_motion(slow, t) == pytest.approx(
+            quartic_motion(turning, t), rel=1e-13, abs=0.0
+        )
+
+
 @pytest.mark.parametrize(("tilt", "spread", "angle", "p", "over", "near"), ORBITS)
 @pytest.mark.parametrize("share", [0.05, 0.31, 0.62, 0.93])
 def test_time_of_a_place_is_the_inverse(

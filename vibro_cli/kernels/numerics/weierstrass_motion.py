@@ -28,11 +28,13 @@ BESIDE_SADDLE = 2  # the same, and z passes close to the conjugate roots
 NEAR_ROOT = 0.25
 POLISHING_STEPS = 3
 # Complementary parameter 1 - m below which z passes close to the conjugate roots.
-NEAR_SADDLE = 1.0e-8
+NEAR_SADDLE = 1.0e-5
 # Up to this ratio a polynomial estimates the root of a cubic with one real root.
 FLAT = 1.25
 # If cancellation leaves a share of a form whose square is below this, the other form is used.
 NEAR_NOTHING = 1.0e-3
+# Below this z, powers of it could underflow.
+VANISHING = 1.0e-30
 # Above this share of its terms the squared rate gives the rate more accurately than the derivative
 # does, and the squared norm of the first form has nearly all its digits.
 CLEAR = 0.125
@@ -197,12 +199,17 @@ def quartic_motion(motion: QuarticConstants, t: float) -> tuple[float, float, fl
         slope = square * scale * (c * d * n)
     elif motion.lattice == BESIDE_SADDLE:
         # From the real part of the conjugate roots, to which z comes close: it loses no digits.
-        sigma = s * d
+        # All is divided by powers of d, which is so small that they would underflow.
+        sigma = s
+        inverse = 1.0 / d
+        from_start = s * s * inverse
+        from_half = c * c * inverse
+        whole = n * n * inverse
         m = motion.parameter
         m1 = motion.complementary_modulus * motion.complementary_modulus
-        fall = m1 * ((n * n) * (n * n)) + m * ((c * c) * (c * c))
-        level = square * (fall - (2.0 * m * m1) * ((s * s) * (s * s)))
-        slope = square * scale * (c * n) * fall
+        fall = m1 * (whole * whole) + m * (from_half * from_half)
+        level = square * (fall - (2.0 * m * m1) * (from_start * from_start))
+        slope = square * scale * (c * inverse * n) * fall
     else:
         sigma = s * d
         level = square * (c * c) * (n * n)
@@ -250,6 +257,15 @@ def _by_weierstrass(
         slope = -slope
     square = sigma * sigma
     z = motion.root * square + level
+    if abs(z) < VANISHING * square:
+        # Far from a slow start: with z near 1 no product underflows.
+        push = max(abs(motion.start_rate), abs(motion.quartic_3))
+        size = 1.0 / max(abs(z), push * square)
+        root = math.sqrt(size)
+        sigma *= root
+        slope *= size * root
+        square *= size
+        z *= size
     if motion.start_rate == 0.0:
         # From a turning point: u = a3/z.
         x = motion.quartic_3 * square
@@ -297,7 +313,7 @@ def _by_second_form(
             ahead = slope > 0.0 and x_part > 0.0
         else:
             ahead = slope >= 0.0 or x_part < 0.0
-        side = rate if ahead else -rate
+        side = sign if ahead else -sign
         terms = 2.0 * (abs(before) + abs(after)) * abs(sigma) + 2.0 * abs(rate * slope)
         terms += abs(sigma * along)
         clear = x * x + y * y >= NEAR_NOTHING * (terms * terms)
