@@ -445,6 +445,15 @@ def test_of_very_many_pieces_and_bodies_those_with_room_are_named() -> None:
     assert set(names) <= {str(number) for number in range(1, 61)}  # of bodies, not of pieces
 
 
+def test_the_number_of_a_piece_is_beside_a_body_in_its_middle() -> None:
+    """The name of the body's contact point was under the number, and its line across it."""
+    axes = scene(run_of("horizontal_line_1_2")).axes[0]
+    (number,) = (text for text in axes.texts if text.get_text() == "1")
+    (touching,) = (text for text in axes.texts if text.get_text() == "$P_{2}$")
+    assert abs(number.get_position()[0] - 3.0) > 0.2  # the body is at 3 m, the number was too
+    assert abs(touching.get_position()[1]) < 0.3
+
+
 def test_the_potential_energy_reaches_the_right_end_of_any_trace() -> None:
     """Also if the length of the trace is rounded to beyond the end of its last piece."""
     beyond = 0

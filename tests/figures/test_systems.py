@@ -405,3 +405,32 @@ def _planes_beside_names(run: Any) -> int:
                 drawn = Polyline(axes.transData.transform(ends))
                 assert not drawn.intersects_bbox(box.padded(-0.15 * box.height), filled=False)
     return found
+
+
+def test_of_many_bodies_on_springs_each_has_its_number() -> None:
+    """Of 30 bodies, the names of centres, feet and heights were on one another."""
+    spring = {"stiffness": 6.0, "length": 0.5, "height": 1.0}
+    balls = [
+        {"radius": 0.4, "mass": 1.0, "position": 2.0 * n, "spring": spring | {"foot": 2.0 * n}}
+        for n in range(30)
+    ]
+    data = {"system": "springs", "balls": balls, "collision": {"k": 1.0}, "stop": {"time": 0.1}}
+    figure = springs_scene(simulate(any_scenario_of(data)), "double")
+    assert_texts_are_apart(figure)
+    names = [text.get_text() for text in figure.axes[0].texts]
+    assert sorted(names, key=int) == [str(n) for n in range(1, 31)]
+
+
+def test_the_paths_of_all_balls_on_a_table_have_lines_of_one_width() -> None:
+    """Also if some have more flights than those above which lines are thin, and others fewer."""
+    balls = [
+        {"radius": 0.06, "mass": 1.0, "x": 0.4 * n - 0.7, "y": 0.1 * n - 0.2}
+        | {"velocity_x": 1.0 - 0.3 * n, "velocity_y": 0.4 * n}
+        for n in range(4)
+    ]
+    wall = {"shape": "rectangle", "width": 2.0, "depth": 1.0, "k": 1.0}
+    data = {"system": "table", "wall": wall, "balls": balls, "collision": {"k": 1.0}}
+    axes = table_plan(simulate(any_scenario_of(data | {"stop": {"time": 150.0}}))).axes[0]
+    paths = [one for one in axes.collections if isinstance(one, LineCollection)]
+    assert len(paths) == 4
+    assert len({width for one in paths for width in np.atleast_1d(one.get_linewidth())}) == 1

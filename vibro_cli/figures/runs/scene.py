@@ -69,7 +69,7 @@ _AXIS = line(style.FRAME_GREY, 0.6, (8.0, 2.0, 1.5, 2.0))
 ARROW = line(style.BLACK, 0.7) | {"arrowstyle": "-|>", "shrinkA": 0.0, "shrinkB": 0.0}
 _RADIUS = line(style.FRAME_GREY, 0.35)
 _UPRIGHT = line(style.FRAME_GREY, 0.35, style.AXIS_DASHES)
-_LETTERED = 3
+LETTERED = 3
 """Greatest number of bodies whose centres, contact points and angles are named."""
 _RING = ring(24)
 Extent = tuple[Array, Array]
@@ -184,10 +184,13 @@ def _centres(run: Recorded) -> Array:
 def _number_place(run: Recorded, piece: Piece, scale: float) -> Array:
     """Return the place of the number of a piece (m): below its middle.
 
-    If the axis of rotation passes there, the place is beside the middle.
+    If the axis of rotation passes there, or a body is there, the place is beside the middle.
     """
     turning, middle = run.system.turning, 0.5 * (piece.angle_start + piece.angle_end)
-    if turning is not None and abs(piece.contact_point(middle)[0] - turning.x) < 2.0 / scale:
+    starts = [one.position for one in run.system.initial if one.piece == piece.index]
+    taken = [piece.contact_point(position)[0] for position in starts]
+    taken += [] if turning is None else [turning.x]
+    if any(abs(piece.contact_point(middle)[0] - x) < 2.0 / scale for x in taken):
         middle += 0.12 * (piece.angle_end - piece.angle_start)
     slope = piece.slope(middle)
     below = np.array([np.sin(slope), -np.cos(slope)]) * _AWAY / scale
@@ -227,7 +230,7 @@ def _draw_bodies(axes: Axes, run: Recorded, scale: float, within: Extent) -> lis
     """Draw the bodies at the start, their angles and speeds; return the names of points."""
     pieces = run.system.trace.pieces
     named: list[Named] = []
-    lettered = len(run.system.bodies) <= _LETTERED
+    lettered = len(run.system.bodies) <= LETTERED
     for number, (body, state) in enumerate(
         zip(run.system.bodies, run.system.initial, strict=True), 1
     ):

@@ -43,7 +43,7 @@ from vibro_cli.figures.runs.over_time import (
     energy_chart,
     losses_of,
 )
-from vibro_cli.figures.runs.scene import ARROW
+from vibro_cli.figures.runs.scene import ARROW, LETTERED
 from vibro_cli.figures.runs.velocities import draw_disc, draw_scale
 from vibro_cli.figures.source import Array, kept
 from vibro_cli.figures.style import Look, line, width_of
@@ -314,6 +314,7 @@ def _draw(axes: Axes, run: Run, states: Array, scale: float, each: float) -> Non
     """
     named: list[Named] = []
     drawn = [np.zeros((0, 2))]
+    lettered = len(run.system.bodies) <= LETTERED
     for number, (body, spring) in enumerate(
         zip(run.system.bodies, run.system.springs, strict=True), 1
     ):
@@ -335,11 +336,11 @@ def _draw(axes: Axes, run: Run, states: Array, scale: float, each: float) -> Non
             head = {"mutation_scale": min(_HEAD, _HEADED * scale * each * abs(speed))}
             axes.annotate("", tip, (place, level), arrowprops=ARROW | head, zorder=2.6)
             drawn.append(np.linspace([place, level], tip, 20))
-        named += [
-            Named(rf"$C_{{{number}}}$", centre),
-            Named(rf"$A_{{{number}}}$", foot),
-            Named(rf"$b_{{{number}}}$", upright.mean(axis=0), style.FRAME_GREY),
-        ]
+        named.append(Named(rf"$C_{{{number}}}$" if lettered else str(number), centre))
+        if lettered:
+            middle = upright.mean(axis=0)
+            named.append(Named(rf"$A_{{{number}}}$", foot))
+            named.append(Named(rf"$b_{{{number}}}$", middle, style.FRAME_GREY))
         ends = np.array([[-reach, 0.0], [reach, 0.0]])
         beam = np.linspace(foot + ends[0], foot + ends[1], 20)
         drawn += [
@@ -378,7 +379,8 @@ FIGURES = {
         springs_scene,
         "The bodies with their springs",
         "To scale, at the start and at the first impacts: centres C, feet A of the springs at "
-        "heights b above the line of the centres, and the line on which each body rolls; the "
+        "heights b above the line of the centres, and the line on which each body rolls; of many "
+        "bodies, only their numbers; the "
         "lengths of the arrows are proportional to the speeds. For each impact, the distance "
         "between the centres is given. As C fig. 5a.",
     ),

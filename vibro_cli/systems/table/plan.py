@@ -35,7 +35,7 @@ _FLIGHTS = 2
 MOST_NUMBERS = 100
 """Greatest number of balls that are drawn with their numbers."""
 _MANY = 150
-"""Number of flights of a ball above which its lines are thin and faint."""
+"""Number of flights of a ball above which the lines of all balls are thin and faint."""
 _ARROW, _BETWEEN = 0.09, 1.5
 """Length of the longest velocity arrow, as a fraction of the figure's width; for very many arrows,
 as a multiple of their spacing if they were arranged in a square."""
@@ -68,8 +68,9 @@ def table_plan(run: Run, width: str = "single") -> Figure:
         plane_axes(axes, low, high, after=first_part(until, run.end_time))
         if run.system.wall is not None:
             draw_wall(axes, run.system.wall)
+        many = max(map(len, paths)) > _MANY
         for ball, path in enumerate(paths):
-            _draw_path(axes, ball, path)
+            _draw_path(axes, ball, path, many)
         _draw_starts(axes, run, [path[0] for path in paths])
         _draw_impacts(axes, run, until)
         covered = _draw_velocities(axes, arrows, float(high[0] - low[0]))
@@ -136,10 +137,10 @@ def draw_wall(axes: Axes, wall: Wall) -> None:
         axes.add_patch(Ellipse(wall.centre, 2.0 * a, 2.0 * b, facecolor=filled, **look))
 
 
-def _draw_path(axes: Axes, ball: int, path: Floats) -> None:
+def _draw_path(axes: Axes, ball: int, path: Floats, many: bool) -> None:
     color, dashes = _colour(ball), body_look(ball + 1)["linestyle"]
     look: dict[str, Any] = {"colors": color, "zorder": 2.0, "rasterized": len(path) > 2000}
-    if len(path) > _MANY:  # translucent lines show the density of flights
+    if many:  # translucent lines show the density of flights
         each = list(np.stack([path[:-1], path[1:]], axis=1))
         lines = LineCollection(each, linewidths=0.3, alpha=layers.fainter(len(path)), **look)
     else:
