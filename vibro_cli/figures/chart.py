@@ -25,6 +25,7 @@ from vibro_cli.figures.ticks import (
     in_one_unit,
     label_axis,
     limits_apart,
+    log_ticks,
     number_ticks,
     vertical_ticks,
 )
@@ -41,10 +42,8 @@ _MOST_LOOKS = 12
 """Number of bodies with distinct line styles in the legend."""
 WIDE_RANGE = 50.0
 """Ratio of greatest to least value above which axes and colours are logarithmic."""
-_LINE = 5.5
-"""Least distance between two numbers of a logarithmic axis (mm)."""
 _BELOW = 1.3
-"""Room below the lowest of them (mm), clear of the numbers of the horizontal axis."""
+"""Room below the lowest number of a logarithmic axis (mm), clear of those of the other axis."""
 _DASHES: tuple[Any, ...] = ("solid", (0, (5, 1.5)), (0, (1, 1)), (0, (5, 1.5, 1, 1.5)))
 _COLOURS = (
     style.BLUE, style.VERMILLION, style.GREEN, style.PURPLE, style.ORANGE, style.SKY,
@@ -276,13 +275,10 @@ def log_axis(axes: Axes, values: Array, symbol: str, unit: str) -> None:
     bottom, top = np.floor(np.log10(low) - 0.05), np.ceil(np.log10(high) + 0.05)
     _, height = panel_size(axes)
     below = _BELOW / (height - _BELOW) * (top - bottom)
+    limits = float(10.0 ** (bottom - below)), float(10.0**top)
     axes.set_yscale("log")
-    axes.set_ylim(10.0 ** (bottom - below), 10.0**top)
-    step = max(1, int(np.ceil((top - bottom) * _LINE / height)))
-    powers = range(int(bottom), int(top) + 1, step)
-    axes.set_yticks([10.0**power for power in powers], [rf"$10^{{{power}}}$" for power in powers])
-    axes.yaxis.minorticks_off()
-    axes.set_ylabel(f"{symbol} [{unit}]" if unit else symbol, labelpad=1.0)
+    axes.set_ylim(limits)
+    label_axis(axes.yaxis, log_ticks(*limits, height, vertical=True), symbol, unit)
 
 
 def contact_times(run: Recorded) -> list[tuple[float, float]]:
@@ -313,7 +309,7 @@ def draw_contacts(axes: Axes, spans: Sequence[tuple[float, float]]) -> None:
 
 def band_entry(spans: Sequence[tuple[float, float]]) -> list[Entry]:
     """Return the legend entry of the bands, if there are any."""
-    return [(CONTACT_LABEL, line(style.BAND_GREY, 4.0))] if spans else []
+    return [(CONTACT_LABEL, BAND_KEY)] if spans else []
 
 
 def body_entries(run: Any, most: int = _MOST_LOOKS) -> list[Entry]:

@@ -11,6 +11,7 @@ import shutil
 import subprocess
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -469,17 +470,13 @@ def _mp4(film: Film, rate: int) -> bytes:
         target, words = Path(folder) / "film.mp4", Path(folder) / "words"
         command = ["ffmpeg", "-nostdin", "-v", "error", "-y", *raw, *_ENCODING, str(target)]
         with (
+            suppress(BrokenPipeError),  # ffmpeg has exited; its own message is reported below
             words.open("wb") as said,
             subprocess.Popen(command, stdin=subprocess.PIPE, stderr=said) as encoder,
         ):
             assert encoder.stdin is not None
-            try:
-                for frame in range(len(film.frames.time)):
-                    encoder.stdin.write(film.picture(frame).tobytes())
-            except BrokenPipeError:
-                pass  # ffmpeg has exited; its own message is reported below
-            finally:
-                encoder.stdin.close()
+            for frame in range(len(film.frames.time)):
+                encoder.stdin.write(film.picture(frame).tobytes())
         if encoder.returncode:
             said_last = words.read_text(errors="replace").strip().rpartition("\n")[2]
             raise NoFilm(f"ffmpeg could not write the film: {said_last or encoder.returncode}")

@@ -59,8 +59,8 @@ _INTERVAL = 17.0
 """Usual distance between the ticks of a long horizontal axis (mm)."""
 _LINE = 7.0
 """Least distance between two tick labels one above the other (mm)."""
-_OF_POWERS = 8.0
-"""Least distance between two powers of ten side by side (mm)."""
+_OF_POWERS = (8.0, 5.5)
+"""Least distance between two powers of ten side by side, and one above the other (mm)."""
 
 _EDGE = 1.2
 """Room without numbers at the lower end of a vertical axis (mm), kept for those of another axis."""
@@ -182,7 +182,7 @@ def log_ticks(low: float, high: float, length: float, vertical: bool) -> Ticks:
     first, last = math.ceil(math.log10(small) - 1e-9), math.floor(math.log10(large) + 1e-9)
     sign = "−" if high < 0.0 else ""
     if last - first + 1 >= LEAST:
-        step = math.ceil((_LINE if vertical else _OF_POWERS) / per_decade)
+        step = math.ceil(_OF_POWERS[vertical] / per_decade)
         powers = range(first, last + 1, step)
         labels = tuple(rf"{sign}$10^{{{power}}}$" for power in powers)
         return Ticks(tuple(math.copysign(10.0**power, high) for power in powers), labels)

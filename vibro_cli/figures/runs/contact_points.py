@@ -1,7 +1,7 @@
 """Velocities at possible contact points of rolling bodies (B figs 2–4, C figs 2a, 3).
 
 All possible contact points have the same height. In a central impact the bodies touch at T₀,
-straight ahead; in an skew impact at a point of the horizontal circle through T₀, at an angle α
+straight ahead; in a skew impact at a point of the horizontal circle through T₀, at an angle α
 to either side (T₂, T₃). The velocity there is the sum of that of the centre (translation) and of
 the part due to rolling: ω times the distance from the axis of rotation through the centre, in a
 vertical plane. Disks and hoops roll upright and touch only at T₀.
