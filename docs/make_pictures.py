@@ -16,7 +16,7 @@ from pathlib import Path
 
 from PIL import Image, ImageDraw, ImageFont
 
-from vibro_cli.commands.help import commands_of_papers
+from vibro_cli.commands.help import LETTERS, rows_of
 
 ROOT = Path(__file__).parents[1]
 README = ROOT / "README.md"
@@ -104,7 +104,8 @@ def of_the_papers(work: Path) -> None:
     """Run every command of the page on the papers in a folder; put its figures into docs/papers."""
     (work / "scenarios").symlink_to(ROOT / "scenarios")
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    for command in commands_of_papers():
+    rows = [row for letter in LETTERS for row in rows_of(letter)]
+    for command in dict.fromkeys(command for _, _, command, _ in rows):
         program = [sys.executable, "-m", "vibro_cli", *shlex.split(command)[1:]]
         subprocess.run(program, cwd=work, check=True, env=environment)
     OF_THE_PAPERS.mkdir(exist_ok=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import runpy
 import shlex
 from fractions import Fraction
 from functools import partial
@@ -613,6 +614,13 @@ def test_the_page_shows_every_picture() -> None:
     pictures = list((DOCS / "papers").iterdir())
     assert sorted(shown) == sorted(picture.name for picture in pictures)
     assert sum(picture.stat().st_size for picture in pictures) < 1_500_000
+
+
+def test_the_script_of_the_pictures_makes_those_of_the_page() -> None:
+    """It could not be run: it imported a function that no longer existed."""
+    figures = runpy.run_path(str(DOCS / "make_pictures.py"))["PAPERS"].values()
+    made = [picture for pictures in figures for picture in pictures.values()]
+    assert sorted(made) == sorted(picture.stem for picture in (DOCS / "papers").iterdir())
 
 
 def test_figures_that_are_named_exist() -> None:
