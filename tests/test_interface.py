@@ -242,6 +242,27 @@ def test_a_table_that_a_system_has_not_is_told(name: str, table: str) -> None:
         getattr(lone, table)
 
 
+def test_a_grid_of_tables_has_its_bounces() -> None:
+    """A ball goes back and forth over 1.8 m, slower by k each time."""
+    wall = {"shape": "rectangle", "width": 2.0, "depth": 1.0, "k": 1.0}
+    one = {"radius": 0.1, "mass": 1.0, "x": 0.0, "y": 0.0, "velocity_x": 2.0}
+    document = {"system": "table", "wall": wall, "balls": [one], "stop": {"bounces": 4}}
+    scenario = Scenario.from_dict(document)
+    grid = sweep(scenario, {"wall.k": [0.5, 1.0]}, collisions=True)
+    assert grid.bounces["scenario"].tolist() == [1] * 4 + [2] * 4
+    times = [0.45, 0.45 + 1.8, 0.45 + 5.4, 0.45 + 12.6, 0.45, 1.35, 2.25, 3.15]
+    np.testing.assert_allclose(grid.bounces["t"], times, rtol=1e-14)
+    with pytest.raises(KeyError, match=r"no table bounces \(collisions=True"):
+        _ = sweep(scenario, {"wall.k": [0.5, 1.0]}).bounces
+    kept = sweep(
+        example("one_circle").replace({"stop.collisions": 2}),
+        {"collision.k": [0.5, 1.0]},
+        collisions=True,
+    )
+    with pytest.raises(KeyError, match="no table bounces'"):
+        _ = kept.bounces
+
+
 def test_a_library_that_is_missing_is_named(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("vibro_cli.storage.frame.find_spec", lambda name: None)
     with pytest.raises(ImportError, match=r"to_polars\(\) needs polars, .*pip install polars"):

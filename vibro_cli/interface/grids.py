@@ -93,6 +93,11 @@ class Grid:
         """One row per impact of every point; ``KeyError`` if impacts were not kept."""
         return Table("collisions", self.stored.table("collisions"))
 
+    @cached_property
+    def bounces(self) -> Table:
+        """The same for impacts on the wall; ``KeyError`` too unless the system is a table."""
+        return Table("bounces", self.stored.table("bounces"))
+
     def save(self, folder: str | Path) -> Path:
         """Copy the dataset to a new folder; return its path.
 

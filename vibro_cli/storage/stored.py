@@ -318,8 +318,9 @@ class StoredGrid:
         """
         parts = self._parts(name)
         if not parts:
-            how = "collisions=True of sweep, or [keep] collisions = true, keeps the impacts"
-            raise KeyError(f"the grid {self.name} has no table {name} ({how})")
+            how = " (collisions=True of sweep, or [keep] collisions = true, keeps the impacts)"
+            kept = self._parts("collisions")
+            raise KeyError(f"the grid {self.name} has no table {name}{'' if kept else how}")
         return PartsTable(parts, self.owner)
 
     def impact_columns(self) -> tuple[str, ...]:
