@@ -244,6 +244,19 @@ WRONG = {
 }
 
 
+@pytest.mark.parametrize("override", ["balls[1].angle=-0.5", "balls[1].angle=-30 deg"])
+def test_an_override_of_what_an_axis_varies_is_refused(write: Path, override: str) -> None:
+    """It would have no effect: every point has the axis's value."""
+    write.write_text(AXIS + 'paths = ["gravity", "balls[1].angle"]\nvalues = [[9, -0.4]]\n')
+    with pytest.raises(ScenarioError) as caught:
+        load_grid(write, [override])
+    assert f"axes[1]: found balls[1].angle, which --set {override} sets too, in vain" in str(
+        caught.value
+    )
+    grid = load_grid(write, ["balls[2].angle=0.25"])
+    assert grid.base.data["balls"][1]["angle"] == 0.25
+
+
 @pytest.mark.parametrize("suffix", ["csv", "parquet"])
 def test_a_table_with_two_columns_of_one_name_is_refused(write: Path, suffix: str) -> None:
     twice = pa.table([pa.array([0.5]), pa.array([0.6])], names=["collision.k", "collision.k"])

@@ -315,13 +315,17 @@ def _design(given: GridFile, folder: Path, base: Document, faults: list[Fault]) 
 
 
 def _check_paths(axes: list[Axis], base: Document) -> None:
-    """Check that the paths of the last axis exist, and that no earlier axis has them."""
+    """Check that the paths of the last axis exist, and that only this axis gives their values."""
     number = len(axes) - 1
     loc: KeyPath = ("axes", number)
     before = [path for axis in axes[:-1] for path in axis.paths]
     for i, path in enumerate(axes[-1].paths):
         if path in before or path in axes[-1].paths[:i]:
             raise Fault(loc, f"{path_text(path)} twice", "each path on one axis only")
+        for changed, called in base.source.overrides:
+            if changed[: len(path)] == path:
+                found = f"{path_text(path)}, which {called} sets too, in vain"
+                raise Fault(loc, found, "its values from the axis alone")
         try:
             apply(base.data, path, None)
         except Fault as error:
