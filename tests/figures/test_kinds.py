@@ -495,7 +495,8 @@ def test_the_saddle_beside_a_slow_motion_is_within_the_energies() -> None:
     """Above, the figure eight is drawn whole; below, the crest of the potential was cut off."""
     trace = scenes.three_arcs(70)
     run = scenes.solve(scenes.scene(trace, [scenes.ball(-0.8)], time=9.0))
-    crest, bottom = (on_trace(run.system, 1, arc, 0.0, np.zeros(())) for arc in (2, 1))
+    at = np.zeros(1)
+    crest, bottom = (on_trace(run.system, 1, arc, at, at)[0] for arc in (2, 1))
     springs = run_of("springs/two_disks")
     spring = springs.system.springs[1]
     stretched = 0.5 * spring.stiffness * (spring.length - spring.height) ** 2
