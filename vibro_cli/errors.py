@@ -40,7 +40,7 @@ def exhausted(fault: Exception) -> str:
     """Name the exhausted resource (memory or threads), or "" for other faults."""
     ends = ("failed to map segment from shared object", os.strerror(errno.ENOMEM))
     if isinstance(fault, MemoryError) or (
-        isinstance(fault, ImportError) and str(fault).rstrip(") \n").endswith(ends)
+        isinstance(fault, (ImportError, OSError)) and str(fault).rstrip(") \n").endswith(ends)
     ):
         return "out of memory"
     threads = ("can't start new thread", "Failed to launch worker thread")

@@ -464,6 +464,11 @@ def test_a_signal_that_python_drops_comes_again(
             "vibro: out of memory\n",
         ),
         (
+            OSError("kernels.so: failed to map segment from shared object"),
+            1,
+            "vibro: out of memory\n",
+        ),
+        (
             ImportError("numpy says:\n\nno: a.so: failed to map segment from shared object\n"),
             1,
             "vibro: out of memory\n",

@@ -42,6 +42,17 @@ def test_the_source_is_made_without_any_dependency() -> None:
     ]  # fmt: skip
 
 
+def test_an_interrupted_build_is_no_failed_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """^C in a terminal reaches the compiling process too, whose traceback was printed."""
+    (tmp_path / "struck.py").write_text("import os, signal\nos.kill(os.getpid(), signal.SIGINT)\n")
+    monkeypatch.setattr(native, "FOLDER", tmp_path / "package" / "compile" / "library")
+    monkeypatch.setattr(native, "_MODULE", "struck")
+    with pytest.raises(KeyboardInterrupt):
+        native._make("have changed")
+
+
 def test_the_compiler_is_the_one_named_else_the_systems_else_the_wheel(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

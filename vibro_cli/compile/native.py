@@ -9,6 +9,7 @@ import ctypes
 import hashlib
 import json
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
@@ -76,6 +77,8 @@ def _make(why: str) -> None:
         command, env=environment, stdin=subprocess.DEVNULL, capture_output=True, text=True,
         check=False,
     )  # fmt: skip
+    if done.returncode == -signal.SIGINT:  # ^C in a terminal reaches both processes
+        raise KeyboardInterrupt
     if done.returncode:
         why = f"the kernels cannot be compiled by python -m {_MODULE}:"
         raise NoLibrary(why, *done.stderr.splitlines())

@@ -84,7 +84,7 @@ def attempt(task: Task) -> int:
         say(error.lines, "error", **({"problems": error.problems} if error.problems else {}))
         return error.exit_code
     except OSError as error:
-        say(f"vibro: {reason(error)}", "error")
+        say(f"vibro: {exhausted(error) or reason(error)}", "error")
     except VibroError as error:
         first, *others = error.lines
         say([f"vibro: {first}", *others], "error")
