@@ -62,9 +62,9 @@ _RULES: dict[Any, Rule] = {
     min: Rule("py::min<{kind}>({all})", None),
     max: Rule("py::max<{kind}>({all})", None),
     abs: Rule("py::abs({0})", lambda kind: kind),
-    int: Rule("(int64_t)({0})", t.INT),
-    float: Rule("(double)({0})", t.FLOAT),
-    round: Rule("(int64_t)std::nearbyint({0})", t.INT),
+    int: Rule("int64_t({0})", t.INT),
+    float: Rule("double({0})", t.FLOAT),
+    round: Rule("int64_t(std::nearbyint({0}))", t.INT),
     k.fused: Rule("std::fma({all})", t.FLOAT),
     k.any_lane: Rule("py::any_lane({0})", t.BOOL),
     k.has_bit: Rule("py::has_bit({all})", lambda kind, _: t.truth_of(kind)),
@@ -72,8 +72,8 @@ _RULES: dict[Any, Rule] = {
     k.insert: Rule("py::insert({all})", lambda kind, *_: kind),
     k.pack: Rule("py::pack({all})", t.lanes_of(2)),
     math.sqrt: Rule("py::sqrt({0})", lambda kind: kind if kind.size else t.FLOAT),
-    math.floor: Rule("(int64_t)std::floor({0})", t.INT),
-    math.ceil: Rule("(int64_t)std::ceil({0})", t.INT),
+    math.floor: Rule("int64_t(std::floor({0}))", t.INT),
+    math.ceil: Rule("int64_t(std::ceil({0}))", t.INT),
 }
 # Functions of Python's module math with the same bits as those of the C library.
 _OF_C = """exp expm1 log log1p log2 copysign fabs pow sin cos tan asin acos atan atan2
@@ -390,16 +390,7 @@ class Function:
             found = " and ".join(value.kind.cpp for value in values)
             expected = "numbers, or values of one type"
             self._fail(node, f"{ast.unparse(node)}: found {found}, expected {expected}")
-        return kind, [self._converted(value, kind) for value in values]
-
-    def _converted(self, value: Value, kind: Kind) -> str:
-        code, given = value
-        if given == kind:
-            return code
-        if kind.size:
-            one = "double" if kind.form == "number" else "bool"
-            return f"py::in_all<{kind.size}>(({one}){code})"
-        return f"({kind.cpp})({code})"
+        return kind, [code if one == kind else f"{kind.cpp}({code})" for code, one in values]
 
     def _value_Constant(self, node: ast.Constant) -> Value:
         kind = _kind_of_constant(node.value)
@@ -453,7 +444,7 @@ class Function:
         kind, codes = self._alike(node, [self._value(node.left), self._value(node.right)])
         text = _OPERATORS.get(type(node.op))
         if isinstance(node.op, ast.Div) and kind == t.INT:
-            kind, codes = t.FLOAT, [f"(double){code}" for code in codes]
+            kind, codes = t.FLOAT, [f"double({code})" for code in codes]
         is_whole = isinstance(node.op, ast.FloorDiv) and kind != t.INT
         is_of_one = isinstance(node.op, ast.Mod) and kind.size
         if text is None or kind.form != "number" or is_whole or is_of_one:
