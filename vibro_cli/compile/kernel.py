@@ -15,10 +15,9 @@ compiled kernels have lanes; the functions here define their meaning for a singl
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from fractions import Fraction
 from functools import cache, update_wrapper
-from operator import attrgetter
 from types import FunctionType
 from typing import Annotated, Any, TypeVar
 
@@ -61,13 +60,10 @@ def struct(cls: StructClass) -> StructClass:
 
     The mapping ``fields`` of the result gives the type of each field by name: ``float``, ``int``,
     ``Series`` (a short row of floats, such as the coefficients of a polynomial), ``Lanes`` or
-    ``Two``. The fields of base classes that are structs come first, and those in lanes before all,
+    ``Two``. The fields of a base class that is a struct come first, and those in lanes before all,
     with which a struct has the ``alignment`` (bytes) of a line of the cache.
     """
-    fields: dict[str, Any] = {}
-    for base in reversed(cls.__mro__):
-        fields.update(getattr(base, "fields", {}))
-    fields.update(t.kinds_in(cls))
+    fields: dict[str, Any] = {**getattr(cls, "fields", {}), **t.kinds_in(cls)}
     fields = dict(sorted(fields.items(), key=lambda field: field[1].size != t.LANES))
     zeros: dict[Any, Callable[[], Any]] = {t.INT: int, t.SERIES: lambda: [0.0] * t.SERIES_LENGTH}
     values = [(name, zeros.get(kind, float)) for name, kind in fields.items()]
@@ -96,24 +92,6 @@ def dtype(cls: Any) -> Any:
     size = np.dtype({"names": list(cls.fields), "formats": formats}).itemsize
     size += -size % cls.alignment
     return np.dtype({"names": list(cls.fields), "formats": formats, "itemsize": size})
-
-
-def interpreted_copies(rows: Any, cls: type) -> list[Any]:
-    """Return interpreted structs with the contents of a structured array."""
-    fields = cls.fields.items()  # type: ignore[attr-defined]
-    copies = [cls() for _ in rows]
-    for copy, values in zip(copies, rows.tolist(), strict=True):
-        for (name, kind), value in zip(fields, values, strict=True):
-            setattr(copy, name, list(value) if kind == t.SERIES else value)
-    return copies
-
-
-def compiled_rows(rows: Sequence[Any], cls: type) -> Any:
-    """Return a structured array with the contents of interpreted structs."""
-    import numpy as np
-
-    values = attrgetter(*cls.fields)  # type: ignore[attr-defined]
-    return np.array([values(row) for row in rows], dtype=dtype(cls))
 
 
 def fused(a: float, b: float, c: float) -> float:

@@ -8,17 +8,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
+from operator import attrgetter
 from typing import Any, NamedTuple, get_args, get_origin, get_type_hints
 
 import numpy as np
 
-from vibro_cli.compile.kernel import (
-    NO_OVERRIDES,
-    Overrides,
-    compiled_rows,
-    dtype,
-    interpreted_copies,
-)
+from vibro_cli.compile.kernel import NO_OVERRIDES, Overrides, dtype
 from vibro_cli.compile.native import compiled
 from vibro_cli.errors import VibroError
 from vibro_cli.kernels.impact.laws import LAW_NAMES
@@ -274,7 +269,7 @@ class Driver:
         """Append the first rows of a log; rows of an array are taken over without a copy."""
         if count:
             own = isinstance(rows, np.ndarray)
-            taken = rows[:count] if own else compiled_rows(rows[:count], self._loop.records[name])
+            taken = rows[:count] if own else record_array(rows[:count], self._loop.records[name])
             self._logged[name].append(taken)
             self.rows[name] += count
 
@@ -336,7 +331,7 @@ def compiled_world(
         elif name in loop.logs:
             arrays[name] = zeros(2 * capacity, loop.records[name])
         elif cls is not None:
-            arrays[name] = compiled_rows(values, cls)
+            arrays[name] = record_array(values, cls)
         else:  # plain numbers
             kind = np.float64 if len(values) and isinstance(values[0], float) else np.int64
             arrays[name] = np.asarray(values, dtype=kind)
@@ -392,7 +387,7 @@ def with_logs(
     for field, value in {**(clock or {}), **counts}.items():
         _set(world.clock, field, value)
     if not compiles:
-        logs = {name: interpreted_copies(rows, loop.records[name]) for name, rows in logs.items()}
+        logs = {name: rows_of(loop.records[name], rows.tolist()) for name, rows in logs.items()}
     return world._replace(**logs)
 
 
@@ -422,7 +417,7 @@ def _interpreted(value: Any, hint: Any) -> Any:
     if isinstance(value, tuple):
         return type(value)(*map(_interpreted, value, _hints(type(value))))
     if isinstance(value, np.ndarray) and value.dtype.names:
-        return interpreted_copies(value, get_args(hint)[0])
+        return rows_of(get_args(hint)[0], value.tolist())
     return value
 
 
@@ -531,7 +526,8 @@ def record_array(rows: Any, cls: type) -> Any:
     """Copy records of either engine into a new structured array."""
     if isinstance(rows, np.ndarray):
         return rows.copy()
-    return compiled_rows(rows, cls)
+    values = attrgetter(*cls.fields)  # type: ignore[attr-defined]
+    return np.array([values(row) for row in rows], dtype=dtype(cls))
 
 
 def plain_rows(rows: Any, cls: type) -> list[list[Any]]:
@@ -549,7 +545,7 @@ def _plain(value: Any) -> Any:
 
 
 def rows_of(cls: type, values: Sequence[Sequence[Any]]) -> list[Any]:
-    """Return new interpreted records with values returned by `plain_rows`."""
+    """Return new interpreted records with plain values, such as those of `plain_rows`."""
     rows = [cls() for _ in values]
     set_rows(rows, cls, values)
     return rows
