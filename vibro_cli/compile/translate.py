@@ -39,6 +39,7 @@ _OPERATORS = {
 }
 _ORDER = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">="}
 _COMPARISONS = {**_ORDER, ast.Eq: "==", ast.NotEq: "!="}
+_NUMBERS: dict[Any, Kind] = {float: t.FLOAT, int: t.INT, bool: t.BOOL}
 _PLAIN = {ast.Pass: ";", ast.Break: "break;", ast.Continue: "continue;"}
 
 
@@ -130,8 +131,7 @@ class Program:
         if key not in self.functions:
             self.functions[key] = None
             function = Function(self, kernel, kinds)
-            del self.functions[key]
-            self.functions[key] = function
+            self.functions[key] = self.functions.pop(key) or function
         return self.functions[key]
 
     def _entry(self, kernel: Kernel) -> str:
@@ -151,15 +151,16 @@ class Program:
 
     def constant(self, name: str, value: Any, module: str) -> Value | None:
         """Return a module's number or tuple of numbers as a named constant, else None."""
-        kind = inner = _kind_of_constant(value)
-        if kind is None:
-            return None
         shape, part = "", value
-        while inner.form == "row":
-            shape, part, inner = f"{shape}[{len(part)}]", part[0], inner.item
-        home = _namespace(module)
-        text = f"constexpr {inner.cpp} {name}{shape} = {literal(value)};"
+        while isinstance(part, tuple) and part:
+            shape, part = f"{shape}[{len(part)}]", part[0]
+        if type(part) not in _NUMBERS:
+            return None
+        kind, home = _NUMBERS[type(part)], _namespace(module)
+        text = f"constexpr {kind.cpp} {name}{shape} = {literal(value)};"
         self.constants[f"namespace {home} {{ {text} }}"] = None
+        for _ in range(shape.count("[")):
+            kind = Kind("row", f"const {kind.cpp}*", kind)
         return Value(f"{home}::{name}", kind)
 
 
@@ -178,33 +179,23 @@ def _local(name: str) -> str:
     return f"{name}_" if name in _RESERVED else name
 
 
-def _kind_of_constant(value: Any) -> Any:
-    for kind, cls in ((t.BOOL, bool), (t.INT, int), (t.FLOAT, float)):
-        if isinstance(value, cls):
-            return kind
-    inner = _kind_of_constant(value[0]) if isinstance(value, tuple) and value else None
-    return inner and Kind("row", f"const {inner.cpp}*", inner)
-
-
 def literal(value: Any) -> str:
     """Return a number or a tuple of numbers as an exact C++ literal."""
     if isinstance(value, tuple):
         return "{" + ", ".join(map(literal, value)) + "}"
     if isinstance(value, bool):
-        return "true" if value else "false"
+        return str(value).lower()
     if isinstance(value, int):
         return f"INT64_C({value})"
-    if math.isinf(value):
-        return "INFINITY" if value > 0.0 else "-INFINITY"
-    return "NAN" if math.isnan(value) else repr(value)
+    return repr(value).replace("inf", "INFINITY").replace("nan", "NAN")
 
 
 @cache
 def _definitions(path: str) -> dict[int, ast.FunctionDef]:
     """Return the decorated functions of a module by the line of their first decorator."""
-    tree = ast.parse(Path(path).read_text(encoding="utf-8"))
-    found = [node for node in tree.body if isinstance(node, ast.FunctionDef)]
-    return {node.decorator_list[0].lineno: node for node in found if node.decorator_list}
+    found: Any = ast.parse(Path(path).read_text(encoding="utf-8")).body
+    decorators = [(getattr(node, "decorator_list", ()), node) for node in found]
+    return {above[0].lineno: node for above, node in decorators if above}
 
 
 class Function:
@@ -393,10 +384,9 @@ class Function:
         return kind, [code if one == kind else f"{kind.cpp}({code})" for code, one in values]
 
     def _value_Constant(self, node: ast.Constant) -> Value:
-        kind = _kind_of_constant(node.value)
-        if kind is None:
+        if type(node.value) not in _NUMBERS:
             self._fail(node, f"found {node.value!r}, expected a number")
-        return Value(literal(node.value), kind)
+        return Value(literal(node.value), _NUMBERS[type(node.value)])
 
     def _value_Name(self, node: ast.Name) -> Value:
         if node.id in self._kinds:
@@ -472,9 +462,8 @@ class Function:
         if None in signs or kind.form not in ("number", "truth"):
             self._fail(node, f"{ast.unparse(node)}: a kernel has no such comparison")
         pairs = zip(codes, signs, codes[1:], strict=False)
-        parts = [f"({one} {sign} {other})" for one, sign, other in pairs]
-        kind = t.truth_of(kind)
-        return Value(parts[0], kind) if len(parts) == 1 else _chained("&", parts, kind)
+        parts = [f"{one} {sign} {other}" for one, sign, other in pairs]
+        return _chained("&", parts, t.truth_of(kind))
 
     def _value_IfExp(self, node: ast.IfExp) -> Value:
         code, truth = self._truth(node.test)
