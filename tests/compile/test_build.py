@@ -120,21 +120,30 @@ sleep 0.3
 """
 
 
-def test_processes_that_wait_for_a_build_use_it(tmp_path: Path) -> None:
+def begun(folder: Path, text: str, compiler: str) -> subprocess.Popen[str]:
+    """A process that runs a text with the package in a folder, and a compiler, a shell's script."""
     without = shutil.ignore_patterns("library", "__pycache__")
-    shutil.copytree(ROOT / "vibro_cli", tmp_path / "vibro_cli", ignore=without)
-    compiler = tmp_path / "compiler"
-    compiler.write_text(COMPILER)
-    compiler.chmod(0o755)
-    processes = [
-        subprocess.Popen(
-            [sys.executable, "-c", "from vibro_cli.compile import native; print(native._path())"],
-            cwd=tmp_path, env={"PYTHONPATH": str(tmp_path), "CXX": str(compiler)}, text=True,
-            stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-        )
-        for _ in range(3)
-    ]  # fmt: skip
-    found = {process.communicate()[0] for process in processes}
-    assert found == {f"{tmp_path / 'vibro_cli' / 'compile' / 'library' / 'kernels-native.so'}\n"}
-    made = Path(f"{compiler}.made").read_text().split()
+    if not (folder / "vibro_cli").exists():
+        shutil.copytree(ROOT / "vibro_cli", folder / "vibro_cli", ignore=without)
+    path = folder / "compiler"
+    path.write_text(compiler)
+    path.chmod(0o755)
+    return subprocess.Popen(
+        [sys.executable, "-c", f"from vibro_cli.compile import native; print({text})"],
+        cwd=folder, env={"PYTHONPATH": str(folder), "CXX": str(path)}, text=True,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+    )  # fmt: skip
+
+
+def test_processes_that_wait_for_a_build_use_it(tmp_path: Path) -> None:
+    processes = [begun(tmp_path, "native._path().name", COMPILER) for _ in range(3)]
+    assert {process.communicate()[0] for process in processes} == {"kernels-native.so\n"}
+    made = (tmp_path / "compiler.made").read_text().split()
     assert made.count("kernels-native.so") == 1
+
+
+def test_a_source_that_changes_during_a_build_counts_as_changed(tmp_path: Path) -> None:
+    changes = f"{COMPILER}echo >> {tmp_path}/vibro_cli/kernels/world.py\n"
+    text = "native._path().name, native.reason_to_build(native.FOLDER)"
+    found, _ = begun(tmp_path, text, changes).communicate()
+    assert found == "kernels-native.so have changed\n"

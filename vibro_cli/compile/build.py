@@ -29,7 +29,6 @@ _MAIN = PACKAGE / "programs.py"
 NATIVE = "native"
 GENERIC = "generic"
 ZIG = "ziglang"
-_SYSTEMS = ("c++", "g++", "clang++")
 
 # Same operations in the same order as the interpreter: no contraction and no reassociation. errno
 # and traps are disabled since nothing reads them. The vectorisers are disabled since they only cost
@@ -50,7 +49,7 @@ class BuildError(Exception):
 def system_compiler() -> list[str]:
     """Return the command of the C++ compiler: ``$CXX`` or the system's; empty if none is found."""
     named = os.environ.get("CXX")
-    return named.split() if named else list(filter(shutil.which, _SYSTEMS))[:1]
+    return named.split() if named else list(filter(shutil.which, ("c++", "g++", "clang++")))[:1]
 
 
 def compiler() -> list[str]:
@@ -115,14 +114,14 @@ def build(
     with _work_folder(folder) as work:
         if if_changed and not reason_to_build(folder):
             return
+        record = _record(levels)  # before the build, so that sources changed meanwhile are noticed
         shutil.copy(PRELUDE, work)
         for program in programs:
             (work / f"{program.name}.cpp").write_text(program.source())
-        made = _compiled(command, more_flags, programs, levels, work)
-        record = work / RECORD
-        record.write_text(json.dumps(_record(levels), indent=1) + "\n")
-        for path in (*made, record):
-            path.replace(folder / path.name)
+        _compile(command, more_flags, programs, levels, work)
+        (work / RECORD).write_text(json.dumps(record, indent=1) + "\n")
+        for name in (*map(library_name, levels), RECORD):
+            (work / name).replace(folder / name)
 
 
 @contextmanager
@@ -140,14 +139,14 @@ def _work_folder(folder: Path) -> Iterator[Path]:
         os.close(handle)
 
 
-def _compiled(
+def _compile(
     command: Sequence[str],
     more_flags: Sequence[str],
     programs: Sequence[Program],
     levels: Sequence[str],
     work: Path,
-) -> list[Path]:
-    """Compile and link the sources for each processor level, and return the libraries."""
+) -> None:
+    """Compile and link the sources for each processor level."""
     tasks = [
         [
             *(*command, *flags(level, command), *program.flags, *more_flags),
@@ -165,16 +164,13 @@ def _compiled(
     for level in levels:
         objects = [f"{program.name}-{level}.o" for program in programs]
         _run([*link, "-o", library_name(level), *objects, *own_runtime, "-lm"], work)
-    return [work / library_name(level) for level in levels]
 
 
 def _record(levels: Sequence[str]) -> dict[str, Any]:
     """Return the record of the libraries and their sources: the imported files of the package."""
-    # Read `__file__` from `__dict__`: some modules import more upon getattr.
-    names = [getattr(module, "__dict__", {}).get("__file__") for module in [*sys.modules.values()]]
-    files = {Path(str(name)) for name in names}
-    inside = [file for file in {*files, PRELUDE, _MAIN} if file.is_relative_to(PACKAGE)]
-    sources = sorted(file.relative_to(PACKAGE).as_posix() for file in inside)
+    own = [module for name, module in sys.modules.items() if name.startswith(f"{PACKAGE.name}.")]
+    files = {PRELUDE, _MAIN, *(Path(str(module.__file__)) for module in own)}
+    sources = sorted(file.relative_to(PACKAGE).as_posix() for file in files)
     libraries = [library_name(level) for level in levels]
     return {"libraries": libraries, "sources": sources, "digest": digest_of(sources)}
 
