@@ -18,7 +18,7 @@ from vibro_cli.grids.solving import columns_of_records, solver_of
 from vibro_cli.scenario import ScenarioError
 from vibro_cli.scenario.forms import Scanner, places
 from vibro_cli.scenario.loading import load_document, scenario_of
-from vibro_cli.systems.trace import grid_solver
+from vibro_cli.systems.trace import grid_solver, system_template
 from vibro_cli.systems.trace.system_template import Reader, SystemTemplate
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
@@ -94,6 +94,32 @@ def test_what_invalid_points_share_is_done_once(
     assert done == ["places", "table"]
     for angle, status in zip(np.linspace(-9.0, 9.0, 40), solved.summary["status"], strict=True):
         assert (status == "invalid") == (not -2.1 < angle < END)
+
+
+def test_invalid_points_before_the_first_valid_one_are_read_like_later_ones(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each was read as a whole document, in twice the time."""
+    path = tmp_path / "late.toml"
+    path.write_text(
+        f'base = "{SCENARIOS / "one_circle.toml"}"\n'
+        '[[axes]]\npath = "balls[1].angle"\nlinspace = [1.5, -0.1, 40]\n'
+    )
+    read: list[Any] = []
+
+    def counted(document: Any) -> Any:
+        read.append(document)
+        return scenario_of(document)
+
+    monkeypatch.setattr(system_template, "scenario_of", counted)
+    grid = load_grid(path, ["stop.collisions=1"])
+    reasons = solver_of(grid).solve(np.arange(20)).summary["reason"]
+    assert len(read) < 8  # until one of points tried at random is valid
+    for angle, reason in zip(np.linspace(1.5, -0.1, 40), reasons, strict=False):
+        with pytest.raises(ScenarioError) as refused:
+            build_system(scenario_of(document_at(grid.base, {("balls", 0, "angle"): angle})))
+        (problem,) = refused.value.problems
+        assert reason == f"{problem.path}: found {problem.found}, expected {problem.expected}"
 
 
 def test_random_values_are_uniform_and_each_axis_has_its_own(tmp_path: Path) -> None:

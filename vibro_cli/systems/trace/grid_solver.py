@@ -20,10 +20,12 @@ from vibro_cli.grids.solving import (
     impact_table_of,
     is_followed,
 )
+from vibro_cli.grids.workers import spread
 from vibro_cli.kernels.ensemble.records import Points, Stack
 from vibro_cli.kernels.statistics.run_statistics import Results
 from vibro_cli.kernels.world import LOG_FULL, ImpactRow, World
 from vibro_cli.mechanics.system import TraceSystem
+from vibro_cli.scenario.base import plain
 from vibro_cli.scenario.problems import KeyPath
 from vibro_cli.storage.tables import record_batch
 from vibro_cli.systems.columns import Table
@@ -101,6 +103,8 @@ def impact_columns(table: Table, logged: Sequence[Logged], points: Array) -> dic
 # Size of the cache of templates; a grid seldom needs many at once.
 _READY = 1024
 _ROWS_AT_FIRST = 1 << 12
+# Number of points tried, at most, before the first stretch.
+_TRIED = 32
 
 
 @dataclass(frozen=True)
@@ -171,6 +175,21 @@ class TraceSolver:
         paths = grid.design.paths
         self._of_systems = [path for path in paths if is_of_system(path)]
         self._slow = [path for path in paths if not is_quick(path) and not is_of_system(path)]
+        # Shuffled, as the first half of an axis may be invalid.
+        self._try(np.random.default_rng(0).permutation(spread(grid, _TRIED)))
+
+    def _try(self, indices: Array) -> None:
+        """Take the template of the first valid one of some points.
+
+        With it invalid points are read in half the time, and a stretch may begin with many.
+        """
+        values = self._grid.design.columns(indices)
+        for at in range(len(indices)):
+            one = _taken(values, at)
+            point = self._reader.read(one)
+            if isinstance(point, SystemTemplate):
+                self._remember(tuple(plain(one[path]) for path in self._slow), point)
+                return
 
     def solve(self, indices: Array) -> Solved:
         """Solve the points with these indices, from 0."""
