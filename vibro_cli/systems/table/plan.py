@@ -94,8 +94,8 @@ def _fitted(low: Floats, high: Floats) -> tuple[Floats, Floats]:
 def _shown_until(run: Run) -> float:
     """Return the time (s) up to which paths are drawn: the end, or earlier for many flights."""
     motion: Any = run.trajectory
-    starts = np.sort(np.concatenate([events["t"] for events in motion.balls]))
     most = max(MOST_LINES, _FLIGHTS * len(motion.balls))
+    starts = np.sort(np.concatenate([events["t"][: most + 1] for events in motion.balls]))
     return float(starts[most]) if len(starts) > most else run.end_time
 
 
