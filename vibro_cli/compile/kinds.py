@@ -138,8 +138,8 @@ def declaration(kind: Kind) -> str:
 
 
 @cache
-def signature(kernel: Any) -> tuple[tuple[str, ...], tuple[Any, ...], Any]:
-    """Return the names and types of a kernel's parameters, and the type of its result.
+def signature(kernel: Any) -> tuple[dict[str, Any], Any]:
+    """Return the types of a kernel's parameters by name, and the type of its result.
 
     Raises
     ------
@@ -155,7 +155,7 @@ def signature(kernel: Any) -> tuple[tuple[str, ...], tuple[Any, ...], Any]:
                 f"{shown(code.co_filename)}:{code.co_firstlineno}: {kernel.__name__}: {name}: "
                 f"found {text!r}, expected a type of numbers, structs, tuples or arrays of them"
             )
-    return names, tuple(kinds[name] for name in names), kinds["return"]
+    return {name: kinds[name] for name in names}, kinds["return"]
 
 
 def shown(path: str) -> str:

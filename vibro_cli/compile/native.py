@@ -107,23 +107,24 @@ def compiled(kernel: Kernel, overrides: Overrides = NO_OVERRIDES) -> Callable[..
     NoLibrary
         If the library cannot be built, or does not have the kernel.
     """
-    names, kinds, returned = signature(kernel)
+    kinds, returned = signature(kernel)
     symbol = overrides.symbol(kernel)
     try:
         function = library()[symbol]  # a new object, so that argument types are not shared
     except AttributeError:
         found = f"the library of kernels has no {symbol}: it is named in no program"
         raise NoLibrary(found) from None
-    function.argtypes = [kind.stored or ctypes.c_void_p for kind in kinds]
+    function.argtypes = [kind.stored or ctypes.c_void_p for kind in kinds.values()]
     function.restype, results = returned.stored, returned.members
     if results:
         fields = [(name, kind.stored) for name, kind in results.items()]
         function.restype = type("Tuple", (ctypes.Structure,), {"_fields_": fields})
+    layouts = [None if kind.stored else _layout(name, kind) for name, kind in kinds.items()]
 
     def call(*arguments: Any) -> Any:
         given = [
-            argument if kind.stored else _as_words(argument, kind, name)
-            for argument, kind, name in zip(arguments, kinds, names, strict=True)
+            argument if layout is None else _as_words(argument, layout)
+            for argument, layout in zip(arguments, layouts, strict=True)
         ]
         found = function(*given)
         return tuple(getattr(found, name) for name in results) or found
@@ -131,27 +132,30 @@ def compiled(kernel: Kernel, overrides: Overrides = NO_OVERRIDES) -> Callable[..
     return call
 
 
-def _as_words(argument: Any, kind: Any, name: str) -> Any:
-    """Return what C++ reads of an array, address and extents, or of a named tuple of arrays."""
-    arrays = [(name, kind, argument)]
-    if kind.form != "array":
-        parts = zip(kind.members.items(), argument, strict=True)
-        arrays = [(field, each, array) for (field, each), array in parts]
-    words = [word for one in arrays for word in _words(*one)]
-    return (ctypes.c_int64 * len(words))(*words)
-
-
-def _words(name: str, kind: Any, array: Any) -> list[int]:
+def _layout(name: str, kind: Any) -> list[tuple[str, Any, int, int]]:
+    """Return name, numpy type, axes and alignment (bytes) of an array, or of each in a tuple."""
     import numpy as np
 
-    stored, cls = kind.item.stored, kind.item.item
-    wanted, alignment = (np.dtype(stored), 1) if stored else (dtype(cls), cls.alignment)
-    address = array.ctypes.data
-    if array.dtype != wanted or array.ndim != kind.size or not array.flags.c_contiguous:
-        raise TypeError(
-            f"{name}: found an array of {array.dtype}, shape {array.shape}; expected one of "
-            f"{wanted} in C order, with {kind.size} axes"
-        )
-    if address % alignment:
-        raise TypeError(f"{name}: found address {address}, expected a multiple of {alignment}")
-    return [address, *array.shape]
+    if kind.form != "array":
+        return [one for field, each in kind.members.items() for one in _layout(field, each)]
+    if stored := kind.item.stored:
+        return [(name, np.dtype(stored), kind.size, 1)]
+    cls = kind.item.item
+    return [(name, dtype(cls), kind.size, cls.alignment)]
+
+
+def _as_words(argument: Any, layout: Any) -> Any:
+    """Return the addresses and extents of an array or of a named tuple of arrays, as C++ reads."""
+    words: list[int] = []
+    arrays = argument if isinstance(argument, tuple) else (argument,)
+    for (name, wanted, axes, alignment), array in zip(layout, arrays, strict=True):
+        if array.dtype != wanted or array.ndim != axes or not array.flags.c_contiguous:
+            raise TypeError(
+                f"{name}: found an array of {array.dtype}, shape {array.shape}; expected one of "
+                f"{wanted} in C order, with {axes} axes"
+            )
+        address = array.ctypes.data
+        if address % alignment:
+            raise TypeError(f"{name}: found address {address}, expected a multiple of {alignment}")
+        words += [address, *array.shape]
+    return (ctypes.c_int64 * len(words))(*words)

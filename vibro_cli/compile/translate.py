@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import ast
 import builtins
+import itertools
 import math
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cache
-from itertools import count
 from pathlib import Path
 from textwrap import indent
 from typing import Any, NamedTuple, NoReturn
@@ -107,7 +107,7 @@ class Program:
             '#include "prelude.hpp"\n\nnamespace {\n\ntemplate <class... Items>\nstruct Tuple;\n',
             *map(t.declaration, self.declared),
             "\n".join(self.constants) + "\n",
-            *(function.definition() for function in self.functions.values() if function),
+            *(function.definition for function in self.functions.values() if function),
             "}  // namespace\n",
             *doors,
         ]
@@ -137,12 +137,12 @@ class Program:
     def _entry(self, kernel: Kernel) -> str:
         """Return the exported function of a kernel."""
         kernel = self.overrides.resolved(kernel)
-        names, kinds, _ = signature(kernel)
-        function: Any = self.function(kernel, kinds)
-        given = list(map(_local, names))
+        kinds, _ = signature(kernel)
+        function: Any = self.function(kernel, tuple(kinds.values()))
+        given = {_local(name): kind for name, kind in kinds.items()}
         parameters = [
             f"const {kind.cpp}& {name}" if kind.form == "array" else f"{kind.cpp} {name}"
-            for name, kind in zip(given, kinds, strict=True)
+            for name, kind in given.items()
         ]
         symbol = self.overrides.symbol(kernel)
         head = f"{function.returns.cpp} {symbol}({', '.join(parameters)})"
@@ -205,27 +205,22 @@ class Function:
         self.program = program
         self.kernel = kernel
         self._file = shown(kernel.__code__.co_filename)
-        self._node = _definitions(kernel.__code__.co_filename)[kernel.__code__.co_firstlineno]
-        self.parameters, _, self._declared = signature(kernel)
+        node = _definitions(kernel.__code__.co_filename)[kernel.__code__.co_firstlineno]
+        names, self._declared = signature(kernel)
         self.returns: Any = None
-        self._kinds: dict[str, Kind] = dict(zip(self.parameters, kinds, strict=True))
-        self._numbers = count(1)  # of temporaries
-        self.name = f"{_namespace(kernel.__module__)}::{kernel.__name__}"
+        self._kinds: dict[str, Kind] = dict(zip(names, kinds, strict=True))
+        self._numbers = itertools.count(1)  # of temporaries
+        home = _namespace(kernel.__module__)
+        self.name = f"{home}::{kernel.__name__}"
         for kind in kinds:
             program.note(kind)
-        self._lines = self._block(self._node.body)
+        lines = self._block(node.body)
         self.returns = program.note(self.returns or self._declared)
-
-    def definition(self) -> str:
-        """Return the function in C++."""
         declared = [f"{kind.cpp} {_local(name)}" for name, kind in self._kinds.items()]
-        parameters = ", ".join(declared[: len(self.parameters)])
-        locals_ = [f"{one}{{}};" for one in declared[len(self.parameters) :]]
-        home, _, name = self.name.partition("::")
-        typed = f"{self.returns.cpp} {name}({parameters})"
+        typed = f"{self.returns.cpp} {kernel.__name__}({', '.join(declared[: len(names)])})"
         head = f"{'IN_PLACE' if f'<{LANES}>' in typed else 'static'} {typed}"
-        text = _braced(head, [*locals_, *self._lines])
-        return f"namespace {home} {{\n{self._line_of(self._node)}\n{text}\n}}\n"
+        text = _braced(head, [*(f"{one}{{}};" for one in declared[len(names) :]), *lines])
+        self.definition = f"namespace {home} {{\n{self._line_of(node)}\n{text}\n}}\n"
 
     def _line_of(self, node: Any) -> str:
         return f'#line {node.lineno} "{self._file}"'
@@ -505,9 +500,9 @@ class Function:
         return Value(rule.text.format(*codes, all=", ".join(codes), kind=kind.cpp), kind)
 
     def _call_of_kernel(self, node: ast.Call, kernel: Kernel, values: list[Value]) -> Value:
-        names, _, _ = signature(kernel)
-        if len(names) != len(values):
-            self._fail(node, f"{kernel.__name__} is given {len(values)} of {len(names)} arguments")
+        count = len(signature(kernel)[0])
+        if count != len(values):
+            self._fail(node, f"{kernel.__name__} is given {len(values)} of {count} arguments")
         function = self.program.function(kernel, tuple(value.kind for value in values))
         if function is None:
             self._fail(node, f"{kernel.__name__} calls itself")
