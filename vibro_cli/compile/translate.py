@@ -272,7 +272,8 @@ class Function:
         return f"return {self._exact(value, self.returns or self._declared, statement)};"
 
     def _write_If(self, statement: ast.If) -> str:
-        text = _braced(f"if ({self._condition(statement.test)})", self._block(statement.body))
+        test = self._truth(statement.test, is_one=True)
+        text = _braced(f"if ({test.code})", self._block(statement.body))
         other = self._block(statement.orelse)
         return "\n".join([text, _braced("else", other)]) if other else text
 
@@ -282,7 +283,7 @@ class Function:
         return _braced(head, [*first, *self._block(statement.body)])
 
     def _write_While(self, statement: ast.While) -> str:
-        return self._loop(f"while ({self._condition(statement.test)})", statement)
+        return self._loop(f"while ({self._truth(statement.test, is_one=True).code})", statement)
 
     def _write_For(self, statement: ast.For) -> str:
         steps: Any = statement.iter
@@ -354,20 +355,14 @@ class Function:
             self._fail(node, f"found a value of type {value.kind.cpp}, expected {kind.cpp}")
         return value.code
 
-    def _truth(self, node: ast.expr) -> Value:
-        """Return a truth value, or one for each lane."""
-        value = self._value(node)
+    def _truth(self, node: ast.expr, is_one: bool = False) -> Value:
+        """Return a truth value, or one for each lane unless a branch is taken by it."""
+        value, found = self._value(node), f"found {ast.unparse(node)}"
         if value.kind.form != "truth":
-            self._fail(node, f"found {ast.unparse(node)}, expected a truth value")
+            self._fail(node, f"{found}, expected a truth value")
+        if is_one and value.kind.size:
+            self._fail(node, f"{found} in lanes (see any_lane), expected one truth value")
         return value
-
-    def _condition(self, node: ast.expr) -> str:
-        """Return the code of the one truth value by which a branch is taken."""
-        code, kind = self._truth(node)
-        if kind != t.BOOL:
-            found = f"found {ast.unparse(node)} in lanes (see any_lane)"
-            self._fail(node, f"{found}, expected one truth value")
-        return code
 
     def _alike(self, node: ast.expr, values: Sequence[Value]) -> tuple[Kind, list[str]]:
         """Return the type that values share in an expression, and their code converted to it."""
