@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from vibro_cli.analysis.levels import Landscape
 from vibro_cli.assemble import with_start_of
 from vibro_cli.errors import VibroError
+from vibro_cli.kernels.impact.laws import LAW_NAMES
 from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.mechanics import initial_conditions
 from vibro_cli.mechanics.system import LAWS, InitialState, TraceSystem, neighbours
@@ -28,6 +29,7 @@ from vibro_cli.progress import WORK
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.tangents import matrix_of
 from vibro_cli.systems.trace import simulate_system
+from vibro_cli.systems.trace.events import boundaries
 from vibro_cli.systems.trace.system import time_scale
 
 if TYPE_CHECKING:
@@ -314,17 +316,19 @@ def events_of(run: Run) -> list[tuple[float, str, float]]:
     ``12`` is an impact of bodies 1 and 2, ``1>`` and ``1<`` a crossing to the right or left (with
     infinite speed), ``1|`` an impact on a wall.
     """
-    events, rows = run.events, run.collisions
+    # The tables of a run would take as long as all else in a shot.
+    paths: Any = run.trajectory
     found: list[tuple[float, str, float]] = []
-    names = ("t", "event", "ball", "speed", "value")
-    for t, name, ball, speed, value in zip(*(events[one] for one in names), strict=True):
-        if name == "wall":
-            found.append((float(t), f"{int(ball)}|", abs(float(value))))
-        elif name == "crossing":
-            found.append((float(t), f"{int(ball)}{'>' if speed > 0.0 else '<'}", np.inf))
-    columns = (rows[name] for name in ("t", "ball_a", "ball_b", "approach_speed"))
-    for t, one, other, approach in zip(*columns, strict=True):
-        found.append((float(t), f"{int(one)}{int(other)}", float(approach)))
+    for t, ball, speed, value in boundaries(paths)[["t", "ball", "speed", "value"]].tolist():
+        if np.isnan(value):
+            found.append((t, f"{ball}{'>' if speed > 0.0 else '<'}", np.inf))
+        else:
+            found.append((t, f"{ball}|", abs(value)))
+    names = ["t", "a", "b", "normal_a", "speed_a_pre", "normal_b", "speed_b_pre"]
+    for t, a, b, *ways in run.whole.logs["impacts"][names].tolist():
+        # Across the seam of a closed trace a is the last body; of two bodies, it is always 1.
+        one, other = sorted((a, b)) if len(run.system.bodies) == 2 else (a, b)
+        found.append((t, f"{one + 1}{other + 1}", ways[0] * ways[1] - ways[2] * ways[3]))
     return sorted(found)
 
 
@@ -341,7 +345,9 @@ def shoot(system: TraceSystem, period: float) -> Shot:
         raise NoOrbit(f"found {MOST_IMPACTS} impacts in a period, expected fewer")
     if run.end_cause != "time":
         raise NoOrbit(f"the motion ends: {run.end_cause.replace('_', ' ')}")
-    if np.ptp(_shares(system)) > 0.0 and np.any(run.collisions["law"] != system.law):
+    if np.ptp(_shares(system)) > 0.0 and np.any(
+        run.whole.logs["impacts"]["law"] != LAW_NAMES.index(system.law)
+    ):
         raise NoOrbit("impacts by normal-impulse among translational ones do not conserve energy")
     matrix = matrix_of(run)
     if run.clock["contacts"] or not np.all(np.isfinite(matrix)):

@@ -86,7 +86,7 @@ class Events:
     def _rows(self, paths: Paths) -> Rows:
         passages = self._passages(paths)
         parts = (
-            _boundaries(paths),
+            boundaries(paths),
             _contacts(paths),
             _events_of(paths, passages, self._wanted.friction),
         )
@@ -192,7 +192,7 @@ def _rows(count: int) -> Rows:
     return rows
 
 
-def _boundaries(paths: Paths) -> Rows:
+def boundaries(paths: Paths) -> Rows:
     """Return crossings and impacts on walls, from the flights that start in this stretch."""
     log, places = paths.log, paths.places
     caused = (log["cause"] == CROSSING) | (log["cause"] == WALL)
