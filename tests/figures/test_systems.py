@@ -434,3 +434,17 @@ def test_the_paths_of_all_balls_on_a_table_have_lines_of_one_width() -> None:
     paths = [one for one in axes.collections if isinstance(one, LineCollection)]
     assert len(paths) == 4
     assert len({width for one in paths for width in np.atleast_1d(one.get_linewidth())}) == 1
+
+
+@pytest.mark.parametrize(
+    ("name", "width"), [("convex_wall", "single"), ("elliptic_wall", "double")]
+)
+def test_the_edge_of_a_ball_on_a_table_does_not_cross_its_number(name: str, width: str) -> None:
+    run = run_of(FOLDER / f"table/{name}.toml", "balls[1].radius=0.1")
+    axes = table_plan(run, width).axes[0]
+    (number,) = (text for text in axes.texts if text.get_text() == "1")
+    start = run.sample([0.0])
+    turn = np.linspace(0.0, 2.0 * np.pi, 720)
+    edge = np.column_stack([start["x"] + 0.1 * np.cos(turn), start["y"] + 0.1 * np.sin(turn)])
+    box = number.get_window_extent()
+    assert not any(box.contains(x, y) for x, y in axes.transData.transform(edge))

@@ -13,6 +13,7 @@ from matplotlib import patheffects
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import RendererAgg
 from matplotlib.cbook import is_math_text
+from matplotlib.cm import ScalarMappable
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 from matplotlib.lines import Line2D
@@ -24,8 +25,6 @@ from vibro_cli.figures.style import MM, Look, panel_size
 
 _MIDDLE = 2.2
 """Distance of the middle of the first row from the top of the figure (mm)."""
-_CHARACTER = 1.25
-"""Mean width of a character of a legend (mm)."""
 _HANDLE = 6.7
 """Width of a legend mark with the room around it (mm)."""
 HALO = [patheffects.withStroke(linewidth=1.4, foreground="white")]
@@ -106,7 +105,7 @@ def in_black(*entries: Entry) -> list[Entry]:
 
 @cache
 def text_width(text: str) -> float:
-    """Return the width of a legend text (mm) in a PNG, where hinting makes it widest."""
+    """Return the width of a small text (mm) in a PNG, where hinting makes it widest."""
     font = FontProperties(family="STIXGeneral", size=style.SMALL)
     width, _, _ = _PIXELS.get_text_width_height_descent(text, font, is_math_text(text))
     return float(width) * 25.4 / style.DPI
@@ -143,9 +142,8 @@ def _draw_bar(figure: Figure, width: float, height: float, words: Bar) -> None:
     bar = figure.add_axes(
         (left / width, (middle - 0.5 * _BAR[1]) / height, _BAR[0] / width, _BAR[1] / height)
     )
-    bar.imshow(np.arange(256)[None, :], aspect="auto", cmap=style.time_colours())
-    bar.set_xticks([])
-    bar.set_yticks([])
+    colours = ScalarMappable(cmap=style.time_colours())
+    figure.colorbar(colours, cax=bar, orientation="horizontal", ticks=[])
     before: Look = {"ha": "right", "va": "center_baseline", "fontsize": style.SMALL}
     figure.text((left - 0.8) / width, middle / height, words.first, **before)
     after = before | {"ha": "left"}
@@ -216,7 +214,7 @@ def place_numbers(
     obstacles = obstacles[np.argsort(obstacles[:, 0])]
     places: list[tuple[float, float] | None] = []
     for number, (text, points) in enumerate(zip(texts, anchors, strict=True)):
-        half = 0.5 * _CHARACTER * len(text) + 0.15
+        half = 0.5 * text_width(text) + 0.15
         candidates, costs = _candidates(points, half)
         free = _inside(candidates, half, size) & ~_on_texts(candidates, half, taken)
         if not free.any():
@@ -333,10 +331,9 @@ def write_names(
     scale = np.array([size[0] / (right - left), size[1] / (high - low)])
     anchors = [(np.reshape(name.point, (-1, 2)) - corner) * scale for name in names]
     covered = np.concatenate([(np.reshape(obstacles, (-1, 2)) - corner) * scale, *anchors * 3])
-    plain = [_plain(name.text) for name in names]
     written = (np.reshape(figures, (-1, 2)) - corner) * scale
-    reserved = [(float(x), float(y), _CHARACTER) for x, y in written]
-    places = place_numbers(plain, anchors, covered, size, reserved)
+    reserved = [(float(x), float(y), 0.5 * _HIGH) for x, y in written]
+    places = place_numbers([name.text for name in names], anchors, covered, size, reserved)
     for number, (name, place) in enumerate(zip(names, places, strict=True)):
         if place is None:
             continue
@@ -349,9 +346,3 @@ def write_names(
             float(at[0]), float(at[1]), name.text, color=name.colour, path_effects=HALO,
             fontsize=style.SMALL, ha="center", va="center", zorder=order,
         )  # fmt: skip
-
-
-def _plain(text: str) -> str:
-    """Return a formula as plain text of about the same width."""
-    bare = re.sub(r"\\(?:mathrm|dot|,|;)|[${}_^']", "", text)
-    return re.sub(r"\\[a-zA-Z]+", "w", bare)

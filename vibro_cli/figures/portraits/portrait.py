@@ -22,8 +22,8 @@ from vibro_cli.figures.style import width_of
 from vibro_cli.mechanics.initial_conditions import wall_position
 from vibro_cli.mechanics.trace import Piece
 
-_FAR = 3.0
-"""Multiple of the greatest rate of the motion at which the frame cuts off separatrices."""
+FAR = 3.0
+"""Multiple of the greatest rate of a motion at which the frame cuts off separatrices."""
 _SMALL = 0.13
 """Share of the arc's phase plane below which a motion is too small to be read on it."""
 _MARGIN = 1.08
@@ -130,7 +130,7 @@ def framed_rate(reached: float, separatrix: float, levels: float) -> float:
 
     For a body at rest, it is that of the separatrices, else of the level curves.
     """
-    return max(reached, min(separatrix, _FAR * reached)) or separatrix or levels or 1.0
+    return max(reached, min(separatrix, FAR * reached)) or separatrix or levels or 1.0
 
 
 def greatest_rate(path: Trajectory, members: Sequence[int]) -> float:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
@@ -19,7 +20,7 @@ from vibro_cli.figures.chart import (
     body_look,
     count_axis,
     distinct_lines,
-    draw_dots,
+    draw_by_colour,
     last_in_each_pixel,
     log_axis,
     positive_axis,
@@ -85,6 +86,9 @@ def speed_map(
     happened = made(table)
     with style.journal():
         figure, (axes,) = stacked(width, [_HIGH[width]])
+        size = _dot(len(number))
+        if len(number) <= MOST_VECTOR_POINTS:
+            axes.scatter(place, speed, c=number, cmap=style.time_colours(), s=size, zorder=2.0)
         if not np.all(happened):
             why = why_not_made(goes_through(table)[~happened])
             axes.plot(place[~happened], speed[~happened], zorder=2.2, label=why, **REFUSED)
@@ -99,8 +103,9 @@ def speed_map(
         label_axis(axes.xaxis, ticks, *named)
         for at in distinct_lines(lines, (low, high), panel_size(axes)[0]):
             axes.axvline(at, color=style.LEVEL_GREY, linewidth=0.4, zorder=0.8)
-        colours, norm = style.time_colours(), Normalize(1.0, len(number))
-        draw_dots(axes, place, speed, number, colours, norm, 1.7 * _dot(len(number)))
+        if len(number) > MOST_VECTOR_POINTS:
+            shades = ScalarMappable(Normalize(1.0, len(number)), style.time_colours())
+            draw_by_colour(axes, place, speed, number, shades, zorder=2.0, **_small(size))
         draw_legend(figure, [], Bar("impact 1", str(len(number))))
     return figure
 

@@ -41,7 +41,9 @@ from vibro_cli.figures.portraits.layers import (
 )
 from vibro_cli.figures.portraits.panels import Panel, Symbols, Window, straight
 from vibro_cli.figures.portraits.portrait import (
+    FAR,
     draw_motion,
+    framed_rate,
     greatest_rate,
     legend_rows,
     seen,
@@ -180,8 +182,6 @@ def springs_trajectory(run: Run, ball: int) -> Trajectory:
 
 
 _MARGIN = 1.08
-_FAR = 3.0
-"""The frame cuts off a separatrix larger than this multiple of the motion."""
 _SMALL = 0.1
 """Share of the extent of the singular points below which a motion is too small to be read."""
 _ROUNDING = 1e-12
@@ -325,10 +325,10 @@ def _around(path: Trajectory, behind: Background) -> Window:
     if np.ptp(branches.position) < _SMALL * (high - low):
         return straight(*limits_apart(*close_up(branches.position)), _MARGIN * reached)
     for curve in behind.eights:
-        if np.ptp(curve.position) <= _FAR * (high - low):
+        if np.ptp(curve.position) <= FAR * (high - low):
             low = min(low, float(curve.position[0]))
             high = max(high, float(curve.position[-1]))
-        reached = max(reached, min(float(np.max(curve.rate)), _FAR * reached))
+        reached = framed_rate(reached, float(np.max(curve.rate)), 0.0)
     return _window(low, high, reached)
 
 

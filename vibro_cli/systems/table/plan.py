@@ -44,6 +44,8 @@ _HEAD = {"before": "white", "after": style.BLACK, "at the start": style.BLACK}
 _SIDE = {"before": "pre", "after": "post"}
 _RIGHT, _TOP, _BOTTOM = 2.5, 5.0, 8.5
 """Margins to the right of, above and below the panel (mm)."""
+_KEEN = 6
+"""Weight of the edge of a ball among the obstacles that its number should not cover."""
 _SHAPES = (0.25, 1.35)
 """Least and greatest ratio of height to width of the panel: journals allow 234 mm."""
 
@@ -167,7 +169,7 @@ def _colour(ball: int) -> str:
 def _draw_numbers(axes: Axes, run: Run, paths: list[Floats], covered: Floats) -> None:
     """Write each ball's number beside its start, where it overlaps least with other parts."""
     passed = [_points_along(path) for path in paths]
-    discs = np.concatenate([share * ring(24) for share in (0.25, 0.5, 0.75, 1.0)])
+    discs = np.concatenate([share * ring(24) for share in (0.25, 0.5, 0.75, *[1.0] * _KEEN)])
     circles = [
         path[0] + body.radius * discs for path, body in zip(paths, run.system.bodies, strict=True)
     ]
