@@ -48,7 +48,7 @@ from vibro_cli.numerics.elementwise import Floats
 from vibro_cli.progress import WORK
 from vibro_cli.scenario.models import Scenario
 from vibro_cli.scenario.problems import ScenarioError, parsed_path
-from vibro_cli.systems.trace.system import time_scale
+from vibro_cli.systems.trace import SYSTEM
 
 ENERGY = "energy"
 """Stands for the path if the parameter is the energy."""
@@ -178,7 +178,7 @@ class Family:
         self._jumps = first.shot.jumps
         self._energy = first.energy
         scale = scale_of(first.system)
-        unit = first.system.gravity * float(time_scale(first.system))
+        unit = first.system.gravity * float(SYSTEM.time_scale(first.system))
         self._units = np.concatenate(
             [scale, [unit, size_of(first.system, first.state) / self._range]]
         )
@@ -576,7 +576,7 @@ class Family:
 
     def _ending(self, here: Point, tangent: Floats, size: float, cause: str) -> str:
         """Return why a branch cannot be followed beyond a point, from the next motions."""
-        scale = float(time_scale(here.orbit.system))
+        scale = float(SYSTEM.time_scale(here.orbit.system))
         by_normal = here.orbit.system.law == "normal-impulse"
         slow = GRAZING * size_of(here.orbit.system, here.orbit.state) / scale
         for step in (1.0e-6, 1.0e-5, 1.0e-4, 1.0e-3):

@@ -28,9 +28,8 @@ from vibro_cli.numerics.elementwise import Floats
 from vibro_cli.progress import WORK
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.tangents import matrix_of
-from vibro_cli.systems.trace import simulate_system
+from vibro_cli.systems.trace import SYSTEM, simulate_system
 from vibro_cli.systems.trace.events import boundaries
-from vibro_cli.systems.trace.system import time_scale
 
 if TYPE_CHECKING:
     from vibro_cli.scenario.models import Scenario
@@ -193,7 +192,7 @@ class Orbit:
 
 def scale_of(system: TraceSystem) -> Floats:
     """Return the factors that convert the numbers of a state to metres."""
-    return np.tile([1.0, float(time_scale(system))], len(system.bodies))
+    return np.tile([1.0, float(SYSTEM.time_scale(system))], len(system.bodies))
 
 
 def _lengths(system: TraceSystem, body: int) -> list[float]:
@@ -522,7 +521,7 @@ def _improved(
 
     With ``bent`` a step that fails is followed by a correction, see `STIFF`.
     """
-    scale, tau = scale_of(system), float(time_scale(system))
+    scale, tau = scale_of(system), float(SYSTEM.time_scale(system))
     columns = np.append(1.0 / scale, 1.0 / (system.gravity * tau))  # scales periods by a speed
     for _ in range(MOST_STEPS):
         WORK.report(f"the motion closes to within {guess.residual:.1e}")
@@ -640,7 +639,7 @@ def find_orbit(
     if not any(word.isdigit() for word in orbit.shot.word):
         raise NoOrbit("the orbit next to this start has no impact")
     # Bodies at rest also return, and within the tolerance of an orbit may have impacts as well.
-    slow = NEARLY_CLOSED * size_of(system, orbit.state) / float(time_scale(system))
+    slow = NEARLY_CLOSED * size_of(system, orbit.state) / float(SYSTEM.time_scale(system))
     if orbit.shot.approach < slow:
         raise NoOrbit(
             "the orbit next to this start has an impact, with a body or a wall, of no speed"
