@@ -238,7 +238,8 @@ def quantities_of(names: Sequence[str], units: Mapping[str, str]) -> list[Quanti
     """
     checked("columns", names, Texts("columns", most=2))
     if not units:
-        raise NothingToShow("the grid kept no impacts: set collisions = true in [keep]")
+        how = "set collisions = true in [keep], or collisions=True of sweep"
+        raise NothingToShow(f"the grid kept no impacts: {how}")
     for name in names:
         if name not in units:
             hint = suggestion(name, list(units))
@@ -352,7 +353,8 @@ def bifurcation(
     missing = [name for name in ("n", *section.columns) if name not in kept]
     if missing:
         names = " and ".join(missing)
-        raise NothingToShow(f"the grid did not keep {names}: name such columns in [keep] columns")
+        how = "name such columns in [keep] columns, or in collisions=[…] of sweep"
+        raise NothingToShow(f"the grid did not keep {names}: {how}")
     own = [one for one in (place_column(grid), _SPEED) if one is not None and one[0] in kept]
     panels = list(quantities) or own
     shown = shown or parameter_map(grid, 1, numbers_first=True)
