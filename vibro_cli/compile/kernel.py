@@ -65,8 +65,8 @@ def struct(cls: StructClass) -> StructClass:
     """
     fields: dict[str, Any] = {**getattr(cls, "fields", {}), **t.kinds_in(cls)}
     fields = dict(sorted(fields.items(), key=lambda field: field[1].size != t.LANES))
-    zeros: dict[Any, Callable[[], Any]] = {t.INT: int, t.SERIES: lambda: [0.0] * t.SERIES_LENGTH}
-    values = [(name, zeros.get(kind, float)) for name, kind in fields.items()]
+    zeros: dict[str, Any] = {t.INT.cpp: int, t.SERIES.cpp: lambda: [0.0] * t.SERIES_LENGTH}
+    values = [(name, zeros.get(kind.cpp, float)) for name, kind in fields.items()]
 
     def initialise(self: object) -> None:
         for name, zero in values:
@@ -78,7 +78,7 @@ def struct(cls: StructClass) -> StructClass:
         "__doc__": cls.__doc__,
         "__module__": cls.__module__,
         "fields": fields,
-        "alignment": t.CACHE_LINE if t.lanes_of(t.LANES) in fields.values() else 1,
+        "alignment": t.CACHE_LINE if t.LANES in [kind.size for kind in fields.values()] else 1,
     }
     return type(cls.__name__, (), body)  # type: ignore[return-value]
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import ctypes
+import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
-from typing import Any, get_args, get_origin, get_type_hints
+from typing import Any, get_args, get_origin
 
 # Lanes of a register of 512 bits; on processors with shorter registers several are used.
 LANES = 8
@@ -43,7 +44,7 @@ INT = Kind("number", "int64_t", stored=ctypes.c_int64)
 BOOL = Kind("truth", "bool", stored=ctypes.c_bool)
 NOTHING = Kind("nothing", "void")
 SERIES = Kind("row", "double*", FLOAT, stored=(ctypes.c_double, SERIES_LENGTH))
-_PLAIN = {"float": FLOAT, "int": INT, "bool": BOOL, "NoneType": NOTHING}
+_PLAIN = {"float": FLOAT, "int": INT, "bool": BOOL, "None": NOTHING}
 
 
 def lanes_of(count: int) -> Kind:
@@ -103,7 +104,7 @@ def kind_of(hint: Any) -> Any:
         return Kind("struct", f"const {hint.__name__}*", hint)
     items, origin = tuple(map(kind_of, get_args(hint))), get_origin(hint)
     if not items or None in items or origin not in (tuple, list, Sequence):
-        return None if items else _PLAIN.get(getattr(hint, "__name__", ""))
+        return None if items else _PLAIN.get(getattr(hint, "__name__", str(hint)))
     if origin is tuple:
         return tuple_of(items)
     (item,) = items
@@ -112,8 +113,14 @@ def kind_of(hint: Any) -> Any:
 
 def kinds_in(annotated: Any) -> dict[str, Any]:
     """Return the types of the annotations of a class or a function by name."""
-    hints = get_type_hints(annotated, include_extras=True)
-    return {name: kind_of(hint) for name, hint in hints.items()}
+    texts = annotated.__annotations__.items()
+    home = annotated.__module__
+    return {name: _named(getattr(one, "__forward_arg__", one), home) for name, one in texts}
+
+
+@cache  # structs have many fields of few types, and are declared whenever the program starts
+def _named(text: str, module: str) -> Any:
+    return kind_of(eval(text, vars(sys.modules[module])))
 
 
 @cache
