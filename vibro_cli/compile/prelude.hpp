@@ -5,7 +5,6 @@
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
-#include <type_traits>
 #ifdef __x86_64__
 #include <cpuid.h>
 #endif
@@ -58,13 +57,7 @@ template <class Number, int count>
 struct InLanes {
   static constexpr int width = count < REGISTER ? count : REGISTER, parts = count / width;
   typedef Number Part __attribute__((vector_size(8 * width), aligned(8)));
-  typedef std::conditional_t<std::is_floating_point_v<Number>, double, bool> One;
   Part part[parts];
-  InLanes() = default;
-  explicit InLanes(One one) {
-    Number value = std::is_floating_point_v<Number> ? one : -one;
-    for (Part& each : part) each = value - Part{};  // -0.0 too
-  }
   Number operator[](int64_t lane) const { return part[lane / width][lane % width]; }
 };
 template <int count>
@@ -106,6 +99,16 @@ static inline Mask<count> operator!(Mask<count> a) {
 
 namespace py {
 
+template <int count>
+static inline Lanes<count> in_all(double value) {
+  typedef typename Lanes<count>::Part Part;
+  return by_parts<Lanes<count>>([&](int) { return value - Part{}; });  // -0.0 too
+}
+template <int count>
+static inline Mask<count> mask_in_all(bool value) {
+  typedef typename Mask<count>::Part Part;
+  return by_parts<Mask<count>>([&](int) { return Part{} - (int64_t)value; });
+}
 template <class Number>
 static inline Number select(bool condition, Number yes, Number no) {
   return condition ? yes : no;

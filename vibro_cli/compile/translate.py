@@ -371,7 +371,9 @@ class Function:
             found = " and ".join(value.kind.cpp for value in values)
             expected = "numbers, or values of one type"
             self._fail(node, f"{ast.unparse(node)}: found {found}, expected {expected}")
-        return kind, [code if one == kind else f"{kind.cpp}({code})" for code, one in values]
+        in_lanes = "py::in_all" if kind.form == "number" else "py::mask_in_all"
+        cast = f"{in_lanes}<{kind.size}>" if kind.size else kind.cpp
+        return kind, [code if one == kind else f"{cast}({code})" for code, one in values]
 
     def _value_Constant(self, node: ast.Constant) -> Value:
         if type(node.value) not in _NUMBERS:
