@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from scipy.integrate import quad
+from scipy.optimize import brentq
 
 from vibro_cli.api import simulate
 from vibro_cli.scenario import load_any
@@ -72,6 +75,37 @@ def test_the_event_that_ends_a_run_has_the_time_of_its_end() -> None:
         run = solve_any(scene(trace, balls, 0.5, time=9.0) | {"ends": {"right": {"wall": 0.9}}})
         assert run.end_cause == "lift_off"
         assert run.events["t"][-1] == run.end_time == run.collisions["t"][-1]
+
+
+@pytest.mark.parametrize("engine", ["compiled", "python"])
+@pytest.mark.parametrize("speed", [4.0, -4.0])
+@pytest.mark.parametrize("rate", [0.0, 1.0])
+def test_slip_and_lift_off_on_the_way_up_to_the_top_are_where_quadrature_says(
+    rate: float, speed: float, engine: str
+) -> None:
+    """Exactly on the separatrix, which has no period, they were missing."""
+    arcs = [{"shape": "valley", "radius": 1.25, "end_slope": math.pi}]
+    trace: dict[str, Any] = {"start_slope": -math.pi, "closed": True, "arcs": arcs}
+    if rate != 0.0:
+        trace["turning"] = {"through_arc": 1, "rate": rate}
+    body = {"body": "hoop", "radius": 0.25, "mass": 1.0, "arc": 1, "angle": 0.0, "speed": speed}
+    document = {"gravity": 8.0, "trace": trace, "balls": [body], "stop": {"time": 5.0}}
+    run = solve_any(document | {"output": {"friction": 0.3}}, engine)
+    spread = rate**2 / 8.0
+
+    def squared(f: float) -> float:  # (f'/4)^2: w = 2
+        return math.cos(0.5 * f) ** 2 + 0.25 * spread * math.sin(f) ** 2
+
+    def normal(f: float) -> float:  # of the weight, as the friction
+        return math.cos(f) + spread * math.sin(f) ** 2 + 2.0 * squared(f)
+
+    def spare(f: float) -> float:
+        return 0.3 * normal(f) - 0.5 * math.sin(f) * (1.0 - spread * math.cos(f))
+
+    for name, margin in (("slip", spare), ("lift_off", normal)):
+        limit = brentq(margin, 0.0, 3.0, xtol=1e-15)
+        exact = quad(lambda f: 0.25 / math.sqrt(squared(f)), 0.0, limit, epsabs=1e-13)[0]
+        assert run.events["t"][run.events["event"] == name] == pytest.approx([exact], abs=1e-13)
 
 
 @pytest.mark.usefixtures("no_hang")

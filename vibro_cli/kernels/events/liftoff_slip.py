@@ -188,7 +188,7 @@ def set_course(
     """Set the course of a flight on an arc through a state that lies on its orbit."""
     course.after = NEVER
     course.period = NEVER
-    if flight.at_rest == 1 or flight.complementary_modulus == 0.0:
+    if flight.at_rest == 1:
         return
     first = time_of_flight(flight, s, c, p)
     if rotates(flight):

@@ -278,9 +278,13 @@ def passing_rate(flight: Flight, s: float, c: float, direction: float) -> float:
 
     Returns 0 if it never does.
     """
-    along = c * flight.flow_c if flight.complementary_modulus >= 0.0 else direction * flight.flow_p
+    complement = flight.complementary_modulus
+    if complement <= 0.0 and direction * flight.flow_p < 0.0:
+        return 0.0  # neither a rotation nor motion on the separatrix turns back
     square = squared_rate_at(flight, s, c)
-    return math.copysign(math.sqrt(square), direction) if square > 0.0 and along >= 0.0 else 0.0
+    if square <= 0.0 or (complement >= 0.0 and c * flight.flow_c < 0.0):
+        return 0.0
+    return math.copysign(math.sqrt(square), direction)
 
 
 @kernel
