@@ -2,6 +2,7 @@
 
 import json
 import os
+import resource
 import shutil
 import signal
 import subprocess
@@ -27,6 +28,25 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("processes")
     prepare(folder)
     return folder
+
+
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+@pytest.mark.parametrize(
+    "arguments",
+    [["run", "small.toml", "-o", "-"], ["schema", "scenario"], ["report", "done", "-o-"]],
+)
+def test_output_that_has_room_for_a_part_only_is_no_success(
+    folder: Path, tmp_path: Path, arguments: list[str], unbuffered: str
+) -> None:
+    """With PYTHONUNBUFFERED, usual in containers, Python drops what the system does not take."""
+    changes = {"PYTHONUNBUFFERED": unbuffered, "PYTHONDONTWRITEBYTECODE": "1"}
+    with open(tmp_path / "part", "wb") as part:
+        outcome = subprocess.run(
+            [*VIBRO, *arguments], cwd=folder, env=environment(**changes), stdout=part,
+            stderr=subprocess.PIPE, check=False,
+            preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100)),
+        )  # fmt: skip
+    assert (outcome.returncode, outcome.stderr) == (1, b"vibro: File too large\n")
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full on this system")

@@ -75,7 +75,9 @@ def print_found(found: Any, lines: Iterable[str], as_json: bool) -> None:
 def prepare_streams() -> None:
     """Keep files from taking the place of closed streams; escape letters outside the encoding.
 
-    Writing to a closed standard output fails; a closed standard error discards everything.
+    Writing to a closed standard output fails; a closed standard error discards everything. With
+    ``PYTHONUNBUFFERED`` standard output is buffered by the line, since Python drops what one call
+    of the system leaves unwritten, as on a full disk.
     """
     for number, access in enumerate((os.O_RDONLY, os.O_RDONLY, os.O_WRONLY)):
         try:
@@ -86,6 +88,8 @@ def prepare_streams() -> None:
         sys.stdout = open(1, "w", encoding="utf-8", closefd=False)  # noqa: SIM115 (to the end)
     if sys.stderr is None:
         sys.stderr = open(2, "w", encoding="utf-8", closefd=False)  # noqa: SIM115
+    if isinstance(getattr(sys.stdout, "buffer", None), io.RawIOBase):
+        sys.stdout = open(1, "w", 1, sys.stdout.encoding, closefd=False)  # noqa: SIM115
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")
 
