@@ -3,6 +3,7 @@
 import errno
 import os
 from collections.abc import Iterable
+from shlex import quote
 
 
 class VibroError(Exception):
@@ -57,6 +58,12 @@ def printable(text: str) -> str:
     if text.isprintable():  # as nearly all are, a million words of a table among them
         return text
     return "".join(char if char.isprintable() else "�" for char in text)
+
+
+def in_command(path: str | os.PathLike[str]) -> str:
+    """Return a path as a shell command has it, quoted, and never taken for an option."""
+    text = printable(os.fspath(path))
+    return quote(f"./{text}" if text.startswith("-") else text)
 
 
 def counted(number: int, one: str, several: str = "") -> str:

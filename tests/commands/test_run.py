@@ -7,6 +7,7 @@ import io
 import json
 import os
 import pkgutil
+import shlex
 import shutil
 import signal
 import subprocess
@@ -533,6 +534,17 @@ def test_a_signal_keeps_what_was_finished_and_nothing_else(
     assert words.count("\n") == 1
     assert entries(tmp_path / "all") == ["first", "second"]
     assert entries(tmp_path / "all" / "second") == entries(tmp_path / "all" / "first")
+
+
+@pytest.mark.parametrize("name", ["-dash", "it's a run", "-v; rm x"])
+def test_the_command_that_follows_takes_the_folder_for_no_option(vibro: Vibro, name: str) -> None:
+    few = ("--set", "stop.collisions=2", "--no-figures", "-o", name)
+    told = vibro("run", GALLERY / "one_circle.toml", *few).err.splitlines()[-1]
+    following, _, command = told.strip().partition(" ")
+    program, report, folder = shlex.split(command)
+    assert (following, program, report) == ("next", "vibro", "report")
+    assert os.path.samefile(folder, Path(name))
+    assert vibro("verify", folder).code == 0
 
 
 FIGURES = {

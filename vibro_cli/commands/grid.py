@@ -33,7 +33,7 @@ from vibro_cli.commands.shared.terminal import (
     say,
     size,
 )
-from vibro_cli.errors import counted, printable
+from vibro_cli.errors import counted, in_command, printable
 
 if TYPE_CHECKING:
     from vibro_cli.grids.chunks import Chunks, Receipt
@@ -308,7 +308,7 @@ def _solve(options: GridCommand, dataset: "Dataset", workers: int) -> None:
 
     missing = dataset.missing
     if not missing:
-        check = f"vibro verify {shlex.quote(printable(str(dataset.folder)))}"
+        check = f"vibro verify {in_command(dataset.folder)}"
         say(
             f"{dataset.grid.name}: the folder is already complete; nothing to solve "
             f"({check} checks its files)"

@@ -4,7 +4,6 @@ Editors use the schema. `vibro schema tables` describes the tables of results.
 """
 
 import json
-import shlex
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +14,7 @@ import typer
 from vibro_cli.commands.shared.error_handling import DONE, CommandError, check_no_folder
 from vibro_cli.commands.shared.options import gallery_names, json_option, output_option
 from vibro_cli.commands.shared.terminal import json_text, say, wrapped
-from vibro_cli.errors import printable
+from vibro_cli.errors import in_command, printable
 from vibro_cli.systems import NAMES
 
 if TYPE_CHECKING:
@@ -125,7 +124,7 @@ def _write(name: str, output: str | None, force: bool, as_json: bool) -> int:
         print(json_text({"file": str(path), "files": [str(one) for one in files]}))
     names = " and ".join(printable(str(one)) for one in files)
     command = "grid" if is_grid else "run"
-    say(f"{names} written; solve it with: vibro {command} {shlex.quote(printable(str(path)))}")
+    say(f"{names} written; solve it with: vibro {command} {in_command(path)}")
     return DONE
 
 

@@ -11,11 +11,10 @@ from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from shlex import quote
 from typing import TYPE_CHECKING, Any
 
 from vibro_cli import __version__
-from vibro_cli.errors import VibroError, printable
+from vibro_cli.errors import VibroError, in_command
 from vibro_cli.storage.files import (
     MANIFEST_NAME,
     FolderRefused,
@@ -289,7 +288,7 @@ def check_intact(folder: Path, described: Mapping[str, Mapping[str, Any]]) -> No
 
 def _solved_again(folder: Path) -> str:
     """Return the end of a message, with the command that writes the run in a folder anew."""
-    scenario, target = (quote(printable(str(path))) for path in (folder / SCENARIO_NAME, folder))
+    scenario, target = (in_command(path) for path in (folder / SCENARIO_NAME, folder))
     return f"vibro run {scenario} -o {target} solves it again"
 
 

@@ -8,7 +8,6 @@ import io
 import json
 import math
 import os
-import shlex
 import sys
 import textwrap
 import threading
@@ -18,7 +17,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, TextIO, TypeVar
 
-from vibro_cli.errors import counted, printable
+from vibro_cli.errors import counted, in_command, printable
 
 _Result = TypeVar("_Result")
 
@@ -172,7 +171,7 @@ def wrapped(text: str, first: str = "", others: str = "", width: int = COLUMNS) 
 
 def report_command(folder: Path) -> str:
     """Return the `vibro report` command for a folder, quoted for the shell."""
-    return f"vibro report {shlex.quote(printable(str(folder)))}"
+    return f"vibro report {in_command(folder)}"
 
 
 def summary_text(
