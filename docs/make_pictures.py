@@ -71,8 +71,8 @@ PAPERS = {
     "turning_valley-portrait": {"family": "D-turning"},
     "turning_valley": {"energy_portrait_1": "D-turning-impacts"},
 }  # fmt: skip
-SHARE = 0.62
-"""Of the width of those pictures."""
+SHARE, COLOURS = 0.62, 96
+"""Of the width of those pictures, and the number of colours with which no hue becomes grey."""
 
 
 def vibro(*arguments: str) -> None:
@@ -112,7 +112,7 @@ def of_the_papers(work: Path) -> None:
     for folder, pictures in PAPERS.items():
         for figure, picture in pictures.items():
             source = work / "outputs" / folder / f"{figure}.png"
-            shrink(source, OF_THE_PAPERS / f"{picture}.png", SHARE, 64)
+            shrink(source, OF_THE_PAPERS / f"{picture}.png", SHARE, COLOURS)
 
 
 def figures(work: Path) -> None:
