@@ -2,6 +2,7 @@
 
 import io
 import json
+from collections import deque
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from tests.commands.conftest import Vibro
+from tests.effort import calls
 from tests.fake_run import columns_of
 from vibro_cli.commands import show
 from vibro_cli.storage import tables
@@ -232,6 +234,28 @@ def test_format_and_json_exclude_each_other(vibro: Vibro, table: Path) -> None:
 def test_numbers_of_json_are_exact(vibro: Vibro, table: Path) -> None:
     rows = json.loads(vibro("show", table, "--json").text)["rows"]
     assert [row["t"] for row in rows] == list(columns_of(of_trace.EVENTS, 50)["t"])
+
+
+def test_rows_of_json_are_not_written_value_by_value(vibro: Vibro, tmp_path: Path) -> None:
+    """They are as many objects and as exact as if Python had written each."""
+    numbers = [(-1) ** n * 1.1 ** (n - 5000) for n in range(10_000)]
+    words = ["κ", 'a "b"', None, "line\nbreak"] * 2500
+    data = pa.table({"n": range(10_000), "x": numbers, "word": words})
+    pq.write_table(data, tmp_path / "long.parquet", row_group_size=3000)
+    (found,) = vibro("show", "long.parquet", "--json").lines
+    assert found["rows"] == data.to_pylist()
+    parts = [data.select(["n", "x"])]
+    assert calls(lambda: deque(show._as_json(iter(parts)), maxlen=0)) < 1000
+
+
+def test_json_is_ascii_where_the_terminal_is(
+    vibro: Vibro, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pq.write_table(pa.table({"κ": ["µ", "🎱"]}), tmp_path / "words.parquet")
+    monkeypatch.setattr(show, "json_encoder", json.JSONEncoder)
+    outcome = vibro("show", "words.parquet", "--json")
+    assert outcome.out.isascii()
+    assert outcome.lines[0]["rows"] == [{"κ": "µ"}, {"κ": "🎱"}]
 
 
 @pytest.mark.parametrize(

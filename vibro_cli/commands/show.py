@@ -21,7 +21,7 @@ from vibro_cli.commands.shared.error_handling import (
     suggestion,
 )
 from vibro_cli.commands.shared.options import TableFormat, json_option, table_files
-from vibro_cli.commands.shared.terminal import json_text, say
+from vibro_cli.commands.shared.terminal import json_encoder, say
 from vibro_cli.errors import exhausted, printable, similar
 
 if TYPE_CHECKING:
@@ -209,7 +209,9 @@ def _meta(data: "pyarrow.Table", name: str, key: bytes) -> str:
 
 def _as_json(parts: "Iterator[pyarrow.Table]") -> Iterator[str]:
     """Yield a JSON object, piece by piece: columns with units and descriptions, and the rows."""
-    begin = next(parts)
+    from vibro_cli.storage.tables import json_rows
+
+    begin, encoder = next(parts), json_encoder()
     columns = [
         {
             "name": name,
@@ -218,10 +220,11 @@ def _as_json(parts: "Iterator[pyarrow.Table]") -> Iterator[str]:
         }
         for name in begin.column_names
     ]
-    before = json_text({"columns": columns, "rows": []})[:-2]
-    for batch in filter(len, _few_rows(chain([begin], parts))):
-        yield before + json_text(batch.to_pylist())[1:-1]
-        before = ", "
+    before = encoder.encode({"columns": columns, "rows": []})[:-2]
+    for batch in (batch for part in chain([begin], parts) for batch in part.to_batches()):
+        for texts in json_rows(batch, encoder):
+            yield before + ", ".join(texts)
+            before = ", "
     yield "]}\n" if before == ", " else f"{before}]}}\n"
 
 

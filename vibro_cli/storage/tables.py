@@ -56,7 +56,7 @@ _ARROW_TYPES = {
 _ENCODINGS = {pa.float64(): "BYTE_STREAM_SPLIT", pa.int64(): "DELTA_BINARY_PACKED"}
 # Six of the eight bytes of a double are noise: more effort reduces files by only 1 or 2 per cent.
 _LEVEL = -5
-_JSON_LINES_AT_ONCE = 4096
+_JSON_ROWS_AT_ONCE = 4096
 _JSON = json.JSONEncoder(ensure_ascii=False, allow_nan=False)
 # Up to so many rows, words are joined in Python, in less time than Arrow needs to import the module
 # that does it faster.
@@ -515,18 +515,8 @@ class GrowingTable:
         self._sink.flush()
 
     def _write_lines(self, rows: pa.RecordBatch) -> None:
-        from pyarrow import compute
-
-        names = [_JSON.encode(name) for name in rows.schema.names]
-        texts = [f"{', ' if n else '{'}{name}: ".encode() for n, name in enumerate(names)]
-        # Arrow would import pandas to convert Python's texts.
-        *keys, end, between = _texts([*texts, b"}\n", b""])
-        null = {"null_handling": "replace", "null_replacement": "null"}
-        for first in range(0, rows.num_rows, _JSON_LINES_AT_ONCE):
-            columns = rows.slice(first, _JSON_LINES_AT_ONCE).columns
-            parts = chain.from_iterable(zip(keys, map(_json_texts, columns), strict=True))
-            lines = compute.binary_join_element_wise(*parts, end, between, **null)
-            self._sink.write("".join(lines.to_pylist()).encode())
+        for texts in json_rows(rows, _JSON):
+            self._sink.write("\n".join([*texts, ""]).encode())
 
     def _write_groups(self, least: int) -> None:
         """Write groups from the waiting rows, as long as there are at least `least`."""
@@ -548,7 +538,23 @@ class GrowingTable:
         self._writer.is_open = False  # otherwise garbage collection would write the end
 
 
-def _json_texts(column: pa.Array) -> pa.Array:
+def json_rows(rows: pa.RecordBatch, encoder: json.JSONEncoder) -> Iterator[list[str]]:
+    """Yield the rows as JSON objects, some thousands at a time; `encoder` is that of words."""
+    from pyarrow import compute
+
+    names = map(encoder.encode, rows.schema.names)
+    texts = [f"{', ' if n else '{'}{name}: ".encode() for n, name in enumerate(names)]
+    # Arrow would import pandas to convert Python's texts.
+    *keys, end, between = _texts([*texts, b"}", b""])
+    null = {"null_handling": "replace", "null_replacement": "null"}
+    for first in range(0, rows.num_rows, _JSON_ROWS_AT_ONCE):
+        columns = rows.slice(first, _JSON_ROWS_AT_ONCE).columns
+        values = (_json_texts(column, encoder) for column in columns)
+        parts = chain.from_iterable(zip(keys, values, strict=True))
+        yield compute.binary_join_element_wise(*parts, end, between, **null).to_pylist()
+
+
+def _json_texts(column: pa.Array, encoder: json.JSONEncoder) -> pa.Array:
     """Return each value of a column as JSON; numbers by Arrow, five times faster than Python."""
     from pyarrow import compute
 
@@ -558,7 +564,7 @@ def _json_texts(column: pa.Array) -> pa.Array:
         texts = column.cast(pa.string())
         # A whole number must not be read back as an integer, which has no negative zero.
         return compute.replace_substring_regex(texts, r"^(-?\d+)$", r"\1.0")
-    return _texts([_JSON.encode(value).encode() for value in column.to_pylist()])
+    return _texts([encoder.encode(value).encode() for value in column.to_pylist()])
 
 
 def stream(parts: Iterator[pa.Table], form: str, sink: BinaryIO) -> None:

@@ -55,14 +55,19 @@ def say(text: str | Sequence[str], level: str = "info", **details: Any) -> None:
         silence(sys.stderr)
 
 
-def json_text(value: Any, stream: TextIO | None = None, indent: int | None = None) -> str:
-    """Return JSON for a stream (default: standard output), escaped to ASCII unless it is UTF-8.
+def json_encoder(stream: TextIO | None = None, indent: int | None = None) -> json.JSONEncoder:
+    """Return an encoder for a stream (default: standard output), to ASCII unless it is UTF-8.
 
-    Raises `ValueError` for numbers that are not finite.
+    It raises `ValueError` for numbers that are not finite.
     """
     encoding = getattr(stream or sys.stdout, "encoding", None) or "ascii"
     plain = codecs.lookup(encoding).name != "utf-8"
-    return json.dumps(value, indent=indent, ensure_ascii=plain, allow_nan=False)
+    return json.JSONEncoder(indent=indent, ensure_ascii=plain, allow_nan=False)
+
+
+def json_text(value: Any, stream: TextIO | None = None, indent: int | None = None) -> str:
+    """Return JSON for a stream, as `json_encoder`."""
+    return json_encoder(stream, indent).encode(value)
 
 
 def print_found(found: Any, lines: Iterable[str], as_json: bool) -> None:
