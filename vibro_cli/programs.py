@@ -8,7 +8,7 @@ from __future__ import annotations
 import sys
 
 from vibro_cli.compile.build import BuildError, build
-from vibro_cli.compile.kinds import TranslationError
+from vibro_cli.compile.kernel import TranslationError
 from vibro_cli.compile.native import IF_CHANGED
 from vibro_cli.compile.translate import Program
 from vibro_cli.kernels.ensemble.lanes import run_points_in_lanes

@@ -19,6 +19,7 @@ from vibro_cli.compile.kernel import (
     LANES,
     Lanes,
     Series,
+    TranslationError,
     any_lane,
     dtype,
     extract,
@@ -28,7 +29,6 @@ from vibro_cli.compile.kernel import (
     pack,
     struct,
 )
-from vibro_cli.compile.kinds import TranslationError
 from vibro_cli.compile.native import compiled
 from vibro_cli.compile.translate import Program, literal
 from vibro_cli.systems.driver import zeros

@@ -17,8 +17,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from vibro_cli.compile.kernel import NO_OVERRIDES, Kernel, Overrides, dtype
-from vibro_cli.compile.kinds import signature
+from vibro_cli.compile.kernel import NO_OVERRIDES, Kernel, Overrides, dtype, signature
 from vibro_cli.errors import NoLibrary
 
 PACKAGE = Path(__file__).parents[1]

@@ -20,9 +20,17 @@ from textwrap import indent
 from typing import Any, NamedTuple, NoReturn
 
 from vibro_cli.compile import kernel as k
-from vibro_cli.compile import kinds as t
-from vibro_cli.compile.kernel import NO_OVERRIDES, Kernel, Overrides, is_kernel
-from vibro_cli.compile.kinds import LANES, Kind, TranslationError, shown, signature
+from vibro_cli.compile.kernel import (
+    LANES,
+    NO_OVERRIDES,
+    Kernel,
+    Kind,
+    Overrides,
+    TranslationError,
+    is_kernel,
+    shown,
+    signature,
+)
 
 _WORDS = """alignas asm auto bool case catch char class const default delete do double else enum
     explicit export extern false float friend goto inline int int64_t long mutable namespace new
@@ -39,7 +47,7 @@ _OPERATORS = {
 }
 _ORDER = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">="}
 _COMPARISONS = {**_ORDER, ast.Eq: "==", ast.NotEq: "!="}
-_NUMBERS: dict[Any, Kind] = {float: t.FLOAT, int: t.INT, bool: t.BOOL}
+_NUMBERS: dict[Any, Kind] = {float: k.FLOAT, int: k.INT, bool: k.BOOL}
 _PLAIN = {ast.Pass: ";", ast.Break: "break;", ast.Continue: "continue;"}
 
 
@@ -63,23 +71,23 @@ _RULES: dict[Any, Rule] = {
     min: Rule("py::min<{kind}>({all})", None),
     max: Rule("py::max<{kind}>({all})", None),
     abs: Rule("py::abs({0})", lambda kind: kind),
-    int: Rule("int64_t({0})", t.INT),
-    float: Rule("double({0})", t.FLOAT),
-    round: Rule("int64_t(std::nearbyint({0}))", t.INT),
-    k.fused: Rule("std::fma({all})", t.FLOAT),
-    k.any_lane: Rule("py::any_lane({0})", t.BOOL),
-    k.has_bit: Rule("py::has_bit({all})", lambda kind, _: t.truth_of(kind)),
-    k.extract: Rule("{0}[{1}]", t.FLOAT),
+    int: Rule("int64_t({0})", k.INT),
+    float: Rule("double({0})", k.FLOAT),
+    round: Rule("int64_t(std::nearbyint({0}))", k.INT),
+    k.fused: Rule("std::fma({all})", k.FLOAT),
+    k.any_lane: Rule("py::any_lane({0})", k.BOOL),
+    k.has_bit: Rule("py::has_bit({all})", lambda kind, _: k.truth_of(kind)),
+    k.extract: Rule("{0}[{1}]", k.FLOAT),
     k.insert: Rule("py::insert({all})", lambda kind, *_: kind),
-    k.pack: Rule("py::pack({all})", t.lanes_of(2)),
-    math.sqrt: Rule("py::sqrt({0})", lambda kind: kind if kind.size else t.FLOAT),
-    math.floor: Rule("int64_t(std::floor({0}))", t.INT),
-    math.ceil: Rule("int64_t(std::ceil({0}))", t.INT),
+    k.pack: Rule("py::pack({all})", k.lanes_of(2)),
+    math.sqrt: Rule("py::sqrt({0})", lambda kind: kind if kind.size else k.FLOAT),
+    math.floor: Rule("int64_t(std::floor({0}))", k.INT),
+    math.ceil: Rule("int64_t(std::ceil({0}))", k.INT),
 }
 # Functions of Python's module math with the same bits as those of the C library.
 _OF_C = """exp expm1 log log1p log2 copysign fabs pow sin cos tan asin acos atan atan2
     sinh cosh tanh asinh acosh atanh"""
-_RULES |= {getattr(math, name): Rule(f"std::{name}({{all}})", t.FLOAT) for name in _OF_C.split()}
+_RULES |= {getattr(math, name): Rule(f"std::{name}({{all}})", k.FLOAT) for name in _OF_C.split()}
 
 
 @dataclass
@@ -105,7 +113,7 @@ class Program:
         doors = [self._entry(kernel) for kernel in self.entries]
         parts = [
             '#include "prelude.hpp"\n\nnamespace {\n\ntemplate <class... Items>\nstruct Tuple;\n',
-            *map(t.declaration, self.declared),
+            *map(k.declaration, self.declared),
             "\n".join(self.constants) + "\n",
             *(function.definition for function in self.functions.values() if function),
             "}  // namespace\n",
@@ -267,7 +275,7 @@ class Function:
         if statement.value is None:
             return "return;"
         value = self._value(statement.value)
-        if self.returns is None and t.in_one_lane(value.kind) == t.in_one_lane(self._declared):
+        if self.returns is None and k.in_one_lane(value.kind) == k.in_one_lane(self._declared):
             self.returns = value.kind
         return f"return {self._exact(value, self.returns or self._declared, statement)};"
 
@@ -291,9 +299,9 @@ class Function:
         is_range = is_range and len(steps.args) in (1, 2, 3)
         if not is_range or not isinstance(statement.target, ast.Name):
             self._fail(statement, "expected `for name in range(...)`")
-        bounds = [self._exact(self._value(one), t.INT, one) for one in steps.args]
+        bounds = [self._exact(self._value(one), k.INT, one) for one in steps.args]
         low, high, step = (("0", *bounds, "1") if len(bounds) == 1 else (*bounds, "1"))[:3]
-        name, number = self._declare(statement.target, t.INT), next(self._numbers)
+        name, number = self._declare(statement.target, k.INT), next(self._numbers)
         at, end, by = (f"{word}_{number}" for word in ("at", "end", "by"))
         going = f"{by} > 0 ? {at} < {end} : {at} > {end}"
         head = f"for (int64_t {at} = {low}, {end} = {high}, {by} = {step}; {going}; {at} += {by})"
@@ -336,7 +344,7 @@ class Function:
 
     def _declare(self, node: ast.Name, kind: Kind) -> str:
         """Return the C++ name of a variable that is assigned a value of a type."""
-        if kind == t.NOTHING:
+        if kind == k.NOTHING:
             self._fail(node, f"{node.id} is given {node.id}, which is no number or struct")
         first = self._kinds.setdefault(node.id, kind)
         if kind != first:
@@ -366,7 +374,7 @@ class Function:
 
     def _alike(self, node: ast.expr, values: Sequence[Value]) -> tuple[Kind, list[str]]:
         """Return the type that values share in an expression, and their code converted to it."""
-        kind = t.joined(*(value.kind for value in values))
+        kind = k.joined(*(value.kind for value in values))
         if kind is None:
             found = " and ".join(value.kind.cpp for value in values)
             expected = "numbers, or values of one type"
@@ -391,7 +399,7 @@ class Function:
     def _value_Attribute(self, node: ast.Attribute) -> Value:
         number = self._meaning(node)
         if isinstance(number, float):
-            return Value(literal(number), t.FLOAT)
+            return Value(literal(number), k.FLOAT)
         owner = self._value(node.value)
         kind = owner.kind.members.get(node.attr) if owner.kind.form != "tuple" else None
         if kind is None:
@@ -404,7 +412,7 @@ class Function:
         owner = self._value(node.value)
         places = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
         for place in places:
-            index = self._exact(self._value(place), t.INT, place)
+            index = self._exact(self._value(place), k.INT, place)
             owner = self._element(owner, index, place, node)
         return owner
 
@@ -414,7 +422,7 @@ class Function:
         if kind.form == "tuple" and f"at{number}" in kind.members:
             return Value(f"{code}.at{number}", kind.item[number])
         if kind.form == "array" and kind.size > 1:
-            return Value(at, t.array_of(kind.item, kind.size - 1))
+            return Value(at, k.array_of(kind.item, kind.size - 1))
         if kind.form not in ("array", "row"):
             items = "items by variable indices" if number is None else f"item {number!r}"
             elements = items if kind.form == "tuple" else "elements"
@@ -425,9 +433,9 @@ class Function:
     def _value_BinOp(self, node: ast.BinOp) -> Value:
         kind, codes = self._alike(node, [self._value(node.left), self._value(node.right)])
         text = _OPERATORS.get(type(node.op))
-        if isinstance(node.op, ast.Div) and kind == t.INT:
-            kind, codes = t.FLOAT, [f"double({code})" for code in codes]
-        is_whole = isinstance(node.op, ast.FloorDiv) and kind != t.INT
+        if isinstance(node.op, ast.Div) and kind == k.INT:
+            kind, codes = k.FLOAT, [f"double({code})" for code in codes]
+        is_whole = isinstance(node.op, ast.FloorDiv) and kind != k.INT
         is_of_one = isinstance(node.op, ast.Mod) and kind.size
         if text is None or kind.form != "number" or is_whole or is_of_one:
             self._fail(node, f"{ast.unparse(node)}: a kernel has no such operator of {kind.cpp}")
@@ -455,13 +463,13 @@ class Function:
             self._fail(node, f"{ast.unparse(node)}: a kernel has no such comparison")
         pairs = zip(codes, signs, codes[1:], strict=False)
         parts = [f"{one} {sign} {other}" for one, sign, other in pairs]
-        return _chained("&", parts, t.truth_of(kind))
+        return _chained("&", parts, k.truth_of(kind))
 
     def _value_IfExp(self, node: ast.IfExp) -> Value:
         code, truth = self._truth(node.test)
         values = [self._value(node.body), self._value(node.orelse)]
         if truth.size:
-            kind = t.lanes_of(truth.size)
+            kind = k.lanes_of(truth.size)
             one, other = (self._alike(node, [value, Value("", kind)])[1][0] for value in values)
             return Value(f"py::select({code}, {one}, {other})", kind)
         kind, (one, other) = self._alike(node, values)
@@ -469,7 +477,7 @@ class Function:
 
     def _value_Tuple(self, node: ast.Tuple) -> Value:
         values = [self._value(one) for one in node.elts]
-        kind = self.program.note(t.tuple_of(value.kind for value in values))
+        kind = self.program.note(k.tuple_of(value.kind for value in values))
         return Value(f"{kind.cpp}{{{', '.join(value.code for value in values)}}}", kind)
 
     def _value_Call(self, node: ast.Call) -> Value:
@@ -478,7 +486,7 @@ class Function:
         values = [self._value(one) for one in node.args]
         meaning = self._meaning(node.func)
         if meaning is len and values[0].kind.form == "array":
-            return Value(f"{values[0].code}.extents[0]", t.INT)
+            return Value(f"{values[0].code}.extents[0]", k.INT)
         if callable(meaning) and meaning in _RULES:
             return self._call_by_rule(node, _RULES[meaning], values)
         if not is_kernel(meaning):
