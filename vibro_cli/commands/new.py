@@ -192,13 +192,31 @@ class SchemaCommand:
         from vibro_cli.commands.help import tables
         from vibro_cli.grids.document import grid_schema
         from vibro_cli.scenario.fields import json_schema
-        from vibro_cli.storage.tables import as_json
 
         if self.markdown:
             print(tables(), end="")
         elif self.subject == "tables":
-            print(json_text(as_json(), indent=2))
+            print(json_text(_tables(), indent=2))
         else:
             schema = json_schema if self.subject == "scenario" else grid_schema
             print(json_text(schema(self.system), indent=2))
         return DONE
+
+
+def _tables() -> dict[str, object]:
+    """Return the description of all tables as plain values (`vibro schema tables`)."""
+    from vibro_cli.systems import system_named
+
+    return {
+        table.schema_id: {
+            "row": table.row,
+            "columns": [
+                {
+                    key: getattr(column, key)
+                    for key in ("name", "type", "unit", "nullable", "description")
+                }
+                for column in table.columns
+            ],
+        }
+        for table in system_named("trace").tables()
+    }

@@ -26,26 +26,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from vibro_cli import __version__
-from vibro_cli.systems import system_named
 from vibro_cli.systems.columns import Column, Table
-
-
-def as_json() -> dict[str, object]:
-    """Return the description of all tables as plain values (`vibro schema tables`)."""
-    return {
-        table.schema_id: {
-            "row": table.row,
-            "columns": [
-                {
-                    key: getattr(column, key)
-                    for key in ("name", "type", "unit", "nullable", "description")
-                }
-                for column in table.columns
-            ],
-        }
-        for table in system_named("trace").tables()
-    }
-
 
 _ARROW_TYPES = {
     "float64": pa.float64(),
