@@ -150,7 +150,8 @@ def parsed_range(option: str, text: str, infinite: Sequence[str] = ()) -> tuple[
 
     path, _, values = (part.strip() for part in text.rpartition("="))
     ends = [end.strip() for end in values.split(":")]
-    expected = "PATH=LOW:HIGH with LOW < HIGH (SI units and radians, or with their units)"
+    form = f"{'PATH or ' if infinite else ''}PATH=LOW:HIGH with LOW < HIGH"
+    expected = f"{form} (SI units and radians, or with their units)"
     if not path or len(ends) != 2:
         raise CommandError(f"vibro: {option}: found {text!r}, expected {expected}")
     try:
