@@ -20,7 +20,6 @@ from vibro_cli.kernels.numerics.elliptic import fill_angles
 from vibro_cli.kernels.rotating import TURNING
 from vibro_cli.kernels.statistics.impact_columns import fill_columns
 from vibro_cli.kernels.statistics.run_statistics import update_statistics
-from vibro_cli.kernels.tangent.flight_jacobian import find_arrivals
 from vibro_cli.kernels.tangent.follow import follow_tangents
 from vibro_cli.kernels.tangent.impact_times import differentiate_impacts
 from vibro_cli.stress.kernels import find_first_contacts
@@ -45,7 +44,6 @@ def programs() -> list[Program]:
         fill_columns,
         fill_stacked,
         fill_angles,
-        find_arrivals,
         differentiate_impacts,
         find_first_contacts,
     )

@@ -15,15 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibro_cli.assemble import body_of, speed_of, system_of, trace_of
-from vibro_cli.compile.native import compiled
+from vibro_cli.compile.kernel import NO_OVERRIDES
 from vibro_cli.errors import VibroError
 from vibro_cli.kernels.impact.laws import LAW_NAMES, weight_and_response
-from vibro_cli.kernels.tangent.flight_jacobian import Arrival, find_arrivals
 from vibro_cli.kernels.tangent.frame import SERIES_ROWS, TERMS
 from vibro_cli.kernels.tangent.impact_times import (
+    Arrival,
     Changes,
     MotionChange,
-    StruckBody,
     TrackChange,
     differentiate_impacts,
 )
@@ -42,7 +41,7 @@ from vibro_cli.mechanics.trace import Piece, sine_cosine
 from vibro_cli.numerics.elementwise import Dual, Floats, change_of, value_of
 from vibro_cli.scenario.models import Scenario
 from vibro_cli.scenario.problems import KeyPath, ScenarioError, path_text, suggestion
-from vibro_cli.systems.driver import body_record, with_logs, zeros
+from vibro_cli.systems.driver import body_record, called, with_logs, zeros
 from vibro_cli.systems.request import Limits
 from vibro_cli.systems.run import begun
 from vibro_cli.systems.trace import SYSTEM
@@ -162,19 +161,14 @@ def impact_times(
     log, impacts = stretch.logs["log"], stretch.logs["impacts"]
     own = make_world(system)
     world = with_logs(SYSTEM.loop, own, stretch.engine, stretch.logs, stretch.clock)
-    current = np.zeros((1, len(system.bodies)), dtype=np.int64)
-    arrivals = _arrivals(world, current)
-    events = _events_of(log, impacts, arrivals)
+    events = _events_of(log, impacts)
     made = impacts[: np.count_nonzero(events[:, 2] >= 0)]
-    starts = np.flatnonzero(log["cause"] == START)
-    current[0, log["body"][starts]] = starts
-    changes = _changes_of(varied, current, (len(made), len(paths)))
-    differentiate: Any = compiled(differentiate_impacts)
-    differentiate(world, arrivals, events, changes, len(paths))
+    changes = _changes_of(varied, log, (len(made), len(paths)))
+    called(differentiate_impacts, NO_OVERRIDES, world, events, changes, len(paths))
     return ImpactTimes(
         t=made["t"].copy(),  # a view would keep all logs in memory
         pairs=np.stack([made["a"], made["b"]], axis=1) + 1,
-        word=_word_of(log, arrivals, events),
+        word=_word_of(log, events),
         end_cause=END_NAMES[stretch.cause],
         derivative=changes.times,
     )
@@ -186,15 +180,7 @@ def _check_starts(varied: TraceSystem, system: TraceSystem) -> None:
             raise NoDerivative(f"body {number} starts on a junction")
 
 
-def _arrivals(world: Any, scratch: Any) -> Any:
-    """Return the ends of all flights; `scratch` has a whole number for each body."""
-    arrivals = zeros(len(world.log), Arrival)
-    find: Any = compiled(find_arrivals)
-    find(world, arrivals, scratch, np.zeros((SERIES_ROWS, TERMS + 1)), zeros(1, Flight))
-    return arrivals
-
-
-def _events_of(log: Any, impacts: Any, arrivals: Any) -> NDArray[np.int64]:
+def _events_of(log: Any, impacts: Any) -> NDArray[np.int64]:
     """Return the events of a whole run, as ``differentiate_impacts`` takes them.
 
     Raises `NoDerivative` at the first one that has no derivative.
@@ -210,7 +196,7 @@ def _events_of(log: Any, impacts: Any, arrivals: Any) -> NDArray[np.int64]:
     fits = (body[pairs] == struck) & (made["contact"] == 0)[:, None]
     for name in ("t", "t_low"):
         fits &= log[name][pairs] == made[name][:, None]
-    fits &= (arrivals["age"][pairs] > 0.0) | (t[pairs] == t[0])
+    fits &= (_ages_of(log, pairs) > 0.0) | (t[pairs] == t[0])
     closing = made["normal_a"] * made["speed_a_pre"] - made["normal_b"] * made["speed_b_pre"]
     alone, touches = (np.zeros(len(log), dtype=bool) for _ in range(2))
     alone[pairs] = np.all(fits, axis=1, keepdims=True)
@@ -220,7 +206,7 @@ def _events_of(log: Any, impacts: Any, arrivals: Any) -> NDArray[np.int64]:
         (cause != START) & ((log["grouped"] != 0) | ~(ends | (cause == COLLISION))),
         (cause == COLLISION) & ~alone,
         touches,
-        ends & (arrivals["speed"] == 0.0),
+        ends & (log["before_p"] == 0.0),
         (cause == WALL) & (log["at_rest"] != 0),
     ]
     faults = np.select(conditions, range(1, len(_FAULTS)))
@@ -234,7 +220,18 @@ def _events_of(log: Any, impacts: Any, arrivals: Any) -> NDArray[np.int64]:
     return events[np.argsort(np.concatenate([first, left]))]
 
 
-def _word_of(log: Any, arrivals: Any, events: NDArray[np.int64]) -> tuple[str, ...]:
+def _ages_of(log: Any, rows: NDArray[np.int64]) -> Floats:
+    """Return the durations (s) of the flights that end at rows of the log."""
+    order = np.argsort(log["body"], kind="stable")  # flights of one body follow one another
+    before = np.empty_like(order)
+    before[order] = np.roll(order, 1)
+    start = before[rows]
+    t, low = log["t"], log["t_low"]
+    ages: Floats = (t[rows] - t[start]) + (low[rows] - low[start])
+    return ages
+
+
+def _word_of(log: Any, events: NDArray[np.int64]) -> tuple[str, ...]:
     """Return the events in words, see `ImpactTimes`."""
     first, other, impact = events.T
     bodies = int(np.max(log["body"])) + 1
@@ -242,7 +239,7 @@ def _word_of(log: Any, arrivals: Any, events: NDArray[np.int64]) -> tuple[str, .
     table = np.array(
         [[one + tail for tail in (*names, "|", ">", "<")] for one in names], dtype=object
     )
-    conditions = [impact >= 0, log["cause"][first] == WALL, arrivals["speed"][first] > 0.0]
+    conditions = [impact >= 0, log["cause"][first] == WALL, log["before_p"][first] > 0.0]
     tail = np.select(conditions, [log["body"][other], bodies, bodies + 1], bodies + 2)
     return tuple(table[log["body"][first], tail])
 
@@ -260,9 +257,12 @@ def _matrix(numbers: Sequence[Any], size: int) -> Floats:
     return np.array([change_of(one, size) for one in numbers])
 
 
-def _changes_of(varied: TraceSystem, current: Any, shape: tuple[int, int]) -> Changes:
+def _changes_of(varied: TraceSystem, log: Any, shape: tuple[int, int]) -> Changes:
     """Return the derivatives of a system; `shape` is that of the derivatives of its times."""
     size, bodies = shape[1], varied.bodies
+    current = np.zeros((1, len(bodies)), dtype=np.int64)
+    begun = np.flatnonzero(log["cause"] == START)
+    current[0, log["body"][begun]] = begun
     records = [body_record(body) for body in bodies]
     restitution = [varied.restitution_of(pair) for pair in range(len(bodies))]  # at most
     walls = [0.0 if one is None else one.restitution for one in (varied.left_end, varied.right_end)]
@@ -279,7 +279,9 @@ def _changes_of(varied: TraceSystem, current: Any, shape: tuple[int, int]) -> Ch
         walls=_matrix(walls, size),
         motion=_structs(MotionChange, starts, size),
         current=current,
-        struck=zeros(2, StruckBody),
+        arrivals=zeros(2, Arrival),
+        flight=zeros(1, Flight),
+        series=np.zeros((SERIES_ROWS, TERMS + 1)),
         times=np.zeros(shape),
     )
 

@@ -19,18 +19,16 @@ logarithmic derivative of the theta function of dn (DLMF 22.16.20, 22.16.30 and 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
-from vibro_cli.compile.kernel import FloatMatrix, IntMatrix, kernel, struct
-from vibro_cli.kernels.flow.flow import LINE, POLYNOMIAL, acceleration_at, replay_flight
-from vibro_cli.kernels.numerics.double_double import time_between
+from vibro_cli.compile.kernel import FloatMatrix, kernel
+from vibro_cli.kernels.flow.flow import LINE, POLYNOMIAL
 from vibro_cli.kernels.numerics.elliptic import (
     TRIGONOMETRIC,
     ThetaConstants,
     sine_cosine,
     theta_functions,
 )
-from vibro_cli.kernels.world import START, Flight, World, track_on
+from vibro_cli.kernels.world import Flight
 
 # Below this parameter the nome is one sixteenth of it.
 LEAST_PARAMETER = 1.0e-200
@@ -171,52 +169,3 @@ def _hyperbolic_slope(q: float, q3: float, r: float) -> float:
     even += q6 * (x1 * x1 * x1 + x2 * x2 * x2)
     slope = (rise - fall) * middle / even
     return slope if r >= 0.0 else -slope
-
-
-@struct
-class Arrival:
-    """The end of a flight."""
-
-    age: float  # duration of the flight, s
-    speed: float  # of the centre along its path, m/s
-    acceleration: float  # along the path, m/s^2
-    way_way: float  # derivative of displacement and speed with respect to the start (m, m/s)
-    way_speed: float
-    speed_way: float
-    speed_speed: float
-
-
-@kernel
-def find_arrivals(
-    world: World,
-    arrivals: Sequence[Arrival],
-    current: IntMatrix,
-    series: FloatMatrix,
-    scratch: Sequence[Flight],
-) -> None:
-    """Fill in the arrival that precedes each row of the log of a whole run.
-
-    There is an element of ``arrivals`` for each row, which stays unchanged if no flight of the body
-    ends there. ``current`` [0, body], ``series`` and one flight in ``scratch`` are scratch.
-    """
-    flight = scratch[0]
-    for number in range(world.clock[0].flight_rows):
-        row = world.log[number]
-        if row.cause != START:
-            arrival = arrivals[number]
-            last = current[0, row.body]
-            before = world.log[last]
-            track = track_on(world, row.body, before.piece)
-            replay_flight(world, before, last, flight)
-            age = time_between(row.t, row.t_low, before.t, before.t_low)
-            one, two, three, four = flight_jacobian(flight, age, series)
-            arrival.age = age
-            arrival.speed = track.speed_factor * row.before_p
-            arrival.acceleration = acceleration_at(
-                flight, track.path_radius, age, row.before_s, row.before_c
-            )
-            arrival.way_way = one
-            arrival.way_speed = two
-            arrival.speed_way = three
-            arrival.speed_speed = four
-        current[0, row.body] = number

@@ -18,9 +18,11 @@ from typing import NamedTuple
 
 from vibro_cli.compile.kernel import FloatMatrix, IntMatrix, kernel, struct
 from vibro_cli.kernels.contact.contact_kinematics import centre_position, centre_tangent
+from vibro_cli.kernels.flow.flow import acceleration_at, replay_flight
 from vibro_cli.kernels.impact.laws import NORMAL_IMPULSE, law_approach, weight_and_response
-from vibro_cli.kernels.tangent.flight_jacobian import Arrival
-from vibro_cli.kernels.world import WALL, World, track_on
+from vibro_cli.kernels.numerics.double_double import time_between
+from vibro_cli.kernels.tangent.flight_jacobian import flight_jacobian
+from vibro_cli.kernels.world import WALL, Flight, World, track_on
 
 
 @struct
@@ -46,17 +48,17 @@ class MotionChange:
 
 
 @struct
-class StruckBody:
-    """One body at an impact."""
+class Arrival:
+    """One body at the end of its flight; from ``tangent_x`` on, at an impact."""
 
-    piece: int  # before the impact
+    piece: int
+    scale: float  # rho (m) on an arc, 1 on a line
+    speed: float  # of the centre along its path, m/s
+    acceleration: float  # along the path, m/s^2
     tangent_x: float
     tangent_y: float
     sign: float  # of the curvature
-    scale: float  # rho (m) on an arc, 1 on a line
     along: float  # distance from the left end of a line (m), 0 on an arc
-    speed: float  # before the impact, m/s
-    acceleration: float
     weight: float  # q and h, see kernels.impact.laws
     response: float
     turning: float  # the derivatives of q and h with respect to n t
@@ -87,16 +89,18 @@ class Changes(NamedTuple):
     """for each number those of each body; at first, of its start"""
     current: IntMatrix
     """[0, body] row of the log with the body's flight; at first, of its start"""
-    struck: Sequence[StruckBody]
+    arrivals: Sequence[Arrival]
     """two, as scratch"""
+    flight: Sequence[Flight]
+    """one, as scratch"""
+    series: FloatMatrix
+    """scratch, see ``flight_jacobian``"""
     times: FloatMatrix
     """[impact, number] output: derivatives of the times of impacts, s"""
 
 
 @kernel
-def differentiate_impacts(
-    world: World, arrivals: Sequence[Arrival], events: IntMatrix, changes: Changes, numbers: int
-) -> None:
+def differentiate_impacts(world: World, events: IntMatrix, changes: Changes, numbers: int) -> None:
     """Fill in the derivatives of the times of impacts of a whole run.
 
     ``events`` has a row for each event, in order: the rows of the log of its body or of its bodies
@@ -104,33 +108,48 @@ def differentiate_impacts(
     """
     for event in range(len(events)):
         if events[event, 2] < 0:
-            _leave(world, arrivals[events[event, 0]], events[event, 0], changes, numbers)
+            _leave(world, events[event, 0], changes, numbers)
         else:
-            _collide(world, arrivals, events, event, changes, numbers)
+            _collide(world, events, event, changes, numbers)
 
 
 @kernel
-def _carry(world: World, arrival: Arrival, body: int, changes: Changes, numbers: int) -> None:
-    """Carry the derivatives of a body to the end of its flight, at a fixed time."""
-    before = world.log[changes.current[0, body]]
-    track = track_on(world, body, before.piece)
-    scale = _scale(world, body, before.piece)
+def _carry(world: World, number: int, arrival: Arrival, changes: Changes, numbers: int) -> None:
+    """Carry the derivatives of a body to the end of its flight, at a fixed time; set the arrival.
+
+    ``number`` is the row of the log that follows the flight.
+    """
+    row = world.log[number]
+    last = changes.current[0, row.body]
+    before = world.log[last]
+    track = track_on(world, row.body, before.piece)
+    flight = changes.flight[0]
+    replay_flight(world, before, last, flight)
+    age = time_between(row.t, row.t_low, before.t, before.t_low)
+    way_way, way_speed, speed_way, speed_speed = flight_jacobian(flight, age, changes.series)
+    scale = _scale(world, row.body, before.piece)
+    arrival.piece = before.piece
+    arrival.scale = scale
+    arrival.speed = track.speed_factor * row.before_p
+    arrival.acceleration = acceleration_at(
+        flight, track.path_radius, age, row.before_s, row.before_c
+    )
     begun = track.speed_factor * before.p / scale
     rate = arrival.speed / scale
     pull = arrival.acceleration / scale
-    further = rate * arrival.age - arrival.way_speed * begun
-    faster = rate + pull * arrival.age - arrival.speed_speed * begun
+    further = rate * age - way_speed * begun
+    faster = rate + pull * age - speed_speed * begun
     if track.path_radius == 0.0:
-        further = 0.5 * arrival.age * arrival.age
-        faster = arrival.age
-    for number in range(numbers):
-        of_track = _track(world, changes, body, before.piece, number)
-        motion = _motion(world, changes, body, number)
+        further = 0.5 * age * age
+        faster = age
+    for each in range(numbers):
+        of_track = _track(world, changes, row.body, before.piece, each)
+        motion = _motion(world, changes, row.body, each)
         way = motion.place
         speed = (motion.speed - begun * of_track.path_radius) / scale
-        motion.place = arrival.way_way * way + arrival.way_speed * speed
+        motion.place = way_way * way + way_speed * speed
         motion.place += further * of_track.pace - rate * motion.t
-        spin = arrival.speed_way * way + arrival.speed_speed * speed
+        spin = speed_way * way + speed_speed * speed
         spin += faster * of_track.pace - pull * motion.t
         motion.speed = scale * spin + rate * of_track.path_radius
 
@@ -154,18 +173,18 @@ def _scale(world: World, body: int, piece: int) -> float:
 
 
 @kernel
-def _leave(world: World, arrival: Arrival, number: int, changes: Changes, numbers: int) -> None:
+def _leave(world: World, number: int, changes: Changes, numbers: int) -> None:
     """Carry the derivatives of a body past a junction or a wall."""
     row = world.log[number]
-    piece = world.log[changes.current[0, row.body]].piece
+    arrival = changes.arrivals[0]
+    _carry(world, number, arrival, changes, numbers)
     right = arrival.speed > 0.0
     wall = world.settings[0].right_wall if right else world.settings[0].left_wall
-    _carry(world, arrival, row.body, changes, numbers)
     for each in range(numbers):
-        of_track = _track(world, changes, row.body, piece, each)
+        of_track = _track(world, changes, row.body, arrival.piece, each)
         motion = _motion(world, changes, row.body, each)
         end = of_track.right if right else of_track.left
-        motion.t = (end - motion.place) * _scale(world, row.body, piece) / arrival.speed
+        motion.t = (end - motion.place) * arrival.scale / arrival.speed
         motion.place = end
         motion.speed += arrival.acceleration * motion.t
         if row.cause == WALL:
@@ -195,49 +214,36 @@ def _begin(world: World, body: int, number: int, changes: Changes, numbers: int)
 
 
 @kernel
-def _arrive(
-    world: World, arrival: Arrival, number: int, impact: int, struck: StruckBody, changes: Changes
-) -> tuple[float, float]:
-    """Set one of the bodies of an impact; return the position of its centre (m)."""
+def _arrive(world: World, number: int, impact: int, arrival: Arrival) -> tuple[float, float]:
+    """Set the rest of an arrival at an impact; return the position of the body's centre (m)."""
     row = world.log[number]
-    struck.piece = world.log[changes.current[0, row.body]].piece
-    piece = world.pieces[struck.piece]
-    struck.tangent_x, struck.tangent_y = centre_tangent(piece, row.before_s, row.before_c)
-    struck.sign = piece.sign
-    struck.scale = _scale(world, row.body, struck.piece)
-    struck.along = row.before_s if piece.sign == 0.0 else 0.0
-    struck.speed = arrival.speed
-    struck.acceleration = arrival.acceleration
+    piece = world.pieces[arrival.piece]
+    arrival.tangent_x, arrival.tangent_y = centre_tangent(piece, row.before_s, row.before_c)
+    arrival.sign = piece.sign
+    arrival.along = row.before_s if piece.sign == 0.0 else 0.0
     hit = world.impacts[impact]
     body = world.bodies[row.body]
     normal = hit.normal_a if row.body == hit.a else hit.normal_b
-    struck.weight, struck.response = weight_and_response(hit.law, body, normal)
-    struck.turning = 1.0 if hit.law == NORMAL_IMPULSE else 0.0
-    struck.yielding = struck.turning / body.rolling_mass
-    track = track_on(world, row.body, struck.piece)
+    arrival.weight, arrival.response = weight_and_response(hit.law, body, normal)
+    arrival.turning = 1.0 if hit.law == NORMAL_IMPULSE else 0.0
+    arrival.yielding = arrival.turning / body.rolling_mass
+    track = track_on(world, row.body, arrival.piece)
     return centre_position(piece, track, row.before_s, row.before_c)
 
 
 @kernel
-def _collide(
-    world: World,
-    arrivals: Sequence[Arrival],
-    events: IntMatrix,
-    event: int,
-    changes: Changes,
-    numbers: int,
-) -> None:
+def _collide(world: World, events: IntMatrix, event: int, changes: Changes, numbers: int) -> None:
     """Carry the derivatives of two bodies across their impact."""
     row_a = events[event, 0]
     row_b = events[event, 1]
     impact = events[event, 2]
     row = world.impacts[impact]
-    a = changes.struck[0]
-    b = changes.struck[1]
-    _carry(world, arrivals[row_a], row.a, changes, numbers)
-    _carry(world, arrivals[row_b], row.b, changes, numbers)
-    ax, ay = _arrive(world, arrivals[row_a], row_a, impact, a, changes)
-    bx, by = _arrive(world, arrivals[row_b], row_b, impact, b, changes)
+    a = changes.arrivals[0]
+    b = changes.arrivals[1]
+    _carry(world, row_a, a, changes, numbers)
+    _carry(world, row_b, b, changes, numbers)
+    ax, ay = _arrive(world, row_a, impact, a)
+    bx, by = _arrive(world, row_b, impact, b)
     for number in range(numbers):
         _meet(world, impact, changes, number, bx - ax, by - ay)
         _strike(world, impact, changes, number)
@@ -246,13 +252,13 @@ def _collide(
 
 
 @kernel
-def _centre(struck: StruckBody, of_track: TrackChange, place: float) -> tuple[float, float]:
+def _centre(arrival: Arrival, of_track: TrackChange, place: float) -> tuple[float, float]:
     """Return the derivative of the position of a body's centre."""
-    along = struck.scale * place
-    across = struck.along * of_track.slope - struck.sign * of_track.path_radius
+    along = arrival.scale * place
+    across = arrival.along * of_track.slope - arrival.sign * of_track.path_radius
     return (
-        of_track.x + along * struck.tangent_x - across * struck.tangent_y,
-        of_track.y + along * struck.tangent_y + across * struck.tangent_x,
+        of_track.x + along * arrival.tangent_x - across * arrival.tangent_y,
+        of_track.y + along * arrival.tangent_y + across * arrival.tangent_x,
     )
 
 
@@ -263,8 +269,8 @@ def _meet(world: World, impact: int, changes: Changes, number: int, x: float, y:
     ``(x, y)`` (m) leads from the centre of a to that of b.
     """
     row = world.impacts[impact]
-    a = changes.struck[0]
-    b = changes.struck[1]
+    a = changes.arrivals[0]
+    b = changes.arrivals[1]
     of_a = _track(world, changes, row.a, a.piece, number)
     of_b = _track(world, changes, row.b, b.piece, number)
     motion_a = _motion(world, changes, row.a, number)
@@ -290,19 +296,19 @@ def _meet(world: World, impact: int, changes: Changes, number: int, x: float, y:
 
 
 @kernel
-def _delay(struck: StruckBody, motion: MotionChange, delay: float) -> None:
+def _delay(arrival: Arrival, motion: MotionChange, delay: float) -> None:
     """Move the derivatives of a body to the time of its impact."""
     motion.t = delay
-    motion.place += struck.speed / struck.scale * delay
-    motion.speed += struck.acceleration * delay
+    motion.place += arrival.speed / arrival.scale * delay
+    motion.speed += arrival.acceleration * delay
 
 
 @kernel
 def _strike(world: World, impact: int, changes: Changes, number: int) -> None:
     """Carry the derivatives of the speeds of two bodies across their impact."""
     row = world.impacts[impact]
-    a = changes.struck[0]
-    b = changes.struck[1]
+    a = changes.arrivals[0]
+    b = changes.arrivals[1]
     of_a = row.law * world.settings[0].bodies + row.a
     of_b = row.law * world.settings[0].bodies + row.b
     motion_a = _motion(world, changes, row.a, number)
