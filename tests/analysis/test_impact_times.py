@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import mpmath
@@ -13,12 +14,15 @@ import pytest
 from tests.highprecision.reference_solver import ReferenceSolver, events_of
 from tests.systems.trace.test_tangents import SCENES
 from vibro_cli import simulate
+from vibro_cli.analysis import impact_times as module
 from vibro_cli.analysis.impact_times import NoDerivative, impact_times, number_at
 from vibro_cli.assemble import build_system
 from vibro_cli.scenario import scenario_of
 from vibro_cli.scenario.problems import parsed_path
 from vibro_cli.stress.oracles.scene import Scene, chain, scene_of_system
 from vibro_cli.stress.scenes import CIRCLE, THREE_ARCS, VALLEY, ball, scene
+from vibro_cli.systems.driver import ENGINES
+from vibro_cli.systems.run import begun
 from vibro_cli.systems.trace import simulate_system
 
 CHANGE = mpmath.mpf(10) ** -18
@@ -122,6 +126,20 @@ def test_they_are_differences_of_motions_in_50_digits(name: str, paths: Sequence
     exact = np.array(columns, dtype=float).T
     error = np.abs(found.derivative - exact) / np.max(np.abs(exact))
     assert np.max(error) < 1e-10, dict(zip(paths, np.max(error, axis=0), strict=True))
+
+
+@pytest.mark.parametrize("name", OF)
+def test_both_engines_give_the_same_bits(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    scenario = scenario_of((SCENES | AT_ZERO)[name])
+    system, paths = build_system(scenario), list(map(parsed_path, OF[name]))
+    found = {}
+    for engine in ENGINES:
+        monkeypatch.setattr(module, "begun", partial(begun, engine=engine))
+        found[engine] = impact_times(scenario, system, paths, 8, LATEST)
+    one, other = (found[engine] for engine in ENGINES)
+    assert (one.word, one.end_cause) == (other.word, other.end_cause)
+    for field in ("t", "pairs", "derivative"):
+        assert getattr(one, field).tobytes() == getattr(other, field).tobytes()
 
 
 def test_density_stands_for_mass_and_radius_for_both() -> None:
