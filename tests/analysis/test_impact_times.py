@@ -212,5 +212,15 @@ def test_where_there_is_no_derivative_the_reason_is_told() -> None:
     _refused(scene(VALLEY, three, 1.0, collisions=2), "balls[1].mass", "several impacts", 2)
     _refused(scene(CIRCLE, [ball(0.1), ball(0.4)], collisions=2), "balls[1].density", "no number")
     _refused(scene(CIRCLE, [ball(0.1), ball(0.4)], collisions=2), "balls[1].body", "no number")
+    down: dict[str, Any] = {"shape": "line", "length": 6.0}
+    slope = {"start_slope": "-10 deg", "arcs": [down]}
+    low = [{"radius": 0.1, "mass": 1.0, "arc": 1, "position": place} for place in (1.0, 5.0)]
+    rests = scene(slope, low, 0.5, time=9.0) | {"ends": {"right": {"wall": 0.0}}}
+    after = np.sqrt(2.0 * 0.9 * 1.4 / (9.81 * np.sin(np.radians(10.0))))
+    _refused(rests, "gravity", f"body 2 comes to rest at a wall at {after:.9g} s")
+    valley = {"shape": "valley", "radius": 1.0, "end_slope": "70 deg"}
+    bent = slope | {"arcs": [down, valley]}
+    stops = scene(bent, [low[0] | {"position": 6.0}, ball(0.9, arc=2)], 0.9, time=9.0)
+    _refused(stops, "gravity", "body 1 stops at an end of its piece at 0 s")
     turning = THREE_ARCS | {"turning": {"x": 1.0, "rate": 1.0}}
     _refused(scene(turning, [ball(-1.3), ball(0.9, arc=3)], time=9.0), "collision.k", "turns")
