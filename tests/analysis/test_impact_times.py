@@ -222,5 +222,9 @@ def test_where_there_is_no_derivative_the_reason_is_told() -> None:
     bent = slope | {"arcs": [down, valley]}
     stops = scene(bent, [low[0] | {"position": 6.0}, ball(0.9, arc=2)], 0.9, time=9.0)
     _refused(stops, "gravity", "body 1 stops at an end of its piece at 0 s")
+    level = {"start_slope": 0.0, "arcs": [{"shape": "line", "length": 4.0}] * 2}
+    chased = [low[0] | {"radius": 0.125, "position": x, "speed": v} for x, v in ((1.75, 2), (3, 1))]
+    crossing = scene(level, chased, 0.5, time=9.0)  # reached as body 2 is at the junction
+    _refused(crossing, "balls[1].speed", "several impacts at one instant or lasting contact at 1 s")
     turning = THREE_ARCS | {"turning": {"x": 1.0, "rate": 1.0}}
     _refused(scene(turning, [ball(-1.3), ball(0.9, arc=3)], time=9.0), "collision.k", "turns")
