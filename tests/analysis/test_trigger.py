@@ -145,6 +145,33 @@ def test_the_levels_of_unequal_crests_are_followed_only_to_their_turning_points(
         assert np.min(outer) > one.saddle.energy
 
 
+def test_a_level_is_not_followed_through_a_higher_crest(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It ran on beyond it, through almost half of 1,000 random crests, as both flanks have it."""
+    slopes = np.random.default_rng(3).uniform(10.0, 60.0, 300).tolist()
+    crests = [arc for slope in slopes for arc in (valley(1.0, slope), hump(1.0, -slope))]
+    hills = landscape(-100.0, *crests, valley(1.0, 120))
+    asked: list[int] = []
+
+    def counted(trace: Landscape, piece: Piece, energy: float) -> tuple[Reach, ...]:
+        asked.append(piece.index)
+        return reaches(trace, piece, energy)
+
+    monkeypatch.setattr(levels, "reaches", counted)
+    found = triggers(hills)
+    monkeypatch.undo()
+    followed = 0
+    for one in found:  # on the whole trace, the level through a crest is that at its place
+        whole = levels.speed_curves(hills, 9, one.saddle.energy)
+        (curve,) = (c for c in whole if c.position[0] < one.saddle.s < c.position[-1])
+        (own,) = levels.speed_curves(hills, 9, one.saddle.energy, [one.saddle.s])
+        assert np.array_equal(own.position, curve.position)
+        assert np.array_equal(own.rate, curve.rate)
+        assert (one.turning_left, one.turning_right) == (curve.position[0], curve.position[-1])
+        followed += len(curve.position) // 9
+    assert len(found) == 300
+    assert len(asked) <= followed + 2 * len(found)  # beside a level only the pieces next to it
+
+
 def test_a_separatrix_among_equal_crests_runs_to_the_nearest() -> None:
     crests = (valley(1.0, 50), hump(0.5, -50)) * 4
     found = triggers(landscape(-30.0, *crests, valley(1.0, 30)))

@@ -399,9 +399,16 @@ def connected_reaches(
     On a closed trace a part across the seam appears at both ends of the list, unjoined. Given the
     arc lengths (m) of `saddles`, only groups on their pieces or connected with these are returned.
     """
+    if saddles is not None:
+        return _joined(landscape, _followed(landscape, energy, saddles))
+    pieces = landscape.trace.pieces
+    return _joined(landscape, [part for one in pieces for part in reaches(landscape, one, energy)])
+
+
+def _joined(landscape: Landscape, parts: Sequence[Reach]) -> list[list[Reach]]:
     tolerance = _JOINED * landscape.trace.length
     runs: list[list[Reach]] = []
-    for part in _parts(landscape, energy, saddles):
+    for part in parts:
         joined = runs and part.left_s - runs[-1][-1].right_s <= tolerance
         if joined:
             runs[-1].append(part)
@@ -410,32 +417,35 @@ def connected_reaches(
     return runs
 
 
-def _parts(landscape: Landscape, energy: float, saddles: Sequence[float] | None) -> list[Reach]:
-    """Return the parts that `connected_reaches` groups.
+def _followed(landscape: Landscape, energy: float, saddles: Sequence[float]) -> list[Reach]:
+    """Return the parts on the pieces of saddles, and those to which the level runs on from there.
 
-    A level is followed from the pieces of its saddles to where it turns: a trace of thousands of
-    crests would take minutes if every crest's level were sought on the whole of it.
+    It ends where it turns, even if a piece is accessible again beyond a crest: a trace of thousands
+    of crests would take minutes if every crest's level were sought on the whole of it.
     """
     trace = landscape.trace
     pieces, near = trace.pieces, 2.0 * _JOINED * trace.length
-    waiting = list(range(len(pieces))) if saddles is None else []
-    for s in saddles or ():
-        here = bisect(pieces, s, key=attrgetter("start_s")) - 1
-        waiting += here - 1, here, here + 1
-    waiting.reverse()
-    found: dict[int, tuple[Reach, ...]] = {}
+    places = [bisect(pieces, s, key=attrgetter("start_s")) - 1 for s in saddles]
+    # Pieces, with the direction in which the level enters each; 0 at a saddle, left both ways.
+    waiting = [(place + beside, 0) for place in reversed(places) for beside in (1, 0, -1)]
+    followed: set[tuple[int, int]] = set()
+    found: dict[int, list[list[Reach]]] = {}
     while waiting:
-        index = waiting.pop()
+        index, step = waiting.pop()
         index = index % len(pieces) if trace.closed else index
-        if index in found or not 0 <= index < len(pieces):
+        if not 0 <= index < len(pieces) or (index, step) in followed:
             continue
+        followed.add((index, step))
         piece = pieces[index]
-        parts = found[index] = reaches(landscape, piece, energy)
-        if parts and parts[0].left_s - piece.start_s <= near:
-            waiting.append(index - 1)
-        if parts and piece.start_s + piece.length - parts[-1].right_s <= near:
-            waiting.append(index + 1)
-    return [part for index in sorted(found) for part in found[index]]
+        if index not in found:
+            found[index] = _joined(landscape, reaches(landscape, piece, energy))
+        runs = found[index]
+        entered = runs[-1:] if step < 0 else runs[:1] if step > 0 else runs
+        if step <= 0 and entered and entered[0][0].left_s - piece.start_s <= near:
+            waiting.append((index - 1, -1))
+        if step >= 0 and entered and piece.start_s + piece.length - entered[-1][-1].right_s <= near:
+            waiting.append((index + 1, 1))
+    return [part for index in sorted(found) for run in found[index] for part in run]
 
 
 def _through(landscape: Landscape, energy: float, saddles: Sequence[float]) -> list[list[Reach]]:
