@@ -206,12 +206,14 @@ def triggers(landscape: Landscape) -> tuple[Trigger, ...]:
     """
     points = singular_points(landscape)
     hills = [(point.energy, point.s) for point in points if point.kind != CENTRE]
+    places: dict[float, list[float]] = {}
+    for energy, s in hills:
+        places.setdefault(energy, []).append(s)
     around = (*points[-1:], *points, *points[:1]) if landscape.trace.closed else points
 
     @cache  # many crests may be equally high
     def runs_at(energy: float) -> list[list[Reach]]:
-        places = [s for height, s in hills if height == energy]
-        return connected_reaches(landscape, energy, places)
+        return connected_reaches(landscape, energy, places[energy])
 
     return tuple(
         _trigger(landscape, hills, (left, saddle, right), runs_at)

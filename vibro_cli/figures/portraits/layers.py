@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -151,8 +152,9 @@ def curves_at(
 def _distinct(energies: Sequence[float], share: float) -> list[float]:
     """Return sorted energies, spaced by more than a share of the highest."""
     chosen: list[float] = []
+    apart = share * max(energies, default=0.0)
     for energy in sorted(energies):
-        if not chosen or energy - chosen[-1] > share * max(energies):
+        if not chosen or energy - chosen[-1] > apart:
             chosen.append(energy)
     return chosen
 
@@ -169,11 +171,12 @@ def through_saddles(
 
     `curves` gives the separatrices of an energy (J) through saddles at arc lengths (m).
     """
-    saddles = [point for point in points if point.kind == SADDLE]
-    near = _SAME * max((abs(point.energy) for point in saddles), default=0.0)
+    saddles = sorted((point.energy, point.s) for point in points if point.kind == SADDLE)
+    near = _SAME * max((abs(energy) for energy, _ in saddles), default=0.0)
     found: list[LevelCurve] = []
-    for energy in saddle_energies(saddles):
-        found += curves(energy, [one.s for one in saddles if abs(one.energy - energy) <= near])
+    for energy in saddle_energies(points):
+        first, last = bisect(saddles, (energy - near,)), bisect(saddles, (energy + near, math.inf))
+        found += curves(energy, sorted(s for _, s in saddles[first:last]))
     return tuple(found)
 
 

@@ -115,15 +115,18 @@ def structure(portrait: Portrait, width: str = "single", bodies: str = "") -> Fi
 
 def _behind(portrait: Portrait, pieces: Sequence[Piece]) -> Background:
     """Return curves and points of a portrait on some pieces, with separate figure eights."""
-    landscape, on_eight = portrait.landscape, _eight_saddles(portrait)
+    landscape, (on_eight, others) = portrait.landscape, _saddles(portrait)
     behind = background(landscape, pieces, highest_energy(portrait), highest_place(portrait))
-    others = [point for point in portrait.points if point.kind == SADDLE and point not in on_eight]
     eights = through_saddles(on_eight, partial(separatrix_curves, landscape, pieces))
     return replace(behind, eights=eights, separatrices=behind.separatrices if others else ())
 
 
-def _eight_saddles(portrait: Portrait) -> list[SingularPoint]:
-    return [trigger.saddle for trigger in portrait.triggers if trigger.orbit == FIGURE_EIGHT]
+def _saddles(portrait: Portrait) -> tuple[list[SingularPoint], list[SingularPoint]]:
+    """Return the saddles of figure eights, and the others."""
+    orbits = {trigger.saddle: trigger.orbit for trigger in portrait.triggers}
+    saddles = [point for point in portrait.points if point.kind == SADDLE]
+    on_eight = [point for point in saddles if orbits.get(point) == FIGURE_EIGHT]
+    return on_eight, [point for point in saddles if orbits.get(point) != FIGURE_EIGHT]
 
 
 def _windows(pieces: Sequence[Piece], curves: Sequence[LevelCurve]) -> list[Window]:
@@ -199,8 +202,7 @@ def highest_place(portrait: Portrait) -> float:
 
 def behind_along(portrait: Portrait, count: int = _MOST_POINTS) -> Background:
     """Return curves and points of a portrait along the trace, with `count` points per piece."""
-    landscape, on_eight = portrait.landscape, _eight_saddles(portrait)
-    others = [point for point in portrait.points if point not in on_eight]
+    landscape, (on_eight, others) = portrait.landscape, _saddles(portrait)
     curves = partial(speed_curves, landscape, count)
     highest, passed = highest_energy(portrait), highest_place(portrait)
     levels = level_energies(portrait.points, highest, passed)
