@@ -12,6 +12,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from vibro_cli.figures.chart import Sheet, count_axis, plane_axes, positive_axis
+from vibro_cli.figures.labels import text_width
 from vibro_cli.figures.maps import Coordinate
 from vibro_cli.figures.ticks import (
     Ticks,
@@ -103,6 +104,17 @@ def test_a_logarithmic_axis_can_be_read(length: float, vertical: bool, least: in
                 assert len(places) >= least, limits
                 room = 1e-8 * np.abs(limits)
                 assert np.all((places >= limits[0] - room[0]) & (places <= limits[1] + room[1]))
+
+
+@pytest.mark.parametrize("length", [52.0, 72.0, 140.0])
+def test_labels_of_a_logarithmic_axis_keep_apart(length: float) -> None:
+    """Matplotlib's own ticks of less than a decade are those of a linear axis, without room."""
+    for ratio in np.geomspace(1.2, 40.0, 61):
+        for low in np.geomspace(1e-8, 1e8, 31):
+            ticks = log_ticks(low, low * ratio, length, vertical=False)
+            at = np.log(ticks.places) * length / math.log(ratio)
+            widths = np.array([text_width(label) for label in ticks.labels])
+            assert np.all(np.diff(at) > 0.5 * (widths[1:] + widths[:-1])), (low, ratio)
 
 
 def test_a_logarithmic_axis_has_no_labels_but_those_it_is_given() -> None:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 
 from matplotlib.axis import Axis, YAxis
-from matplotlib.ticker import LogLocator, MaxNLocator
+from matplotlib.ticker import MaxNLocator
 
 _SIDES = {"pre": " before", "post": " after"}
 _SYMBOLS = {
@@ -207,7 +207,8 @@ def _times_powers(factors: Sequence[int], small: float, large: float, signed: fl
     power = 0 if _PLAIN[0] <= small and large < _PLAIN[1] else _power(large)
     minus = "−" if signed < 0.0 else ""
     low, high = small * (1.0 - 1e-9), large * (1.0 + 1e-9)
-    near = LogLocator(subs=factors).tick_values(small, large)
+    decades = range(math.floor(math.log10(small)), math.floor(math.log10(large)) + 1)
+    near = [float(f"{factor}e{decade}") for decade in decades for factor in factors]
     sizes = [size for size in near if low <= size <= high]
     labels = tuple(f"{minus}{size / 10.0**power:g}" for size in sizes)
     return Ticks(tuple(math.copysign(size, signed) for size in sizes), labels, power)
