@@ -575,6 +575,7 @@ def test_the_command_tells_what_is_wrong(
         (["circle.json", *free], "expected .csv or .parquet"),
         (["bad.csv", "--free", "collision.k=1:0"], "expected PATH or PATH=LOW:HIGH"),
         (["bad.csv", "--free", "collision.k=0.5"], "expected PATH or PATH=LOW:HIGH"),
+        (["bad.csv", "--free", ""], '--free: found "", expected a path such as collision.k'),
         (
             ["bad.csv", "--free", "balls[1].angle=-80 kg:1"],
             'angle: found "-80 kg", expected an ang',
@@ -647,6 +648,9 @@ def test_numbers_have_their_units_and_a_lone_body_is_refused(
     assert "angle is bounded by -0.7 rad, within" in bound
     assert run_command_line(["fit", *arguments[:2], "--free", "collision.k", "--noise=1e-4"]) == 0
     plain = capsys.readouterr().out
+    bounded = ["--free", "collision.k=-inf:+inf", "--noise=1e-4"]
+    assert run_command_line(["fit", *arguments[:2], *bounded]) == 0
+    assert capsys.readouterr().out == plain
     assert run_command_line(["fit", *arguments[:2], "--free", "collision.k", "--noise=0.1 ms"]) == 0
     assert capsys.readouterr().out == plain
     alone = _circle().resolved() | {"balls": [_circle().resolved()["balls"][0]]}

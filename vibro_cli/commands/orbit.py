@@ -150,8 +150,8 @@ def parsed_range(option: str, text: str, infinite: Sequence[str] = ()) -> tuple[
 
     path, _, values = (part.strip() for part in text.rpartition("="))
     ends = [end.strip() for end in values.split(":")]
-    form = f"{'PATH or ' if infinite else ''}PATH=LOW:HIGH with LOW < HIGH"
-    expected = f"{form} (SI units and radians, or with their units)"
+    form = "PATH or PATH=LOW:HIGH" if infinite else "PATH=LOW:HIGH"
+    expected = f"{form} with LOW < HIGH (SI units and radians, or with their units)"
     if not path or len(ends) != 2:
         raise CommandError(f"vibro: {option}: found {text!r}, expected {expected}")
     try:
@@ -338,10 +338,12 @@ def parsed_free(texts: Sequence[str]) -> list[Free]:
 
     found = []
     for text in texts:
-        ranged = text if "=" in text else f"{text}=-inf:inf"
-        path, low, high = parsed_range("--free", ranged, infinite=("-inf", "inf"))
+        alone = text, -math.inf, math.inf
+        ranged = (
+            parsed_range("--free", text, infinite=("-inf", "inf", "+inf")) if "=" in text else alone
+        )
         try:
-            found.append(Free.of(path, low, high))
+            found.append(Free.of(*ranged))
         except ValueError as error:
             raise CommandError(f"vibro: --free: {error}") from error
     return found
