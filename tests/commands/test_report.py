@@ -107,6 +107,7 @@ def test_figures_of_another_run_are_replaced_only_if_asked(vibro: Vibro) -> None
             "vibro: figures holds figures of others (found -> requested):"
         )
         assert content(Path("figures")) == before
+        assert "\n  : " not in outcome.err
     assert "\n  collision.k[1]: 0.9 -> 0.5\n" in report("other").err
     assert not Path("other-report.html").exists()
     vibro("run", "--continue", "outputs/one_circle", "--set", "stop.collisions=5")

@@ -134,11 +134,11 @@ def _on_a_trace(source: str, overrides: Sequence[str], what: str) -> Scenario:
     return cast("Scenario", scenario)
 
 
-def parsed_range(option: str, text: str, infinite: Sequence[str] = ()) -> tuple[str, float, float]:
+def parsed_range(option: str, text: str, infinite: bool = False) -> tuple[str, float, float]:
     """Return the path, lowest and highest value (SI) of a text `PATH=LOW:HIGH`.
 
-    The values may have units, or be among the texts for `infinite` ones. Raises `CommandError` for
-    other texts.
+    The values may have units, or be `infinite`, as "-inf", "inf" or "+inf". Raises `CommandError`
+    for other texts.
     """
     from vibro_cli.analysis.fit import START_TIME
     from vibro_cli.commands.shared.loading import in_si_units
@@ -160,7 +160,9 @@ def parsed_range(option: str, text: str, infinite: Sequence[str] = ()) -> tuple[
         raise CommandError(f"vibro: {option}: {error}") from error
     number = kind if isinstance(kind, Quantity) else Quantity()
     low, high = (
-        float(end) if end in infinite else in_si_units(f"{option}: {path}", [end], number)[0]
+        float(end)
+        if infinite and end in ("-inf", "inf", "+inf")
+        else in_si_units(f"{option}: {path}", [end], number)[0]
         for end in ends
     )
     if not low < high:
@@ -339,9 +341,7 @@ def parsed_free(texts: Sequence[str]) -> list[Free]:
     found = []
     for text in texts:
         alone = text, -math.inf, math.inf
-        ranged = (
-            parsed_range("--free", text, infinite=("-inf", "inf", "+inf")) if "=" in text else alone
-        )
+        ranged = parsed_range("--free", text, infinite=True) if "=" in text else alone
         try:
             found.append(Free.of(*ranged))
         except ValueError as error:

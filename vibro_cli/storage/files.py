@@ -495,7 +495,8 @@ def differences(before: Any, now: Any, path: str = "") -> list[str]:
             (a, b, f"{path}[{n}]") for n, (a, b) in enumerate(zip(before, now, strict=True), 1)
         ]
     else:
-        return [] if before == now else [f"{path}: {_short(before)} -> {_short(now)}"]
+        place = f"{path}: " if path else ""
+        return [] if before == now else [f"{place}{_short(before)} -> {_short(now)}"]
     return [line for part in parts for line in differences(*part)]
 
 
