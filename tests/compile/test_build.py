@@ -129,14 +129,14 @@ def begun(folder: Path, text: str, compiler: str) -> subprocess.Popen[str]:
     path.write_text(compiler)
     path.chmod(0o755)
     return subprocess.Popen(
-        [sys.executable, "-c", f"from vibro_cli.compile import native; print({text})"],
+        [sys.executable, "-c", f"from vibro_cli.compile import native\n{text}"],
         cwd=folder, env={"PYTHONPATH": str(folder), "CXX": str(path)}, text=True,
         stdout=subprocess.PIPE, stderr=subprocess.PIPE,
     )  # fmt: skip
 
 
 def test_processes_that_wait_for_a_build_use_it(tmp_path: Path) -> None:
-    processes = [begun(tmp_path, "native._path().name", COMPILER) for _ in range(3)]
+    processes = [begun(tmp_path, "print(native._path().name)", COMPILER) for _ in range(3)]
     assert {process.communicate()[0] for process in processes} == {"kernels-native.so\n"}
     made = (tmp_path / "compiler.made").read_text().split()
     assert made.count("kernels-native.so") == 1
@@ -144,6 +144,25 @@ def test_processes_that_wait_for_a_build_use_it(tmp_path: Path) -> None:
 
 def test_a_source_that_changes_during_a_build_counts_as_changed(tmp_path: Path) -> None:
     changes = f"{COMPILER}echo >> {tmp_path}/vibro_cli/kernels/world.py\n"
-    text = "native._path().name, native.reason_to_build(native.FOLDER)"
+    text = "print(native._path().name, native.reason_to_build(native.FOLDER))"
     found, _ = begun(tmp_path, text, changes).communicate()
     assert found == "kernels-native.so have changed\n"
+
+
+WAITING = """
+from vibro_cli.compile import build
+lock = build._work_folder
+
+def waits(folder):
+    (native.PACKAGE / "compile" / "kernel.py").open("a").write("\\n")
+    return lock(folder)
+
+build._work_folder = waits
+build.build([])
+print(native.reason_to_build(native.FOLDER))
+"""
+
+
+def test_a_source_that_changes_while_a_build_waits_counts_as_changed(tmp_path: Path) -> None:
+    """The process that waits has imported the source as it was before."""
+    assert begun(tmp_path, WAITING, COMPILER).communicate()[0] == "have changed\n"

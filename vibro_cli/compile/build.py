@@ -111,10 +111,10 @@ def build(
         If a kernel is not in the compiled subset of Python.
     """
     command = compiler()
+    record = _record(levels)  # of what is imported: sources changed from now on are noticed
     with _work_folder(folder) as work:
         if if_changed and not reason_to_build(folder):
             return
-        record = _record(levels)  # before the build, so that sources changed meanwhile are noticed
         shutil.copy(PRELUDE, work)
         for program in programs:
             (work / f"{program.name}.cpp").write_text(program.source())
