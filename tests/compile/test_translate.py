@@ -460,6 +460,17 @@ def of_a_choice_of_two_types(rows: Sequence[Cell], a: float) -> float:
 
 
 @kernel
+def _nothing(a: float) -> None:
+    pass
+
+
+@kernel
+def of_no_value(a: float) -> float:
+    x = _nothing(a)
+    return x  # type: ignore[return-value]
+
+
+@kernel
 def of_no_variable(a: float) -> float:
     return a + ENTRIES  # type: ignore[operator]
 
@@ -504,6 +515,7 @@ def of_no_variable(a: float) -> float:
         (of_no_bounds, "expected `for name in range"),
         (of_two_forms, "expected a type of numbers"),
         (of_a_choice_of_two_types, r"found Cell\* and double, expected numbers, or values of one"),
+        (of_no_value, "x is given no value, expected a number or a struct"),
     ],
 )
 def test_what_the_subset_does_not_have_is_told_with_its_place(

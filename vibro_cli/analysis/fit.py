@@ -47,7 +47,7 @@ _BODIES = ("ball_a", "ball_b")
 COLUMNS = ("t", "n", "error", *_BODIES)
 START_TIME = "start_time"
 """Stands for the path of the time (s) at which the motion starts on the measurements' clock."""
-DOUBTFUL = 1.0e-6
+_DOUBTFUL = 1.0e-6
 """Likelihood below which a fit is doubtful."""
 _NAMED = 6
 """Number of columns of a table without times that its message names."""
@@ -336,7 +336,7 @@ class Fit:
     @property
     def doubt(self) -> str:
         """Why values and errors cannot be trusted; empty if there is no reason."""
-        if self.likelihood is not None and self.likelihood < DOUBTFUL:
+        if self.likelihood is not None and self.likelihood < _DOUBTFUL:
             return (
                 "model or noise is wrong, impacts missed or counted twice (give n), or this is not "
                 "the lowest minimum (fit fewer, then all from there)"

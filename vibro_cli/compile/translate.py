@@ -139,7 +139,8 @@ class Program:
         if key not in self.functions:
             self.functions[key] = None
             function = Function(self, kernel, kinds)
-            self.functions[key] = self.functions.pop(key) or function
+            del self.functions[key]
+            self.functions[key] = function
         return self.functions[key]
 
     def _entry(self, kernel: Kernel) -> str:
@@ -345,7 +346,7 @@ class Function:
     def _declare(self, node: ast.Name, kind: Kind) -> str:
         """Return the C++ name of a variable that is assigned a value of a type."""
         if kind == k.NOTHING:
-            self._fail(node, f"{node.id} is given {node.id}, which is no number or struct")
+            self._fail(node, f"{node.id} is given no value, expected a number or a struct")
         first = self._kinds.setdefault(node.id, kind)
         if kind != first:
             self._fail(node, f"{node.id} is given values of two types, {first.cpp} and {kind.cpp}")
@@ -436,8 +437,8 @@ class Function:
         if isinstance(node.op, ast.Div) and kind == k.INT:
             kind, codes = k.FLOAT, [f"double({code})" for code in codes]
         is_whole = isinstance(node.op, ast.FloorDiv) and kind != k.INT
-        is_of_one = isinstance(node.op, ast.Mod) and kind.size
-        if text is None or kind.form != "number" or is_whole or is_of_one:
+        is_in_lanes = isinstance(node.op, ast.Mod) and kind.size
+        if text is None or kind.form != "number" or is_whole or is_in_lanes:
             self._fail(node, f"{ast.unparse(node)}: a kernel has no such operator of {kind.cpp}")
         return Value(text.format(*codes), kind)
 
