@@ -630,6 +630,23 @@ def test_a_number_at_its_bound_is_told(
     assert (f"is bounded by {bound}, within its 95 % interval" in capsys.readouterr().out) is at_it
 
 
+def test_a_given_noise_of_as_many_impacts_as_numbers_is_no_estimated_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """No degrees of freedom remain for a chi square, but the error is that of the given noise."""
+    file, measured = tmp_path / "circle.json", tmp_path / "measured.csv"
+    file.write_text(json.dumps(_circle().resolved()))
+    measured.write_text(f"t,n\n{float(_instants(_circle())[9])!r},10\n")
+    arguments = [str(file), str(measured), "--free", "balls[2].mass"]
+    errors = []
+    for noise in ("1e-6", "2e-6"):
+        assert run_command_line(["fit", *arguments, "--noise", noise]) == 0
+        told = capsys.readouterr().out
+        assert "not given" not in told
+        errors.append(float(re.findall(r"± (\S+) kg", told)[0]))
+    assert errors[1] == pytest.approx(2.0 * errors[0], rel=0.05)  # of two digits
+
+
 def test_numbers_have_their_units_and_a_lone_body_is_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

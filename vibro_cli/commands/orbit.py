@@ -398,9 +398,9 @@ def _lines_of_fit(found: Fit) -> Iterator[str]:
             value = found.correlation[row, column]
             yield f"  correlation          {other.name}, {one.name}: {value:.4f}"
     yield f"  residuals            {record['residual']:.3g} s, root mean square"
-    if found.likelihood is None:
+    if not found.noise_known:
         yield "  noise                not given: errors are estimated from the residuals"
-    else:
+    elif found.likelihood is not None:
         yield (
             f"  chi square           {found.chi_square:.4g} with {found.freedom} degrees of "
             f"freedom: as large or larger in {100.0 * found.likelihood:.3g} % of such measurements"
