@@ -470,6 +470,40 @@ def of_no_value(a: float) -> float:
     return x  # type: ignore[return-value]
 
 
+def a_struct_of_truths() -> None:
+    @struct
+    class Switch:
+        on: bool
+
+
+def a_struct_of_arrays() -> None:
+    @struct
+    class Rows:
+        row: list[float]
+
+
+def a_struct_of_texts() -> None:
+    @struct
+    class Named:
+        name: str
+
+
+@pytest.mark.parametrize(
+    ("declare", "text"),
+    [
+        (a_struct_of_truths, r"test_translate\.Switch: on: found 'bool', expected float, int, "),
+        (a_struct_of_arrays, r"Rows: row: found 'list\[float\]', expected float, int, Series"),
+        (a_struct_of_texts, "Named: name: found 'str', expected float"),
+    ],
+)
+def test_a_field_that_numpy_and_cpp_would_place_differently_is_refused(
+    declare: Callable[[], None], text: str
+) -> None:
+    """C++ aligns the field after a truth value, and an array takes more than one number."""
+    with pytest.raises(TranslationError, match=text):
+        declare()
+
+
 @kernel
 def of_no_variable(a: float) -> float:
     return a + ENTRIES  # type: ignore[operator]

@@ -1,10 +1,11 @@
-"""Declare kernels and structs; the same functions are interpreted and compiled.
+"""Declare kernels, structs and their types; the same functions are interpreted and compiled.
 
 A kernel is a short function of numbers and structs. Decorated with :func:`kernel` it stays a plain
 Python function; ``native.compiled`` returns its compiled form. A struct is a class of annotated
 fields: the interpreter uses an object with slots, compiled code an element of a structured array.
 Both evaluate the same floating-point operations in the same order (no contraction, no
-reassociation), so they give the same bits. The build needs it, so nothing heavy is imported here.
+reassociation), so they give the same bits. The build imports this module, so it imports nothing
+heavy.
 
 A kernel without branches may work on lanes instead of numbers. Each lane then undergoes the same
 operations in the same order as a single number, and has the same bits. Where lanes differ in a
@@ -223,8 +224,20 @@ def struct(cls: StructClass) -> StructClass:
     ``Series`` (a short row of floats, such as the coefficients of a polynomial), ``Lanes`` or
     ``Two``. The fields of a base class that is a struct come first, and those in lanes before all,
     with which a struct has the ``alignment`` (bytes) of a line of the cache.
+
+    Raises
+    ------
+    TranslationError
+        If a field has another type, which numpy and C++ would not place alike.
     """
-    fields: dict[str, Any] = {**getattr(cls, "fields", {}), **kinds_in(cls)}
+    own = kinds_in(cls)
+    for name, kind in own.items():
+        if kind is None or kind.form not in ("number", "row"):
+            raise TranslationError(
+                f"{cls.__module__}.{cls.__name__}: {name}: found {cls.__annotations__[name]!r}, "
+                "expected float, int, Series, Lanes or Two"
+            )
+    fields: dict[str, Any] = {**getattr(cls, "fields", {}), **own}
     fields = dict(sorted(fields.items(), key=lambda field: field[1].size != LANES))
     zeros: dict[str, Any] = {INT.cpp: int, SERIES.cpp: lambda: [0.0] * SERIES_LENGTH}
     values = [(name, zeros.get(kind.cpp, float)) for name, kind in fields.items()]
