@@ -15,10 +15,13 @@ from matplotlib.figure import Figure
 
 from tests.analysis.traces import BALL, circle, hump, landscape, line, system, three_arcs, valley
 from tests.figures.layout import assert_texts_are_apart, texts
-from vibro_cli.analysis.levels import Landscape
+from tests.gallery import run_of
+from vibro_cli.analysis.levels import Landscape, speed_curves
 from vibro_cli.analysis.singular import FIGURE_EIGHT, SingularPoint, portrait_of
 from vibro_cli.assemble import build_any
 from vibro_cli.figures.labels import LEADER
+from vibro_cli.figures.portraits import trace_phase_plane
+from vibro_cli.figures.portraits.energies import energy_portrait
 from vibro_cli.figures.portraits.layers import background, saddle_energies
 from vibro_cli.figures.portraits.trace_phase_plane import (
     behind_along,
@@ -327,3 +330,22 @@ def test_saddles_are_not_compared_with_one_another(monkeypatch: pytest.MonkeyPat
     assert len(compared) <= len(portrait.points)
     eights = [one for one in portrait.triggers if one.orbit == FIGURE_EIGHT]
     assert len(behind.eights) == len({one.turning_left for one in eights}) > 0
+
+
+def test_both_widths_of_a_figure_share_the_curves_along_the_trace(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """They were computed again for the second width, half of its time on many arcs."""
+    asked: list[float] = []
+
+    def counted(hills: Landscape, count: int, energy: float, *saddles: Any) -> Any:
+        asked.append(energy)
+        return speed_curves(hills, count, energy, *saddles)
+
+    monkeypatch.setattr(trace_phase_plane, "speed_curves", counted)
+    run = run_of("three_arcs", "stop.collisions=3", "balls[1].radius=0.0987")
+    drawn = [energy_portrait(run, 1, width) for width in ("double", "single")]
+    assert len(asked) == len(set(asked)) > 0
+    wide, narrow = (collections(figure, 0, 1.0) for figure in drawn)
+    assert len(wide) == len(narrow) > 0
+    assert all(map(np.array_equal, wide, narrow))

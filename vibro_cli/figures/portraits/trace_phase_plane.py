@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
+from functools import lru_cache, partial
 from itertools import chain
 
 import numpy as np
@@ -200,6 +200,7 @@ def highest_place(portrait: Portrait) -> float:
     return max([*barriers, *(point.energy for point in portrait.points)])
 
 
+@lru_cache(maxsize=1)  # for the other width of a figure
 def behind_along(portrait: Portrait, count: int = _MOST_POINTS) -> Background:
     """Return curves and points of a portrait along the trace, with `count` points per piece."""
     landscape, (on_eight, others) = portrait.landscape, _saddles(portrait)
