@@ -117,7 +117,7 @@ set_option = partial(repeatable, "--set", metavar="PATH=VALUE", autocompletion=s
 Overrides = Annotated[
     list[str],
     set_option(
-        help="Override a value in every scenario, e.g. --set 'balls[1].angle=-1.2'; repeatable."
+        help="Override a value in every scenario, e.g. --set 'balls[2].angle=0.3'; repeatable."
     ),
 ]
 Engine = Annotated[
