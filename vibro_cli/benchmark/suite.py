@@ -6,7 +6,15 @@ import time
 from collections.abc import Iterator, Sequence
 from functools import partial
 
+from vibro_cli.benchmark.cost import (
+    measure_growth,
+    measure_on_all_cores,
+    measure_other_systems,
+    measure_skips,
+)
+from vibro_cli.benchmark.end_to_end import measure_command, measure_grid
 from vibro_cli.benchmark.measurement import SERIES, Job, Plan, Row, by_turns
+from vibro_cli.benchmark.methods import methods
 from vibro_cli.benchmark.methods.runner import Lost, Method, Runner, Setting
 from vibro_cli.benchmark.scenes import SCENES, Scene, errors_of_times, reference_times
 from vibro_cli.progress import WORK
@@ -18,26 +26,22 @@ _ASTRAY = 1e-2
 
 def run(plan: Plan, scenes: Sequence[str] = ()) -> Iterator[list[Row]]:
     """Measure the named scenes or, if none is named, all scenes and all other parts."""
-    from vibro_cli.benchmark import cost, end_to_end
-
     yield from _measure_precision(plan, scenes)
     if not scenes:
-        yield from cost.measure_growth(plan)
+        yield from measure_growth(plan)
         WORK.report("a grid on all cores")
-        yield cost.measure_on_all_cores(plan)
+        yield measure_on_all_cores(plan)
         WORK.report("a grid")
-        yield end_to_end.measure_grid(plan)
+        yield measure_grid(plan)
         WORK.report("what is skipped")
-        yield cost.measure_skips(plan)
+        yield measure_skips(plan)
         WORK.report("other systems")
-        yield cost.measure_other_systems(plan)
-        yield from end_to_end.measure_command(plan)
+        yield measure_other_systems(plan)
+        yield from measure_command(plan)
 
 
 def _measure_precision(plan: Plan, names: Sequence[str]) -> Iterator[list[Row]]:
     """Measure the named scenes (all if empty); yield the rows of each scene."""
-    from vibro_cli.benchmark.methods import methods
-
     found = methods(plan.form == "quick")
     if not names and plan.form == "quick":
         names = _QUICK_SCENES
