@@ -14,7 +14,7 @@ import pytest
 
 from vibro_cli.compile import native
 from vibro_cli.compile.build import NATIVE, build, library_name
-from vibro_cli.compile.kernel import FloatMatrix, Overrides, dtype, kernel, struct
+from vibro_cli.compile.kernel import FloatMatrix, Overrides, Series, dtype, kernel, struct
 from vibro_cli.compile.native import compiled
 from vibro_cli.compile.translate import Program
 from vibro_cli.errors import NoLibrary
@@ -149,3 +149,18 @@ def test_arrays_of_another_form_are_refused(table: Any) -> None:
 def test_a_kernel_that_no_program_names_is_told() -> None:
     with pytest.raises(NoLibrary, match="it is named in no program"):
         compiled(unnamed)
+
+
+def test_annotations_may_be_types_instead_of_texts() -> None:
+    """As in a module that does not postpone their evaluation."""
+
+    class Written:
+        t: float
+        piece: int
+        terms: Series
+
+    class Evaluated:
+        __annotations__ = {"t": float, "piece": int, "terms": Series}
+
+    assert dtype(struct(Evaluated)) == dtype(struct(Written))
+    assert dtype(struct(Evaluated))["piece"] == np.int64

@@ -134,8 +134,8 @@ def kinds_in(annotated: Any) -> dict[str, Any]:
 
 
 @cache  # structs have many fields of few types, and are declared whenever the program starts
-def _named(text: str, module: str) -> Any:
-    return kind_of(eval(text, vars(sys.modules[module])))
+def _named(hint: Any, module: str) -> Any:
+    return kind_of(eval(hint, vars(sys.modules[module])) if isinstance(hint, str) else hint)
 
 
 @cache
