@@ -100,10 +100,8 @@ def test_a_separatrix_between_equal_crests_is_no_eight(left: float, right: float
         assert second.turning_left == pytest.approx(first.saddle.s, rel=1e-15)
 
 
-def test_the_level_through_equal_crests_is_found_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """It was found again for each: 1,000 crests took the time of a million pieces, 7 s."""
-    between = [hump(0.5, -50), valley(1.0, 50)]
-    hills = landscape(-120.0, valley(1.0, 50), *between * 19, hump(0.5, -50), valley(1.0, 120))
+def asked_pieces(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Return a list that receives the piece of each search for accessible parts."""
     asked: list[int] = []
 
     def counted(trace: Landscape, piece: Piece, energy: float) -> tuple[Reach, ...]:
@@ -111,6 +109,14 @@ def test_the_level_through_equal_crests_is_found_once(monkeypatch: pytest.Monkey
         return reaches(trace, piece, energy)
 
     monkeypatch.setattr(levels, "reaches", counted)
+    return asked
+
+
+def test_the_level_through_equal_crests_is_found_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It was found again for each: 1,000 crests took the time of a million pieces, 7 s."""
+    between = [hump(0.5, -50), valley(1.0, 50)]
+    hills = landscape(-120.0, valley(1.0, 50), *between * 19, hump(0.5, -50), valley(1.0, 120))
+    asked = asked_pieces(monkeypatch)
     assert [trigger.orbit for trigger in triggers(hills)] == 20 * [HETEROCLINIC]
     assert asked == list(range(41))
 
@@ -122,13 +128,7 @@ def test_the_levels_of_unequal_crests_are_followed_only_to_their_turning_points(
     ends = [30.0 + 37.0 * n % 29.0 for n in range(200)]
     crests = [arc for end in ends for arc in (valley(1.0, end), hump(0.5, -end))]
     hills = landscape(-120.0, *crests, valley(1.0, 120))
-    asked: list[int] = []
-
-    def counted(trace: Landscape, piece: Piece, energy: float) -> tuple[Reach, ...]:
-        asked.append(piece.index)
-        return reaches(trace, piece, energy)
-
-    monkeypatch.setattr(levels, "reaches", counted)
+    asked = asked_pieces(monkeypatch)
     found = triggers(hills)
     assert len(found) == 200
     assert len(asked) < 0.1 * len(found) * len(hills.trace.pieces)
@@ -150,13 +150,7 @@ def test_a_level_is_not_followed_through_a_higher_crest(monkeypatch: pytest.Monk
     slopes = np.random.default_rng(3).uniform(10.0, 60.0, 300).tolist()
     crests = [arc for slope in slopes for arc in (valley(1.0, slope), hump(1.0, -slope))]
     hills = landscape(-100.0, *crests, valley(1.0, 120))
-    asked: list[int] = []
-
-    def counted(trace: Landscape, piece: Piece, energy: float) -> tuple[Reach, ...]:
-        asked.append(piece.index)
-        return reaches(trace, piece, energy)
-
-    monkeypatch.setattr(levels, "reaches", counted)
+    asked = asked_pieces(monkeypatch)
     found = triggers(hills)
     monkeypatch.undo()
     followed = 0
