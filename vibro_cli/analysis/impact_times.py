@@ -18,6 +18,7 @@ from vibro_cli.assemble import body_of, speed_of, system_of, trace_of
 from vibro_cli.compile.kernel import NO_OVERRIDES
 from vibro_cli.errors import VibroError
 from vibro_cli.kernels.impact.laws import LAW_NAMES, weight_and_response
+from vibro_cli.kernels.numerics.double_double import time_between
 from vibro_cli.kernels.tangent.frame import SERIES_ROWS, TERMS
 from vibro_cli.kernels.tangent.impact_times import (
     Arrival,
@@ -210,7 +211,8 @@ def _events_of(log: Any, impacts: Any) -> NDArray[np.int64]:
         (cause == WALL) & (log["at_rest"] != 0),
     ]
     faults = np.select(conditions, range(1, len(_FAULTS)))
-    for row in np.flatnonzero(faults)[:1]:
+    if np.any(faults):
+        row = np.flatnonzero(faults)[0]
         words = CAUSE_NAMES[cause[row]].replace("_", " ")
         raise NoDerivative(_FAULTS[faults[row]].format(cause=words, body=body[row] + 1, t=t[row]))
     left = np.flatnonzero(ends)
@@ -220,15 +222,14 @@ def _events_of(log: Any, impacts: Any) -> NDArray[np.int64]:
     return events[np.argsort(np.concatenate([first, left]))]
 
 
-def _ages_of(log: Any, rows: NDArray[np.int64]) -> Floats:
+def _ages_of(log: Any, rows: NDArray[np.int64]) -> Any:
     """Return the durations (s) of the flights that end at rows of the log."""
     order = np.argsort(log["body"], kind="stable")  # flights of one body follow one another
     before = np.empty_like(order)
     before[order] = np.roll(order, 1)
     start = before[rows]
     t, low = log["t"], log["t_low"]
-    ages: Floats = (t[rows] - t[start]) + (low[rows] - low[start])
-    return ages
+    return time_between(t[rows], low[rows], t[start], low[start])
 
 
 def _word_of(log: Any, events: NDArray[np.int64]) -> tuple[str, ...]:
