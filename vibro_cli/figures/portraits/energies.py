@@ -133,9 +133,9 @@ def energy_portrait(run: Recorded, ball: int, width: str = "single") -> Figure:
         if stays_at_rest(path):
             limit_energies(lower, highest_energy(portrait))
         else:
-            framed = 0.5 * landscape.body.kappa * landscape.body.mass * window.top**2
-            saddles = saddles_below(behind, float(np.min(below)) + framed)
-            least = max(1e-3 * float(np.max(values)), saddles)
+            mass = landscape.body.kappa * landscape.body.mass
+            saddle = saddle_shown(behind, below, mass, window)
+            least = max(1e-3 * float(np.max(values)), saddle)
             limit_energies(lower, *energy_limits(energies, below, least))
         draw_legend(figure, rows, bar)
     return figure
@@ -204,9 +204,13 @@ def _potential_at(landscape: Landscape, s: Array) -> Array:
     return found
 
 
-def saddles_below(behind: Background, energy: float) -> float:
-    """Return the energy (J) of the highest saddle shown that is not above an energy, else 0."""
-    return max((one for one in saddle_energies(behind.points) if one <= energy), default=0.0)
+def saddle_shown(behind: Background, potential: Array, mass: float, window: Window) -> float:
+    """Return the energy (J) of the highest saddle within the energies of a window, else 0.
+
+    `potential` (J) is that along the motion, `mass` (kg) the factor of half the squared speed.
+    """
+    highest = float(np.min(potential)) + 0.5 * mass * window.top**2
+    return max((one for one in saddle_energies(behind.points) if one <= highest), default=0.0)
 
 
 def energy_limits(energies: Array, potential: Array, least: float = 0.0) -> tuple[float, float]:

@@ -28,7 +28,7 @@ from vibro_cli.figures.portraits.energies import (
     energy_limits,
     limit_energies,
     panels_over,
-    saddles_below,
+    saddle_shown,
 )
 from vibro_cli.figures.portraits.family import Member, draw_family, name_points, shown_of
 from vibro_cli.figures.portraits.layers import (
@@ -210,8 +210,7 @@ def springs_portrait(run: Run, ball: int, width: str = "single") -> Figure:
         window = _around(path, behind)
         behind = seen(behind, [window])
         below = hills.mass * hills.potential(branches.position)
-        framed = float(np.min(below)) + 0.5 * hills.mass * window.top**2
-        limits = energy_limits(energies, below, saddles_below(behind, framed))
+        limits = energy_limits(energies, below, saddle_shown(behind, below, hills.mass, window))
     with style.journal():
         rows, bar = legend_rows(path, behind, width, [("spring's energy", POTENTIAL)])
         figure, upper, lower = panels_over(width, window, rows, _symbols(ball))
