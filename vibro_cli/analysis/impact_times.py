@@ -81,12 +81,9 @@ class ImpactTimes:
 def number_at(scenario: Scenario, path: KeyPath, other: str = "") -> float:
     """Return the number that a scenario has at a path.
 
-    `other` is a name that the caller accepts besides the paths of the scenario.
-
-    Raises
-    ------
-    NoDerivative
-        If there is none (the message names the nearest key), or if there are unequal ones.
+    `other` is a name that the caller accepts besides the paths of the scenario. Raises
+    `NoDerivative` if there is none (the message names the nearest key), or if there are unequal
+    ones.
     """
     found: Any = scenario
     try:
@@ -139,20 +136,10 @@ def impact_times(
 ) -> ImpactTimes:
     """Return the first impacts of a motion, and the derivatives of their times.
 
-    Parameters
-    ----------
-    scenario, system
-        The scenario, and the system built from it.
-    paths
-        Paths of the numbers with respect to which times are differentiated.
-    count, stop_time
-        Number of impacts, and the time (s) at which the motion stops in any case, if there is one.
-
-    Raises
-    ------
-    NoDerivative
-        For lasting contact, simultaneous impacts of one body with two others, grazing contacts,
-        bodies that stop at a junction, and a rotating trace.
+    The times are differentiated with respect to the numbers at the paths. `count` is the number of
+    impacts, `stop_time` the time (s) at which the motion stops in any case, if there is one. Raises
+    `NoDerivative` for lasting contact, simultaneous impacts of one body with two others, grazing
+    contacts, bodies that stop at a junction, and a rotating trace.
     """
     if system.turning is not None:
         raise NoDerivative("found a trace that turns, expected one at rest")

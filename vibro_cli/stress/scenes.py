@@ -206,12 +206,7 @@ def _serve(connection: Connection, function: Callable[[Document], Any], memory: 
 class Watched(Generic[Answer]):
     """A function of a document, called in another process, which is started at the first call.
 
-    Parameters
-    ----------
-    function
-        Function at the top level of a module; must not raise.
-    memory
-        Memory limit (bytes), None for no limit.
+    The function is at the top level of a module and does not raise; `memory` is a limit in bytes.
     """
 
     def __init__(self, function: Callable[[Document], Answer], memory: int | None = None) -> None:
@@ -223,10 +218,7 @@ class Watched(Generic[Answer]):
     def __call__(self, document: Document, seconds: float = PATIENCE) -> Answer:
         """Return the function's answer, computed within `seconds` of processor time.
 
-        Raises
-        ------
-        GivenUp
-            If there is no answer by then, or the process has ended.
+        Raises `GivenUp` if there is no answer by then, or the process has ended.
         """
         if self._process is None:
             context = multiprocessing.get_context("spawn")

@@ -43,14 +43,8 @@ def coefficients(order: int) -> list[float]:
 class Leg:
     """The motion of a body from one turning point to the next.
 
-    Parameters
-    ----------
-    a
-        w² of the equation of motion, 1/s².
-    order
-        Greatest i and j of the series.
-    t, angle, rate
-        An instant (s), and the state of the body then.
+    `a` is w² of the equation of motion (1/s²), `order` the greatest i and j of the series, and
+    `angle` (rad) and `rate` (rad/s) are the state at an instant `t` (s).
     """
 
     def __init__(self, a: float, order: int, t: float, angle: float, rate: float) -> None:

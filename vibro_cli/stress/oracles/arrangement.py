@@ -28,10 +28,7 @@ Row = dict[int, Real]
 class Inadmissible(Exception):
     """Raised if the law drives bodies into each other, and no other law is substituted.
 
-    Parameters
-    ----------
-    approach
-        The greatest approach speed (m/s) of touching bodies.
+    `approach` is the greatest approach speed (m/s) of touching bodies.
     """
 
     def __init__(self, approach: Real) -> None:

@@ -326,10 +326,7 @@ def without_leading_zeros(series: Series) -> Series:
 def first_zero(series: Series, end: Whole) -> Whole | None:
     """Return the first zero up to ``end`` of a polynomial that is positive at 0, or None.
 
-    Raises
-    ------
-    Undecided
-        If it is not positive at 0.
+    Raises `Undecided` if it is not positive at 0.
     """
     if series[0] <= 0:
         raise Undecided("a distance is not positive at the start of a step")

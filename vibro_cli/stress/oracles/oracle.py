@@ -102,18 +102,10 @@ class _EndOfTrace(Exception):
 
 
 class Oracle:
-    """The motion of the bodies of a scene.
+    """The motion of the bodies of a scene, up to a number of events.
 
-    Parameters
-    ----------
-    scene
-        The scene to compute.
-    law
-        ``hedrih``, ``normal-impulse`` or ``translational``.
-    substitute
-        Whether an inadmissible impact follows ``normal-impulse`` (else it ends the motion).
-    most_events
-        Greatest number of events.
+    The law is ``hedrih``, ``normal-impulse`` or ``translational``; with `substitute`, an
+    inadmissible impact follows ``normal-impulse`` (else it ends the motion).
     """
 
     def __init__(
@@ -143,12 +135,8 @@ class Oracle:
     def run(self, until: Real, times: Sequence[Real] = (), last: Collection[str] = ()) -> History:
         """Continue to an instant (s) and return the record, with samples at the given instants.
 
-        The first event of one of the kinds ``last`` ends the motion, which may be continued.
-
-        Raises
-        ------
-        Undecided
-            If the events depend on digits beyond the working precision, or are too many.
+        The first event of one of the kinds ``last`` ends the motion, which may be continued. Raises
+        `Undecided` if the events depend on digits beyond the working precision, or are too many.
         """
         waiting, events = list(times), self.history.events
         seen = len(events)

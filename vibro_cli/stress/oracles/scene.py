@@ -39,14 +39,7 @@ def speed_changes(
 ) -> tuple[Any, Any]:
     """Return the changes by an impact of two speeds along the line of centres, or along a line.
 
-    Parameters
-    ----------
-    law, k
-        Name of the law, and the coefficient of restitution.
-    speeds, radii, masses
-        Speeds, radii and masses of both bodies.
-    rolling
-        Rolling masses κ m of both bodies.
+    `k` is the coefficient of restitution; `rolling` are the rolling masses κ m of both bodies.
     """
     more = 1 + k
     if law == "hedrih":  # C (3), with moments of inertia about the contacts

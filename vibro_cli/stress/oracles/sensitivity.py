@@ -101,12 +101,7 @@ def derivative(
 ) -> NDArray[np.float64]:
     """Return the derivative of the end of a motion with respect to its start.
 
-    Parameters
-    ----------
-    follow
-        Function from the numbers of a start to those of the end.
-    start
-        Numbers of the start at which the derivative is taken.
+    `follow` is the function from the numbers of a start to those of the end.
     """
     columns = []
     for number in range(len(start)):
@@ -128,19 +123,9 @@ def neighbours(
 ) -> Neighbours:
     """Return the start of a motion, and the oracle's map from starts nearby.
 
-    Parameters
-    ----------
-    system, scene
-        The system, and its scene for the oracle.
-    pairs
-        The bodies (from 0) of every impact of the motion, in order.
-    end
-        Instant (s) of the end, which is after the last impact or, up to rounding, at it.
-
-    Returns
-    -------
-    Displacement (m) and speed (m/s) of each body at the start; and a function of these, which
-    returns those at the end followed by the instants (s) of the impacts.
+    `pairs` are the bodies (from 0) of every impact of the motion, in order; its `end` (s) is after
+    the last impact or, up to rounding, at it. The start has the displacement (m) and speed (m/s) of
+    each body. The map returns those at the end followed by the instants (s) of the impacts.
     """
     until = mp.mpf(end)
 
@@ -176,9 +161,7 @@ def neighbours(
 def differences(run: Run) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the derivative of the state at the end of a run, and of the times of its impacts.
 
-    Returns
-    -------
-    Derivatives with respect to displacements and speeds of all bodies at the start:
+    They are derivatives with respect to displacements and speeds of all bodies at the start:
     ``[2 body + 0 or 1, component]`` of displacements and speeds (m, m/s), and
     ``[impact, component]`` of times (s).
     """
