@@ -38,7 +38,7 @@ from vibro_cli.scenario import load_any
 from vibro_cli.storage.stored import open_run
 from vibro_cli.systems import NAMES, system_named
 from vibro_cli.systems.springs.phase_plane import spring_periods, springs_record
-from vibro_cli.systems.trace.describe import understood
+from vibro_cli.systems.trace.describe import quantities_of
 
 # Paper B
 
@@ -367,7 +367,7 @@ def test_the_period_told_of_is_that_between_turning_points(
     document |= {"balls": [ball], "stop": {"time": 6.0}, "output": {"turning_points": True}}
     del document["collision"]
     scenario = Scenario.from_dict(document)
-    (body,) = understood(scenario, build_any(scenario), ())["bodies"]
+    (body,) = quantities_of(build_any(scenario))["bodies"]
     events = simulate(scenario).events
     assert (len(set(events["arc_to"].tolist())) < 2 and "end" not in events["event"]) is stays
     turns = events["t"][events["event"] == "turning"]

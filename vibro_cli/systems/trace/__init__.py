@@ -120,9 +120,9 @@ class Trace(System):
         return section_of_trace(run, name, beside)
 
     def understood(self, scenario: Any, system: Any) -> dict[str, Any]:
-        from vibro_cli.systems.trace.describe import understood
+        from vibro_cli.systems.trace.describe import quantities_of
 
-        return understood(scenario, system, self.warnings(scenario, system))
+        return super().understood(scenario, system) | quantities_of(system)
 
     def understood_lines(self, found: dict[str, Any]) -> Iterator[str]:
         from vibro_cli.systems.trace.describe import understood_lines

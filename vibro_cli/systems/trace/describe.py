@@ -15,23 +15,17 @@ from vibro_cli.scenario.models import Scenario
 from vibro_cli.systems.describe import body_line, described
 
 
-def understood(scenario: Any, system: TraceSystem, warnings: tuple[str, ...]) -> dict[str, Any]:
-    """Return the given values of a scenario, its defaults and quantities derived from them."""
+def quantities_of(system: TraceSystem) -> dict[str, Any]:
+    """Return the trace, the bodies and their contacts, with quantities derived from them."""
     return {
-        "name": scenario.name,
-        "valid": True,
-        "scenario": scenario.resolved(),
         "trace": {
             "length": system.trace.length,
             "closed": system.trace.closed,
             "pieces": [_piece(piece) for piece in system.trace.pieces],
         },
+        "surface": system.surface,
         "bodies": list(_bodies(system)),
         "pairs": list(_pairs(system)),
-        "law": system.law,
-        "inadmissible": system.inadmissible,
-        "surface": system.surface,
-        "warnings": list(warnings),
     }
 
 
