@@ -44,7 +44,6 @@ from vibro_cli.systems.request import Limits
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.tangents import followed
 from vibro_cli.systems.trace import SYSTEM, simulate_system
-from vibro_cli.systems.trace.system import time_scale
 
 # Greatest relative acceleration of motion in contact and with bounces instead, times gravity.
 PUSH = 4.0
@@ -531,7 +530,7 @@ def errors_of(system: TraceSystem, count: int) -> tuple[float, float]:
     """
     found, rows, _ = followed(SYSTEM, system, Limits(None, count), times=True)
     matrix, times = differences(simulate_system(system, None, count))
-    scale = np.tile([1.0, float(time_scale(system))], len(system.bodies))
-    matrices = [one * scale[:, None] / scale[None, :] for one in (found.matrix(), matrix)]
-    instants = [one / scale for one in (rows["collisions"]["times"], times)]
-    return error_of(*matrices), error_of(*instants)
+    units = found.units
+    maps = [one / units[:, None] * units for one in (found.matrix(), matrix)]
+    instants = [one * units for one in (rows["collisions"]["times"], times)]
+    return error_of(*maps), error_of(*instants)

@@ -305,13 +305,10 @@ _EXPECTED = {
 
 def usage_error(error: typer.TyperException, command: str) -> CommandError:
     """Return an error on wrong usage, on one line, that refers to the help of the command."""
-    placed = "options follow a command; " if command == "vibro" and _is_option(error) else ""
+    is_option = str(getattr(error, "option_name", "")).startswith("-")
+    placed = "options follow a command; " if command == "vibro" and is_option else ""
     words = " ".join(_words(error).split())
     return CommandError(f"vibro: {words} ({placed}see {command} --help)")
-
-
-def _is_option(error: typer.TyperException) -> bool:
-    return str(getattr(error, "option_name", "")).startswith("-")
 
 
 def _is_of_a_command(option: str, error: Any) -> bool:

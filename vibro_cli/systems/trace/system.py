@@ -93,8 +93,10 @@ class TraceStretches(Stretches):
         return self._stretch(self._carried)._replace(known=len(self._carried["log"]))
 
     def _stretch(self, logs: Mapping[str, Any]) -> Stretch:
-        settled = earliest_unlogged(self.driver.world.pairs)
-        return super()._stretch(logs)._replace(settled=settled)
+        pairs = record_array(self.driver.world.pairs, LOOP.records["pairs"])
+        unlogged = pairs[pairs["held"] != pairs["logged"]]  # lasting contacts that began or ended
+        settled = np.min(unlogged["change_t"] + unlogged["delay"], initial=np.inf)
+        return super()._stretch(logs)._replace(settled=float(settled))
 
 
 def under_way(logs: Mapping[str, Any]) -> dict[str, Any]:
@@ -109,10 +111,3 @@ def under_way(logs: Mapping[str, Any]) -> dict[str, Any]:
     carried = segments[[segment for _, segment in kept]]
     carried["flight"] = [body for body, _ in kept]
     return {"log": log[rows], "segments": carried}
-
-
-def earliest_unlogged(pairs: Any) -> float:
-    """Return the earliest time (s) of a beginning or end of lasting contact not yet logged."""
-    records = record_array(pairs, LOOP.records["pairs"])
-    open_ones = records[records["held"] != records["logged"]]
-    return float(np.min(open_ones["change_t"] + open_ones["delay"], initial=np.inf))
