@@ -404,21 +404,15 @@ class Design:
 
     def columns(self, indices: Array) -> dict[KeyPath, Array]:
         """Return the values of every path at some points."""
-        found: dict[KeyPath, Array] = {}
-        for number, axis in enumerate(self.axes):
-            if self.mode in ("product", "zip"):
-                values = axis.at(self._index(number, indices))
-            else:
-                values = axis.drawn(self._shares(indices)[:, number])
-            found.update(zip(axis.paths, values, strict=True))
-        return found
-
-    def _index(self, number: int, indices: Array) -> Array:
-        """Return the indices of points on an axis."""
-        if self.mode == "zip":
-            return indices
-        inner = math.prod(map(len, self.axes[number + 1 :]))
-        return (indices // inner) % len(self.axes[number])
+        if self.mode == "product":
+            places = np.unravel_index(indices, [len(axis) for axis in self.axes])
+            values = [axis.at(place) for axis, place in zip(self.axes, places, strict=True)]
+        elif self.mode == "zip":
+            values = [axis.at(indices) for axis in self.axes]
+        else:
+            shares = self._shares(indices).T
+            values = [axis.drawn(share) for axis, share in zip(self.axes, shares, strict=True)]
+        return dict(zip(self.paths, (one for some in values for one in some), strict=True))
 
     def _shares(self, indices: Array) -> Array:
         """Return points in the unit cube, one per row, from scipy's quasi-random designs."""

@@ -143,11 +143,6 @@ class Grid:
         """Names of the tables of impacts to keep."""
         return system_named(self.system).impact_tables if self.keep.collisions else ()
 
-    @property
-    def varied(self) -> set[KeyPath]:
-        """Paths of the values that the axes change."""
-        return {path for axis in self.design.axes for path in axis.paths}
-
     def numbers(self, path: KeyPath) -> Iterator[float]:
         """Yield the numbers of the base at a path, or in the list there, and the ends of the axes.
 
@@ -156,7 +151,7 @@ class Grid:
         table, key = path
         given = section(self.base.data, str(table)).get(str(key))
         for one in given if isinstance(given, list) else [given]:
-            if path not in self.varied and isinstance(one, int | float):
+            if path not in self.design.paths and isinstance(one, int | float):
                 yield one
         for axis in self.design.axes:
             for i, changed in enumerate(axis.paths):
@@ -200,8 +195,8 @@ def may_lack_an_end(grid: Grid) -> bool:
     """
     stop, k = ("stop", "collisions"), ("collision", "k")
     # On a table, balls go on to bounce on the wall.
-    others = {"time", "bounces"}
-    if others & set(section(grid.base.data, "stop")) or grid.varied & {("stop", n) for n in others}:
+    given = section(grid.base.data, "stop")
+    if any(n in given or ("stop", n) in grid.design.paths for n in ("time", "bounces")):
         return False
     return any(most >= _MANY for most in grid.numbers(stop)) and any(
         value < 1.0 for value in grid.numbers(k)
