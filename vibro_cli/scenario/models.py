@@ -295,15 +295,11 @@ def collision_faults(data: Data) -> Iterator[Fault]:
         each = "one for each pair of neighbours" if pairs else "a lone body has no neighbour"
         found = "an empty list" if not k else f"a list of {len(k)}"
         yield Fault(("collision", "k"), found, f"one number or a list of {pairs}: {each}")
+    elif "collision" not in data and pairs > 0:
+        yield Fault(("collision",), "nothing", "the table of the impact law with its k")
     elif "k" not in collision and pairs > 0:
-        loc = ("collision", "k") if "collision" in data else ("collision",)
-        yield Fault(
-            loc,
-            "nothing",
-            "the coefficient of restitution k, a number from 0 to 1"
-            if len(loc) == 2
-            else "the table of the impact law with its k",
-        )
+        expected = "the coefficient of restitution k, a number from 0 to 1"
+        yield Fault(("collision", "k"), "nothing", expected)
 
 
 def stop_faults(data: Data, keys: Collection[str] = ("time", "collisions")) -> Iterator[Fault]:
@@ -452,11 +448,6 @@ class Ball(BodyTable):
     """Initial speed of the centre in m/s, positive to the right."""
 
 
-def _without_default(schema: dict[str, Any]) -> None:
-    """Remove a default that depends on the bodies."""
-    schema.pop("default", None)
-
-
 class Collision(Table):
     """The law that gives the velocities of two neighbours after an impact."""
 
@@ -466,7 +457,8 @@ class Collision(Table):
         tuple[Annotated[float, kinds.RESTITUTION], ...],
         BeforeValidator(_restitutions),
         WithJsonSchema({"anyOf": [_K_SCHEMA, {"type": "array", "items": _K_SCHEMA}]}),
-        Field(json_schema_extra=_without_default),
+        # Its default depends on the bodies.
+        Field(json_schema_extra=lambda schema: schema.pop("default", None)),
     ] = ()
     """Coefficient of restitution from 0 to 1: one number, or one for each pair of neighbours."""
     inadmissible: Inadmissible = "stop"
