@@ -115,6 +115,11 @@ class Places:
         rho = self._at(self.path_radius, body, piece)
         return np.where(rho > 0.0, 2.0 * self.frequency(body, piece) * rho, 1.0)
 
+    def rate(self, body: Any, piece: Any, p: Floats) -> Floats:
+        """Return the rate of the angle (rad/s) from ``P``, or the speed (m/s) on a line."""
+        frequency = self.frequency(body, piece)
+        return np.where(frequency > 0.0, 2.0 * frequency * p, p)
+
 
 CAUSES = ("cause_start", "cause_end")
 """Columns of flights with the causes of their start and end."""
@@ -143,8 +148,7 @@ def places_and_rates(places: Places, body: int, piece: int, states: Any) -> tupl
     On a line: positions (m) and speeds (m/s).
     """
     position = places.position(np.full(len(states), piece), states["s"], states["c"])
-    frequency = places.frequency(body, piece)
-    return position, states["p"] * (2.0 * frequency if frequency > 0.0 else 1.0)
+    return position, places.rate(body, piece, states["p"])
 
 
 class Paths:
@@ -195,18 +199,13 @@ class Paths:
             "t_start": self.log["t"].copy(),
             "t_end": self.t_end.copy(),
             "angle_start": self.places.position(self.piece, self.log["s"], self.log["c"]),
-            "rate_start": self._rate(self.log["p"]),
+            "rate_start": self.places.rate(self.body, self.piece, self.log["p"]),
             "angle_end": self.places.position(self.piece, ends["s"], ends["c"]),
-            "rate_end": self._rate(ends["p"]),
+            "rate_end": self.places.rate(self.body, self.piece, ends["p"]),
             "contact": self.log["grouped"] == 1,
             "cause_start": self.log["cause"].copy(),
             "cause_end": np.where(self.last, len(CAUSE_NAMES), self.log["cause"][following]),
         }
-
-    def _rate(self, p: Floats) -> Floats:
-        """Return the rate of the angle (rad/s) from ``P``, or the speed (m/s) on a line."""
-        frequency = self.places.frequency(self.body, self.piece)
-        return np.where(frequency > 0.0, 2.0 * frequency * p, p)
 
     def curve(
         self, index: int, count: int, lasts: float = math.inf
