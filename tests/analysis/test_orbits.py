@@ -760,6 +760,11 @@ def test_python_finds_what_the_command_finds(
             "energy: found the range 1:2, expected one with the orbit's, "
             "17.5732 J relative to the trace's left end\n",
         ),
+        (
+            ["--vary", "energy=1000 mJ:0.002 kJ"],
+            "energy: found the range 1:2, expected one with the orbit's, 17.5732 J",
+        ),
+        (["--vary", "energy=1 kg:2 J"], 'energy: found "1 kg", expected an energy (J, mJ, kJ, ...'),
         (["--vary", "a[=3:4"], '--vary: found "a[", expected a path such as collision.k or balls'),
         (
             ["--vary", "balls[2].mass=900 g:2 m"],

@@ -141,6 +141,7 @@ def parsed_range(option: str, text: str, infinite: bool = False) -> tuple[str, f
     for other texts.
     """
     from vibro_cli.analysis.fit import START_TIME
+    from vibro_cli.analysis.orbit_branch import ENERGY
     from vibro_cli.commands.shared.loading import in_si_units
     from vibro_cli.scenario.fields import kind_at
     from vibro_cli.scenario.loading import path_of
@@ -148,6 +149,7 @@ def parsed_range(option: str, text: str, infinite: bool = False) -> tuple[str, f
     from vibro_cli.scenario.problems import Fault
     from vibro_cli.scenario.quantities import TIME, Quantity
 
+    others = {START_TIME: TIME, ENERGY: Quantity("energy")}  # parameters that no scenario has
     path, _, values = (part.strip() for part in text.rpartition("="))
     ends = [end.strip() for end in values.split(":")]
     form = "PATH or PATH=LOW:HIGH" if infinite else "PATH=LOW:HIGH"
@@ -155,7 +157,7 @@ def parsed_range(option: str, text: str, infinite: bool = False) -> tuple[str, f
     if not path or len(ends) != 2:
         raise CommandError(f"vibro: {option}: found {text!r}, expected {expected}")
     try:
-        kind = TIME if path == START_TIME else kind_at(path_of(path), Scenario)
+        kind = others.get(path) or kind_at(path_of(path), Scenario)
     except Fault as error:
         raise CommandError(f"vibro: {option}: {error}") from error
     number = kind if isinstance(kind, Quantity) else Quantity()

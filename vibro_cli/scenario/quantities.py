@@ -36,6 +36,7 @@ EXAMPLES = {
     "acceleration": "m/s^2, g0",
     "density": "kg/m^3, g/cm^3",
     "stiffness": "N/m, kN/m",
+    "energy": "J, mJ, kJ",
 }
 """Units to name in errors, by dimension, the SI unit first."""
 
@@ -423,6 +424,7 @@ UNITS: dict[str, Unit] = {
     ),
     **_units(_RATE, {"rpm": PI / 30}),
     **_units((1, 1, -2, 0), {"N": "1", "kN": "1000"}),
+    **_units((2, 1, -2, 0), {"J": "1", "mJ": "0.001", "kJ": "1000"}),
     **_units((1, 0, -2, 0), {"g0 gn": "9.80665"}),
 }
 """All known units."""
@@ -524,4 +526,4 @@ def unit_of(text: str) -> Unit:
 
 
 DIMENSIONS = {name: unit_of(unit).dimension for name, unit in SI.items()}
-"""The dimensions that values of a scenario can have."""
+"""The dimensions that values of a scenario can have, and that of an orbit's energy."""
