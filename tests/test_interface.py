@@ -28,6 +28,7 @@ from vibro_cli import (
     GridChanged,
     NotAGrid,
     NotContinuable,
+    NothingToShow,
     NotRecalled,
     Run,
     Scenario,
@@ -145,6 +146,8 @@ def test_the_points_and_the_seed_of_a_design_have_names() -> None:
     assert not np.array_equal(drawn[0], drawn[1])
     with pytest.raises(ScenarioError, match=r'unknown key "sead".*did you mean "seed"'):
         sweep(example("three_arcs"), {"collision.k": [0.5]}, sead=2)  # type: ignore[call-arg]
+    with pytest.raises(ScenarioError, match=r"^sweep: columns: .* expected axes.*collisions"):
+        sweep(example("three_arcs"), {"collision.k": [0.5]}, columns=["t"])  # type: ignore[call-arg]
 
 
 def test_replace_changes_what_set_changes() -> None:
@@ -384,7 +387,7 @@ def test_figures(tmp_path: Path, run: Run) -> None:
     with pytest.raises(ValueError, match="unknown figure format"):
         drawn.save(tmp_path / "portrait.bmp")
     lone = simulate(example("lone_particle"))
-    with pytest.raises(ValueError, match="has nothing to show as intervals"):
+    with pytest.raises(NothingToShow, match="has nothing to show as intervals"):
         lone.figure("intervals")
 
 

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from vibro_cli.analysis.orbits import Orbit as Orbit
     from vibro_cli.api import NotRecalled as NotRecalled
     from vibro_cli.errors import NoPortrait as NoPortrait
+    from vibro_cli.errors import NothingToShow as NothingToShow
     from vibro_cli.errors import VibroError as VibroError
     from vibro_cli.figures.film import NoFilm as NoFilm
     from vibro_cli.grids.dataset import FolderInUse as FolderInUse
@@ -63,7 +64,7 @@ _HOME = {
     "vibro_cli.analysis.fit": ("NoFit", "NotMeasured"),
     "vibro_cli.analysis.orbits": ("NoOrbit", "Orbit"),
     "vibro_cli.api": ("NotRecalled",),
-    "vibro_cli.errors": ("NoPortrait", "VibroError"),
+    "vibro_cli.errors": ("NoPortrait", "NothingToShow", "VibroError"),
     "vibro_cli.figures.film": ("NoFilm",),
     "vibro_cli.grids.dataset": ("FolderInUse", "GridChanged", "NoManifest", "Verdict"),
     "vibro_cli.interface": ("Drawing", "check", "example", "load_scenario", "portrait"),

@@ -33,6 +33,10 @@ class NoPortrait(VibroError, ValueError):
     """The system has no portrait; the message says what was found and what was expected."""
 
 
+class NothingToShow(VibroError, ValueError):
+    """A figure would be empty; the message says why."""
+
+
 class NoLibrary(Failure):
     """No library of kernels is available for this machine; the message says what to do."""
 

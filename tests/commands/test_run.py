@@ -23,7 +23,7 @@ from tests.commands.conftest import ByHand, Outcome, Vibro
 from tests.commands.processes import call
 from tests.grids.kill import content
 from tests.two_balls import SCENARIO
-from vibro_cli import api, interface
+from vibro_cli import api, interface, verify
 from vibro_cli.api import NotRecalled
 from vibro_cli.commands.run import Interruption
 from vibro_cli.commands.shared.error_handling import Terminated
@@ -634,7 +634,9 @@ def test_a_signal_does_not_wait_for_figures_and_loses_no_table(
     assert begun == (not early)
     monkeypatch.undo()
     monkeypatch.chdir(tmp_path)
-    assert vibro("verify", "run").code == 0
+    verified = vibro("verify", "run")
+    assert verified.code == 0
+    assert "run: ended by a signal, without figures; vibro run --continue com" in verified.err
     shutil.copytree("run", "ended")
     assert vibro("run", "--continue", "ended", "-q").code == 0
     assert content(tmp_path / "ended") == uninterrupted[2]
@@ -664,16 +666,18 @@ def test_a_signal_does_not_wait_for_very_many_samples(
     assert time.monotonic() - struck < 10.0  # mostly 1.5 s
     monkeypatch.undo()
     monkeypatch.chdir(tmp_path)
-    assert vibro("verify", "run").code == 0
+    verified = vibro("verify", "run")
+    assert verified.code == 0
     motion = read_parquet(tmp_path / "run/motion.parquet")
     bodies = motion["body" if "body" in motion.column_names else "ball"].to_numpy()
     count = motion.num_rows // len(set(bodies))
     missing = json.loads((tmp_path / "run/manifest.json").read_text())["unsampled_from"]
     assert missing == count * step
+    assert verify("run").lacking == {"unsampled_from": missing}
+    without = f"without samples of its motion from t = {missing:.6g} s"
+    assert f"run: ended by a signal, {without}; vibro run --continue completes it" in verified.err
     name = path.stem
-    words = (
-        f"finished results are kept, {name} without samples of its motion from t = {missing:.6g} s"
-    )
+    words = f"finished results are kept, {name} {without}"
     assert outcome.err.endswith(f"vibro: terminated; {words}\n")
     longer = ("--set", "output.step=0.01")
     assert vibro("run", "--continue", "run", *longer, *options, "run").code == 0

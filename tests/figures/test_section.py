@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from vibro_cli import example, open_run, simulate, sweep
+from vibro_cli import NothingToShow, example, open_run, simulate, sweep
 from vibro_cli.commands.app import run_command_line
 from vibro_cli.figures import maps, over_axis
 from vibro_cli.figures.maps import parameter_map
@@ -142,12 +142,12 @@ def test_a_grid_says_why_it_has_nothing_to_show() -> None:
     bare = sweep(example("one_circle"), axes)
     told = r"kept no impacts: set collisions = true in \[keep\], or collisions=True of sweep"
     for columns in ([], ["angle_a"]):
-        with pytest.raises(ValueError, match=told):
+        with pytest.raises(NothingToShow, match=told):
             bare.section(columns)
-    with pytest.raises(ValueError, match=r"ball_a and ball_b: .* collisions=\[…\] of sweep"):
+    with pytest.raises(NothingToShow, match=r"ball_a and ball_b: .* collisions=\[…\] of sweep"):
         kept.section(["angle_a"], (1, 2))
     short = sweep(example("three_arcs"), axes, collisions=True)
-    with pytest.raises(ValueError, match="no run has more than 20 impacts of bodies 2 and 3"):
+    with pytest.raises(NothingToShow, match="no run has more than 20 impacts of bodies 2 and 3"):
         short.section(["s_a"], (2, 3))
 
 

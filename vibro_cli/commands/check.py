@@ -14,7 +14,7 @@ from vibro_cli.commands.shared.options import (
     json_option,
     scenario_argument,
 )
-from vibro_cli.commands.shared.terminal import json_text, print_found, say, size
+from vibro_cli.commands.shared.terminal import json_text, print_found, say, size, without
 from vibro_cli.errors import counted
 
 if TYPE_CHECKING:
@@ -187,6 +187,9 @@ class VerifyCommand:
             state = "intact" if verdict.sound else "not intact"
             files = counted(verdict.files, "file")
             say(f"{folder}: {state} ({verdict.kind}, {files}, {size(verdict.bytes)})")
+            if verdict.lacking:
+                left = f"{without(verdict.lacking)}; vibro run --continue completes it"
+                say(f"{folder}: ended by a signal, {left}", "warning")
         if not ours:
             return MISUSED
         return DONE if sound else FAILED

@@ -263,7 +263,7 @@ def _check_maps(subject: "Subject", maps: Sequence[str]) -> None:
 
 
 def _page(subject: "Subject", beside: Path, maps: Sequence[str]) -> bytes:
-    from vibro_cli.figures.over_axis import NothingToShow
+    from vibro_cli.errors import NothingToShow
     from vibro_cli.report.content import report_html
     from vibro_cli.report.grid_content import grid_html
 

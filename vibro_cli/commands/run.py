@@ -36,7 +36,13 @@ from vibro_cli.commands.shared.options import (
     output_option,
     scenario_argument,
 )
-from vibro_cli.commands.shared.terminal import RunProgress, json_text, progress_shown, say
+from vibro_cli.commands.shared.terminal import (
+    RunProgress,
+    json_text,
+    progress_shown,
+    say,
+    without,
+)
 from vibro_cli.systems import PLURALS
 
 if TYPE_CHECKING:
@@ -343,12 +349,10 @@ class Interruption:
         if not self:
             return {}
         found: dict[str, Any] = {"undrawn": kinds} if kinds else {}
-        words = ["without figures"] if kinds else []
         if result.unsampled_from is not None:
             found["unsampled_from"] = result.unsampled_from
-            words.append(f"without samples of its motion from t = {result.unsampled_from:.6g} s")
-        if words:
-            self.left += f", {name} {' and '.join(words)}"
+        if found:
+            self.left += f", {name} {without(found)}"
         return found
 
     def passed_on(self) -> None:

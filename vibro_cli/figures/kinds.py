@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from vibro_cli.errors import NothingToShow
 from vibro_cli.figures.chart import MANY
 from vibro_cli.figures.maps import ending_map, parameter_map, quantity_map
 from vibro_cli.figures.over_axis import (
     ENERGY_LEFT,
     FIRST,
     LAST,
-    NothingToShow,
     bifurcation,
     curves,
     diagram,

@@ -16,6 +16,7 @@ from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from vibro_cli.errors import NothingToShow
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import (
     MOST_VECTOR_POINTS,
@@ -260,10 +261,6 @@ def own_columns(impacts: Impacts) -> list[str]:
     speeds = [_SPEED[0], "approach_speed", "tangential_speed"]
     found = [next((one for one in some if one in impacts), None) for some in (places, speeds)]
     return [one for one in found if one is not None]
-
-
-class NothingToShow(ValueError):
-    """Raised if a figure would be empty; the message says why."""
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ import os
 import re
 import shutil
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, fields
 from pathlib import Path
@@ -25,6 +25,7 @@ from vibro_cli.grids.chunks import Chunks, Division, Receipt, file_names, receip
 from vibro_cli.grids.document import Grid
 from vibro_cli.storage.files import (
     GRID_NAME,
+    LACKING,
     MANIFEST_NAME,
     Finding,
     FolderRefused,
@@ -307,6 +308,9 @@ class Verdict:
     complete: bool
     missing_chunks: int
     findings: tuple[Finding, ...]
+    lacking: Mapping[str, Any]
+    """What a signal left out of a run: `undrawn` kinds of figures, and samples of its motion,
+    `unsampled_from` a time (s)."""
 
     @property
     def sound(self) -> bool:
@@ -337,7 +341,9 @@ def verify(folder: Path) -> Verdict:
     size = sum(one["bytes"] for one in found["files"].values())
     missing = int(found["wanted"] - len(found.get("chunks", []))) if "wanted" in found else 0
     kind = str(found["schema"]).removeprefix("vibro-").partition("/")[0]
-    return Verdict(kind, len(found["files"]), size, missing == 0, missing, tuple(findings))
+    lacking = {name: found[name] for name in sorted(LACKING & found.keys())}
+    count = len(found["files"])
+    return Verdict(kind, count, size, missing == 0, missing, tuple(findings), lacking)
 
 
 class MergeRefused(Failure):

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NoReturn, TypedDict, Unpack
 
 import numpy as np
 
-from vibro_cli.errors import counted
+from vibro_cli.errors import NothingToShow, counted
 from vibro_cli.grids.document import grid_of, load_grid
 from vibro_cli.grids.workers import solve_into
 from vibro_cli.interface import Drawing
@@ -27,6 +27,7 @@ from vibro_cli.scenario.base import (
     plain,
 )
 from vibro_cli.scenario.loading import Document
+from vibro_cli.scenario.problems import Place, Problem, ScenarioError, listing, shown, suggestion
 from vibro_cli.scenario.quantities import FLAG, Count, Dictionary
 from vibro_cli.storage.frame import Table
 from vibro_cli.storage.stored import open_grid as open_stored_grid
@@ -131,14 +132,14 @@ class Grid:
         width
             ``"single"`` or ``"double"``: one column of a journal (85 mm) or two (170 mm).
 
-        Raises ``ValueError`` for an invalid kind or width, and if the grid has nothing to show.
+        Raises ``ValueError`` for an invalid kind or width, ``NothingToShow`` for an empty figure.
         """
         from vibro_cli.figures.kinds import GRID_KINDS, draw_grid_kind
 
         drawn = draw_grid_kind(self.stored, kind, width)
         if drawn is None:
             needs = GRID_KINDS[kind].needs if kind in GRID_KINDS else "two axes change"
-            raise ValueError(f"{self.name} has nothing to show as {kind}: expected that {needs}")
+            raise NothingToShow(f"{self.name} has nothing to show as {kind}: expected that {needs}")
         return Drawing(kind, drawn)
 
     def section(
@@ -161,7 +162,8 @@ class Grid:
         width
             ``"single"`` or ``"double"``.
 
-        Raises ``ValueError`` for an invalid column or width, and if no such impact was kept.
+        Raises ``ValueError`` for an invalid column or width, ``NothingToShow`` if no such impact
+        was kept.
         """
         from vibro_cli.figures.over_axis import Section, bifurcation, quantities_of
         from vibro_cli.figures.style import width_of
@@ -238,6 +240,9 @@ class Design(TypedDict, total=False):
     seed: int
 
 
+_SETTINGS = ("axes", "folder", "mode", "collisions", "workers", "force")
+
+
 def sweep(
     source: AnyScenario | str | Path,
     axes: Mapping[str, Any] | None = None,
@@ -312,6 +317,14 @@ def _grid_of(source: AnyScenario | str | Path, **settings: Any) -> GridDocument:
             raise TypeError(f"found {found} beside a grid file, which has its own; expected none")
         return load_grid(checked_path("source", source))
     check_scenario(source)
+    known = (*_SETTINGS, *Design.__annotations__)
+    wrong = [name for name in given if name not in known]
+    if wrong:
+        expected = listing(known)
+        raise ScenarioError(
+            Problem.at(Place("sweep"), name, f"the unknown key {shown(name)}", expected + hint)
+            for name, hint in ((name, suggestion(name, known)) for name in wrong)
+        )
     axes = checked("axes", given.pop("axes", {}), Dictionary("values by their paths"))
     kept = plain(given.pop("collisions", False))
     keep = {"collisions": kept is not False}

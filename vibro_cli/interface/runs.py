@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from vibro_cli import api
-from vibro_cli.errors import counted
+from vibro_cli.errors import NothingToShow, counted
 from vibro_cli.grids.dataset import verify as verify_folder
 from vibro_cli.interface import Drawing, figures_of, nothing_shown
 from vibro_cli.scenario.base import (
@@ -262,7 +262,8 @@ class Run:
         width
             ``"single"`` or ``"double"``.
 
-        Raises ``ValueError`` for an invalid column or width, and if there is no such impact.
+        Raises ``ValueError`` for an invalid column or width, ``NothingToShow`` if there is no such
+        impact.
         """
         from vibro_cli.figures.over_axis import (
             ANGLES,
@@ -312,13 +313,15 @@ class Run:
         Raises
         ------
         ValueError
-            For an invalid kind, body or width, and if the run has nothing to show in the figure.
+            For an invalid kind, body or width.
+        NothingToShow
+            If the figure would be empty.
         """
         from vibro_cli.figures.kinds import draw_one
 
         drawn = draw_one(self.stored, kind, body, width)
         if drawn is None:
-            raise ValueError(f"{self.name} has nothing to show as {kind}")
+            raise NothingToShow(f"{self.name} has nothing to show as {kind}")
         return Drawing(drawn.name, drawn.figure)
 
     def film(

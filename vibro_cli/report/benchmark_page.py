@@ -13,10 +13,10 @@ from matplotlib.figure import Figure
 from vibro_cli.benchmark.conclusions import conclude
 from vibro_cli.benchmark.measurement import Row
 from vibro_cli.benchmark.scenes import BY_NAME, SCENES
+from vibro_cli.errors import NothingToShow
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import Cell, in_rows
 from vibro_cli.figures.labels import LINE, draw_legend, rows_of
-from vibro_cli.figures.over_axis import NothingToShow
 from vibro_cli.figures.style import width_of
 from vibro_cli.report.html import rendered, shown
 

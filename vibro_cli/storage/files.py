@@ -401,6 +401,8 @@ def _exchange(one: Path, other: Path) -> bool:
 
 MANIFEST_NAME = "manifest.json"
 GRID_NAME = "grid.json"
+LACKING = {"undrawn", "unsampled_from"}
+"""Entries of a run's manifest for what a signal left out of it."""
 _MANIFEST_VERSION = "1"
 _LIBRARIES = ("matplotlib", "numpy", "pyarrow", "scipy")
 

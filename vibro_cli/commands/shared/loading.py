@@ -152,6 +152,7 @@ def read_earlier(folder: Path, overrides: Sequence[str]) -> "tuple[Path, Earlier
     Raises `NotContinuable` if the folder holds no run that can be continued, and `CommandError`
     for overrides of sections other than `CHANGEABLE`.
     """
+    from vibro_cli.storage.files import LACKING
     from vibro_cli.storage.folders import read_earlier_run, scenario_of_killed_run
     from vibro_cli.systems.request import CHANGEABLE
 
@@ -168,5 +169,5 @@ def read_earlier(folder: Path, overrides: Sequence[str]) -> "tuple[Path, Earlier
         return killed, None
     found = read_earlier_run(folder)
     has_ended = found.checkpoint["end_cause"] != "interrupted"
-    lacking = {"undrawn", "unsampled_from"} & found.manifest.keys()
+    lacking = LACKING & found.manifest.keys()
     return found.scenario, None if has_ended and lacking and "stop" not in sections else found

@@ -174,6 +174,14 @@ def wrapped(text: str, first: str = "", others: str = "", width: int = COLUMNS) 
     )
 
 
+def without(lacking: Mapping[str, Any]) -> str:
+    """Return in words what a signal left out of a run, by its manifest; empty for nothing."""
+    words = ["without figures"] if "undrawn" in lacking else []
+    if "unsampled_from" in lacking:
+        words.append(f"without samples of its motion from t = {lacking['unsampled_from']:.6g} s")
+    return " and ".join(words)
+
+
 def report_command(folder: Path) -> str:
     """Return the `vibro report` command for a folder, quoted for the shell."""
     return f"vibro report {in_command(folder)}"
