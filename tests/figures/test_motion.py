@@ -85,6 +85,18 @@ def test_a_motion_on_a_small_part_of_the_trace_is_filmed_close_up() -> None:
     assert drawn.drawn_radii == [radius, radius]
 
 
+@pytest.mark.parametrize("beside", [0.0, 3.0])
+def test_a_film_of_a_rotating_trace_shows_its_axis_and_its_rate(beside: float) -> None:
+    still = example("turning_circle")
+    turning = {"x": 1.0 + beside, "rate": 1.5}  # the centre of the circle is 1 m from its left end
+    run = solved(still.replace({"trace.turning": turning, "stop": {"time": 0.1}}))
+    frames = film_on_trace(run.stored.motion, frame_times(0.0, 0.1, 1.0, RATE))
+    plan = FilmFrame(frames, 50.0).plan
+    assert [1.0 + beside] * 2 in [list(line.get_xdata()) for line in plan.lines]
+    assert plan.get_xlim()[0] < 1.0 + beside < plan.get_xlim()[1]
+    assert [text.get_text() for text in plan.texts] == [r"$\Omega = 1.5$ rad/s"]
+
+
 def test_a_frame_is_on_the_flight_of_its_time() -> None:
     """The energy of a frame is that of its flight, to rounding: states are not interpolated."""
     run, all_frames = shown("three_arcs", 8.0)

@@ -73,6 +73,13 @@ def test_an_impact_that_would_lift_a_body_off_is_not_called_inadmissible() -> No
     )
 
 
+def test_a_run_without_an_impact_is_not_said_to_have_only_admissible_ones() -> None:
+    summary = {"min_normal_force": 1.0, "max_friction_demand": 0.1, "collisions": 0}
+    word = "Every impact is admissible: the bodies separate after it."
+    assert word not in validity(summary, True, 0, ())
+    assert word in validity({**summary, "collisions": 1}, True, 0, ())
+
+
 def test_a_trace_that_has_to_hold_bodies_back_is_told() -> None:
     said = validity({"min_normal_force": -2.5, "max_friction_demand": None}, True, 0, ())
     assert said[0].startswith("The trace has to hold bodies back")

@@ -256,9 +256,9 @@ _WIDE = 1.7
 """Ratio of width to height of a plan above which the plane is placed below it, not beside it."""
 _LEAST = 0.008
 """Least radius with which a body is drawn, as a share of the width of the plan, ..."""
-_MOST_LARGER = 100
+_MOSTLARGER = 100
 """... if there are at most this many bodies: more enlarged bodies would overlap."""
-_LARGER = 1.6
+LARGER = 1.6
 """Magnification of letters relative to print, so that films can be watched on a phone."""
 
 
@@ -267,7 +267,7 @@ class FilmFrame:
 
     def __init__(self, frames: Frames, dpi: float) -> None:
         self.frames, self.ground = frames, frames.ground
-        with style.journal(_LARGER):
+        with style.journal(LARGER):
             self.figure = Figure(figsize=SIZE, dpi=dpi)
             self.canvas: Any = FigureCanvasAgg(self.figure)  # its methods have no types
             self.plan, self.plane = self._axes(self.ground.panel)
@@ -300,7 +300,7 @@ class FilmFrame:
         self.plan.set_axis_off()
         self.ground.draw(self.plan, float(half[0]))
         radii = self.ground.radii
-        least = _LEAST * 2.0 * half[0] if len(radii) <= _MOST_LARGER else 0.0
+        least = _LEAST * 2.0 * half[0] if len(radii) <= _MOSTLARGER else 0.0
         self.drawn_radii = [max(one, least) for one in radii]
 
     def _draw_plane(self, panel: Panel) -> None:
@@ -310,7 +310,7 @@ class FilmFrame:
         up = [frames.up.ravel(), *(way.up for way in frames.trails)]
         axes.set_xlim(limits_around(np.concatenate(across)))
         axes.set_ylim(limits_around(np.concatenate(up)))
-        number_plane(axes, (f"${panel.symbol}$", "m"), ("$v$", "m/s"), larger=_LARGER)
+        number_plane(axes, (f"${panel.symbol}$", "m"), ("$v$", "m/s"), larger=LARGER)
         for place in distinct_lines(panel.lines, axes.get_xlim(), panel_size(axes)[0]):
             axes.axvline(place, color=style.LEVEL_GREY, linewidth=0.5, zorder=0.8)
 
@@ -333,7 +333,7 @@ class Film(FilmFrame):
             self.canvas.draw()
             self._still = self.canvas.copy_from_bbox(self.figure.bbox)
             self._moving = [self._body(n) for n in range(len(self.ground.radii))]
-            size = _LARGER * style.TEXT
+            size = LARGER * style.TEXT
             self._clock = self.figure.text(0.02, 0.95, "", fontsize=size, va="center")
         self._digits = clock_digits(frames.time)
 

@@ -99,7 +99,7 @@ def validity(
     if refused:
         which = "Inadmissible or prevented impacts" if off else "Inadmissible impacts"
         said.append(f"{which}: {refused}.")
-    else:
+    elif summary.get("collisions"):
         said.append("Every impact is admissible: the bodies separate after it.")
     return [*said, *(f"Note: {warning}." for warning in warnings)]
 

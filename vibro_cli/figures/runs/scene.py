@@ -108,7 +108,7 @@ def scene(run: Recorded, width: str = "single") -> Figure:
             axes.plot(*junction, zorder=2.2, clip_on=True, **_JUNCTION)
         draw_ends(axes, run.system, _WALL / scale)
         if run.system.turning is not None:
-            numbers = [*numbers, *_draw_axis(axes, run.system.turning)]
+            numbers = [*numbers, *draw_axis(axes, run.system.turning)]
         named = [*_draw_bodies(axes, run, scale, within), *named]
         covered = np.concatenate([_obstacles(run, scale), *_points_of(axes)])
         write_names(axes, named, covered, numbers)
@@ -141,21 +141,23 @@ def _obstacles(run: Recorded, scale: float) -> Array:
     return np.concatenate(found)
 
 
-def _draw_axis(axes: Axes, turning: Turning) -> Array:
+def draw_axis(axes: Axes, turning: Turning, larger: float = 1.0) -> Array:
     """Draw the vertical axis about which the trace rotates, with the rate where there is room.
 
-    Returns points along the rate (m), 1 mm apart, shape (n, 2).
+    `larger` is the magnification of letters. Returns points along the rate (m), 1 mm apart, shape
+    (n, 2).
     """
     axes.axvline(turning.x, zorder=1.5, **_AXIS)
     words = rf"$\Omega = {turning.rate:.4g}$ rad/s"
     (low, high), top = axes.get_xlim(), axes.get_ylim()[1]
     each = (high - low) / panel_size(axes)[0]
-    wide = text_width(words)
+    wide = larger * text_width(words)
     first = turning.x + _BESIDE * each
     if first + (wide + _BESIDE) * each > high:
         first = turning.x - (_BESIDE + wide) * each
-    level = top - _UNDER * each
+    level = top - larger * _UNDER * each
     look = SMALL_TEXT | {"color": style.BLACK, "path_effects": HALO, "zorder": 3.0}
+    look["fontsize"] = larger * style.SMALL
     axes.text(first, level, words, va="center", **look)
     along = first + np.arange(0.0, wide, 1.0) * each
     return np.column_stack([along, np.full(len(along), level)])

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import MANY
-from vibro_cli.figures.film import Frames, Ground, Panel, States, trails_of
+from vibro_cli.figures.film import LARGER, Frames, Ground, Panel, States, trails_of
 from vibro_cli.figures.kinds import (
     ENERGY_CAPTION,
     EXPONENTS,
@@ -24,7 +24,7 @@ from vibro_cli.figures.portraits.portrait import phase_portrait
 from vibro_cli.figures.runs.contact_points import POINTS_CAPTION, POINTS_TITLE, contact_points
 from vibro_cli.figures.runs.over_impacts import accuracy, impact_map
 from vibro_cli.figures.runs.over_time import energies, space_time
-from vibro_cli.figures.runs.scene import draw_ends, plan, scene, trace_points
+from vibro_cli.figures.runs.scene import draw_axis, draw_ends, plan, scene, trace_points
 from vibro_cli.figures.runs.velocities import velocities
 from vibro_cli.figures.source import Array, Recorded
 from vibro_cli.mechanics.system import Body, TraceSystem
@@ -66,7 +66,9 @@ def _ground(run: Recorded, x: Array, y: Array) -> Ground:
     surface = trace_points(run.system.trace)
     radii = tuple(body.radius for body in run.system.bodies)
     room = 1.1 * max(radii) + 0.01 * float(np.max(np.ptp(surface, axis=0)))
-    low, high = surface.min(axis=0) - room, surface.max(axis=0) + room
+    turning = run.system.turning
+    reach = surface if turning is None else [*surface, (turning.x, surface[0, 1])]
+    low, high = np.min(reach, axis=0) - room, np.max(reach, axis=0) + room
     visited = np.column_stack([x.ravel(), y.ravel()])
     extent = float(np.max(np.ptp(visited, axis=0)))
     beside = _BESIDE * extent + 2.2 * max(radii)
@@ -76,6 +78,8 @@ def _ground(run: Recorded, x: Array, y: Array) -> Ground:
     def draw(axes: Axes, half: float) -> None:
         axes.plot(surface[:, 0], surface[:, 1], color=style.BLACK, linewidth=1.0)
         draw_ends(axes, run.system, _FILM_WALL * half)
+        if turning is not None and low[0] < turning.x < high[0]:
+            draw_axis(axes, turning, LARGER)
 
     junctions = tuple(piece.start_s for piece in run.system.trace.pieces[1:])
     panel = Panel("s", "speed against arc length", junctions)
