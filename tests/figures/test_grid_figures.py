@@ -241,6 +241,15 @@ def test_the_map_of_a_quantity_has_its_values_and_leaves_out_what_is_not_there(m
     assert quantity_map(grid, "single", np.full(15, np.nan), "it") is None
 
 
+def test_a_logarithmic_bar_has_the_labels_of_an_axis_and_the_least_number(made: Any) -> None:
+    """From 1 to 60 impacts it had two numbers, 1 and 10."""
+    figure = quantity_map(made(TWO), "single", np.geomspace(1.0, 60.0, 15), "impacts", 10.0)
+    assert figure is not None
+    labels = [text.get_text() for text in figure.axes[1].get_yticklabels()]
+    assert labels == ["1", "2", "5", "10", "20", "50"]
+    assert_texts_are_apart(figure)
+
+
 @pytest.mark.parametrize(
     ("value", "label"), [(1.0, "1"), (0.0, "0"), (-0.25, "−0.25"), (2e-9, r"$2\times 10^{-9}$")]
 )

@@ -92,7 +92,7 @@ def test_a_film_of_a_rotating_trace_shows_its_axis_and_its_rate(beside: float) -
     run = solved(still.replace({"trace.turning": turning, "stop": {"time": 0.1}}))
     frames = film_on_trace(run.stored.motion, frame_times(0.0, 0.1, 1.0, RATE))
     plan = FilmFrame(frames, 50.0).plan
-    assert [1.0 + beside] * 2 in [list(line.get_xdata()) for line in plan.lines]
+    assert [1.0 + beside] * 2 in [np.asarray(line.get_xdata()).tolist() for line in plan.lines]
     assert plan.get_xlim()[0] < 1.0 + beside < plan.get_xlim()[1]
     assert [text.get_text() for text in plan.texts] == [r"$\Omega = 1.5$ rad/s"]
 

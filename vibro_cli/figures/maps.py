@@ -5,7 +5,6 @@ Each end cause has a colour, distinguishable in grey, too.
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -365,8 +364,6 @@ _LABEL = 6.5
 """Room for the label of the vertical axis and the ticks (mm)."""
 _ROUNDING = 1e-9
 """Relative range of numbers below which all have the same colour."""
-_LINE = 6.0
-"""Least distance between two numbers of the bar (mm)."""
 
 
 def ending_map(grid: StoredGrid, width: str = "single") -> Figure | None:
@@ -464,23 +461,16 @@ def _fill(axes: Axes, shown: ParameterMap, values: Array, colours: Any, norm: No
 
 
 def _bar_ticks(norm: Normalize, shown: Array, height: float, whole: bool) -> Ticks:
-    """Return the ticks of the bar: round numbers, or powers of ten for logarithmic colours.
-
-    The only tick of equal numbers is at their value.
-    """
+    """Return the ticks of the bar: those of an axis, or one at the value of equal numbers."""
     low, high = float(norm.vmin or 0.0), float(norm.vmax or 0.0)
     if isinstance(norm, BoundaryNorm):
         if not whole:
             return Ticks((0.5 * (low + high),), (short_number(float(shown[0])),))
         numbers = range(round(low + 0.5), round(high + 0.5))
         return Ticks(tuple(map(float, numbers)), decimals(numbers))
-    if not isinstance(norm, LogNorm):
-        return vertical_ticks(low, high, height, whole)
-    powers = range(math.ceil(math.log10(low) - 1e-9), math.floor(math.log10(high) + 1e-9) + 1)
-    if len(powers) < 2:
-        return vertical_ticks(low, high, height)
-    chosen = powers[:: max(1, math.ceil(len(powers) / (height / _LINE)))]
-    return Ticks(tuple(10.0**n for n in chosen), tuple(rf"$10^{{{n}}}$" for n in chosen))
+    if isinstance(norm, LogNorm):
+        return log_ticks(low, high, height, vertical=True, edge=0.0)
+    return vertical_ticks(low, high, height, whole)
 
 
 def _draw_bar(

@@ -169,14 +169,15 @@ def in_one_unit(one: Ticks, other: Ticks) -> tuple[Ticks, Ticks]:
     return _in_powers(one.places, power), _in_powers(other.places, power)
 
 
-def log_ticks(low: float, high: float, length: float, vertical: bool) -> Ticks:
+def log_ticks(low: float, high: float, length: float, vertical: bool, edge: float = _EDGE) -> Ticks:
     """Return ticks of a logarithmic axis, `length` mm long, between limits of the same sign.
 
     Ticks are at powers of ten; if there are fewer than three, at 1, 2 and 5 or at 1 and 3 times
-    powers of ten; and if these are too few as well, at round numbers.
+    powers of ten; and if these are too few as well, at round numbers. A vertical axis has none
+    within `edge` mm of its lower end.
     """
     if vertical:
-        low *= (high / low) ** (_EDGE / length)
+        low *= (high / low) ** (edge / length)
     small, large = sorted((abs(low), abs(high)))
     per_decade = length / math.log10(large / small)
     first, last = math.ceil(math.log10(small) - 1e-9), math.floor(math.log10(large) + 1e-9)
