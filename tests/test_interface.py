@@ -943,6 +943,18 @@ def test_the_logger_tells_of_figures_that_show_nothing(
     assert not [one for one in caplog.records if one.levelname == "WARNING"]
 
 
+def test_the_logger_warns_of_invalid_points_of_a_grid(caplog: pytest.LogCaptureFixture) -> None:
+    """Their rows have no numbers, and nothing else said so."""
+    sweep(example("three_arcs").replace({"stop.collisions": 1}), {"collision.k": [0.5, 0.9]})
+    assert not caplog.records
+    grid = sweep(example("three_arcs"), {"collision.k": [0.5, 2.0, 3.0]})
+    assert [record.message for record in caplog.records] == [
+        "three_arcs: 2 of 3 points invalid or failed, such as scenario 2 (invalid): "
+        "collision.k: found 2.0, expected a number from 0 to 1"
+    ]
+    assert grid.summary["status"].tolist() == ["ok", "invalid", "invalid"]
+
+
 def test_the_logger_tells_how_a_run_ended(caplog: pytest.LogCaptureFixture) -> None:
     with caplog.at_level(logging.INFO, logger="vibro_cli"):
         simulate(example("one_circle"))

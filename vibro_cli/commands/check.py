@@ -170,7 +170,7 @@ class VerifyCommand:
                 verdict = verify(folder)
             except NoManifest as error:
                 ours = False
-                why = str(error) if folder.exists() else f"{folder}: no such folder"
+                why = str(error)
                 if self.as_json:
                     print(json_text({"folder": str(folder), "sound": False, "reason": why}))
                 say(f"vibro: {why}" if folder.exists() else why, "error")

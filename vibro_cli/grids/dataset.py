@@ -327,6 +327,8 @@ def verify(folder: Path) -> Verdict:
     Raises `NoManifest` if the folder has no valid manifest, `OSError` if a file cannot be read.
     """
     found = read_manifest(folder)
+    if not folder.exists():
+        raise NoManifest(f"{folder}: no such folder")
     if folder.is_file():
         raise NoManifest(f"{folder} is a file; expected a folder of results")
     if found is None:

@@ -284,7 +284,7 @@ def sweep(
     ------
     ScenarioError
         With all faults of the grid. A point that is not a valid scenario becomes a row with the
-        status ``invalid`` and the reason.
+        status ``invalid`` and the reason; the logger warns of such points.
     GridChanged
         If the folder holds a different grid.
     TypeError
@@ -305,6 +305,12 @@ def sweep(
             temporary.remove()
         raise
     _LOG.info("%s: %s points", found.name, f"{found.stored.points:,}")
+    status, number = (found.summary[name] for name in ("status", "scenario"))
+    odd = np.flatnonzero(status != "ok")
+    if len(odd):
+        first = f"{number[odd[0]]} ({status[odd[0]]}): {found.summary['reason'][odd[0]]}"
+        count = f"{len(odd):,} of {counted(len(status), 'point')}"
+        _LOG.warning("%s: %s invalid or failed, such as scenario %s", found.name, count, first)
     return found
 
 
