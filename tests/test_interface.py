@@ -943,6 +943,19 @@ def test_the_logger_tells_of_figures_that_show_nothing(
     assert not [one for one in caplog.records if one.levelname == "WARNING"]
 
 
+@pytest.mark.parametrize("name", ["three_arcs", "turning_circle", "elliptic_wall", "two_disks"])
+def test_a_run_can_be_handed_to_another_process(name: str) -> None:
+    """As by a pool of processes that call `simulate`: it could not be pickled."""
+    found = simulate(example(name).replace({"stop": {"time": 3.0}}))
+    copied = pickle.loads(pickle.dumps(found))
+    assert copied.summary == found.summary
+    assert copied.collisions.to_arrow().equals(found.collisions.to_arrow())
+    for given in (copied, found):
+        assert given.sample([1.0, 2.5]).to_arrow().equals(found.sample([1.0, 2.5]).to_arrow())
+    longer = {"stop.time": 5.0}
+    assert copied.continued(longer).summary == found.continued(longer).summary
+
+
 def test_the_logger_warns_of_invalid_points_of_a_grid(caplog: pytest.LogCaptureFixture) -> None:
     """Their rows have no numbers, and nothing else said so."""
     sweep(example("three_arcs").replace({"stop.collisions": 1}), {"collision.k": [0.5, 0.9]})

@@ -91,6 +91,11 @@ STOPS = tuple(field.name for field in fields(Limits))
 """Keys of ``stop``, which are also the names of the end causes."""
 
 
+def never() -> bool:
+    """Return false: nothing interrupts a run. A run with a lambda here could not be pickled."""
+    return False
+
+
 @dataclass(frozen=True)
 class OutputRequest:
     """Outputs to compute besides the impacts."""
@@ -106,7 +111,7 @@ class OutputRequest:
     """The growth of small perturbations of the start, see ``systems.tangents``."""
     figures: bool = False
     """The motion as needed by figures, for systems that are slow to solve."""
-    interrupted: Callable[[], bool] = lambda: False
+    interrupted: Callable[[], bool] = never
     """Called repeatedly; when it returns true a run that is streamed ends after its last event."""
 
     @property
