@@ -163,6 +163,28 @@ def test_damage_is_found_and_repaired(vibro: Vibro, grid: Path) -> None:
     assert content(folder) == before
 
 
+def test_an_interrupted_repair_does_not_keep_what_is_damaged(
+    vibro: Vibro, grid: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert vibro("grid", in_three_chunks(grid)).code == 0
+    folder = Path("outputs/sweep")
+    before = content(folder)
+    part = folder / "summary" / "part-000001.parquet"
+    damaged = bytearray(part.read_bytes())
+    damaged[50] ^= 1  # a value; the table can still be read
+    part.write_bytes(damaged)
+
+    def interrupted(*_: Any) -> Iterator[Any]:
+        yield from ()
+        raise Terminated(15)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(workers, "solve_in_threads", interrupted)
+        assert vibro("grid", grid, "--repair").code == 143
+    assert vibro("grid", grid).code == 0
+    assert content(folder) == before
+
+
 def in_three_chunks(grid: Path) -> Path:
     grid.write_text("chunk_points = 2\n" + GRID)
     return grid

@@ -292,13 +292,18 @@ def _chunks(options: GridCommand, grid: "Grid", folder: Path) -> "Chunks":
 
 
 def _drop_damaged(dataset: "Dataset") -> None:
-    """Drop the receipts of chunks whose files are missing or damaged."""
+    """Drop the receipts of chunks whose files are missing or damaged, and their files.
+
+    A damaged file that stayed would be taken for a finished one after an interruption.
+    """
     from vibro_cli.grids.dataset import verify
 
     damaged = {finding.file for finding in verify(dataset.folder).findings}
     for chunk, receipt in list(dataset.receipts.items()):
         if damaged & set(receipt.files):
             say(f"vibro: chunk {chunk} is damaged and will be solved again", "warning", chunk=chunk)
+            for name in receipt.files:
+                (dataset.folder / name).unlink(missing_ok=True)
             del dataset.receipts[chunk]
 
 
