@@ -49,6 +49,59 @@ def test_a_file_is_written_whole_and_alone(tmp_path: Path) -> None:
     assert entries(tmp_path) == ["a.txt"]
 
 
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+from vibro_cli.storage.files import write_file
+
+os.fsync = lambda handle: os.kill(os.getpid(), signal.SIGKILL)
+write_file(Path(sys.argv[1]), b"never finished")
+"""
+
+
+def test_what_a_killed_writer_of_a_file_left_is_removed_by_the_next(tmp_path: Path) -> None:
+    target = tmp_path / "balls[1].html"
+    write_file(target, b"one")
+    killed = subprocess.run([sys.executable, "-c", KILLED, str(target)], check=False)
+    assert killed.returncode == -signal.SIGKILL
+    assert target.read_bytes() == b"one"
+    assert len(entries(tmp_path)) == 2
+    write_file(tmp_path / "another.html", b"")
+    assert len(entries(tmp_path)) == 3, "it belongs to the file that was to be written"
+    write_file(target, b"two")
+    assert target.read_bytes() == b"two"
+    assert entries(tmp_path) == ["another.html", "balls[1].html"]
+
+
+@pytest.mark.parametrize("step", ["os.open", "os.fsync", "os.replace"])
+def test_two_writers_of_one_file_do_not_disturb_each_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, step: str
+) -> None:
+    real, target = getattr(os, step.removeprefix("os.")), tmp_path / "a"
+
+    def after_another(*arguments: Any) -> Any:
+        monkeypatch.undo()
+        write_file(target, b"quick")
+        assert target.read_bytes() == b"quick"
+        return real(*arguments)
+
+    monkeypatch.setattr(step, after_another)
+    write_file(target, b"slow")
+    assert target.read_bytes() == b"slow"
+    assert entries(tmp_path) == ["a"]
+
+
+def test_a_file_needs_no_locks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> None:
+        raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
+
+    monkeypatch.setattr("fcntl.flock", refuse)
+    write_file(tmp_path / "a", b"one")
+    write_file(tmp_path / "a", b"two")
+    assert (tmp_path / "a").read_bytes() == b"two"
+    assert entries(tmp_path) == ["a"]
+
+
 @pytest.mark.parametrize("shift", [0, 16])
 def test_large_contents_are_written_whole(tmp_path: Path, shift: int) -> None:
     """Blocks go straight from memory to the disk; an incomplete or unaligned block does not."""
@@ -210,6 +263,29 @@ def test_a_failure_leaves_the_old_folder_and_nothing_else(
         folder.write("new", b"")
         raise error
     assert entries(tmp_path / "run") == ["old"]
+    assert entries(tmp_path) == ["run"]
+
+
+def test_a_signal_during_the_removal_of_the_old_folder_leaves_nothing_of_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with new_folder(tmp_path / "run", allow) as folder:
+        for name in ("old", "older"):
+            folder.write(name, b"")
+    unlink = os.unlink
+
+    def struck(*arguments: Any, **more: Any) -> None:
+        unlink(*arguments, **more)
+        monkeypatch.undo()
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(os, "unlink", struck)
+    with (
+        pytest.raises(KeyboardInterrupt),
+        new_folder(tmp_path / "run", allow) as folder,
+    ):
+        folder.write("new", b"")
+    assert entries(tmp_path / "run") == ["new"]
     assert entries(tmp_path) == ["run"]
 
 

@@ -53,21 +53,25 @@ def write_file(path: Path, *pieces: bytes | memoryview) -> None:
     Its content may be given in several pieces. A link stays: the file that it names is written.
 
     Raises `OSError` if it cannot be written, or if the target is not a regular file, such as a
-    device, which renaming would remove. Nothing is left behind then.
+    device, which renaming would remove. Nothing is left behind then. A killed process leaves its
+    temporary file, which the next call removes.
     """
     shown, path = path, Path(os.path.realpath(path))
-    partial = path.with_name(f".{path.name}.partial-{secrets.token_hex(6)}")
+    check_regular(shown)
     with _errors_name(shown):
-        if shown.exists() and not shown.is_file():
-            raise OSError(errno.EINVAL, "not a regular file; it is left as it is")
-        try:
-            _write_new(partial, *pieces)
+        _remove_abandoned(path)
+        with _partial(path, shown, _new_file) as (partial, handle):
+            with open(handle, "wb", closefd=False) as file:
+                _fill(file, *pieces)
             _count_one()
             os.replace(partial, path)
-        except BaseException:
-            partial.unlink(missing_ok=True)
-            raise
         flush_folder(path.parent)
+
+
+def check_regular(path: Path) -> None:
+    """Raise `OSError` if the target of :func:`write_file` exists and is not a regular file."""
+    if path.exists() and not path.is_file():
+        raise OSError(errno.EINVAL, "not a regular file; it is left as it is", str(path))
 
 
 def _count_one() -> None:
@@ -102,17 +106,16 @@ def remove_partial_files(folder: Path) -> None:
             partial.unlink(missing_ok=True)
 
 
-def _write_new(path: Path, *pieces: bytes | memoryview) -> None:
-    """Write a new file, which must not exist yet, and flush it to the disk."""
+def _fill(file: BinaryIO, *pieces: bytes | memoryview) -> None:
+    """Write a new file and flush it to the disk."""
     is_large = sum(map(len, pieces)) >= _LARGE
-    with open(path, "xb") as file:
-        for piece in pieces:
-            written = _write_directly(file.fileno(), piece) if is_large else 0
-            file.write(piece[written:])
-            file.flush()
-        os.fsync(file.fileno())
-        if is_large and hasattr(os, "posix_fadvise"):
-            os.posix_fadvise(file.fileno(), 0, 0, os.POSIX_FADV_DONTNEED)
+    for piece in pieces:
+        written = _write_directly(file.fileno(), piece) if is_large else 0
+        file.write(piece[written:])
+        file.flush()
+    os.fsync(file.fileno())
+    if is_large and hasattr(os, "posix_fadvise"):
+        os.posix_fadvise(file.fileno(), 0, 0, os.POSIX_FADV_DONTNEED)
 
 
 def _write_directly(handle: int, content: bytes | memoryview) -> int:
@@ -225,8 +228,8 @@ class NewFolder:
 
     def write(self, name: str, content: bytes | memoryview) -> None:
         """Add a file; raises `OSError` if it cannot be written or exists already."""
-        with _errors_name(self.target / name):
-            _write_new(self.path / name, content)
+        with _errors_name(self.target / name), open(self.path / name, "xb") as file:
+            _fill(file, content)
 
     @contextlib.contextmanager
     def growing(self, name: str) -> Iterator[BinaryIO]:
@@ -258,13 +261,11 @@ def new_folder(
     check(target)
     with _errors_name(shown):
         make_folder(target.parent)
-        partial, handle = _open_partial(target)
-    try:
+    with _partial(target, shown, _new_directory) as (partial, _):
         made = NewFolder(partial, shown)
         for name, content in (first or {}).items():
             made.write(name, content)
-        for part, _ in _abandoned(target):
-            shutil.rmtree(part, ignore_errors=True)
+        _remove_abandoned(target)
         yield made
         with _errors_name(shown):
             flush_folder(partial)
@@ -277,9 +278,6 @@ def new_folder(
             kept = _free_name(target)
             os.rename(partial, kept)
             raise FolderRefused(*error.lines, f"the new results are kept in {kept}") from error
-    finally:
-        shutil.rmtree(partial, ignore_errors=True)
-        os.close(handle)
     flush_folder(target.parent)
 
 
@@ -298,22 +296,56 @@ def write_folder(
         folder.write(MANIFEST_NAME, json_bytes(manifest_of(kind, entries, details)))
 
 
-def _open_partial(target: Path) -> tuple[Path, int]:
-    """Create a folder beside `target`; return it with a handle that locks it until closed."""
+@contextlib.contextmanager
+def _partial(
+    target: Path, shown: Path, locked: Callable[[Path], int]
+) -> Iterator[tuple[Path, int]]:
+    """Create a file or folder beside `target`, with a locked handle; remove what is left of it."""
     while True:
         partial = target.with_name(f".{target.name}.partial-{secrets.token_hex(6)}")
-        partial.mkdir()
-        with contextlib.suppress(FileNotFoundError):  # removed by another process before the lock
-            handle = os.open(partial, os.O_RDONLY)
+        handle = None
+        try:
+            with _errors_name(shown):
+                handle = locked(partial)
+            if partial.exists():  # not removed by another process before the lock
+                yield partial, handle
+                return
+        finally:
             try:
-                lock(handle, fcntl.LOCK_EX)
-            except BaseException:
-                os.close(handle)
-                partial.rmdir()
-                raise
-            if partial.exists():
-                return partial, handle
-            os.close(handle)
+                _remove(partial)
+            finally:  # again, as a signal may have ended it
+                _remove(partial)
+                if handle is not None:
+                    os.close(handle)
+
+
+def _new_file(path: Path) -> int:
+    handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
+    with contextlib.suppress(OSError):  # where the file system has no locks, none is abandoned
+        fcntl.flock(handle, fcntl.LOCK_EX)
+    return handle
+
+
+def _new_directory(path: Path) -> int:
+    while True:
+        path.mkdir()
+        with contextlib.suppress(FileNotFoundError):  # removed by another process before the lock
+            handle = os.open(path, os.O_RDONLY)
+            break
+    try:
+        lock(handle, fcntl.LOCK_EX)
+    except BaseException:
+        os.close(handle)
+        raise
+    return handle
+
+
+def _remove(partial: Path) -> None:
+    """Remove an unfinished file or folder, if it is there."""
+    if partial.is_dir():
+        shutil.rmtree(partial, ignore_errors=True)
+    else:
+        partial.unlink(missing_ok=True)
 
 
 def lock(handle: int, operation: int) -> None:
@@ -333,14 +365,20 @@ def abandoned_parts(target: Path) -> list[Path]:
     return [part for _, part in sorted(found)]
 
 
+def _remove_abandoned(target: Path) -> None:
+    for partial, _ in _abandoned(target):
+        with contextlib.suppress(OSError):
+            _remove(partial)
+
+
 def _abandoned(target: Path) -> Iterator[tuple[Path, int]]:
-    """Yield unlocked partial folders beside `target`, and the times of their last change (ns).
+    """Yield unlocked partial files and folders of `target`, and when they last changed (ns).
 
     Each is locked until the next one is requested.
     """
     for partial in target.parent.glob(f".{glob.escape(target.name)}.partial-{'[0-9a-f]' * 12}"):
         with contextlib.suppress(OSError):
-            handle = os.open(partial, os.O_RDONLY | os.O_DIRECTORY)
+            handle = os.open(partial, os.O_RDONLY)
             try:
                 fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
                 yield partial, os.fstat(handle).st_mtime_ns
