@@ -5,7 +5,9 @@ import os
 import re
 import shlex
 import tomllib
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import jsonschema
 import pytest
@@ -100,6 +102,33 @@ def test_a_file_of_others_in_the_place_of_the_schema_is_kept(vibro: Vibro) -> No
     Path("vibro-trace.schema.json").write_text('{"mine": true}')
     assert vibro("new", "three_arcs").code == 0
     assert Path("vibro-trace.schema.json").read_text() == '{"mine": true}'
+
+
+@pytest.mark.parametrize("name", ["three_arcs", "three_arcs_grid"])
+def test_an_interrupted_call_is_made_up_for_by_the_next(
+    vibro: Vibro, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    def written() -> dict[str, bytes]:
+        return {path.name: path.read_bytes() for path in Path().iterdir()}
+
+    assert vibro("new", name).code == 0
+    whole, replace = written(), os.replace
+    for files in range(1, len(whole)):
+        for path in Path().iterdir():
+            path.unlink()
+        left = iter(range(files - 1, -1, -1))
+
+        def struck(*paths: Any, left: Iterator[int] = left) -> None:
+            replace(*paths)
+            if next(left) == 0:
+                raise KeyboardInterrupt
+
+        with monkeypatch.context() as patch:
+            patch.setattr(os, "replace", struck)
+            assert vibro("new", name).code == 130
+        assert len(written()) == files
+        assert vibro("new", name).code == 0
+        assert written() == whole
 
 
 def test_a_dash_prints_it(vibro: Vibro) -> None:

@@ -149,20 +149,22 @@ def _write_all(folder: Path, force: bool, as_json: bool) -> int:
 def _write_with_schema(path: Path, name: str, content: str) -> None:
     """Write the scenario or grid `name` of the gallery, and its JSON Schema beside it.
 
-    The first line of the file names the schema for editors.
+    The first line of the file names the schema for editors. The schema is written first: after an
+    interruption a scenario that exists would be refused.
     """
     from vibro_cli.grids.document import grid_schema
     from vibro_cli.scenario.fields import json_schema
     from vibro_cli.scenario.gallery import base_of, grid_names, system_of
-    from vibro_cli.storage.files import first_bytes, write_file
+    from vibro_cli.storage.files import check_regular, first_bytes, write_file
 
+    check_regular(path)
     is_grid = name in grid_names()
     system = system_of(base_of(name) if is_grid else name)
     schema = grid_schema(system) if is_grid else json_schema(system)
     beside = path.with_name(f"vibro-{'grid-' if is_grid else ''}{system}.schema.json")
-    write_file(path, f"#:schema ./{beside.name}\n{content}".encode())
     if not beside.exists() or f'"$id": "{schema["$id"]}"'.encode() in first_bytes(beside, 2000):
         write_file(beside, (json.dumps(schema, indent=2, ensure_ascii=False) + "\n").encode())
+    write_file(path, f"#:schema ./{beside.name}\n{content}".encode())
 
 
 Subject = Literal["scenario", "grid", "tables"]
