@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import itertools
 import json
 import os
 import random
@@ -99,6 +100,31 @@ def test_shards_are_put_together(grid: Grid, tmp_path: Path, undisturbed: dict[s
         assert len(data.receipts) == 3
     assert content(folder) == undisturbed
     assert not list(folder.glob("shard-*"))
+
+
+def test_an_interrupted_merge_goes_on(
+    grid: Grid, tmp_path: Path, undisturbed: dict[str, bytes], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is ended after the move of each of the six parts in turn."""
+    chunks, replace = Chunks(grid.design.points, SIZE, SIZE), os.replace
+    for shard in (Shard(1, 2), Shard(2, 2)):
+        solve(grid, shard.folder_in(tmp_path / "solved"), shard=shard)
+    for moved in range(1, 7):
+        folder, moves = tmp_path / f"merged-{moved}", itertools.count(1)
+        shutil.copytree(tmp_path / "solved", folder)
+
+        def struck(*paths: Any, moved: int = moved, moves: Iterator[int] = moves) -> None:
+            replace(*paths)
+            if "shard-" in str(paths[0]) and next(moves) == moved:
+                raise KeyboardInterrupt
+
+        with opened(folder, grid, chunks) as data, monkeypatch.context() as patch:
+            patch.setattr(os, "replace", struck)
+            with pytest.raises(KeyboardInterrupt):
+                merge(data)
+        with opened(folder, grid, chunks) as data:
+            merge(data)
+        assert content(folder) == undisturbed
 
 
 def test_a_damaged_shard_is_not_merged(grid: Grid, tmp_path: Path) -> None:

@@ -428,6 +428,7 @@ def merge(dataset: Dataset) -> None:
                 continue
             stack.enter_context(locked(folder))
             check_same(folder, dataset.grid, dataset.chunks, "--shard … --force solves it afresh")
+            _take_back(dataset, folder)
             found = found_receipts(folder, dataset.grid, dataset.chunks)
             places |= {chunk: (folder, receipt) for chunk, receipt in found.items()}
         missing = [chunk for chunk in dataset.missing if chunk not in places]
@@ -453,3 +454,13 @@ def merge(dataset: Dataset) -> None:
         dataset.write_manifest()
         for folder in folders:
             shutil.rmtree(folder)
+
+
+def _take_back(dataset: Dataset, shard: Path) -> None:
+    """Return to a shard the files of a chunk that an interrupted merge has moved in part."""
+    for chunk, receipt in _receipts_of(read_manifest(shard) or {}, dataset.grid).items():
+        if chunk in dataset.receipts:
+            continue
+        for name in receipt.files:
+            if (dataset.folder / name).exists() and not (shard / name).exists():
+                os.replace(dataset.folder / name, shard / name)
