@@ -388,6 +388,25 @@ def test_a_fault_of_the_program_is_named_and_its_traceback_kept(
     assert "Traceback" in kept.read_text()
 
 
+def test_without_memory_for_the_traceback_of_a_fault_memory_has_run_out(
+    vibro: Vibro, scenario: Path, by_hand: ByHand, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Libraries in C then raise errors of other types."""
+
+    def act() -> None:
+        raise SystemError("error return without exception set")
+
+    def refuse(*_: object) -> None:
+        raise MemoryError
+
+    by_hand.act = act
+    monkeypatch.setattr("tempfile.tempdir", str(scenario.parent))
+    monkeypatch.setattr("traceback.format_exception", refuse)
+    outcome = vibro("run", scenario)
+    assert (outcome.code, outcome.err) == (1, "vibro: out of memory\n")
+    assert not list(scenario.parent.glob("vibro-fault-*"))
+
+
 @pytest.mark.parametrize(
     ("end", "code"), [(KeyboardInterrupt(), 130), (Terminated(15), 143), (Terminated(1), 129)]
 )

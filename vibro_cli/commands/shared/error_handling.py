@@ -279,9 +279,12 @@ def _report_fault(fault: Exception) -> tuple[str, str]:
 
     text = " ".join(f"{type(fault).__name__}: {fault}".split())
     try:
+        lines = traceback.format_exception(fault)
         handle, path = tempfile.mkstemp(prefix="vibro-fault-", suffix=".txt")
         with open(handle, "w", encoding="utf-8") as file:
-            file.writelines(traceback.format_exception(fault))
+            file.writelines(lines)
+    except MemoryError:  # the fault's own cause, too
+        return "vibro: out of memory", "error"
     except OSError:
         path = "not saved, as the temporary folder cannot be written"
     return f"vibro: internal error, please report it: {text} (traceback: {path})", "error"
