@@ -185,6 +185,16 @@ def test_a_folder_that_can_only_be_written_to_takes_files_and_folders(
     assert entries(tmp_path / "folder") == ["inner"]
 
 
+def test_a_name_that_is_too_long_is_named_itself(tmp_path: Path) -> None:
+    """That of its temporary file is longer."""
+    target = tmp_path / ("x" * 250)
+    with pytest.raises(OSError, match="File name too long") as of_file:
+        write_file(target, b"one")
+    with pytest.raises(OSError, match="File name too long") as of_folder, new_folder(target, allow):
+        pass
+    assert of_file.value.filename == of_folder.value.filename == str(target)
+
+
 def test_what_is_no_regular_file_is_not_replaced(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "a")
     (tmp_path / "b").symlink_to("a")

@@ -341,11 +341,11 @@ def _new_directory(path: Path) -> int:
 
 
 def _remove(partial: Path) -> None:
-    """Remove an unfinished file or folder, if it is there."""
-    if partial.is_dir():
+    """Remove an unfinished file or folder, if it is there and can be removed."""
+    if os.path.isdir(partial):
         shutil.rmtree(partial, ignore_errors=True)
-    else:
-        partial.unlink(missing_ok=True)
+    with contextlib.suppress(OSError):
+        partial.unlink()
 
 
 def lock(handle: int, operation: int) -> None:
@@ -367,8 +367,7 @@ def abandoned_parts(target: Path) -> list[Path]:
 
 def _remove_abandoned(target: Path) -> None:
     for partial, _ in _abandoned(target):
-        with contextlib.suppress(OSError):
-            _remove(partial)
+        _remove(partial)
 
 
 def _abandoned(target: Path) -> Iterator[tuple[Path, int]]:
