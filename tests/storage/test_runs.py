@@ -47,6 +47,25 @@ def test_a_run_holds_tables_summary_checkpoint_scenario_and_figures(tmp_path: Pa
     assert read_parquet(tmp_path / "run" / "collisions.parquet").num_rows == 3
 
 
+def test_a_run_protected_from_writing_is_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It was replaced, and left under the name of an unfinished folder: nobody could empty it."""
+    folder = tmp_path / "run"
+    write(folder)
+    before = contents(folder)
+    folder.chmod(0o555)
+    # As the system answers anyone but the superuser, who may run this.
+    monkeypatch.setattr(os, "access", lambda path, mode: path.stat().st_mode >> 6 & mode == mode)
+    with pytest.raises(FolderRefused, match="run is read-only; it is left as it is"):
+        write(folder)
+    assert contents(folder) == before
+    assert os.listdir(tmp_path) == ["run"]
+    folder.chmod(0o755)
+    write(folder)
+    assert contents(folder) == before
+
+
 def test_motion_is_written_where_it_was_sampled(tmp_path: Path) -> None:
     write(tmp_path / "run", FakeRun(motion=columns_of(of_trace.MOTION, 7)))
     assert read_parquet(tmp_path / "run" / "motion.parquet").num_rows == 7

@@ -556,7 +556,8 @@ _OF_THE_SYSTEM = (".DS_Store", ".nfs")
 def check_replaceable(folder: Path, kind: str) -> None:
     """Raise `FolderRefused` unless `folder` does not exist, is empty, or is vibro's of this kind.
 
-    A folder of vibro with other files in it is refused too, since they would be lost.
+    A folder of vibro is refused too if it has other files in it, which would be lost, or is
+    protected from writing.
     """
     if not folder.exists():
         return
@@ -580,6 +581,10 @@ def check_replaceable(folder: Path, kind: str) -> None:
         raise FolderRefused(
             f"{folder} holds {foreign[0]}, which vibro did not write; it is left as it is "
             "(move that file, or choose another folder)"
+        )
+    if not os.access(folder, os.W_OK | os.X_OK):  # its files could not be removed
+        raise FolderRefused(
+            f"{folder} is read-only; it is left as it is (allow writing, or choose another folder)"
         )
 
 
