@@ -256,7 +256,7 @@ _WIDE = 1.7
 """Ratio of width to height of a plan above which the plane is placed below it, not beside it."""
 _LEAST = 0.008
 """Least radius with which a body is drawn, as a share of the width of the plan, ..."""
-_MOSTLARGER = 100
+_MOST_LARGER = 100
 """... if there are at most this many bodies: more enlarged bodies would overlap."""
 LARGER = 1.6
 """Magnification of letters relative to print, so that films can be watched on a phone."""
@@ -300,7 +300,7 @@ class FilmFrame:
         self.plan.set_axis_off()
         self.ground.draw(self.plan, float(half[0]))
         radii = self.ground.radii
-        least = _LEAST * 2.0 * half[0] if len(radii) <= _MOSTLARGER else 0.0
+        least = _LEAST * 2.0 * half[0] if len(radii) <= _MOST_LARGER else 0.0
         self.drawn_radii = [max(one, least) for one in radii]
 
     def _draw_plane(self, panel: Panel) -> None:
