@@ -148,6 +148,8 @@ def test_the_points_and_the_seed_of_a_design_have_names() -> None:
         sweep(example("three_arcs"), {"collision.k": [0.5]}, sead=2)  # type: ignore[call-arg]
     with pytest.raises(ScenarioError, match=r"^sweep: columns: .* expected axes.*collisions"):
         sweep(example("three_arcs"), {"collision.k": [0.5]}, columns=["t"])  # type: ignore[call-arg]
+    with pytest.raises(ScenarioError, match=r'collisions\[1\]: found "tt", expected a column of'):
+        sweep(example("three_arcs"), {"collision.k": [0.5]}, collisions=["tt"])
 
 
 def test_replace_changes_what_set_changes() -> None:

@@ -7,7 +7,7 @@ import shutil
 import tempfile
 import weakref
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn, TypedDict, Unpack
@@ -344,7 +344,11 @@ def _grid_of(source: AnyScenario | str | Path, **settings: Any) -> GridDocument:
         "keep": keep if isinstance(kept, bool) else {**keep, "columns": kept},
         **given,
     }
-    return grid_of(Document(data, name=source.name), Path())
+    try:
+        return grid_of(Document(data, name=source.name), Path())
+    except ScenarioError as error:
+        named = {one: one.path.replace("keep.columns", "collisions") for one in error.problems}
+        raise ScenarioError(replace(one, path=path) for one, path in named.items()) from None
 
 
 def open_grid(folder: str | Path) -> Grid:
