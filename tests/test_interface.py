@@ -937,12 +937,26 @@ def test_the_logger_tells_of_figures_that_show_nothing(
 ) -> None:
     run.save(tmp_path / "run", figures=["portrait", "exponents"])
     assert [one.message for one in caplog.records if one.levelname == "WARNING"] == [
-        f"{run.name}: the run has nothing to show as exponents"
+        f"{run.name}: the run has nothing to show as exponents: expected that "
+        "analysis.lyapunov is true, and there are two impacts"
     ]
     assert (tmp_path / "run" / "portrait_1.png").exists()
     caplog.clear()
     run.save(tmp_path / "own")
     assert not [one for one in caplog.records if one.levelname == "WARNING"]
+
+
+@pytest.mark.parametrize("name", ["three_arcs", "elliptic_wall", "two_disks"])
+def test_a_figure_that_shows_nothing_says_what_it_needs(name: str) -> None:
+    run = simulate(example(name).replace({"stop": {"time": 1e-3}}))
+    empty = 0
+    for kind in run.kinds:
+        try:
+            run.figure(kind)
+        except NothingToShow as error:
+            empty += 1
+            assert str(error).startswith(f"{name} has nothing to show as {kind}: expected that ")
+    assert empty > 2
 
 
 @pytest.mark.parametrize("name", ["three_arcs", "turning_circle", "elliptic_wall", "two_disks"])

@@ -493,6 +493,6 @@ def _figures(
         interruption.number = getattr(end, "exit_code", INTERRUPTED) - 128
         return {}
     if (options.figures or "all").strip().lower() not in ("all", *_DEFAULT):
-        for text in nothing_shown(names, files):
+        for text in nothing_shown(run, names, files):
             say(f"{scenario.name}: {text}", "warning", scenario=scenario.name)
     return files

@@ -58,11 +58,16 @@ class Kind:
     """Title, to which the number of the body is appended, if any."""
     caption: str
     needs: str = ""
-    """For a grid: the condition under which there is something to show."""
+    """The condition under which there is something to show, if there is one."""
     dimensions: int = 2
     """For a grid: the number of its axes that the figure is over."""
     of_bodies: bool = False
     """Whether there is a figure for each body of a run."""
+
+    def nothing(self, name: str) -> str:
+        """Return in words that there is nothing to show as the kind `name`, and what it needs."""
+        needed = f": expected that {self.needs}" if self.needs else ""
+        return f"has nothing to show as {name}{needed}"
 
     def drawn(self, name: str, title: str, *drawn_from: Any) -> Drawn | None:
         """Return the figure with its name and title, or None if there is nothing to show."""
@@ -72,11 +77,14 @@ class Kind:
 
 
 PORTRAIT = "portrait"
+MET = "two bodies meet"
+MET_TWICE = "there are two impacts"
 INTERVALS = Kind(
     intervals,
     "Intervals between impacts",
     "Time since the previous impact; points on a falling straight line are an accumulation of "
     f"impacts.{MANY}",
+    needs=f"{MET_TWICE}, at different times",
 )
 ENERGY_CAPTION = (
     "Energy of each body and total energy against time; below, the energy lost or gained at each "
@@ -91,6 +99,7 @@ EXPONENTS = Kind(
     "Exponents of the run up to its impacts, the greatest first, with a band of ±2 standard "
     "errors about the greatest. The first tenth of the run, where they fluctuate most, is "
     "omitted.",
+    needs=f"analysis.lyapunov is true, and {MET_TWICE}",
 )
 
 

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from vibro_cli.scenario.base import AnyScenario
+    from vibro_cli.storage.stored import StoredRun
 
 # The importing program decides whether log messages are shown.
 logging.getLogger("vibro_cli").addHandler(logging.NullHandler())
@@ -182,7 +183,7 @@ def kinds_in(files: Iterable[str]) -> list[str]:
     return [re.sub(r"_\d+$", "", stem) for stem in stems]
 
 
-def nothing_shown(kinds: Iterable[str], files: Iterable[str]) -> list[str]:
-    """Return messages about kinds of figures that are missing among files."""
-    drawn = kinds_in(files)
-    return [f"the run has nothing to show as {kind}" for kind in kinds if kind not in drawn]
+def nothing_shown(run: StoredRun, kinds: Iterable[str], files: Iterable[str]) -> list[str]:
+    """Return messages about kinds of figures of a run that are missing among files."""
+    drawn, known = kinds_in(files), run.kind.figures
+    return [f"the run {known[kind].nothing(kind)}" for kind in kinds if kind not in drawn]

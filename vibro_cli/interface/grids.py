@@ -138,8 +138,8 @@ class Grid:
 
         drawn = draw_grid_kind(self.stored, kind, width)
         if drawn is None:
-            needs = GRID_KINDS[kind].needs if kind in GRID_KINDS else "two axes change"
-            raise NothingToShow(f"{self.name} has nothing to show as {kind}: expected that {needs}")
+            why = GRID_KINDS.get(kind, GRID_KINDS["energy"]).nothing(kind)  # as every map
+            raise NothingToShow(f"{self.name} {why}")
         return Drawing(kind, drawn)
 
     def section(

@@ -230,7 +230,7 @@ class Run:
             figures = self._kind.default_figures if figures else ()
         kinds = checked("figures", figures, Texts("kinds of figures"))
         files = figures_of(self.stored, kinds)
-        for text in nothing_shown(kinds, files) if are_named else ():
+        for text in nothing_shown(self.stored, kinds, files) if are_named else ():
             _LOG.warning("%s: %s", self.name, text)
         folders.write_run(self.solved, self.scenario, target, files, force)
         return target
@@ -321,7 +321,7 @@ class Run:
 
         drawn = draw_one(self.stored, kind, body, width)
         if drawn is None:
-            raise NothingToShow(f"{self.name} has nothing to show as {kind}")
+            raise NothingToShow(f"{self.name} {self._kind.figures[kind].nothing(kind)}")
         return Drawing(drawn.name, drawn.figure)
 
     def film(

@@ -31,7 +31,14 @@ from vibro_cli.figures.chart import (
     value_axis,
 )
 from vibro_cli.figures.film import Frames, Ground, Link, Panel, trails_of
-from vibro_cli.figures.kinds import ENERGY_CAPTION, EXPONENTS, INTERVALS, PORTRAIT, Kind
+from vibro_cli.figures.kinds import (
+    ENERGY_CAPTION,
+    EXPONENTS,
+    INTERVALS,
+    MET_TWICE,
+    PORTRAIT,
+    Kind,
+)
 from vibro_cli.figures.labels import Named, ring, short_number, write_names
 from vibro_cli.figures.runs.over_impacts import speed_map
 from vibro_cli.figures.runs.over_time import (
@@ -398,6 +405,7 @@ FIGURES = {
         springs_impact_map,
         "Impact map",
         f"Approach speed against the position of the centre of the left body at the impact.{MANY}",
+        needs=MET_TWICE,
     ),
     "intervals": INTERVALS,
     "exponents": EXPONENTS,

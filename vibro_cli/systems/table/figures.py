@@ -397,11 +397,20 @@ FIGURES = {
         "components along the normal, angular velocities along the axes of rolling, the tangent at "
         "the impact point T, and the arrival angle α and the outgoing angle α′ between the path "
         "and the normal. As C figs 1, 2b, 2c and 4.",
+        needs="there is an impact",
     ),
     "contact_points": Kind(
-        table_contact_points, POINTS_TITLE, POINTS_CAPTION + " As C figs 2a and 3."
+        table_contact_points,
+        POINTS_TITLE,
+        POINTS_CAPTION + " As C figs 2a and 3.",
+        needs="there is an impact",
     ),
-    "energy": Kind(table_energies, "Energies", ENERGY_CAPTION),
+    "energy": Kind(
+        table_energies,
+        "Energies",
+        ENERGY_CAPTION,
+        needs="there are several balls, or one loses energy",
+    ),
     "intervals": INTERVALS,
     "exponents": EXPONENTS,
 }

@@ -16,6 +16,8 @@ from vibro_cli.figures.kinds import (
     ENERGY_CAPTION,
     EXPONENTS,
     INTERVALS,
+    MET,
+    MET_TWICE,
     PORTRAIT,
     Kind,
 )
@@ -163,6 +165,7 @@ FIGURES = {
         "Configurations at the impacts",
         "The trace with the bodies at the start, at the first impacts and at the last one; bodies "
         "that are not involved in the impact are pale. As B fig. 9.",
+        needs=MET,
     ),
     "velocities": Kind(
         velocities,
@@ -173,8 +176,11 @@ FIGURES = {
         "which determine approach and separation. Arcs show the angular velocities about the "
         "contact points P, the greatest of each impact as three quarters of a turn; the tangent is "
         "common to both bodies. As A fig. 1a, B figs 1, 5 and 7.",
+        needs=MET,
     ),
-    "contact_points": Kind(contact_points, POINTS_TITLE, POINTS_CAPTION + " As B figs 2–4."),
+    "contact_points": Kind(
+        contact_points, POINTS_TITLE, POINTS_CAPTION + " As B figs 2–4.", needs=MET
+    ),
     "energy": Kind(
         energies,
         "Energies",
@@ -193,6 +199,7 @@ FIGURES = {
         impact_map,
         "Impact map",
         f"Approach speed along the line of centres against the position of the impact.{MANY}",
+        needs=MET_TWICE,
     ),
     "intervals": INTERVALS,
     "accuracy": Kind(
