@@ -55,6 +55,14 @@ def test_it_is_said_when_chaotic_motion_has_lost_its_digits(mass: float) -> None
         assert float(said[1]) == pytest.approx(first, rel=0.25)
 
 
+def test_the_time_until_digits_are_lost_is_written_out() -> None:
+    """It was 1e+02 s."""
+    run = simulate(example("turning_circle").replace({"analysis.lyapunov": True}))
+    summary = dict(run.summary) | {"lyapunov_1": 0.37}
+    text = " ".join(summary_text("name", summary, None).split())
+    assert "; after some 100 s no digit is accurate" in text
+
+
 @pytest.mark.parametrize("changes", [{}, {"min_normal_force": -51.7324}, {"quiet_from": 1 / 3}])
 def test_every_line_fits_a_terminal(changes: dict[str, Any]) -> None:
     long = {

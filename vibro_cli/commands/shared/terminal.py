@@ -283,7 +283,8 @@ def _exponents(record: Mapping[str, Any]) -> str:
     known = -math.log(ROUNDING)
     if rates[0] * record["end_time"] <= known:
         return text
-    return f"{text}; after some {quantity(known / rates[0], 's', digits=2)} no digit is accurate"
+    until = float(f"{known / rates[0]:.2g}")  # 100 s, not 1e+02 s
+    return f"{text}; after some {quantity(until, 's')} no digit is accurate"
 
 
 def _validity(record: Mapping[str, Any], one_sided: bool) -> str:
