@@ -357,6 +357,17 @@ def test_a_dry_run_writes_nothing(vibro: Vibro, grid: Path, tmp_path: Path) -> N
     assert (line["impacts"], line["bytes"]) == (solved["impacts"], solved["bytes"])
 
 
+def test_a_dry_run_warns_of_invalid_points(vibro: Vibro, grid: Path) -> None:
+    """With every point invalid it foretold some bytes and no impacts, and no more."""
+    told = vibro("grid", grid, "--dry-run", "--json")
+    assert told.lines[0]["sampled_invalid"] == 3
+    assert "warning    3 of 6 points" in told.err
+    grid.write_text(GRID.replace("2.0", "1.0"))
+    told = vibro("grid", grid, "--dry-run", "--json")
+    assert told.lines[0]["sampled_invalid"] == 0
+    assert "warning" not in told.err
+
+
 def test_a_dry_run_promises_the_time_it_takes(
     vibro: Vibro, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

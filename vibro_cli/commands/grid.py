@@ -176,7 +176,7 @@ def _estimate(options: GridCommand) -> int:
     _hint_at_stop(found)
     chunks = chunks_of(found, None, options.engine)
     start = time.perf_counter() - begin
-    sampled, impacts, seconds, size_each = estimate(found, options.engine, chunks.stretch)
+    sampled, impacts, seconds, size_each, invalid = estimate(found, options.engine, chunks.stretch)
     workers = _workers(options)
     points = chunks.points
     record = {
@@ -189,6 +189,7 @@ def _estimate(options: GridCommand) -> int:
         "seconds": start + points * seconds / min(workers, points),
         "workers": workers,
         "sampled": sampled,
+        "sampled_invalid": invalid,
     }
     if options.as_json:
         print(json_text(record))
@@ -214,6 +215,11 @@ def _print_estimate(record: dict[str, Any], sizes: list[int]) -> None:
         "time": f"about {duration(record['seconds'])} with {workers} "
         f"(from {counted(record['sampled'], 'point')})",
     }
+    if record["sampled_invalid"]:
+        items["warning"] = (
+            f"{record['sampled_invalid']:,} of {counted(record['sampled'], 'point')} solved for "
+            "this are invalid or failed; vibro check says why"
+        )
     least, most = min(sizes), max(sizes)
     each = f"{least:,}" if least == most else f"{least:,} to {most:,}"
     points = counted(record["points"], "point")

@@ -160,11 +160,11 @@ def chunks_of(grid: Grid, known: Division | None, engine: str) -> Chunks:
     return Chunks.of(grid, expected, impact_density(grid, expected, engine))
 
 
-def estimate(grid: Grid, engine: str, stretch: int) -> tuple[int, float, float, float]:
+def estimate(grid: Grid, engine: str, stretch: int) -> tuple[int, float, float, float, int]:
     """Time the solution of points spread over the grid, in batches of `stretch` points.
 
-    Returns the number of these points, and per point the mean number of impacts, the time in one
-    thread (s), and the bytes on disk.
+    Returns the number of these points, per point the mean number of impacts, the time in one
+    thread (s) and the bytes on disk, and how many of the points are invalid or failed.
     """
     solver = solver_of(grid, engine)
     solver.solve(spread(grid, 1))  # prepares what all points share
@@ -181,8 +181,9 @@ def estimate(grid: Grid, engine: str, stretch: int) -> tuple[int, float, float, 
             break
         count *= 4
     impacts = sum(one.impacts for one in solved)
+    odd = sum(int(np.count_nonzero(one.summary["status"] != "ok")) for one in solved)
     size = part_bytes(grid, solved, points)
-    return len(points), impacts / len(points), taken / len(points), size
+    return len(points), impacts / len(points), taken / len(points), size, odd
 
 
 def solve_into(folder: Path, grid: Grid, workers: int, force: bool) -> None:
