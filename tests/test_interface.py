@@ -247,6 +247,16 @@ def test_a_table_that_a_system_has_not_is_told(name: str, table: str) -> None:
         getattr(lone, table)
 
 
+def test_tools_can_list_the_attributes_of_runs_and_grids() -> None:
+    """Debuggers and completers stumbled over a `KeyError` for a table that there is not."""
+    scenario = example("three_arcs")
+    run, grid = simulate(scenario), sweep(scenario, {"collision.k": [0.9]})
+    assert not hasattr(run, "bounces")
+    assert not hasattr(grid, "collisions")
+    assert {"collisions", "events"} < dict(inspect.getmembers(run)).keys()
+    assert "summary" in dict(inspect.getmembers(grid))
+
+
 def test_a_grid_of_tables_has_its_bounces() -> None:
     """A ball goes back and forth over 1.8 m, slower by k each time."""
     wall = {"shape": "rectangle", "width": 2.0, "depth": 1.0, "k": 1.0}

@@ -37,6 +37,10 @@ class NothingToShow(VibroError, ValueError):
     """A figure would be empty; the message says why."""
 
 
+class NoTable(KeyError, AttributeError):
+    """A run or grid has no such table; for `hasattr` and lists of attributes it is not there."""
+
+
 class NoLibrary(Failure):
     """No library of kernels is available for this machine; the message says what to do."""
 

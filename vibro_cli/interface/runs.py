@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from vibro_cli import api
-from vibro_cli.errors import NothingToShow, counted
+from vibro_cli.errors import NoTable, NothingToShow, counted
 from vibro_cli.grids.dataset import verify as verify_folder
 from vibro_cli.interface import Drawing, figures_of, nothing_shown
 from vibro_cli.scenario.base import (
@@ -141,7 +141,7 @@ class Run:
     def _there(self, name: str) -> Table:
         found = self._table(name)
         if found is None:
-            raise KeyError(f"runs of system = {self.scenario.system} have no table {name}")
+            raise NoTable(f"runs of system = {self.scenario.system} have no table {name}")
         return found
 
     def sample(self, times: ArrayLike, side: str = "after", extrapolate: bool = False) -> Table:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from vibro_cli.api import NotRecalled, recalled, recalled_motion
 from vibro_cli.assemble import build_any
-from vibro_cli.errors import VibroError
+from vibro_cli.errors import NoTable, VibroError
 from vibro_cli.scenario.base import AnyScenario
 from vibro_cli.scenario.loading import load_stored
 from vibro_cli.storage.files import GRID_NAME, check_files, read_manifest
@@ -320,7 +320,7 @@ class StoredGrid:
         if not parts:
             how = " (collisions=True of sweep, or [keep] collisions = true, keeps the impacts)"
             kept = self._parts("collisions")
-            raise KeyError(f"the grid {self.name} has no table {name}{'' if kept else how}")
+            raise NoTable(f"the grid {self.name} has no table {name}{'' if kept else how}")
         return PartsTable(parts, self.owner)
 
     def impact_columns(self) -> tuple[str, ...]:
