@@ -202,6 +202,16 @@ def test_the_error_of_one_impact_alone_is_its_sensitivity(path: str) -> None:
     assert found.errors[0] == pytest.approx(2.0 * change / abs(ahead - behind), rel=1e-6)
 
 
+def test_each_number_is_correlated_with_itself_by_one() -> None:
+    """By the rounding of a square root it was 1.0000000000000002."""
+    scenario = example("three_arcs").replace({"stop.collisions": 20})
+    noise = np.random.default_rng(1).normal(0.0, 1e-4, 20)
+    measured = simulate(scenario).collisions["t"] + noise
+    found = fit(scenario, measured, ["collision.k", "balls[2].density"], noise=1e-4)
+    assert np.diag(found.correlation).tolist() == [1.0, 1.0]
+    assert abs(found.correlation[0, 1]) < 1.0
+
+
 @pytest.mark.parametrize("radius", [1e-6, 1e-7, 3e-8])
 def test_the_errors_of_numbers_that_instants_hardly_tell_apart_keep_their_digits(
     radius: float,

@@ -299,6 +299,7 @@ class Fit:
     def correlation(self) -> Floats:
         """Correlation matrix of the parameters."""
         found: Floats = self.covariance / np.outer(self.errors, self.errors)
+        np.fill_diagonal(found, 1.0)  # rounding gives 1.0000000000000002
         return found
 
     @property
