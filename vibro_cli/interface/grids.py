@@ -305,10 +305,11 @@ def sweep(
             temporary.remove()
         raise
     _LOG.info("%s: %s points", found.name, f"{found.stored.points:,}")
-    status, number = (found.summary[name] for name in ("status", "scenario"))
+    summary = Table("summary", found.stored.table("summary"))  # `found` reads it when it is used
+    status, number = summary["status"], summary["scenario"]
     odd = np.flatnonzero(status != "ok")
     if len(odd):
-        first = f"{number[odd[0]]} ({status[odd[0]]}): {found.summary['reason'][odd[0]]}"
+        first = f"{number[odd[0]]} ({status[odd[0]]}): {summary['reason'][odd[0]]}"
         count = f"{len(odd):,} of {counted(len(status), 'point')}"
         _LOG.warning("%s: %s invalid or failed, such as scenario %s", found.name, count, first)
     return found
