@@ -325,14 +325,12 @@ class Configuration:
 
 def trace_points(trace: Trace, on_arcs: int = 121, on_lines: int = 2) -> Array:
     """Return points of the trace (m), shape (n, 2): `on_arcs` per arc, `on_lines` per line."""
-    points = [
-        piece.contact_point(float(position))
-        for piece in trace.pieces
-        for position in np.linspace(
-            piece.angle_start, piece.angle_end, on_lines if piece.is_line else on_arcs
-        )
-    ]
-    return np.array(points)
+    points = []
+    for piece in trace.pieces:
+        count = on_lines if piece.is_line else on_arcs
+        positions: Any = np.linspace(piece.angle_start, piece.angle_end, count)
+        points.append(piece.contact_point(positions))
+    return np.concatenate(points, axis=1).T
 
 
 def plan(run: Recorded, width: str = "single") -> Figure | None:
