@@ -55,6 +55,16 @@ def test_energy_is_constant_along_every_curve(hills: Landscape) -> None:
     assert drawn >= len(levels(hills))
 
 
+@pytest.mark.parametrize("hills", [three_arcs(), circle(), LINES, LOOP, UNDERSIDE])
+def test_a_body_with_more_than_the_top_of_a_piece_passes_it(hills: Landscape) -> None:
+    for piece, top in zip(hills.trace.pieces, hills.tops.tolist(), strict=True):
+        places = np.linspace(piece.angle_start, piece.angle_end, 4001)
+        room = 1e-5 * WEIGHT * hills.trace.length
+        assert top == pytest.approx(float(np.max(hills.potential(piece, places))), abs=room)
+        (reach,) = reaches(hills, piece, math.nextafter(top, math.inf))
+        assert reach.is_whole
+
+
 def test_rate_is_that_of_the_papers() -> None:
     """φ̇² = φ̇₀² + 2a(cos φ − cos φ₀) in a valley, with the other sign on a hump; a = g/κρ."""
     hills = three_arcs()

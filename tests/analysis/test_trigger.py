@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect
 from dataclasses import replace
 
 import numpy as np
@@ -164,6 +165,31 @@ def test_a_level_is_not_followed_through_a_higher_crest(monkeypatch: pytest.Monk
         followed += len(curve.position) // 9
     assert len(found) == 300
     assert len(asked) <= followed + 2 * len(found)  # beside a level only the pieces next to it
+
+
+def test_a_level_passes_lower_crests_without_a_search(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each piece was searched for each level: crests that rise all the way took quadratic time."""
+    crests = [valley(1.0, 50), hump(0.5, -45)] * 200
+    hills = landscape(-120.0, *crests, valley(1.0, 120))
+    asked = asked_pieces(monkeypatch)
+    found = triggers(hills)
+    assert len(found) == 200
+    assert len(asked) <= 8 * len(found)
+    monkeypatch.undo()
+    pieces, starts = hills.trace.pieces, [piece.start_s for piece in hills.trace.pieces]
+    for one in found[9::38]:  # on the whole trace, the level through a crest is that at its place
+        energy, s = one.saddle.energy, one.saddle.s
+        whole = levels.speed_curves(hills, 9, energy)
+        (curve,) = (c for c in whole if c.position[0] < s < c.position[-1])
+        (own,) = levels.speed_curves(hills, 9, energy, [s])
+        assert np.array_equal(own.position, curve.position)
+        assert np.array_equal(own.rate, curve.rate)
+        # Its energy is that of the crest: m g y + κ m v²/2.
+        for place, speed in zip(own.position[1:-1:9], own.rate[1:-1:9], strict=True):
+            piece = pieces[bisect(starts, place) - 1]
+            angle = piece.angle_start + (place - piece.start_s) / piece.radius
+            fall = 0.5 * 1.4 * speed**2 / GRAVITY
+            assert hills.height(piece, angle) + fall == pytest.approx(energy / WEIGHT, rel=1e-12)
 
 
 def test_a_separatrix_among_equal_crests_runs_to_the_nearest() -> None:

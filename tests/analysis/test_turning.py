@@ -96,6 +96,17 @@ def test_lowest_place_has_no_energy() -> None:
     assert 0.0 <= least < 1e-4
 
 
+@pytest.mark.parametrize("rate", [0.3, 1.7, 3.0, 9.0])
+def test_a_body_with_more_than_the_top_of_a_piece_passes_it(rate: float) -> None:
+    for scene in (on_three_arcs(rate=rate), on_lines()):
+        landscape = Landscape.of(system_of(scene), 1)
+        for piece, top in zip(landscape.trace.pieces, landscape.tops.tolist(), strict=True):
+            places = np.linspace(piece.angle_start, piece.angle_end, 4001)
+            assert float(np.max(landscape.potential(piece, places))) < top
+            (reach,) = reaches(landscape, piece, math.nextafter(top, math.inf))
+            assert reach.is_whole
+
+
 @pytest.mark.parametrize("share", [0.02, 0.4, 0.9, 1.3])
 def test_level_curves_have_their_energy(share: float) -> None:
     landscape = Landscape.of(system_of(on_three_arcs(rate=1.7)), 1)

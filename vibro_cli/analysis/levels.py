@@ -6,12 +6,13 @@ A branch of a phase trajectory is the path of a body in free flight between two 
 from __future__ import annotations
 
 import math
-from bisect import bisect
+from bisect import bisect, bisect_left
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from itertools import pairwise
+from itertools import groupby, pairwise
 from operator import attrgetter
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,6 +25,8 @@ from vibro_cli.mechanics.trace import Piece, Trace
 Array = NDArray[np.float64]
 
 _ROUNDING = 64.0 * EPSILON
+_CLEAR = 1e-6
+"""Share of heights, beyond all their rounding, by which a body surely passes a piece."""
 
 
 @dataclass(frozen=True)
@@ -109,6 +112,12 @@ class Landscape:
         """Heights (m) at position 0 of each piece, which every level curve needs."""
         return tuple(self.height(piece, 0.0) for piece in self.trace.pieces)
 
+    @cached_property
+    def tops(self) -> Array:
+        """Energies (J) with more than which a body surely passes each piece, shape (pieces,)."""
+        tops = [max(_extremes(self, piece)) for piece in self.trace.pieces]
+        return self.weight * ((1.0 + _CLEAR) * np.array(tops) + _CLEAR * self.trace.length)
+
     def energy(self, piece: Piece, position: ArrayLike, rate: ArrayLike) -> Array:
         """Return the energy ½ κ m v² + m g (y_C − lowest) (J) at positions and rates on a piece."""
         speed = self.path_scale(piece) * np.asarray(rate, dtype=np.float64)
@@ -121,13 +130,44 @@ class Landscape:
         NaN where the energy does not suffice. rate² = 2(E − V)/(κ m ρ²), which on an arc is
         c ∓ 4w² sin²(φ/2) with c its value at the bottom or crest: A (5), B (33), D (2).
         """
-        place, datum = np.asarray(position, dtype=np.float64), self.datum(piece)
+        return _rate(energy, *self._terms(piece, np.asarray(position, dtype=np.float64)))
+
+    def _terms(self, piece: Piece, place: Array) -> tuple[float, float, Array]:
+        """Return rate² per energy, the datum (J) and the fall of rate² from there to positions."""
         per_energy = 2.0 / (self.body.rolling_mass * self.path_scale(piece) ** 2)
-        fall = per_energy * self.weight * self._rise(piece, place)
-        square = per_energy * (energy - datum) - fall
-        scale = per_energy * (abs(energy) + abs(datum)) + np.abs(fall)
-        square = np.where(np.abs(square) <= _ROUNDING * scale, np.maximum(square, 0.0), square)
-        return np.sqrt(square, out=np.full_like(square, np.nan), where=square >= 0.0)
+        return per_energy, self.datum(piece), per_energy * self.weight * self._rise(piece, place)
+
+    @cached_property
+    def wholes(self) -> tuple[Reach, ...]:
+        """All pieces as parts that a body passes."""
+        return tuple(map(_whole, self.trace.pieces))
+
+    @cached_property
+    def _samples(self) -> dict[int, tuple[Array, ...]]:
+        return {}
+
+    def samples(self, count: int) -> tuple[Array, ...]:
+        """Return arc lengths (m), path scales and terms of rates at `count` points of each piece.
+
+        The shapes are (pieces, count), or (pieces, 1) for what is the same on a piece.
+        """
+        if count not in self._samples:
+            places = [(whole.piece, _positions(whole, count)) for whole in self.wholes]
+            rows = [
+                (piece.arc_length(place), self.path_scale(piece), *self._terms(piece, place))
+                for piece, place in places
+            ]
+            columns = zip(*rows, strict=True)
+            self._samples[count] = tuple(np.array(one).reshape(len(rows), -1) for one in columns)
+        return self._samples[count]
+
+
+def _rate(energy: float, per_energy: Any, datum: Any, fall: Array) -> Array:
+    square = per_energy * (energy - datum) - fall
+    scale = per_energy * (abs(energy) + abs(datum)) + np.abs(fall)
+    square = np.where(np.abs(square) <= _ROUNDING * scale, np.maximum(square, 0.0), square)
+    rate: Array = np.sqrt(square, out=np.full_like(square, np.nan), where=square >= 0.0)
+    return rate
 
 
 def centre_of(piece: Piece) -> float:
@@ -204,16 +244,19 @@ def end_width(landscape: Landscape, piece: Piece) -> float:
 
 
 def _lowest_height(landscape: Landscape) -> float:
-    def within(piece: Piece) -> list[float]:
-        if landscape.turning is not None:
-            return equilibria(landscape, piece)
-        return [] if piece.is_line else level_positions(piece)
+    return min(min(_extremes(landscape, piece)) for piece in landscape.trace.pieces)
 
-    return min(
-        landscape.height(piece, place)
-        for piece in landscape.trace.pieces
-        for place in (piece.angle_start, *within(piece), piece.angle_end)
-    )
+
+def _extremes(landscape: Landscape, piece: Piece) -> list[float]:
+    """Return the heights (m) at the ends of a piece and where it is level between them."""
+    within: list[float] = []
+    if landscape.turning is not None:
+        within = equilibria(landscape, piece)
+    elif not piece.is_line:
+        within = level_positions(piece)
+    return [
+        landscape.height(piece, place) for place in (piece.angle_start, *within, piece.angle_end)
+    ]
 
 
 _POINTS = 121
@@ -236,15 +279,24 @@ class Reach:
     turns_high: bool
     """Whether the body turns back at the right end."""
 
-    @property
+    @cached_property
     def left_s(self) -> float:
         """Arc length of its left end (m)."""
         return self.piece.arc_length(self.low)
 
-    @property
+    @cached_property
     def right_s(self) -> float:
         """Arc length of its right end (m)."""
         return self.piece.arc_length(self.high)
+
+    @cached_property
+    def is_whole(self) -> bool:
+        """Whether it is the whole piece, at neither end of which the body turns."""
+        return self == _whole(self.piece)
+
+
+def _whole(piece: Piece) -> Reach:
+    return Reach(piece, piece.angle_start, piece.angle_end, False, False)
 
 
 @dataclass(frozen=True)
@@ -275,7 +327,7 @@ def reaches(landscape: Landscape, piece: Piece, energy: float) -> tuple[Reach, .
     above_centre, below_saddle = (above, unit - above) if piece.sign > 0 else (unit + above, -above)
     tolerance = _ROUNDING * (abs(energy) + abs(energy - above) + unit)
     if below_saddle <= tolerance:
-        return (Reach(piece, piece.angle_start, piece.angle_end, False, False),)
+        return (_whole(piece),)
     if above_centre < -tolerance:
         return ()
     swing = 2.0 * math.atan2(math.sqrt(max(above_centre, 0.0)), math.sqrt(below_saddle))
@@ -354,7 +406,7 @@ def _line_reaches(landscape: Landscape, piece: Piece, energy: float) -> tuple[Re
     tolerance = _ROUNDING * (abs(energy) + abs(energy - spare))
     rise = landscape.weight * _sine(piece.start_slope)
     if rise * piece.length <= spare + tolerance and spare >= -tolerance:
-        return (Reach(piece, 0.0, piece.length, False, False),)
+        return (_whole(piece),)
     if rise == 0.0:
         return ()
     turning = spare / rise
@@ -428,6 +480,7 @@ def _followed(landscape: Landscape, energy: float, saddles: Sequence[float]) -> 
     places = [bisect(pieces, s, key=attrgetter("start_s")) - 1 for s in saddles]
     # Pieces, with the direction in which the level enters each; 0 at a saddle, left both ways.
     waiting = [(place + beside, 0) for place in reversed(places) for beside in (1, 0, -1)]
+    barriers = [-1, *np.flatnonzero(landscape.tops >= energy).tolist(), len(pieces)]
     followed: set[tuple[int, int]] = set()
     found: dict[int, list[list[Reach]]] = {}
     while waiting:
@@ -436,6 +489,12 @@ def _followed(landscape: Landscape, energy: float, saddles: Sequence[float]) -> 
         if not 0 <= index < len(pieces) or (index, step) in followed:
             continue
         followed.add((index, step))
+        at = bisect_left(barriers, index) if step > 0 else bisect(barriers, index) - 1
+        if step and abs(barriers[at] - index) > 1:  # at once to where the level may turn
+            stop = barriers[at]
+            found |= {one: [[landscape.wholes[one]]] for one in range(index, stop, step)}
+            waiting.append((stop, step))
+            continue
         piece = pieces[index]
         if index not in found:
             found[index] = _joined(landscape, reaches(landscape, piece, energy))
@@ -494,25 +553,38 @@ def speed_curves(
 
 def _along(landscape: Landscape, run: Sequence[Reach], energy: float, count: int) -> LevelCurve:
     places, speeds = [], []
-    for part in run:
-        position, rate = _sampled(landscape, part, energy, count)
-        places.append(part.piece.arc_length(position))
-        speeds.append(landscape.path_scale(part.piece) * rate)
+    for is_whole, parts in groupby(run, attrgetter("is_whole")):
+        if is_whole:
+            pieces = [part.piece.index for part in parts]
+            s, scale, *terms = (column[pieces] for column in landscape.samples(count))
+            places.append(s.ravel())
+            speeds.append((scale * _rate(energy, *terms)).ravel())
+            continue
+        for part in parts:
+            position, rate = _sampled(landscape, part, energy, count)
+            places.append(part.piece.arc_length(position))
+            speeds.append(landscape.path_scale(part.piece) * rate)
     return LevelCurve(0, np.concatenate(places), np.concatenate(speeds))
 
 
 def _sampled(
     landscape: Landscape, part: Reach, energy: float, count: int = _POINTS
 ) -> tuple[Array, Array]:
-    bend = 0.5 - 0.5 * np.cos(np.linspace(0.0, math.pi, count))
-    position = part.low + (part.high - part.low) * bend
-    position[-1] = part.high
+    position = _positions(part, count)
     rate = landscape.rate(part.piece, position, energy)
     if part.turns_low:
         rate[0] = 0.0
     if part.turns_high:
         rate[-1] = 0.0
     return position, rate
+
+
+def _positions(part: Reach, count: int) -> Array:
+    """Return positions on a part of a piece, dense towards both ends."""
+    bend = 0.5 - 0.5 * np.cos(np.linspace(0.0, math.pi, count))
+    position: Array = part.low + (part.high - part.low) * bend
+    position[-1] = part.high
+    return position
 
 
 _NO_TURN = 1e-6
