@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from pathlib import Path
 from urllib.parse import unquote
 
@@ -10,7 +11,7 @@ import pytest
 
 from tests.grid_folder import product, write_grid
 from tests.report.page_parser import Page
-from vibro_cli.report.grid_content import grid_html
+from vibro_cli.report.grid_content import _refused, grid_html
 from vibro_cli.report.html import is_report
 from vibro_cli.storage.stored import open_grid
 
@@ -74,6 +75,23 @@ def test_reasons_of_refused_points_are_told(page: Page) -> None:
     text = page.with_id("refused").text
     assert "1invalidtoo steep" in text
     assert "1failedodd" in text
+
+
+def test_a_long_reason_takes_memory_once(tmp_path: Path) -> None:
+    """Each reason took the room of the longest: 1.1 GB for 213,000 invalid points."""
+    long = 20_000 * "x"
+    bad = {n: ("invalid", f"reason {n // 2}") for n in range(1, 2000)} | {7: ("failed", long)}
+    angles = np.linspace(-1.2, -0.2, 2000).tolist()
+    grid = open_grid(write_grid(tmp_path / "bad", product({"balls[1].angle": angles}), bad=bad))
+    assert long in grid.summary["reason"]  # read before memory is traced
+    tracemalloc.start()
+    shown = _refused(grid)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 5e6
+    twice = sorted(f"reason {n}" for n in range(1, 1000) if n != 3)
+    assert shown[:20] == [["2", "invalid", reason] for reason in twice[:20]]
+    assert shown[20:] == [["…", "", "981 further reasons"]]
 
 
 def test_the_points_can_be_sorted_and_the_link_leads_to_them(page: Page, folder: Path) -> None:

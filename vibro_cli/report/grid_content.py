@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from heapq import nsmallest
 from pathlib import Path
 from typing import Any
 
@@ -124,14 +125,10 @@ def _quantity(grid: StoredGrid, name: str) -> list[list[str]]:
 
 def _refused(grid: StoredGrid) -> list[list[str]]:
     """Return the reasons why points could not be solved, the most frequent first."""
-    status = grid.summary["status"].astype(str)
-    bad = status != "ok"
-    if not np.any(bad):
-        return []
-    pairs = np.column_stack([status[bad], grid.summary["reason"][bad].astype(str)])
-    reasons, counts = np.unique(pairs, axis=0, return_counts=True)
-    order = np.argsort(-counts, kind="stable")[:_MOST_REASONS]
-    shown = [[str(counts[n]), str(reasons[n, 0]), str(reasons[n, 1])] for n in order]
+    both = zip(grid.summary["status"].tolist(), grid.summary["reason"].tolist(), strict=True)
+    counts = Counter((status, str(reason)) for status, reason in both if status != "ok")
+    most = nsmallest(_MOST_REASONS, counts.items(), key=lambda one: (-one[1], one[0]))
+    shown = [[str(count), *pair] for pair, count in most]
     left = len(counts) - len(shown)
     return [*shown, ["…", "", f"{left} further reasons"]] if left else shown
 
