@@ -194,7 +194,7 @@ def test_a_part_of_a_trace_is_shown_around_its_bodies(places: list[tuple[float, 
 
 
 def test_points_of_a_trace_are_found_piece_by_piece(monkeypatch: pytest.MonkeyPatch) -> None:
-    """They were found one by one: two fifths of the time of a report on 1,001 arcs."""
+    """They were found one by one: a tenth of the time of a report on 1,001 arcs."""
     trace = run_of("line_between_valleys", TWELVE).system.trace
     centre_and_tangent, asked = Piece.centre_and_tangent, []
 

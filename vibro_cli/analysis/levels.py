@@ -460,12 +460,13 @@ def connected_reaches(
 def _joined(landscape: Landscape, parts: Sequence[Reach]) -> list[list[Reach]]:
     tolerance = _JOINED * landscape.trace.length
     runs: list[list[Reach]] = []
+    end = -math.inf
     for part in parts:
-        joined = runs and part.left_s - runs[-1][-1].right_s <= tolerance
-        if joined:
+        if part.left_s - end <= tolerance:
             runs[-1].append(part)
         else:
             runs.append([part])
+        end = part.right_s
     return runs
 
 
