@@ -21,7 +21,7 @@ from vibro_cli.analysis.singular import (
     portrait_of,
     singular_points,
 )
-from vibro_cli.mechanics.potential import Turning
+from vibro_cli.mechanics.potential import Pull, Turning
 from vibro_cli.mechanics.trace import ArcShape, Piece
 from vibro_cli.stress.scenes import system_of
 
@@ -94,6 +94,25 @@ def test_lowest_place_has_no_energy() -> None:
     ]
     least = min(float(np.min(landscape.potential(*place))) for place in places)
     assert 0.0 <= least < 1e-4
+
+
+def test_equilibria_are_found_once_for_all_junctions(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each junction sought those of both of its pieces again, half of a portrait's time."""
+    equilibria, asked = Pull.equilibria, []
+
+    def counted(pull: Pull) -> list[float]:
+        asked.append(equilibria(pull))
+        return asked[-1]
+
+    monkeypatch.setattr(Pull, "equilibria", counted)
+    landscape = Landscape.of(system_of(on_three_arcs(rate=1.7)), 1)
+    points = portrait_of(landscape).points
+    assert len(asked) == 2 * len(landscape.trace.pieces)  # for the lowest place, and relative to it
+    h = 1e-5
+    for point in points:  # gravity and the centrifugal force balance
+        piece = landscape.trace.pieces[point.piece]
+        before, after = landscape.potential(piece, point.position + np.array([-h, h]))
+        assert abs(after - before) < 1e-11 * landscape.weight
 
 
 @pytest.mark.parametrize("rate", [0.3, 1.7, 3.0, 9.0])

@@ -113,6 +113,14 @@ class Landscape:
         return tuple(self.height(piece, 0.0) for piece in self.trace.pieces)
 
     @cached_property
+    def equilibria(self) -> tuple[list[float], ...]:
+        """Equilibrium positions on each piece of a rotating trace, including its ends.
+
+        Rounding may put an equilibrium at an end slightly beyond it.
+        """
+        return tuple(_equilibria(self, piece) for piece in self.trace.pieces)
+
+    @cached_property
     def tops(self) -> Array:
         """Energies (J) with more than which a body surely passes each piece, shape (pieces,)."""
         tops = [max(_extremes(self, piece)) for piece in self.trace.pieces]
@@ -207,11 +215,7 @@ _AT_END = 1e-12
 """Fraction of the trace's length within which a position counts as the end of a piece."""
 
 
-def equilibria(landscape: Landscape, piece: Piece) -> list[float]:
-    """Return the equilibrium positions on a piece of a rotating trace, including its ends.
-
-    Rounding may put an equilibrium at an end slightly beyond it.
-    """
+def _equilibria(landscape: Landscape, piece: Piece) -> list[float]:
     assert landscape.turning is not None
     near = end_width(landscape, piece)
     low, high = piece.angle_start - near, piece.angle_end + near
@@ -251,7 +255,7 @@ def _extremes(landscape: Landscape, piece: Piece) -> list[float]:
     """Return the heights (m) at the ends of a piece and where it is level between them."""
     within: list[float] = []
     if landscape.turning is not None:
-        within = equilibria(landscape, piece)
+        within = landscape.equilibria[piece.index]
     elif not piece.is_line:
         within = level_positions(piece)
     return [

@@ -18,7 +18,6 @@ from vibro_cli.analysis.levels import (
     Reach,
     connected_reaches,
     end_width,
-    equilibria,
     half_turn,
     level_positions,
 )
@@ -88,7 +87,7 @@ def _balanced_within(landscape: Landscape, piece: Piece) -> list[float]:
     low, high = piece.angle_start, piece.angle_end
     after = low + near if _balances(landscape, piece.index) else low
     before = high - near if _balances(landscape, piece.index + 1) else high
-    return [place for place in equilibria(landscape, piece) if after < place < before]
+    return [place for place in landscape.equilibria[piece.index] if after < place < before]
 
 
 def _at_junction(landscape: Landscape, number: int) -> list[SingularPoint]:
@@ -125,7 +124,7 @@ def _balances(landscape: Landscape, number: int) -> bool:
     return all(
         any(
             abs(place - end) <= end_width(landscape, piece)
-            for place in equilibria(landscape, piece)
+            for place in landscape.equilibria[piece.index]
         )
         for piece, end in sides
     )
