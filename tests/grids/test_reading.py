@@ -178,6 +178,10 @@ WRONG = {
         ["axes: found 27000000000000000 points, expected fewer than 2^53"],
     ),
     "no base": ("mode = 'zip'\n", ["found none of them, expected one of base or scenario"]),
+    "a grid as base": (
+        'base = "grid.toml"\n[[axes]]\npath = "gravity"\nvalues = [9.0]\n',
+        [":1:8: base: found a grid, expected a scenario"],
+    ),
     "unknown path": (
         AXIS + 'path = "balls[1].angel"\nvalues = [1]\n',
         [":3:8: axes[1].path: ", 'the unknown key "angel"', 'did you mean "angle"?'],

@@ -257,6 +257,9 @@ def _base(
     else:
         own = replace(outer, within=("scenario",))
         given = Document(document.data["scenario"], own, document.name)
+    if loading.is_grid(given.data):
+        place = ("base" if "base" in document.data else "scenario",)
+        raise ScenarioError(located([Fault(place, "a grid", "a scenario")], outer))
     changed, texts, wrong = loading.overridden(given.data, overrides)
     return Document(changed, replace(given.source, overrides=tuple(texts)), given.name), wrong
 
