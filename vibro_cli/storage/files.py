@@ -61,7 +61,7 @@ def write_file(path: Path, *pieces: bytes | memoryview) -> None:
     with _errors_name(shown):
         _remove_abandoned(path)
         with _partial(path, shown, _new_file) as (partial, handle):
-            with open(handle, "wb", closefd=False) as file:
+            with open(os.dup(handle), "wb") as file:
                 _fill(file, *pieces)
             _count_one()
             os.replace(partial, path)
