@@ -19,6 +19,7 @@ from vibro_cli.analysis.impact_times import NoDerivative, impact_times, number_a
 from vibro_cli.assemble import build_system
 from vibro_cli.scenario import scenario_of
 from vibro_cli.scenario.problems import parsed_path
+from vibro_cli.stress.oracles.oracle import Oracle
 from vibro_cli.stress.oracles.scene import Scene, chain, scene_of_system
 from vibro_cli.stress.scenes import CIRCLE, THREE_ARCS, VALLEY, ball, scene
 from vibro_cli.systems.driver import ENGINES
@@ -198,6 +199,132 @@ def test_two_pairs_may_collide_at_one_instant() -> None:
     np.testing.assert_allclose(one, other[:, [0, 2, 1]], rtol=1e-12, atol=1e-15)
 
 
+ROLLED = {"left": {"wall": 0.5}, "right": {"wall": 1.0}}
+LINE: dict[str, Any] = {"shape": "line", "length": 4.0}
+LEVEL_LINE = {"start_slope": 0.0, "arcs": [LINE]}
+BESIDE = {
+    "line": LINE,
+    "valley": {"shape": "valley", "radius": 3.0, "end_slope": "80 deg"},
+    "hump": {"shape": "hump", "radius": 3.0, "end_slope": "-20 deg"},
+}
+
+
+def _along(position: float, speed: float, radius: float = 0.125, mass: float = 1.0) -> Any:
+    return {"radius": radius, "mass": mass, "arc": 1, "position": position, "speed": speed}
+
+
+def _chased(law: str, beside: str, radius: float) -> dict[str, Any]:
+    """Body 2 is reached at 1 s, as it crosses the junction of a level line."""
+    reach = 2.0 * np.sqrt(0.125 * radius)
+    trace = {"start_slope": 0.0, "arcs": [LINE, BESIDE[beside]]}
+    balls = [_along(2.0 - reach, 2.0), _along(3.0, 1.0, radius, 2.0)]
+    document = scene(trace, balls, 0.9, law, time=30.0) | {"ends": ROLLED}
+    document["collision"]["inadmissible"] = "normal-impulse"
+    return document
+
+
+VARIED |= {
+    "balls[1].position": VARIED["balls[1].angle"],
+    "balls[1].speed": lambda one, h: _start(one, 0, 2, h),
+    "trace.arcs[1].length": VARIED["trace.arcs[1].radius"],
+    "ends.right.wall": lambda one, h: replace(one, walls=(one.walls[0], one.walls[1] + h)),
+}
+
+
+def _sides(system: Any, path: str, count: int) -> list[list[float]]:
+    """Differences of the oracle's motions, which are not told the order of events: both sides."""
+    own, change = scene_of_system(system), mpmath.mpf(10) ** -15
+    here, ahead, back = (
+        [one.t for one in Oracle.of(system, scene=scene).impacts(count, LATEST)[:count]]
+        for scene in (own, VARIED[path](own, change), VARIED[path](own, -change))
+    )
+    steps = zip(here, ahead, back, strict=True)
+    return [[float((f - t) / change), float((t - b) / change)] for t, f, b in steps]
+
+
+def _compare(document: dict[str, Any], paths: Sequence[str], count: int) -> None:
+    scenario = scenario_of(document)
+    system = build_system(scenario)
+    found = impact_times(scenario, system, list(map(parsed_path, paths)), count, LATEST)
+    for column, path in zip(found.derivative.T, paths, strict=True):
+        sides = np.array(_sides(system, path, count)).T
+        for side in sides:
+            np.testing.assert_allclose(column, side, atol=1e-10 * np.max(np.abs(sides)) + 1e-25)
+
+
+@pytest.mark.parametrize(
+    ("law", "beside", "radius"),
+    [
+        ("hedrih", "line", 0.125), ("hedrih", "valley", 0.125), ("hedrih", "hump", 0.5),
+        ("translational", "valley", 0.5), ("normal-impulse", "line", 0.5),
+        ("normal-impulse", "valley", 0.125),
+    ],
+)  # fmt: skip
+def test_an_impact_of_a_body_at_a_junction_has_derivatives(
+    law: str, beside: str, radius: float
+) -> None:
+    """Slopes are continuous, so that times and speeds are smooth even if the curvature jumps."""
+    paths = [
+        "balls[1].speed", "balls[2].speed", "balls[2].mass", "balls[1].radius", "collision.k",
+        "gravity", "trace.arcs[1].length",
+    ]  # fmt: skip
+    _compare(_chased(law, beside, radius), paths, 3)
+
+
+@pytest.mark.parametrize("beside", ["valley", "hump"])
+def test_normals_of_an_impact_at_a_jump_of_curvature_are_differentiable_on_one_side(
+    beside: str,
+) -> None:
+    document = _chased("normal-impulse", beside, 0.5)
+    _refused(document, "balls[1].speed", "balls.1..speed: derivatives differ .* body 2 is at 1 s")
+    left, right = _sides(build_system(scenario_of(document)), "balls[1].speed", 2)[1]
+    assert abs(left - right) > 0.05 * max(abs(left), abs(right))
+    _compare(document, ["collision.k"], 3)  # moves no body before the impact
+
+
+def test_a_body_that_rests_at_a_jump_of_curvature_is_differentiable_on_one_side() -> None:
+    trace = {"start_slope": 0.0, "arcs": [LINE, BESIDE["valley"]]}
+    document = scene(trace, [_along(1.0, 2.0), _along(4.0, 0.0)], 0.9, time=30.0)
+    _refused(document, "balls[2].speed", "derivatives differ .* body 2 is at 0 s", 2)
+    left, right = _sides(build_system(scenario_of(document)), "balls[2].speed", 2)[0]
+    assert abs(left - right) > 0.05 * max(abs(left), abs(right))
+    _compare(document, ["balls[1].speed", "gravity", "collision.k"], 2)
+
+
+DOWNHILL = {
+    "stops at a junction": (
+        scene(
+            {"start_slope": "-10 deg", "arcs": [LINE, BESIDE["valley"]]},
+            [_along(4.0, 0.0), {"radius": 0.125, "mass": 1.0, "arc": 2, "angle": 0.9}],
+            0.9, time=30.0,
+        ) | {"ends": ROLLED},
+        ["gravity", "balls[1].speed", "balls[1].radius", "collision.k"],
+        3,
+    ),
+    "held by a wall": (
+        scene(
+            {"start_slope": "-10 deg", "arcs": [LINE | {"length": 6.0}]},
+            [_along(1.0, 0.0, 0.1), _along(5.0, 0.0, 0.1)], 0.5, time=30.0,
+        ) | {"ends": {"right": {"wall": 0.0}}},
+        ["gravity", "balls[1].position", "balls[2].radius"],
+        1,
+    ),
+    "leans on a wall": (
+        scene(
+            {"start_slope": "10 deg", "arcs": [LINE]},
+            [_along(0.125, 0.0), _along(3.375, -3.0)], 0.5, time=30.0,
+        ) | {"ends": {"left": {"wall": 0.5}}},
+        ["gravity", "balls[2].speed"],
+        1,
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", DOWNHILL)
+def test_a_body_without_speed_at_an_end_of_its_piece_has_derivatives(name: str) -> None:
+    _compare(*DOWNHILL[name])
+
+
 def _refused(document: dict[str, Any], path: str, words: str, count: int = 50) -> None:
     scenario = scenario_of(document)
     with pytest.raises(NoDerivative, match=words):
@@ -212,19 +339,12 @@ def test_where_there_is_no_derivative_the_reason_is_told() -> None:
     _refused(scene(VALLEY, three, 1.0, collisions=2), "balls[1].mass", "several impacts", 2)
     _refused(scene(CIRCLE, [ball(0.1), ball(0.4)], collisions=2), "balls[1].density", "no number")
     _refused(scene(CIRCLE, [ball(0.1), ball(0.4)], collisions=2), "balls[1].body", "no number")
-    down: dict[str, Any] = {"shape": "line", "length": 6.0}
-    slope = {"start_slope": "-10 deg", "arcs": [down]}
-    low = [{"radius": 0.1, "mass": 1.0, "arc": 1, "position": place} for place in (1.0, 5.0)]
-    rests = scene(slope, low, 0.5, time=9.0) | {"ends": {"right": {"wall": 0.0}}}
-    after = np.sqrt(2.0 * 0.9 * 1.4 / (9.81 * np.sin(np.radians(10.0))))
-    _refused(rests, "gravity", f"body 2 comes to rest at a wall at {after:.9g} s")
-    valley = {"shape": "valley", "radius": 1.0, "end_slope": "70 deg"}
-    bent = slope | {"arcs": [down, valley]}
-    stops = scene(bent, [low[0] | {"position": 6.0}, ball(0.9, arc=2)], 0.9, time=9.0)
-    _refused(stops, "gravity", "body 1 stops at an end of its piece at 0 s")
-    level = {"start_slope": 0.0, "arcs": [{"shape": "line", "length": 4.0}] * 2}
-    chased = [low[0] | {"radius": 0.125, "position": x, "speed": v} for x, v in ((1.75, 2), (3, 1))]
-    crossing = scene(level, chased, 0.5, time=9.0)  # reached as body 2 is at the junction
-    _refused(crossing, "balls[1].speed", "several impacts at one instant or lasting contact at 1 s")
+    struck = DOWNHILL["held by a wall"][0]
+    _refused(struck, "gravity", "several impacts at one instant or lasting contact at 2.77944654 s")
+    against = scene(
+        LEVEL_LINE, [_along(x, v) for x, v in ((1.125, -1.0), (3.375, -3.0))], 0.5, time=9.0
+    )
+    against |= {"ends": ROLLED}
+    _refused(against, "balls[1].mass", "several impacts at one instant or lasting contact at 1 s")
     turning = THREE_ARCS | {"turning": {"x": 1.0, "rate": 1.0}}
     _refused(scene(turning, [ball(-1.3), ball(0.9, arc=3)], time=9.0), "collision.k", "turns")

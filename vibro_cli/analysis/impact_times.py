@@ -30,8 +30,11 @@ from vibro_cli.kernels.tangent.impact_times import (
 from vibro_cli.kernels.world import (
     CAUSE_NAMES,
     COLLISION,
+    CONTACT_CLOSED,
+    CONTACT_OPENED,
     CROSSING,
     END_NAMES,
+    SEGMENT,
     START,
     WALL,
     Flight,
@@ -49,13 +52,16 @@ from vibro_cli.systems.trace import SYSTEM
 from vibro_cli.systems.trace.system_template import changed
 from vibro_cli.systems.trace.world import make_world
 
+_OF_CONTACTS = (CONTACT_CLOSED, CONTACT_OPENED)
 _FAULTS = (
     "",
     "bodies in lasting contact ({cause}) at {t:.9g} s",
     "several impacts at one instant or lasting contact at {t:.9g} s",
     "bodies that only touch at {t:.9g} s",
-    "body {body} stops at an end of its piece at {t:.9g} s",
-    "body {body} comes to rest at a wall at {t:.9g} s",
+    "body {body} only touches a wall at {t:.9g} s",
+)
+_ONE_SIDED = (
+    "{name}: derivatives differ on either side of the junction at which body {body} is at {t:.9g} s"
 )
 
 
@@ -138,8 +144,8 @@ def impact_times(
 
     The times are differentiated with respect to the numbers at the paths. `count` is the number of
     impacts, `stop_time` the time (s) at which the motion stops in any case, if there is one. Raises
-    `NoDerivative` for lasting contact, simultaneous impacts of one body with two others, grazing
-    contacts, bodies that stop at a junction, and a rotating trace.
+    `NoDerivative` for lasting contact, simultaneous impacts of one body with others or a wall,
+    grazing contacts, impacts under `normal-impulse` at a jump of curvature, and a rotating trace.
     """
     if system.turning is not None:
         raise NoDerivative("found a trace that turns, expected one at rest")
@@ -153,6 +159,10 @@ def impact_times(
     made = impacts[: np.count_nonzero(events[:, 2] >= 0)]
     changes = _changes_of(varied, log, (len(made), len(paths)))
     called(differentiate_impacts, NO_OVERRIDES, world, events, changes, len(paths))
+    for number in np.flatnonzero(changes.one_sided)[:1]:
+        row = log[changes.one_sided[0, number] - 1]
+        name, body = path_text(paths[number]), row["body"] + 1
+        raise NoDerivative(_ONE_SIDED.format(name=name, body=body, t=row["t"]))
     return ImpactTimes(
         t=made["t"].copy(),  # a view would keep all logs in memory
         pairs=np.stack([made["a"], made["b"]], axis=1) + 1,
@@ -184,18 +194,18 @@ def _events_of(log: Any, impacts: Any) -> NDArray[np.int64]:
     fits = (body[pairs] == struck) & (made["contact"] == 0)[:, None]
     for name in ("t", "t_low"):
         fits &= log[name][pairs] == made[name][:, None]
-    fits &= (_ages_of(log, pairs) > 0.0) | (t[pairs] == t[0])
+    ended = _has_flown(log)
+    fits &= ended[pairs]
     closing = made["normal_a"] * made["speed_a_pre"] - made["normal_b"] * made["speed_b_pre"]
     alone, touches = (np.zeros(len(log), dtype=bool) for _ in range(2))
     alone[pairs] = np.all(fits, axis=1, keepdims=True)
     touches[pairs] = ~(closing > 0.0)[:, None]
     ends = np.isin(cause, (CROSSING, WALL))
     conditions = [
-        (cause != START) & ((log["grouped"] != 0) | ~(ends | (cause == COLLISION))),
-        (cause == COLLISION) & ~alone,
+        (cause != START) & ((log["grouped"] != 0) | np.isin(cause, _OF_CONTACTS)),
+        ((cause == COLLISION) & ~alone) | ((cause == WALL) & ~ended) | (cause == SEGMENT),
         touches,
-        ends & (log["before_p"] == 0.0),
-        (cause == WALL) & (log["at_rest"] != 0),
+        (cause == WALL) & (log["before_p"] == 0.0),
     ]
     faults = np.select(conditions, range(1, len(_FAULTS)))
     if np.any(faults):
@@ -209,14 +219,18 @@ def _events_of(log: Any, impacts: Any) -> NDArray[np.int64]:
     return events[np.argsort(np.concatenate([first, left]))]
 
 
-def _ages_of(log: Any, rows: NDArray[np.int64]) -> Any:
-    """Return the durations (s) of the flights that end at rows of the log."""
+def _has_flown(log: Any) -> NDArray[np.bool_]:
+    """Return whether time has passed since the impact of a body before each row of the log.
+
+    Also true for the first impact after the start. Crossings of junctions do not count.
+    """
     order = np.argsort(log["body"], kind="stable")  # flights of one body follow one another
-    before = np.empty_like(order)
-    before[order] = np.roll(order, 1)
-    start = before[rows]
-    t, low = log["t"], log["t_low"]
-    return time_between(t[rows], low[rows], t[start], low[start])
+    cause, t, low = (log[name][order] for name in ("cause", "t", "t_low"))
+    last = np.maximum.accumulate(np.where(cause == CROSSING, 0, np.arange(len(order))))
+    before = np.roll(last, 1)
+    found = np.empty(len(order), dtype=np.bool_)
+    found[order] = (time_between(t, low, t[before], low[before]) > 0.0) | (cause[before] == START)
+    return found
 
 
 def _word_of(log: Any, events: NDArray[np.int64]) -> tuple[str, ...]:
@@ -271,6 +285,7 @@ def _changes_of(varied: TraceSystem, log: Any, shape: tuple[int, int]) -> Change
         flight=zeros(1, Flight),
         series=np.zeros((SERIES_ROWS, TERMS + 1)),
         times=np.zeros(shape),
+        one_sided=np.zeros((1, size), dtype=np.int64),
     )
 
 

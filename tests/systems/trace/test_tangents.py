@@ -536,6 +536,30 @@ def _true_errors(system: TraceSystem, run: Any) -> list[float]:
     return errors
 
 
+@pytest.mark.parametrize(
+    ("position", "speed", "slope", "law", "smooth"),
+    [
+        (4.0, 0.0, "-10 deg", "hedrih", 1),  # stops at the junction
+        (4.0, 0.0, 0.0, "hedrih", 0),  # rests there
+        (3.0, 1.0, 0.0, "hedrih", 1),  # is struck there
+        (3.0, 1.0, 0.0, "normal-impulse", 0),
+    ],
+)
+def test_an_impact_at_a_junction_is_smooth_unless_the_side_of_the_junction_matters(
+    position: float, speed: float, slope: Any, law: str, smooth: int
+) -> None:
+    """As differences of motions say (``tests/analysis/test_impact_times.py``)."""
+    valley = {"shape": "valley", "radius": 3.0, "end_slope": "80 deg"}
+    trace = {"start_slope": slope, "arcs": [{"shape": "line", "length": 4.0}, valley]}
+    balls = [
+        {"radius": radius, "mass": 1.0, "arc": 1, "position": place, "speed": rate}
+        for radius, place, rate in ((0.125, 1.5, 2.0), (0.5, position, speed))
+    ]
+    document = scene(trace, balls, 0.9, law, collisions=1)
+    document["collision"]["inadmissible"] = "normal-impulse"
+    assert follow_system(system_of(document), None, 1).smooth.tolist() == [smooth]
+
+
 def test_digits_left_are_those_that_agree_with_50_digits() -> None:
     rng = np.random.default_rng(11)
     ratios, last, fewest, lucky = [], [], 16.0, 0

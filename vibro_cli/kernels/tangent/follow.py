@@ -63,6 +63,7 @@ from vibro_cli.kernels.world import (
     Flight,
     FlightRow,
     ImpactRow,
+    TrackData,
     World,
     number_along,
     track_on,
@@ -180,11 +181,63 @@ def normal_changes(world: World, row: ImpactRow, way_a: float, way_b: float) -> 
     nx = (bx - ax) / distance
     ny = (by - ay) / distance
     turned = tax * tbx + tay * tby
-    bend_a = 0.0 if piece_a.sign == 0.0 else piece_a.sign / track_a.path_radius
-    bend_b = 0.0 if piece_b.sign == 0.0 else piece_b.sign / track_b.path_radius
+    bend_a = curvature(world, row.a, row.piece_a)
+    bend_b = curvature(world, row.b, row.piece_b)
     change_a = (turned * way_b - way_a) / distance + bend_a * (ny * tax - nx * tay) * way_a
     change_b = (way_b - turned * way_a) / distance + bend_b * (ny * tbx - nx * tby) * way_b
     return change_a, change_b
+
+
+@kernel
+def has_kink(world: World, row: ImpactRow, right: int) -> bool:
+    """Return whether the normals of an impact change at another rate on either side of a junction.
+
+    This is so where a body, the right or the left one, is at a junction at which the curvature of
+    its path jumps, unless its path leads along the line of centres. Only ``normal-impulse`` depends
+    on the normals.
+    """
+    if row.law != NORMAL_IMPULSE:
+        return False
+    body, piece, s, c = row.a, row.piece_a, row.a_s, row.a_c
+    if right == 1:
+        body, piece, s, c = row.b, row.piece_b, row.b_s, row.b_c
+    jump = curvature_jump(world, body, piece, s, c)
+    if jump == 0.0:
+        return False
+    track_a = track_on(world, row.a, row.piece_a)
+    track_b = track_on(world, row.b, row.piece_b)
+    ax, ay = centre_position(world.pieces[row.piece_a], track_a, row.a_s, row.a_c)
+    bx, by = centre_position(world.pieces[row.piece_b], track_b, row.b_s, row.b_c)
+    tx, ty = centre_tangent(world.pieces[piece], s, c)
+    return abs(((bx - ax) * ty - (by - ay) * tx) * jump) > SAME_NORMALS
+
+
+@kernel
+def curvature_jump(world: World, body: int, piece: int, s: float, c: float) -> float:
+    """Return the jump of the curvature (1/m) of a body's path at its place, 0 off junctions."""
+    settings = world.settings[0]
+    other = piece + end_at(track_on(world, body, piece), s, c)
+    if settings.closed == 1:
+        other = (other + settings.pieces) % settings.pieces
+    if other == piece or other < 0 or other >= settings.pieces:
+        return 0.0
+    return curvature(world, body, other) - curvature(world, body, piece)
+
+
+@kernel
+def curvature(world: World, body: int, piece: int) -> float:
+    """Return the curvature (1/m) of the path of a body's centre on a piece."""
+    radius = track_on(world, body, piece).path_radius
+    return world.pieces[piece].sign / radius if radius > 0.0 else 0.0
+
+
+@kernel
+def end_at(track: TrackData, s: float, c: float) -> int:
+    """Return -1 at the left end of a body's track, 1 at the right end, 0 elsewhere."""
+    line = track.path_radius == 0.0
+    if s == track.left_s and (line or c == track.left_c):
+        return -1
+    return 1 if s == track.right_s and (line or c == track.right_c) else 0
 
 
 @kernel
@@ -399,14 +452,16 @@ def _carry(
     flight = scratch[0]
     age = time_between(t, t_low, row.t, row.t_low)
     replay_flight(world, row, number, flight)
-    if age > 0.0 and not _leans(world, row):
+    if age > 0.0 and not leans(world, row):
+        if row.at_rest == 1 and curvature_jump(world, ball, row.piece, row.s, row.c) != 0.0:
+            tangents.state[0].rough = 1  # a body beside the junction stays on its side
         one, two, three, four = flight_jacobian(flight, age, tangents.series)
         carry_far(tangents, ball, one, two, three, four)
     return age
 
 
 @kernel
-def _leans(world: World, row: FlightRow) -> bool:
+def leans(world: World, row: FlightRow) -> bool:
     """Return whether a body is held at rest by a wall, or rests in a group, not in equilibrium."""
     if row.at_rest == 0 or row.grouped == 1:
         return row.at_rest == 1
@@ -421,7 +476,8 @@ def _reach_end(world: World, tangents: Tangents, first: int, count: int, ball: i
     """Set the derivative of the time at which a body and its group reach an end of its piece."""
     speed = tangents.arriving[ball, 0]
     if speed == 0.0:
-        tangents.state[0].rough = 1
+        if count > 1 or world.log[first].cause == WALL:  # alone, nothing jumps at a junction
+            tangents.state[0].rough = 1
         return
     for column in range(len(tangents.frame)):
         delay = -tangents.frame[2 * ball, column] / speed
@@ -516,7 +572,7 @@ def _constrain(world: World, tangents: Tangents, first: int, count: int) -> None
         members = 1
         if row.grouped == 1:
             members = row.group_count
-        if _leans(world, row):
+        if leans(world, row):
             tangents.state[0].lost = 1
             for column in range(len(tangents.frame)):
                 tangents.frame[2 * row.body, column] = 0.0
@@ -680,6 +736,7 @@ def _store_derivatives(world: World, tangents: Tangents, begin: int, end: int) -
         row = world.impacts[impact]
         store_amplification(tangents, impact, row.a, row.b, 2)
         fine = end == begin + 1 and row.simultaneous == 0 and row.contact == 0
+        fine = fine and not (has_kink(world, row, 0) or has_kink(world, row, 1))
         store_smooth(tangents, impact, 1, fine)
         if row.simultaneous == 1:
             spoil(tangents, world.impacts, impact, row.t, row.t_low)

@@ -22,6 +22,7 @@ from vibro_cli.kernels.flow.flow import acceleration_at, replay_flight
 from vibro_cli.kernels.impact.laws import NORMAL_IMPULSE, law_approach, weight_and_response
 from vibro_cli.kernels.numerics.double_double import time_between
 from vibro_cli.kernels.tangent.flight_jacobian import flight_jacobian
+from vibro_cli.kernels.tangent.follow import curvature_jump, end_at, has_kink, leans
 from vibro_cli.kernels.world import WALL, Flight, World, track_on
 
 
@@ -64,6 +65,8 @@ class Arrival:
     turning: float  # the derivatives of q and h with respect to n t
     yielding: float
     normal: float  # scratch: the derivative of n t
+    kink: int  # 1: it differs on either side of the junction at which the body is
+    row: int  # of the log after the flight
 
 
 class Changes(NamedTuple):
@@ -97,6 +100,9 @@ class Changes(NamedTuple):
     """scratch, see ``flight_jacobian``"""
     times: FloatMatrix
     """[impact, number] output: derivatives of the times of impacts, s"""
+    one_sided: IntMatrix
+    """[0, number] output: 1 + row of the log of a body at a junction at which the curvature jumps,
+    if derivatives are different on either side of it; 0 if there is none"""
 
 
 @kernel
@@ -129,11 +135,15 @@ def _carry(world: World, number: int, arrival: Arrival, changes: Changes, number
     way_way, way_speed, speed_way, speed_speed = flight_jacobian(flight, age, changes.series)
     scale = _scale(world, row.body, before.piece)
     arrival.piece = before.piece
+    arrival.row = number
     arrival.scale = scale
     arrival.speed = track.speed_factor * row.before_p
     arrival.acceleration = acceleration_at(
         flight, track.path_radius, age, row.before_s, row.before_c
     )
+    if before.at_rest == 1 and _rest(world, last, changes, numbers):
+        arrival.acceleration = 0.0
+        return
     begun = track.speed_factor * before.p / scale
     rate = arrival.speed / scale
     pull = arrival.acceleration / scale
@@ -152,6 +162,30 @@ def _carry(world: World, number: int, arrival: Arrival, changes: Changes, number
         spin = speed_way * way + speed_speed * speed
         spin += faster * of_track.pace - pull * motion.t
         motion.speed = scale * spin + rate * of_track.path_radius
+
+
+@kernel
+def _rest(world: World, number: int, changes: Changes, numbers: int) -> bool:
+    """Carry the derivatives of a body at rest if a wall holds it; return whether one does.
+
+    In equilibrium at a junction a body beside it stays on its side of it.
+    """
+    row = world.log[number]
+    track = track_on(world, row.body, row.piece)
+    right = end_at(track, row.s, row.c) > 0
+    held = leans(world, row)
+    kink = curvature_jump(world, row.body, row.piece, row.s, row.c) != 0.0
+    for each in range(numbers):
+        of_track = _track(world, changes, row.body, row.piece, each)
+        motion = _motion(world, changes, row.body, each)
+        end = of_track.right if right else of_track.left
+        pull = of_track.pace if track.path_radius == 0.0 else 0.0
+        if held:
+            motion.place = end
+            motion.speed = 0.0
+        elif kink and (motion.place != end or motion.speed != 0.0 or pull != 0.0):
+            changes.one_sided[0, each] = number + 1
+    return held
 
 
 @kernel
@@ -183,11 +217,12 @@ def _leave(world: World, number: int, changes: Changes, numbers: int) -> None:
     for each in range(numbers):
         of_track = _track(world, changes, row.body, arrival.piece, each)
         motion = _motion(world, changes, row.body, each)
-        end = of_track.right if right else of_track.left
-        motion.t = (end - motion.place) * arrival.scale / arrival.speed
-        motion.place = end
-        motion.speed += arrival.acceleration * motion.t
+        motion.t = 0.0  # nothing jumps at a junction, not even the acceleration
         if row.cause == WALL:
+            end = of_track.right if right else of_track.left
+            motion.t = (end - motion.place) * arrival.scale / arrival.speed
+            motion.place = end
+            motion.speed += arrival.acceleration * motion.t
             change = changes.walls[1 if right else 0, each]
             motion.speed = -wall * motion.speed - change * arrival.speed
     _begin(world, row.body, number, changes, numbers)
@@ -198,7 +233,7 @@ def _begin(world: World, body: int, number: int, changes: Changes, numbers: int)
     """Begin the flight of a row; a body that changes pieces is at their junction."""
     before = world.log[changes.current[0, body]].piece
     row = world.log[number]
-    right = row.piece == (before + 1) % world.settings[0].pieces and row.p > 0.0
+    right = end_at(track_on(world, body, row.piece), row.s, row.c) < 0
     ratio = _scale(world, body, before) / _scale(world, body, row.piece)
     changes.current[0, body] = number
     if row.piece == before:
@@ -227,6 +262,7 @@ def _arrive(world: World, number: int, impact: int, arrival: Arrival) -> tuple[f
     arrival.weight, arrival.response = weight_and_response(hit.law, body, normal)
     arrival.turning = 1.0 if hit.law == NORMAL_IMPULSE else 0.0
     arrival.yielding = arrival.turning / body.rolling_mass
+    arrival.kink = 1 if has_kink(world, hit, 0 if row.body == hit.a else 1) else 0
     track = track_on(world, row.body, arrival.piece)
     return centre_position(piece, track, row.before_s, row.before_c)
 
@@ -286,6 +322,8 @@ def _meet(world: World, impact: int, changes: Changes, number: int, x: float, y:
     changes.times[impact, number] = delay
     _delay(a, motion_a, delay)
     _delay(b, motion_b, delay)
+    _note_kink(world, a, of_a, motion_a, changes, number)
+    _note_kink(world, b, of_b, motion_b, changes, number)
     ax, ay = _centre(a, of_a, motion_a.place)
     bx, by = _centre(b, of_b, motion_b.place)
     turned = (nx * (by - ay) - ny * (bx - ax)) / distance
@@ -301,6 +339,23 @@ def _delay(arrival: Arrival, motion: MotionChange, delay: float) -> None:
     motion.t = delay
     motion.place += arrival.speed / arrival.scale * delay
     motion.speed += arrival.acceleration * delay
+
+
+@kernel
+def _note_kink(
+    world: World,
+    arrival: Arrival,
+    of_track: TrackChange,
+    motion: MotionChange,
+    changes: Changes,
+    number: int,
+) -> None:
+    """Note an impact at a junction that has other derivatives on either side of it."""
+    if arrival.kink == 1:
+        row = world.log[arrival.row]
+        right = end_at(track_on(world, row.body, arrival.piece), row.before_s, row.before_c) > 0
+        if motion.place != (of_track.right if right else of_track.left):
+            changes.one_sided[0, number] = arrival.row + 1
 
 
 @kernel
