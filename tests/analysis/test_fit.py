@@ -716,6 +716,25 @@ def test_impacts_that_rounding_of_a_number_moves_are_refused() -> None:
     assert found.values[0] == 0.98
 
 
+@pytest.mark.parametrize("moved", [3, 4])
+def test_the_impact_that_fits_least_is_named(
+    moved: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    instants = _instants(_circle())
+    errors = np.full(12, 1e-3)
+    instants[1] += 3e-3  # three times its error
+    instants[moved] += 2e-3  # twenty times
+    errors[moved] = 1e-4
+    (tmp_path / "start.json").write_text(json.dumps(_circle().resolved()), encoding="utf-8")
+    csv.write_csv(pa.table({"t": instants, "error": errors}), tmp_path / "t.csv")
+    files = [str(tmp_path / "start.json"), str(tmp_path / "t.csv")]
+    assert run_command_line(["fit", *files, "--free=balls[2].mass"]) == 0
+    found = re.search(r"; the largest (\S+) s, of impact (\d+)\n", capsys.readouterr().out)
+    assert found is not None
+    assert int(found[2]) == moved + 1
+    assert float(found[1]) > 0.0
+
+
 @pytest.mark.parametrize(
     "header", ["n,t,error", '"n","t","error"', "n, t, error", '"n", "t" , "error"']
 )

@@ -399,7 +399,9 @@ def _lines_of_fit(found: Fit) -> Iterator[str]:
         for column, other in enumerate(found.free[:row]):
             value = found.correlation[row, column]
             yield f"  correlation          {other.name}, {one.name}: {value:.4f}"
-    yield f"  residuals            {record['residual']:.3g} s, root mean square"
+    row = int(abs(found.residuals / found.noise).argmax())
+    largest = f"the largest {found.residuals[row]:.3g} s, of impact {found.measured.number[row]}"
+    yield f"  residuals            {record['residual']:.3g} s, root mean square; {largest}"
     if not found.noise_known:
         yield "  noise                not given: errors are estimated from the residuals"
     elif found.likelihood is not None:
