@@ -1,5 +1,6 @@
 """A run made by hand, in the form that every run has, for tests of storage and display."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
@@ -57,6 +58,7 @@ class FakeRun:
     engine: str = "python"
     kind: System = field(default_factory=lambda: system_named("trace"))
     not_made: int = 0
+    exponent_error: float = math.nan
     unsampled_from: float | None = None
     skipped: list[str] = field(default_factory=lambda: ["normal forces: nothing asked for them"])
 

@@ -12,6 +12,7 @@ from tests.commands.conftest import Vibro
 from tests.fake_run import FakeRun
 from tests.systems.trace.test_energy import not_made
 from vibro_cli import example, simulate
+from vibro_cli.commands.app import run_command_line
 from vibro_cli.commands.shared.terminal import duration, size, summary_text
 from vibro_cli.kernels.impact.laws import LAW_NAMES
 from vibro_cli.mechanics.system import LAWS
@@ -61,6 +62,20 @@ def test_the_time_until_digits_are_lost_is_written_out() -> None:
     summary = dict(run.summary) | {"lyapunov_1": 0.37}
     text = " ".join(summary_text("name", summary, None).split())
     assert "; after some 100 s no digit is accurate" in text
+
+
+def test_an_exponent_has_its_standard_error(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """That of the last row of the table, which ends with the last impact, as this run does."""
+    scenario = example("falling_balls").replace({"stop.collisions": 500})
+    (tmp_path / "balls.json").write_text(json.dumps(scenario.resolved()), encoding="utf-8")
+    folder = ["-o", str(tmp_path / "run"), "--no-figures"]
+    assert run_command_line(["run", str(tmp_path / "balls.json"), *folder]) == 0
+    run = simulate(scenario)
+    rate, error = (run.tables["exponents"][name][-1] for name in ("lyapunov_1", "lyapunov_error"))
+    told = capsys.readouterr()
+    assert f"the greatest {rate:.4g} ± {error:.2g} 1/s" in told.out + told.err
 
 
 @pytest.mark.parametrize("changes", [{}, {"min_normal_force": -51.7324}, {"quiet_from": 1 / 3}])

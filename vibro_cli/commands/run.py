@@ -301,7 +301,8 @@ def solve(options: RunCommand, scenario: "AnyScenario", earlier: "EarlierRun | N
     one_sided = system_named(scenario.system).one_sided(scenario)
     sound = record["status"] == "ok" and record["end_cause"] != "inadmissible"
     code = DONE if sound or not options.strict else NOT_STRICT
-    lines = summary_text(scenario.name, record, folder, one_sided, result.not_made).split("\n")
+    ending = result.not_made, result.exponent_error
+    lines = summary_text(scenario.name, record, folder, one_sided, *ending).split("\n")
     say(lines, "info" if code == DONE else "error", scenario=scenario.name)
     for omission in result.skipped:
         say(f"  skipped    {omission}", "detail", scenario=scenario.name)

@@ -75,6 +75,8 @@ class Tables(Protocol):
     """The motion of the run, if figures need it and the system keeps it."""
     sampling: Sampling | None
     """The instants of the motion table, if it is made."""
+    tangents: Any
+    """The tangent map (``systems.tangents.TangentMap``) if exponents are requested, or None."""
 
     def take(self, stretch: Stretch) -> None:
         """Pass the rows of a stretch to the sink; the last stretch has the cause of the end."""

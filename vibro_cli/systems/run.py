@@ -156,6 +156,8 @@ class Streamed:
     """Set if figures need the motion and do not solve the run again."""
     not_made: int = 0
     """Number of impacts in the tables that were not carried out, at the end of the run."""
+    exponent_error: float = math.nan
+    """Standard error of the greatest exponent (1/s), NaN if it is unknown."""
     unsampled_from: float | None = None
     """Time (s) from which an interruption left the motion without its samples."""
 
@@ -227,6 +229,7 @@ def stream(
         _checkpoint=checkpoint_of(cause, end, last.clock, stretches.driver.rows, stretches.state),
         motion=tables.motion,
         not_made=not_made,
+        exponent_error=math.nan if tables.tangents is None else tables.tangents.error,
         unsampled_from=None if tables.sampling is None else tables.sampling.missing_from,
     )
     if refusal is not None:

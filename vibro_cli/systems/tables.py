@@ -39,7 +39,7 @@ class SystemTables:
         self.motion = Gathered(system) if wanted.figures else None
         self._before: Any = None
         self._begun = False
-        self._tangents = TangentMap(kind, system) if wanted.lyapunov else None
+        self.tangents = TangentMap(kind, system) if wanted.lyapunov else None
         self._converging = "exponents" in names
         start = kind.part("system").initial_records(system)
         records = {
@@ -51,14 +51,14 @@ class SystemTables:
         """Pass the rows of a stretch to the sink."""
         ended = stretch.cause != RUNNING
         more = not ended or any(map(len, stretch.logs.values())) or not self._begun
-        grown = {} if self._tangents is None else self._tangents.take(stretch)
+        grown = {} if self.tangents is None else self.tangents.take(stretch)
         for name, impacts in self._impacts.items() if more else ():
             columns = impacts.take(stretch.logs)
             if name in grown:
                 columns |= grown_columns(grown[name], columns["grazing"])
             self._sink(name, columns)
-        if self._tangents is not None and self._converging and ended:
-            self._sink("exponents", exponent_table(self._tangents))
+        if self.tangents is not None and self._converging and ended:
+            self._sink("exponents", exponent_table(self.tangents))
         events = None
         if self._wants_events and more:
             events = self._kind.events(self._system, stretch.logs)
@@ -86,7 +86,7 @@ class SystemTables:
         """Return the columns of ``summary.parquet``, once the run has ended."""
         values = self._kind.summary(len(self._system.bodies)).filled(self._totals)
         found = {name: _one(value) for name, value in values.items()}
-        return found if self._tangents is None else found | self._tangents.summary()
+        return found if self.tangents is None else found | self.tangents.summary()
 
 
 def _one(value: Any) -> Any:

@@ -93,8 +93,8 @@ class Growth:
         rows = [(number if per_impact else t, sums) for number, t, sums in self.rows]
         if rows:
             rows.insert(0, (0 if per_impact else self.begin, np.zeros_like(rows[0][1])))
-        if self.end is not None and not per_impact:
-            rows.append(self.end)
+        if self.end is not None and not per_impact and self.end[0] > (rows or [self.end])[-1][0]:
+            rows.append(self.end)  # a run may end with its last impact
         size = len(rows[0][1]) if rows else 0
         if len(rows) < 2 or rows[-1][0] == rows[0][0]:
             return np.full(size, np.nan), np.full(size, np.nan)
@@ -192,6 +192,12 @@ class TangentMap:
         """Return the columns of exponents of a summary, one row."""
         duration = self._state["end_t"] - self._state["begin_t"]
         return exponent_columns(np.asarray(self._kept.sums), duration)
+
+    @property
+    def error(self) -> float:
+        """Standard error of the greatest exponent (1/s); NaN if there are too few impacts."""
+        errors = self.growth.exponents()[1]
+        return float(errors[0]) if len(errors) else math.nan
 
     @property
     def sums(self) -> Floats:

@@ -193,11 +193,13 @@ def summary_text(
     folder: Path | None,
     one_sided: bool = False,
     not_made: int = 0,
+    exponent_error: float = math.nan,
 ) -> str:
     """Return the summary of a run in a few lines; `record` has the columns of the summary table.
 
     `not_made` is the number of impacts at its end whose law was not applied; at an inadmissible
-    end there is at least one.
+    end there is at least one. `exponent_error` is the standard error of the greatest exponent
+    (1/s), if it is known.
     """
     items = {}
     if record["status"] == "ok":
@@ -209,7 +211,7 @@ def summary_text(
         if "min_normal_force" in record:
             items["validity"] = _validity(record, one_sided)
         if "lyapunov_1" in record:
-            items["exponents"] = _exponents(record)
+            items["exponents"] = _exponents(record, exponent_error)
     if folder is not None:
         items |= {"files": printable(str(folder)), "next": report_command(folder)}
     if record["end_cause"] == "inadmissible":
@@ -267,7 +269,7 @@ def _accuracy(record: Mapping[str, Any]) -> str:
     return f"largest gap left at an impact {quantity(record['max_gap'], 'm', digits=2)}"
 
 
-def _exponents(record: Mapping[str, Any]) -> str:
+def _exponents(record: Mapping[str, Any], error: float) -> str:
     from vibro_cli.systems.tangents import ROUNDING
 
     rates = [value for name, value in record.items() if name.startswith("lyapunov_")]
@@ -275,7 +277,8 @@ def _exponents(record: Mapping[str, Any]) -> str:
         contact = "; lasting contact across two pieces has no tangent map"
         return f"unknown{contact if record['contacts'] else ''}"
     lost = rates.count(None)
-    text = f"the greatest {quantity(rates[0], '1/s', digits=4)}"
+    deviation = f" ± {quantity(error, digits=2)}" if math.isfinite(error) else ""
+    text = f"the greatest {quantity(rates[0], digits=4)}{deviation} 1/s"
     if lost:
         text += f"; {counted(lost, 'direction')} lost in lasting contact"
     else:

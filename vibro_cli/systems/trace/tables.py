@@ -329,7 +329,7 @@ class Tables:
         self._results = Results(
             zeros(1, Outcome), zeros(bodies, FinalState), zeros(0, ImpactRow), zeros(1, Flight)
         )
-        self._tangents = TangentMap(SYSTEM, system) if wanted.lyapunov else None
+        self.tangents = TangentMap(SYSTEM, system) if wanted.lyapunov else None
         self._wants_exponents = "exponents" in names
         self._waiting: dict[str, Any] = {}
 
@@ -340,10 +340,10 @@ class Tables:
         self._world = world = with_logs(loop, self._world, stretch.engine, logs, stretch.clock)
         ended = stretch.cause != RUNNING
         grown = None
-        if self._tangents is not None:
-            grown = self._tangents.take(stretch)["collisions"]
+        if self.tangents is not None:
+            grown = self.tangents.take(stretch)["collisions"]
             if self._wants_exponents and ended:
-                self._sink("exponents", exponent_table(self._tangents))
+                self._sink("exponents", exponent_table(self.tangents))
         if self._impacts is not None and not (ended and known):
             columns = self._impacts.take(world, logs["impacts"])
             if grown is None:
@@ -378,7 +378,7 @@ class Tables:
         restitution = np.array([self._system.restitution])
         outcomes, finals, _, _ = self._results
         columns = summary_columns(self._places, restitution, outcomes, finals)
-        return columns if self._tangents is None else columns | self._tangents.summary()
+        return columns if self.tangents is None else columns | self.tangents.summary()
 
 
 def trajectory_of(system: TraceSystem, stretch: Stretch) -> Paths:
