@@ -17,6 +17,7 @@ import pyarrow as pa
 import pyarrow.csv as csv
 import pyarrow.parquet as pq
 import pytest
+from scipy.optimize import least_squares
 from scipy.stats import chi2, kstest, norm
 from scipy.stats import t as student
 
@@ -30,7 +31,7 @@ from vibro_cli.figures.analyses import fit_figure
 from vibro_cli.scenario import Scenario, scenario_of
 from vibro_cli.scenario.problems import parsed_path
 from vibro_cli.storage.folders import write_run
-from vibro_cli.stress.scenes import CIRCLE, ball, scene, valley
+from vibro_cli.stress.scenes import CIRCLE, THREE_ARCS, ball, scene, valley
 
 SIGMA = 1e-4
 TRUE = np.array([0.9, 3.0])
@@ -294,6 +295,33 @@ def test_bodies_are_those_of_the_impacts_that_were_measured_in_either_order() ->
     expected = "impact 6 is of bodies 1 and 2 in the motion, expected 4 and 5"
     with pytest.raises(NoFit, match=expected):
         fit(start, measured, ["collision.k"])
+
+
+def test_impacts_without_a_common_body_may_have_been_measured_in_the_other_order() -> None:
+    """Compared with least squares over the impacts of each pair, with differences of motions."""
+    balls = [ball(-0.7), ball(0.3), ball(-0.3, arc=3), ball(0.72, arc=3, mass=2.0)]
+    scenario = scenario_of(scene(THREE_ARCS, balls, 0.9, collisions=17))
+
+    def told(values: Any) -> Any:
+        run = simulate(scenario.replace(dict(zip(paths, values.tolist(), strict=True))))
+        t, left = (np.array(run.collisions[name]) for name in ("t", "ball_a"))
+        return np.concatenate([t[left == 1][:8], t[left == 3][:8]])
+
+    paths, true = ["collision.k", "balls[4].mass"], np.array([0.9, 2.0])
+    t = told(true) + np.random.default_rng(2).normal(0.0, 1e-3, 16)
+    t[[0, 8]] = 0.4963, 0.4951  # bodies 3 and 4 first, in the motion 2.4 ms after 1 and 2
+    order = np.argsort(t)
+    bodies = {"ball_a": np.repeat([1, 3], 8)[order], "ball_b": np.repeat([2, 4], 8)[order]}
+    start = scenario.replace(dict(zip(paths, (0.89, 1.9), strict=True)))
+    found = fit(start, {"t": t[order], **bodies}, paths, 1e-3)
+    expected = least_squares(lambda values: told(values) - t, true, x_scale=0.01, diff_step=1e-6)
+    assert np.all(np.abs(found.values - expected.x) < 1e-4 * found.errors)
+    assert _distance(found, true) < chi2.ppf(0.999, 2)
+    assert found.misplaced == 0
+    assert found.same_events
+    bodies["ball_a"][9], bodies["ball_b"][9] = 2, 3
+    with pytest.raises(NoFit, match=r"impact 10 is of bodies . and . in the motion, expected 2 an"):
+        fit(start, {"t": t[order], **bodies}, paths, 1e-3)
 
 
 @pytest.mark.parametrize("as_series", [list, np.array, pl.Series, pd.Series])

@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +27,7 @@ from scipy.optimize import least_squares
 from scipy.special import chdtrc, chdtri, stdtrit
 
 from vibro_cli.analysis.impact_times import ImpactTimes, NoDerivative, impact_times, number_at
+from vibro_cli.analysis.orbits import by_body
 from vibro_cli.assemble import build_system
 from vibro_cli.errors import VibroError, counted, exhausted
 from vibro_cli.kernels.numerics.constants import EPSILON
@@ -328,11 +329,19 @@ class Fit:
 
     @property
     def misplaced(self) -> int:
-        """Number of computed times that are nearer to another measured impact than to their own."""
-        measured = self.measured.t
-        middles = 0.5 * (measured[1:] + measured[:-1])
-        nearest = np.searchsorted(middles, measured - self.residuals)
-        return int(np.sum(nearest != np.arange(len(measured))))
+        """Number of computed times that are nearer to another measured impact than to their own.
+
+        If the bodies are known, only impacts of the same ones count.
+        """
+        pairs, groups, found = self.measured.pairs, np.zeros(len(self.residuals), dtype=int), 0
+        if pairs is not None:
+            groups = np.unique(np.sort(pairs, axis=1), axis=0, return_inverse=True)[1].ravel()
+        for group in np.unique(groups):
+            measured = self.measured.t[groups == group]
+            middles = 0.5 * (measured[1:] + measured[:-1])
+            nearest = np.searchsorted(middles, measured - self.residuals[groups == group])
+            found += int(np.sum(nearest != np.arange(len(measured))))
+        return found
 
     @property
     def doubt(self) -> str:
@@ -485,7 +494,7 @@ class _Problem:
         return self._scenario.replace(numbers)
 
     def motion(self, values: Floats, rows: int) -> ImpactTimes:
-        """Return the computed impacts up to that of the last of `rows` rows.
+        """Return the computed impacts of the first `rows` rows.
 
         Raises ``NoFit`` if the motion lacks some of them or has no derivative.
         """
@@ -494,9 +503,35 @@ class _Problem:
             return self._last[1]
         count, stop_time = int(self._measured.number[rows - 1]), PATIENCE * float(self._t[rows - 1])
         found = self._impacts(values, count, stop_time)
-        self._check_pairs(found, rows)
-        self._last = key, found
-        return found
+        places = self._places(found, rows)
+        while lacking := int(np.sum(places >= len(found.t))):
+            found = self._impacts(values, len(found.t) + lacking, stop_time)
+            places = self._places(found, rows)
+        self._check_pairs(found, places)
+        parts = {name: getattr(found, name)[places] for name in ("t", "pairs", "derivative")}
+        self._last = key, replace(found, **parts)
+        return self._last[1]
+
+    def _places(self, found: ImpactTimes, rows: int) -> NDArray[np.int64]:
+        """Return the indices of the measured impacts in the motion, its length for those beyond.
+
+        Impacts without a common body may change their order. So if none was missed, they are the
+        first, second ... impacts of their bodies. Raises ``NoFit`` if those are of other bodies.
+        """
+        numbers, theirs = self._measured.number[:rows], self._measured.pairs
+        strange = theirs is not None and np.max(theirs) > len(self._scenario.balls)
+        if theirs is None or strange or numbers[-1] != rows:
+            return numbers - 1
+        theirs = theirs[:rows]
+        places = np.zeros((rows, 2), dtype=np.int64)
+        for body in np.unique(theirs):
+            own, ours = theirs == body, np.flatnonzero(np.any(found.pairs == body, axis=1))
+            beyond = np.full(rows, len(found.t))
+            places[own] = np.concatenate([ours, beyond])[: np.sum(own)]
+        other = np.flatnonzero(places[:, 0] != places[:, 1])
+        if len(other):
+            raise self._of_others(other[0], found.pairs[np.min(places[other[0]])])
+        return places[:, 0]
 
     def _impacts(self, values: Floats, count: int, stop_time: float | None) -> ImpactTimes:
         """Return so many impacts; raise ``NoFit`` if some are lacking or have no derivative."""
@@ -517,23 +552,26 @@ class _Problem:
             )
         return found
 
-    def _check_pairs(self, found: ImpactTimes, rows: int) -> None:
+    def _check_pairs(self, found: ImpactTimes, places: NDArray[np.int64]) -> None:
         if self._measured.pairs is None:
             return
-        theirs, ours = self._measured.pairs[:rows], found.pairs[self._measured.number[:rows] - 1]
+        theirs, ours = self._measured.pairs[: len(places)], found.pairs[places]
         other = np.flatnonzero(np.any(np.sort(theirs) != np.sort(ours), axis=1))
         if len(other):
-            row = int(other[0])
-            raise NoFit(
-                f"impact {self._measured.number[row]} is of bodies {ours[row, 0]} and "
-                f"{ours[row, 1]} in the motion, expected {theirs[row, 0]} and {theirs[row, 1]}, as "
-                "measured"
-            )
+            raise self._of_others(other[0], ours[other[0]])
+
+    def _of_others(self, row: int, ours: NDArray[np.int64]) -> NoFit:
+        """Return the error for an impact that is of other bodies in the motion."""
+        assert self._measured.pairs is not None
+        theirs = self._measured.pairs[row]
+        return NoFit(
+            f"impact {self._measured.number[row]} is of bodies {ours[0]} and {ours[1]} in the "
+            f"motion, expected {theirs[0]} and {theirs[1]}, as measured"
+        )
 
     def _late(self, values: Floats, rows: int) -> Floats:
         """Return computed minus measured times, divided by their noise."""
-        instants = self.motion(values, rows).t[self._measured.number[:rows] - 1]
-        instants = instants + values[self._clock].sum()
+        instants = self.motion(values, rows).t + values[self._clock].sum()
         late: Floats = (instants - self._t[:rows]) / self._noise[:rows]
         return late
 
@@ -541,8 +579,7 @@ class _Problem:
     def _jacobian(self, values: Floats, rows: int) -> Floats:
         """Return the derivatives of the residuals."""
         derivative = np.ones((rows, len(self._free)))
-        of_impacts = self.motion(values, rows).derivative
-        derivative[:, ~self._clock] = of_impacts[self._measured.number[:rows] - 1]
+        derivative[:, ~self._clock] = self.motion(values, rows).derivative
         jacobian: Floats = derivative / self._noise[:rows, None]
         # Their squares are summed.
         lost = np.argwhere(~(np.abs(jacobian) < math.sqrt(sys.float_info.max / rows)))
@@ -683,7 +720,7 @@ class _Problem:
 
     def _stays(self, values: Floats, covariance: Floats, word: tuple[str, ...]) -> bool:
         """Whether the same happens at the ends of the axes of the confidence region."""
-        radius = math.sqrt(chdtri(len(values), 1.0 - CONFIDENCE))
+        radius, bodies = math.sqrt(chdtri(len(values), 1.0 - CONFIDENCE)), len(self._scenario.balls)
         sizes = np.sqrt(np.diag(covariance))
         lengths, axes = np.linalg.eigh(covariance / np.outer(sizes, sizes))
         for length, axis in zip(lengths, axes.T, strict=True):
@@ -691,7 +728,8 @@ class _Problem:
                 step = sign * radius * math.sqrt(max(length, 0.0)) * axis * sizes
                 try:
                     at = np.clip(values + step, *self._bounds)
-                    if self.motion(at, len(self._measured.t)).word != word:
+                    other = self.motion(at, len(self._measured.t)).word
+                    if by_body(other, bodies) != by_body(word, bodies):
                         return False
                 except NoFit:
                     return False
