@@ -325,6 +325,23 @@ def test_a_body_without_speed_at_an_end_of_its_piece_has_derivatives(name: str) 
     _compare(*DOWNHILL[name])
 
 
+@pytest.mark.parametrize(
+    "start",
+    [{"arc": 1, "position": 4.0, "speed": 1.0}, {"arc": 2, "angle": 0.0, "speed": -1.0}],
+)
+def test_a_body_may_begin_on_the_piece_beside_its_own(start: dict[str, Any]) -> None:
+    """On a longer line it is before the junction, or moves with it."""
+    trace = {"start_slope": 0.0, "arcs": [LINE, BESIDE["valley"]]}
+    balls = [_along(1.0, 2.0), {"radius": 0.125, "mass": 1.0} | start]
+    document = scene(trace, balls, 0.9, time=30.0, collisions=2) | {"ends": {"left": {"wall": 1.0}}}
+    _compare(document, ["balls[1].speed", "balls[2].speed", "gravity", "balls[2].radius"], 2)
+    scenario, path, change = scenario_of(document), "trace.arcs[1].length", 1e-7
+    found = impact_times(scenario, build_system(scenario), [parsed_path(path)], 2, LATEST)
+    longer = simulate(scenario.replace({path: 4.0 + change})).collisions["t"]
+    expected = (np.array(longer) - found.t) / change
+    np.testing.assert_allclose(found.derivative[:, 0], expected, rtol=1e-5)
+
+
 def _refused(document: dict[str, Any], path: str, words: str, count: int = 50) -> None:
     scenario = scenario_of(document)
     with pytest.raises(NoDerivative, match=words):

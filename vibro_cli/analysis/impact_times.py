@@ -8,7 +8,7 @@ are used.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -149,8 +149,7 @@ def impact_times(
     """
     if system.turning is not None:
         raise NoDerivative("found a trace that turns, expected one at rest")
-    varied = differentiated(scenario, paths)
-    _check_starts(varied, system)
+    varied = _as_begun(differentiated(scenario, paths), system)
     stretch, _ = begun(SYSTEM, system, Limits(stop_time, count)).whole()
     log, impacts = stretch.logs["log"], stretch.logs["impacts"]
     own = make_world(system)
@@ -172,10 +171,23 @@ def impact_times(
     )
 
 
-def _check_starts(varied: TraceSystem, system: TraceSystem) -> None:
-    for number, (one, other) in enumerate(zip(varied.initial, system.initial, strict=True), 1):
-        if one.piece != other.piece:
-            raise NoDerivative(f"body {number} starts on a junction")
+def _as_begun(varied: TraceSystem, system: TraceSystem) -> TraceSystem:
+    """Return a system with derivatives whose bodies are on the pieces of their first flights.
+
+    From a junction a body may begin on the piece beside the one that the scenario names.
+    """
+    pieces, initial = varied.trace.pieces, []
+    for start, first, body in zip(varied.initial, system.initial, varied.bodies, strict=True):
+        if start.piece != first.piece:
+            one, other = pieces[start.piece], pieces[first.piece]
+            place = value_of(start.position)
+            right = abs(place - value_of(one.angle_end)) < abs(place - value_of(one.angle_start))
+            gone = start.position - (one.angle_end if right else one.angle_start)
+            ratio = one.path_scale(body.radius) / other.path_scale(body.radius)
+            entry = other.angle_start if right else other.angle_end
+            start = replace(start, piece=first.piece, position=entry + gone * ratio)
+        initial.append(start)
+    return replace(varied, initial=tuple(initial))
 
 
 def _events_of(log: Any, impacts: Any) -> NDArray[np.int64]:
