@@ -53,6 +53,7 @@ class Arrival:
     """One body at the end of its flight; from ``tangent_x`` on, at an impact."""
 
     piece: int
+    row: int  # of the log, after the flight
     scale: float  # rho (m) on an arc, 1 on a line
     speed: float  # of the centre along its path, m/s
     acceleration: float  # along the path, m/s^2
@@ -66,7 +67,6 @@ class Arrival:
     yielding: float
     normal: float  # scratch: the derivative of n t
     kink: int  # 1: it differs on either side of the junction at which the body is
-    row: int  # of the log after the flight
 
 
 class Changes(NamedTuple):
