@@ -14,6 +14,12 @@ from tests.systems.springs_cases import FIGURE_FIVE, Document, disk, spring
 FILE = Path(__file__).with_name("springs.json")
 COLUMNS = ("t", "x_a", "x_b", "speed_a_post", "speed_b_post")
 
+SADDLE = [
+    disk(0.0, -1e-7, spring(6.0, 2.0, 1.0, 0.0)),
+    disk(2.9, 0.4, spring(9.0, 2.0, 1.5, 1.6), mass=1.3),
+]
+"""The first passes its saddle slowly, turns at -3.5 m, and passes it again before they meet."""
+
 CASES: dict[str, tuple[list[Document], float]] = {
     "figure 5, k = 1": (FIGURE_FIVE, 1.0),
     "figure 5, k = 0.9": (FIGURE_FIVE, 0.9),
@@ -31,6 +37,8 @@ CASES: dict[str, tuple[list[Document], float]] = {
         ],
         1.0,
     ),
+    "over a saddle at 1e-7 m/s, k = 1": (SADDLE, 1.0),
+    "over a saddle at 1e-7 m/s, k = 0.9": (SADDLE, 0.9),
 }
 
 

@@ -31,6 +31,7 @@ from vibro_cli.kernels.springs.series import (
     STEP,
     acceleration_of,
     bounds_of_group,
+    change_speed,
     expand_group,
     gap_of,
     is_in_contact,
@@ -219,8 +220,8 @@ def _collide_alone(world: World, pair: int) -> int:
         row.contact = 1
         _apply_plastic(world, row, lasting)
     state.known = RESTING if row.v_a_post == row.v_b_post else PARTING
-    world.springs[pair].v = row.v_a_post
-    world.springs[pair + 1].v = row.v_b_post
+    change_speed(world.springs[pair], row.v_a_post)
+    change_speed(world.springs[pair + 1], row.v_b_post)
     clock.lost += row.loss
     renew_energies(world)
     if lasting >= 0.0:
@@ -261,8 +262,8 @@ def _collide_jointly(world: World, first: int, count: int) -> int:
         _impulses(world, start, count, NORMAL_IMPULSE)
     for number in range(start, start + count):
         row = world.impacts[number]
-        world.springs[row.pair].v = row.v_a_post
-        world.springs[row.pair + 1].v = row.v_b_post
+        change_speed(world.springs[row.pair], row.v_a_post)
+        change_speed(world.springs[row.pair + 1], row.v_b_post)
         world.pairs[row.pair].known = PARTING
         clock.lost += row.loss
     renew_energies(world)
@@ -653,7 +654,7 @@ def _equalise(world: World, first: int, end: int) -> float:
     for body in range(first, end + 1):
         v = world.springs[body].v
         loss += 0.5 * world.bodies[body].rolling_mass * (v - common) * (v + common)
-        world.springs[body].v = common
+        change_speed(world.springs[body], common)
     return loss
 
 

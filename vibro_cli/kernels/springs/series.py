@@ -47,6 +47,8 @@ LEAST_IN_SECONDS = 1.0e-6
 MOST_IN_SECONDS = 1.0e6
 # A tenth of the greatest displacement in a step, q R, as a share of s.
 MOST_CHANGE = 0.1 * STEP * REACH
+# A body is near the separatrix if its energy differs by less than this share from the saddle's.
+NEAR = 3.0e-3
 
 
 @kernel
@@ -259,6 +261,9 @@ def energy_of_group(world: World, first: int, count: int) -> float:
 def keep_energy(world: World, first: int, count: int) -> None:
     """Project position and speed of a group onto its energy, by the shortest way in (w x, v)."""
     spring = world.springs[first]
+    if spring.root < NEVER:
+        _keep_energy_above_saddle(world, first)
+        return
     surplus = energy_of_group(world, first, count) - spring.energy
     mass = mass_of_group(world, first, count)
     rise = 0.0
@@ -270,7 +275,8 @@ def keep_energy(world: World, first: int, count: int) -> None:
         square += share * world.springs[body].square
         nearest = min(nearest, square_of_length(world.springs[body]))
     steepness = rise * rise / square + spring.v * spring.v
-    # Near a saddle, and in small oscillations, rounding of the energy would move the body too far.
+    # Near a saddle of a group, and in small oscillations, rounding of the energy would move the
+    # bodies too far.
     if steepness <= 1.0e-2 * (spring.energy + square * spring.height * spring.height):
         return
     back = surplus / steepness
@@ -283,6 +289,71 @@ def keep_energy(world: World, first: int, count: int) -> None:
         world.springs[body].x -= change
         world.springs[body].v -= back * spring.v if body > first else 0.0
     spring.v -= back * spring.v
+
+
+@kernel
+def _keep_energy_above_saddle(world: World, body: int) -> None:
+    """Project position and speed of a body onto its energy above the saddle, in the same way."""
+    spring = world.springs[body]
+    size = _size_of_state(spring)
+    if size == 0.0:
+        return
+    root = spring.root / size
+    surplus = 0.5 * (_above_saddle(spring, size) - root * abs(root))
+    rate = math.sqrt(spring.square)
+    rise = -acceleration_of(spring) / rate / size
+    speed = spring.v / size
+    back = surplus / (rise * rise + speed * speed)
+    mass = world.bodies[body].rolling_mass
+    world.clock[0].energy_correction += mass * abs(surplus) * size * size
+    spring.x -= back * rise * size / rate
+    spring.v -= back * spring.v
+
+
+@kernel
+def _size_of_state(spring: SpringBody) -> float:
+    """Return the greater of v and w x (m/s), whose ratios to it have squares that are doubles."""
+    return max(abs(spring.v), math.sqrt(spring.square) * abs(spring.x))
+
+
+@kernel
+def _above_saddle(spring: SpringBody, size: float) -> float:
+    """Return twice the energy of a body above its saddle over its rolling mass and ``size^2``.
+
+    It is ``v^2 - w^2 x^2 (2 l - s - b)/(s + b)``, from C (7), and keeps its digits at the saddle.
+    """
+    lengths = math.sqrt(square_of_length(spring)) + spring.height
+    share = (2.0 * (spring.length - spring.height) - spring.x / lengths * spring.x) / lengths
+    way = math.sqrt(spring.square) * spring.x / size
+    speed = spring.v / size
+    return speed * speed - way * way * share
+
+
+@kernel
+def _refer_to_saddle(spring: SpringBody) -> None:
+    """Set the root of a single body if it is near the separatrix; one that is known is kept."""
+    if spring.root == NEVER:
+        size = _size_of_state(spring)
+        spring.root = size * _signed_root(_above_saddle(spring, size)) if size > 0.0 else 0.0
+    depth = spring.length - spring.height
+    if depth <= 0.0 or spring.root * spring.root > NEAR * spring.square * depth * depth:
+        spring.root = NEVER
+
+
+@kernel
+def _signed_root(value: float) -> float:
+    return math.copysign(math.sqrt(abs(value)), value)
+
+
+@kernel
+def change_speed(spring: SpringBody, v: float) -> None:
+    """Give a body the speed v (m/s) after an impact, which changes its root accordingly."""
+    if spring.root < NEVER and abs(v) != abs(spring.v):
+        size = max(abs(spring.root), max(abs(v), abs(spring.v)))
+        root = spring.root / size
+        gain = (v - spring.v) / size * ((v + spring.v) / size)
+        spring.root = size * _signed_root(root * abs(root) + gain)
+    spring.v = v
 
 
 @kernel
@@ -305,6 +376,12 @@ def renew_energies(world: World) -> None:
     while first < len(world.bodies):
         count = group_size(world, first)
         world.springs[first].energy = energy_of_group(world, first, count)
+        # Where the saddle of several bodies together is, is not known.
+        if count == 1:
+            _refer_to_saddle(world.springs[first])
+        else:
+            for body in range(first, first + count):
+                world.springs[body].root = NEVER
         first += count
 
 
@@ -325,6 +402,7 @@ def log_states(world: World, cause: int, pair: int, value: float) -> None:
         row.x = spring.x
         row.v = spring.v
         row.energy = energy_of(spring)
+        row.root = spring.root
         row.held = 0
         if body < len(world.bodies) - 1:
             # Between impacts at one instant, bodies that were in contact may have unequal speeds.
@@ -406,6 +484,7 @@ def restore(world: World, row: int, way: float) -> None:
         state = world.states[row + body]
         world.springs[body].x = state.x
         world.springs[body].v = way * state.v
+        world.springs[body].root = state.root
         if body < bodies - 1:
             world.pairs[body].held = state.held
     world.clock[0].t = world.states[row].t

@@ -53,6 +53,9 @@ class SpringBody:
     x: float  # from the foot's place, m
     v: float  # m/s
     energy: float  # of its group over the group's rolling mass, m^2/s^2
+    # Near the separatrix: signed root of twice the energy above the saddle over the rolling mass,
+    # m/s, which is the speed there if the body passes it. Else NEVER.
+    root: float
     fastest: float  # greatest of its speeds and speed changes at this instant, m/s
 
 
@@ -133,6 +136,7 @@ class StateRow(Instant):
     x: float
     v: float
     energy: float
+    root: float  # of `SpringBody`
     held: int  # 1: in lasting contact with its right neighbour
     value: float  # contact_closed: time (s) that the replaced bounces would last
 

@@ -155,6 +155,7 @@ def _spring(system: SpringsSystem, index: int) -> SpringBody:
     spring.square = given.stiffness / body.rolling_mass
     spring.length, spring.height, spring.foot = given.length, given.height, given.foot
     spring.x, spring.v = start.position - given.foot, start.speed
+    spring.root = NEVER
     return spring
 
 
