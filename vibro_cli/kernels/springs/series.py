@@ -48,7 +48,7 @@ MOST_IN_SECONDS = 1.0e6
 # A tenth of the greatest displacement in a step, q R, as a share of s.
 MOST_CHANGE = 0.1 * STEP * REACH
 # A body is near the separatrix if its energy differs by less than this share from the saddle's.
-NEAR = 3.0e-3
+NEAR = 1.0e-3
 
 
 @kernel
