@@ -17,7 +17,7 @@ from vibro_cli.kernels.events.event_detection import CAUTION, ahead
 from vibro_cli.kernels.flow import flight, flow, rotating_flight, rotating_flow
 from vibro_cli.kernels.flow.flight import SLOW, launch_and_log, start_from_state, take_energy
 from vibro_cli.kernels.flow.flow import POLYNOMIAL, angle_from_start
-from vibro_cli.kernels.flow.rotating_flight import set_track, specific_potential
+from vibro_cli.kernels.flow.rotating_flight import saddle_height, set_track, specific_potential
 from vibro_cli.kernels.flow.rotating_flow import half_way, torque
 from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.numerics.weierstrass_motion import squared_rate
@@ -30,6 +30,7 @@ from vibro_cli.kernels.world import (
     TrackData,
     World,
     track_of,
+    track_on,
 )
 
 
@@ -64,8 +65,27 @@ def begin_rotating_flight(world: World, ball: int, cause: int, from_state: int) 
     else:
         flight.p = rate_by_energy(world, ball, flight, track)
     start_from_state(flight)
+    flight.saddle_root = root_on_piece(world, ball)
     set_track(flight, track)
     launch_and_log(world, ball, cause)
+
+
+@kernel
+def root_on_piece(world: World, ball: int) -> float:
+    """Return the energy relative to the piece's saddle, as ``saddle_root``; NEVER if not carried.
+
+    It is carried to a saddle of another piece only if both are equally high: a difference of
+    heights has the rounding that the energy of the state has.
+    """
+    flight = world.flights[ball]
+    track = track_of(world, ball)
+    if flight.separatrix_piece < 0 or track.path_radius == 0.0:
+        return NEVER
+    other = track_on(world, ball, flight.separatrix_piece)
+    energy = flight.specific_energy
+    if saddle_height(track, energy) != saddle_height(other, energy):
+        return NEVER
+    return flight.separatrix_root * math.sqrt(other.twice_radius / track.twice_radius)
 
 
 @kernel
@@ -131,6 +151,7 @@ def horizontal_extent(world: World, ball: int) -> tuple[float, float]:
 @kernel
 def replay_flow(track: TrackData, row: FlightRow, flight: Flight) -> None:
     """Set the form and the constants of a flow from its start."""
+    flight.saddle_root = row.saddle_root
     if row.grouped == 0:
         set_track(flight, track)
     else:

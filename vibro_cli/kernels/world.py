@@ -87,6 +87,10 @@ class TrackData:
     other_crest_s: float
     other_crest_c: float
     highest_potential: float  # greatest value of V on the full circle
+    top_s: float  # (S, C) where that is, and where the least maximum of V on the full circle is
+    top_c: float
+    pass_s: float
+    pass_c: float
     extremes: Series  # (S, C) of the extremes of the normal force inside an arc
     extreme_count: int
     least_normal: float  # least sign N/(m g) on an arc at P^2 = -V
@@ -160,6 +164,9 @@ class Flight(QuarticConstants):
     twist: float  # of a group; 0 for a body alone
     line_growth: float
     crests: int
+    saddle_s: float  # the saddle that the energy is next to
+    saddle_c: float
+    saddle_root: float  # sign(V - E) sqrt|V - E| with V there; NEVER if E follows from the state
     most_speed: float  # bound on the speed of the centre, m/s
     steepest: float  # greatest rate at which f'' falls with f on its arc (1/s^2)
     snap_bound: float  # bound on the fourth derivative of f (rad/s^4), on any trace
@@ -383,6 +390,7 @@ class FlightRow(Instant):
     parameter: float
     complementary_modulus: float
     specific_energy: float
+    saddle_root: float  # see Flight
     cause: int
     at_rest: int
     flow_s: float

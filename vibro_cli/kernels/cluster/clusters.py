@@ -260,6 +260,7 @@ def begin_member(flight: Flight, track: TrackData) -> None:
     """Clear a flight of its earlier motion, before the body joined a group."""
     clear(flight, track, 1)
     flight.separatrix_piece = -1
+    flight.saddle_root = NEVER
 
 
 @kernel

@@ -122,6 +122,7 @@ def _start_member(world: World, ball: int, h: float) -> None:
     flight.grouped = 1
     flight.at_rest = 0
     flight.separatrix_piece = -1
+    flight.saddle_root = NEVER
     flight.segment = h
     flight.own_frequency = track.frequency
     flight.frequency = track.frequency

@@ -489,6 +489,7 @@ def log_flight(world: World, ball: int, cause: int) -> None:
     row.parameter = flight.parameter
     row.complementary_modulus = flight.complementary_modulus
     row.specific_energy = flight.specific_energy
+    row.saddle_root = flight.saddle_root
     row.cause = cause
     row.at_rest = flight.at_rest
     row.grouped = flight.grouped

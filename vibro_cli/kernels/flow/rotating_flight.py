@@ -13,11 +13,17 @@ from __future__ import annotations
 import math
 
 from vibro_cli.compile.kernel import kernel
-from vibro_cli.kernels.flow.flight import LIFT_OFF, leaves_at_once
+from vibro_cli.kernels.flow.flight import (
+    LIFT_OFF,
+    leaves_at_once,
+    root_of_state,
+    start_from_state,
+)
 from vibro_cli.kernels.flow.flow import angle_from_start, place_from_start
 from vibro_cli.kernels.flow.rotating_flow import (
     TURNING_LINE,
     half_way,
+    quartic_about,
     set_motion,
     squared_speed,
     time_of_flight,
@@ -35,7 +41,7 @@ from vibro_cli.kernels.numerics.conservative_advancement import (
     turned,
 )
 from vibro_cli.kernels.numerics.constants import NEVER
-from vibro_cli.kernels.numerics.elliptic import sine_cosine, twice_angle
+from vibro_cli.kernels.numerics.elliptic import angle_difference, sine_cosine, twice_angle
 from vibro_cli.kernels.numerics.weierstrass_motion import squared_rate
 from vibro_cli.kernels.world import (
     BodyData,
@@ -46,6 +52,11 @@ from vibro_cli.kernels.world import (
     track_of,
 )
 
+# The energy is also taken relative to a saddle where the state is at least this near it, as a share
+# of the curvature there.
+SADDLE_NEIGHBOURHOOD = 1.0e-4
+# Half an angle (rad) below which positions are one saddle.
+AT_SADDLE = 1.0e-9
 # A normal force that is negative by less than this share of the weight is zero up to rounding.
 FORCE_ROUNDING = 1.0e-14
 
@@ -211,8 +222,44 @@ def specific_energy_of_state(world: World, ball: int) -> float:
 
 @kernel
 def refer_to_separatrix(flight: Flight, track: TrackData) -> None:
-    """Set no crest: on a rotating trace the energy follows from the state alone."""
+    """Measure the energy also relative to a saddle of the arc if the state is near it."""
     flight.separatrix_piece = -1
+    if track.path_radius == 0.0:
+        return
+    energy = flight.p * flight.p + potential(track, flight.s, flight.c)
+    s, c = saddle_beside(track, energy)
+    a0, a1, a2, _ = quartic_about(track.tilt, track.spread, 0.0, s, c, 0.0)
+    sine, cosine = angle_difference(flight.s, flight.c, s, c)
+    fall = a0 * sine * sine + (4.0 * a1 * sine + 6.0 * a2 * cosine) * cosine
+    along = sine * math.sqrt(max(fall, 0.0))
+    share = (along * along + flight.p * flight.p) * (abs(a0) + abs(a2))
+    if fall > 0.0 and a2 > 0.0 and share < SADDLE_NEIGHBOURHOOD * (a2 * a2):
+        flight.separatrix_piece = flight.piece
+        flight.separatrix_root = root_of_state(along, flight.p)
+
+
+@kernel
+def saddle_beside(track: TrackData, energy: float) -> tuple[float, float]:
+    """Return ``(S, C)`` of the saddle of an arc's full circle that is nearest in energy."""
+    lower = potential(track, track.pass_s, track.pass_c)
+    if abs(energy - lower) < abs(energy - track.highest_potential):
+        return track.pass_s, track.pass_c
+    return track.top_s, track.top_c
+
+
+@kernel
+def saddle_height(track: TrackData, specific_energy: float) -> float:
+    """Return the potential energy over weight (m) of the saddle that is nearest in energy."""
+    s, c = saddle_beside(track, (specific_energy - track.bottom) / track.twice_radius)
+    return track.bottom + track.twice_radius * potential(track, s, c)
+
+
+@kernel
+def is_saddle(flight: Flight, s: float, c: float) -> bool:
+    """Return whether a position is the saddle that the energy of a flight is measured from."""
+    if flight.saddle_root == NEVER:
+        return False
+    return abs(s * flight.saddle_c - c * flight.saddle_s) < AT_SADDLE
 
 
 @kernel
@@ -232,6 +279,10 @@ def set_track(flight: Flight, track: TrackData) -> None:
     flight.crests = track.crests
     energy = flight.p * flight.p + potential(track, flight.s, flight.c)
     flight.turns_over = 1 if energy > track.highest_potential else 0
+    if flight.saddle_root < NEVER:
+        flight.saddle_s, flight.saddle_c = saddle_beside(track, energy)
+        if is_saddle(flight, track.top_s, track.top_c):
+            flight.turns_over = 1 if flight.saddle_root < 0.0 else 0
     set_motion(flight)
 
 
@@ -290,8 +341,12 @@ def _choose_exit(flight: Flight, track: TrackData) -> None:
 
 @kernel
 def _leave(flight: Flight, side: int, s: float, c: float, squared: float) -> None:
-    p = side * math.sqrt(squared)
-    after = time_of_flight(flight, s, c, p)
+    if is_saddle(flight, s, c):
+        p = -side * flight.saddle_root
+        after = _time_from_saddle(flight, s, c, -p)
+    else:
+        p = side * math.sqrt(squared)
+        after = time_of_flight(flight, s, c, p)
     if after < NEVER:
         flight.exit_side = side
         flight.exit_p = p
@@ -299,8 +354,26 @@ def _leave(flight: Flight, side: int, s: float, c: float, squared: float) -> Non
 
 
 @kernel
+def _time_from_saddle(flight: Flight, s: float, c: float, p: float) -> float:
+    """Return the time (s) from a saddle back to the start, which is that from the start to it.
+
+    Only a motion that starts at the saddle has all digits of a slow rate there.
+    """
+    start_s, start_c, start_p = flight.flow_s, flight.flow_c, flight.flow_p
+    flight.flow_s, flight.flow_c, flight.flow_p = s, c, p
+    set_motion(flight)
+    after = time_of_flight(flight, start_s, start_c, -start_p)
+    start_from_state(flight)
+    set_motion(flight)
+    return after
+
+
+@kernel
 def _rate_at_end(flight: Flight, track: TrackData, side: float, s: float, c: float) -> float:
-    """Return ``P^2`` at an end of the arc; not positive if it or a crest before is too high."""
+    """Return ``P^2`` at an end of the arc; not positive if it or a crest before is too high.
+
+    At the saddle of the flight only the sign is that of ``P^2``, which may underflow.
+    """
     if track.crests > 0:
         crest_s = track.crest_s
         crest_c = track.crest_c
@@ -311,9 +384,13 @@ def _rate_at_end(flight: Flight, track: TrackData, side: float, s: float, c: flo
             sine, cosine = angle_from_start(flight, crest_s, crest_c)
             beyond = s * crest_c - c * crest_s
             if sine * side > 0.0 and beyond * side > 0.0:
-                squared = squared_rate(flight, sine, cosine)
-                if squared <= 0.0:
-                    return squared
+                if is_saddle(flight, crest_s, crest_c):
+                    if flight.saddle_root >= 0.0:
+                        return -1.0
+                elif squared_rate(flight, sine, cosine) <= 0.0:
+                    return -1.0
+    if is_saddle(flight, s, c):
+        return -flight.saddle_root
     if s == flight.flow_s and c == flight.flow_c:
         return flight.flow_p * flight.flow_p
     sine, cosine = angle_from_start(flight, s, c)

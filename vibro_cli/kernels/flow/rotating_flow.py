@@ -24,10 +24,11 @@ from vibro_cli.kernels.flow.flow import (
 )
 from vibro_cli.kernels.numerics.conservative_advancement import safe_step_second_order
 from vibro_cli.kernels.numerics.constants import NEVER
-from vibro_cli.kernels.numerics.elliptic import sine_cosine, twice_angle
+from vibro_cli.kernels.numerics.elliptic import angle_difference, sine_cosine, twice_angle
 from vibro_cli.kernels.numerics.weierstrass_motion import (
     period_of,
     quartic_motion,
+    refer_to_saddle,
     set_quartic_constants,
     squared_rate,
     time_to_place,
@@ -63,24 +64,32 @@ def stiffness(tilt: float, spread: float, s: float, c: float) -> float:
 @kernel
 def set_motion(flight: Flight) -> None:
     """Set the constants of the motion on an arc from its start; ``turns_over`` must be set."""
-    s = flight.flow_s
-    c = flight.flow_c
     p = flight.flow_p
+    tilt, spread, twist = flight.tilt, flight.spread, flight.twist
+    a0, a1, a2, a3 = quartic_about(tilt, spread, twist, flight.flow_s, flight.flow_c, p * p)
+    set_quartic_constants(flight, a0, a1, a2, a3, p, flight.turns_over)
+    if flight.saddle_root < NEVER:
+        s, c = flight.saddle_s, flight.saddle_c
+        a0, a1, a2, _ = quartic_about(tilt, spread, twist, s, c, 0.0)
+        refer_to_saddle(flight, a0, a1, a2, flight.saddle_root)
+
+
+@kernel
+def quartic_about(
+    tilt: float, spread: float, twist: float, s: float, c: float, square: float
+) -> tuple[float, float, float, float]:
+    """Return the coefficients a0 to a3 of the quartic about a position where ``P^2 = square``."""
     sine, cosine = twice_angle(s, c)
-    turned_sine = flight.tilt * cosine - sine
-    turned_cosine = cosine + flight.tilt * sine
+    turned_sine = tilt * cosine - sine
+    turned_cosine = cosine + tilt * sine
     twice, double = twice_angle(sine, cosine)
-    double_cosine = flight.spread * double - 2.0 * flight.twist * twice
-    double_sine = flight.spread * (sine * cosine) + flight.twist * double
-    square = p * p
-    set_quartic_constants(
-        flight,
+    double_cosine = spread * double - 2.0 * twist * twice
+    double_sine = spread * (sine * cosine) + twist * double
+    return (
         square - turned_cosine,
         0.25 * (turned_sine - double_sine),
         (2.0 * square - turned_cosine + double_cosine) / 6.0,
         0.25 * (turned_sine + double_sine),
-        p,
-        flight.turns_over,
     )
 
 
@@ -214,6 +223,8 @@ def quickness(frequency: float, p: float) -> float:
 
 # More than ever needed: the steps to a turning point converge like Newton's.
 TURNING_STEPS = 200
+# Half an angle (rad) from a saddle below which a slow rate is lost in rounding.
+ON_SADDLE = 1.0e-7
 # A position is a whole turn away up to rounding if the sine of half the angle is below this.
 WHOLE_TURN = 1.0e-14
 
@@ -242,6 +253,12 @@ def time_to_turn(flight: Flight, side: float) -> float:
 
     A start whose distance from the turning point underflows counts as there.
     """
+    if flight.saddle_root < NEVER and flight.flow_p != 0.0:
+        # Half the time until it comes back to its start: no position is as exact beside a saddle.
+        back = time_of_flight(flight, flight.flow_s, flight.flow_c, -flight.flow_p)
+        if flight.flow_p * side < 0.0:
+            back += period_of(flight) / flight.frequency
+        return 0.5 * back
     half = half_way(flight, side)
     if half == 0.0:
         return 0.0
@@ -267,6 +284,13 @@ def half_way(flight: Flight, side: float) -> float:
     else:
         half = safe_step_second_order(square, slope, bound)
     for _ in range(TURNING_STEPS):
+        if flight.saddle_root < NEVER:
+            before = -side * _beyond_saddle(flight, half * side)
+            if 0.0 < before < ON_SADDLE:
+                # Here P^2 is lost in rounding: the sign of the energy says whether the body turns.
+                if flight.saddle_root >= 0.0:
+                    return half
+                half += 2.0 * ON_SADDLE
         s, c = sine_cosine(half)
         square = squared_rate(flight, s * side, c)
         s, c = place_from_start(flight, s * side, c)
@@ -279,6 +303,15 @@ def half_way(flight: Flight, side: float) -> float:
             return half
         half += step
     return half
+
+
+@kernel
+def _beyond_saddle(flight: Flight, half: float) -> float:
+    """Return half the sine of the angle from the saddle to a position given from the start."""
+    s, c = sine_cosine(half)
+    s, c = place_from_start(flight, s, c)
+    s, c = angle_difference(s, c, flight.saddle_s, flight.saddle_c)
+    return s * c
 
 
 @kernel

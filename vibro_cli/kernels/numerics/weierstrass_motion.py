@@ -17,6 +17,7 @@ from vibro_cli.kernels.numerics.elliptic import (
     QuarticConstants,
     carlson_rf,
     quarter_period,
+    rf_near_logarithm,
     set_theta_constants,
     theta_functions,
 )
@@ -33,7 +34,7 @@ NEAR_SADDLE = 1.0e-5
 FLAT = 1.25
 # If cancellation leaves a share of a form whose square is below this, the other form is used.
 NEAR_NOTHING = 1.0e-3
-# Below this z, powers of it could underflow.
+# Below this rate and push at the start, products of them could underflow.
 VANISHING = 1.0e-30
 # Above this share of its terms the squared rate gives the rate more accurately than the derivative
 # does, and the squared norm of the first form has nearly all its digits.
@@ -54,8 +55,25 @@ def set_quartic_constants(
     a4 = rate * rate
     motion.back = a3 * a3 - 1.5 * a2 * a4
     motion.returns_early = 1 if (2.0 * a3 * motion.back + a1 * a4 * a4) * rate < 0.0 else 0
-    p2 = 1.5 * a2
-    p1 = a1 * a3 - 0.25 * a0 * a4
+    r, total, product = _roots(motion)
+    discriminant = total * total - 4.0 * product
+    if discriminant >= 0.0:
+        width = math.sqrt(discriminant)
+        outer = -0.5 * (total + width) if total >= 0.0 else 0.5 * (width - total)
+        inner = product / outer if outer != 0.0 else 0.0
+        _set_rectangular(motion, r, max(outer, inner), min(outer, inner), width)
+    else:
+        _set_rhombic(motion, r, -0.5 * total, 0.5 * math.sqrt(-discriminant))
+
+
+@kernel
+def _roots(motion: QuarticConstants) -> tuple[float, float, float]:
+    """Return the isolated root of the cubic, and ``z^2 + total z + product`` of the other two."""
+    a0 = motion.quartic_0
+    a1 = motion.quartic_1
+    a4 = motion.start_rate * motion.start_rate
+    p2 = 1.5 * motion.quartic_2
+    p1 = a1 * motion.quartic_3 - 0.25 * a0 * a4
     p0 = 0.25 * (a0 * motion.back + a1 * a1 * a4)
     r = _isolated_root(p2, p1, p0)
     if abs(r) * (r * r) >= abs(p0) and r != 0.0:
@@ -64,11 +82,34 @@ def set_quartic_constants(
     else:
         total = p2 + r
         product = p1 + r * total
-    discriminant = total * total - 4.0 * product
-    if discriminant >= 0.0:
-        _set_rectangular(motion, r, total, product, math.sqrt(discriminant))
+    return r, total, product
+
+
+@kernel
+def refer_to_saddle(motion: QuarticConstants, a0: float, a1: float, a2: float, root: float) -> None:
+    """Take the distance of the two close roots from the energy relative to a saddle.
+
+    The energy is ``u'^2 = -root |root|`` at the saddle, and ``a0`` to ``a2`` are those of the
+    quartic about the saddle with no energy. Elsewhere, the energy is lost in rounding. The cubic
+    about the saddle has the same differences of roots.
+    """
+    energy = -root * abs(root)
+    a0 += energy
+    a2 += energy / 3.0
+    # Over the energy, whose square may underflow:
+    p1 = -0.25 * a0
+    p0 = 0.25 * (a1 * a1 - 1.5 * a0 * a2)
+    r = _isolated_root(1.5 * a2, p1 * energy, p0 * energy)
+    product = -p0 / r
+    total = (product - p1) / r
+    discriminant = energy * total * total - 4.0 * product
+    width = abs(root) * math.sqrt(abs(discriminant))
+    r, total, _ = _roots(motion)
+    middle = -0.5 * total
+    if (root <= 0.0) == (discriminant >= 0.0):
+        _set_rectangular(motion, r, middle + 0.5 * width, middle - 0.5 * width, width)
     else:
-        _set_rhombic(motion, r, -0.5 * total, 0.5 * math.sqrt(-discriminant))
+        _set_rhombic(motion, r, middle, 0.5 * width)
 
 
 @kernel
@@ -138,17 +179,10 @@ def _hyperbolically_trisected(x: float) -> float:
 
 @kernel
 def _set_rectangular(
-    motion: QuarticConstants, r: float, total: float, product: float, width: float
+    motion: QuarticConstants, r: float, high: float, low: float, width: float
 ) -> None:
-    """Set the constants for three real roots of the cubic.
-
-    They are ``r`` and those of ``z^2 + total z + product``, ``width`` apart.
-    """
+    """Set the constants for three real roots of the cubic, two of which are ``width`` apart."""
     motion.lattice = RECTANGULAR
-    outer = -0.5 * (total + width) if total >= 0.0 else 0.5 * (width - total)
-    inner = product / outer if outer != 0.0 else 0.0
-    high = max(outer, inner)
-    low = min(outer, inner)
     if r >= high:
         motion.root = r
         motion.second = r - high
@@ -177,11 +211,12 @@ def _set_rhombic(motion: QuarticConstants, r: float, real: float, imaginary: flo
     near = 0.5 * imaginary * imaginary / (size * (size + abs(away)))
     far = 0.5 * (size + abs(away)) / size
     motion.rate_scale = math.sqrt(size)
-    if away < 0.0 and near < NEAR_SADDLE:
-        motion.lattice = BESIDE_SADDLE
-        motion.root = real
     if away >= 0.0:
         set_theta_constants(motion, near, math.sqrt(far))
+    elif near < NEAR_SADDLE:
+        motion.lattice = BESIDE_SADDLE
+        motion.root = real
+        set_theta_constants(motion, far, imaginary * math.sqrt(0.5 / (size * (size - away))))
     else:
         set_theta_constants(motion, far, math.sqrt(near))
 
@@ -206,9 +241,10 @@ def quartic_motion(motion: QuarticConstants, t: float) -> tuple[float, float, fl
         from_half = c * c * inverse
         whole = n * n * inverse
         m = motion.parameter
-        m1 = motion.complementary_modulus * motion.complementary_modulus
-        fall = m1 * (whole * whole) + m * (from_half * from_half)
-        level = square * (fall - (2.0 * m * m1) * (from_start * from_start))
+        whole *= motion.complementary_modulus
+        from_start *= motion.complementary_modulus
+        fall = whole * whole + m * (from_half * from_half)
+        level = square * (fall - (2.0 * m) * (from_start * from_start))
         slope = square * scale * (c * inverse * n) * fall
     else:
         sigma = s * d
@@ -257,10 +293,11 @@ def _by_weierstrass(
         slope = -slope
     square = sigma * sigma
     z = motion.root * square + level
-    if abs(z) < VANISHING * square:
-        # Far from a slow start: with z near 1 no product underflows.
-        push = max(abs(motion.start_rate), abs(motion.quartic_3))
-        size = 1.0 / max(abs(z), push * square)
+    push = max(abs(motion.start_rate), abs(motion.quartic_3))
+    if push < VANISHING:
+        # With z near 1 far from a slow start, and greater before, no product under- or overflows.
+        most = math.sqrt(push) * square
+        size = 1.0 / (max(abs(z), push * square) if abs(z) < VANISHING * square else most)
         root = math.sqrt(size)
         sigma *= root
         slope *= size * root
@@ -400,6 +437,8 @@ def time_to_place(motion: QuarticConstants, sine: float, cosine: float, rate: fl
         others = e2 * e3
         if distance < NEAR_ROOT * e2:
             distance = derivative * derivative / others
+            if abs(derivative) < VANISHING:  # its square may underflow
+                distance = derivative * (derivative / others)
         t = carlson_rf(max(distance, 0.0), e2, e3)
         return t if derivative >= 0.0 else period_of(motion) - t
     e2 = distance + motion.second
@@ -418,7 +457,12 @@ def time_to_place(motion: QuarticConstants, sine: float, cosine: float, rate: fl
         c = (e2 - motion.third * motion.third / (size - motion.second)) * inverse
     s = 2.0 * math.sqrt(distance * size) * inverse
     m1 = motion.complementary_modulus * motion.complementary_modulus
-    t = 0.5 * s * carlson_rf(c * c, c * c + m1 * s * s, 1.0) / motion.rate_scale
+    if abs(c) + motion.complementary_modulus < VANISHING:  # their squares may underflow
+        share = motion.complementary_modulus / c
+        integral = rf_near_logarithm(abs(c), abs(c) * math.sqrt(1.0 + share * share), 1.0)
+    else:
+        integral = carlson_rf(c * c, c * c + m1 * s * s, 1.0)
+    t = 0.5 * s * integral / motion.rate_scale
     if c < 0.0:
         half = 0.5 * period_of(motion)
         return half - t if derivative >= 0.0 else half + t

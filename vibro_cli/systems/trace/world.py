@@ -140,9 +140,12 @@ def _set_bounds(
     track.most_bending = CAUTION * w2 * pull.greatest(2, low, high)
     track.steepest = CAUTION * w2 * pull.steepest_fall(low, high)
     track.gravity_rate = track.path_radius * track.most_angular
-    crests = [angle for angle in inside(equilibria, low, high) if pull.stiffness(angle) >= 0.0]
+    maxima = [angle for angle in equilibria if pull.stiffness(angle) >= 0.0]
+    crests = inside(maxima, low, high)
     track.crests = len(crests)
-    halves = [(math.sin(0.5 * angle), math.cos(0.5 * angle)) for angle in crests]
+    track.top_s, track.top_c = sine_cosine(0.5 * max(maxima, key=pull.potential))
+    track.pass_s, track.pass_c = sine_cosine(0.5 * min(maxima, key=pull.potential))
+    halves = [sine_cosine(0.5 * angle) for angle in crests]
     if halves:
         track.crest_s, track.crest_c = halves[0]
     if len(halves) > 1:

@@ -1,0 +1,157 @@
+"""Starts on and hard by a saddle of a rotating trace, down to 1e-200, and round to it again.
+
+On the axis the half angle h from the saddle obeys ``h' = wP`` with ``P^2 = P0^2 + D(h) - D(h0)``,
+``D = sin^2 h (1 + sigma cos^2 h)`` at a top and ``sin^2 h (sigma cos^2 h - 1)`` at a bottom. All
+times are integrals of that in many digits, with h as a hyperbolic function of the variable, fed
+with the doubles of the scenario.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from mpmath import MPContext
+
+from vibro_cli.mechanics.initial_conditions import wall_position
+from vibro_cli.stress.scenes import GRAVITY, WALLS, Document, ball, scene, solve
+from vibro_cli.systems.run import Run
+
+mp: Any = MPContext()
+mp.dps = 30
+SPEEDS = [1e-3, 1e-20, 1e-149, 1e-200]
+KAPPA, RADIUS = 1.4, 0.1
+RATE = {"top": 1.0, "bottom": 4.0, "hump": 0.8}
+HUMPS = [
+    {"shape": "valley", "radius": 1.0, "end_slope": "50 deg"},
+    {"shape": "hump", "radius": 0.5, "end_slope": "-50 deg"},
+    {"shape": "valley", "radius": 1.0, "end_slope": "90 deg"},
+]
+
+
+class Saddle:
+    """The motion about a saddle on the axis, on an arc with the path radius `rho` (m)."""
+
+    def __init__(self, kind: str, rho: Any) -> None:
+        self.rho = rho
+        self.w = mp.sqrt(mp.mpf(GRAVITY) / (mp.mpf(KAPPA) * rho))
+        self.spread = mp.mpf(RATE[kind]) ** 2 * rho / mp.mpf(GRAVITY)
+        self.sign = -1 if kind == "bottom" else 1
+
+    def time(self, speed: float, off: float, end: Any) -> Any:
+        """Return the time (s) to a half angle `end`, from the saddle or from rest at an angle."""
+        rate, start = mp.mpf(speed) / (2 * self.w * self.rho), mp.mpf(off) / 2
+
+        def integrand(x: Any) -> Any:
+            if rate:
+                h, moved = rate * mp.sinh(x), rate * mp.cosh(x)
+            else:
+                h, moved = start * mp.cosh(x), start * mp.sinh(x)
+            way = 2 * start * mp.sinh(x / 2) ** 2 if start else h
+            # The difference of D without cancellation.
+            fall = self.sign * mp.sin(way) * mp.sin(h + start)
+            fall += self.spread * mp.sin(2 * way) * mp.sin(2 * (h + start)) / 4
+            return moved / mp.sqrt(rate**2 + fall)
+
+        last = mp.asinh(end / rate) if rate else mp.acosh(end / start)
+        cuts = [8 * mp.mpf(k) for k in range(int(last / 8) + 1)] + [
+            last - mp.mpf(2) ** -k for k in range(6)
+        ]
+        # At rest the integrand is 0/0 at 0, but not at the nodes.
+        return mp.quad(integrand, sorted({cut for cut in cuts if cut >= 0} | {last})) / self.w
+
+
+def instants(run: Run, event: str) -> list[float]:
+    found = run.events["t"][run.events["event"] == event].tolist()
+    return [t for t in found if t > 0.0]
+
+
+def compare(found: list[float], expected: list[Any]) -> None:
+    assert len(found) >= len(expected)
+    for t, true in zip(found, expected, strict=False):
+        assert abs(t - true) <= 2e-15 * true
+
+
+def check_energy(run: Run, end: float, start: float) -> None:
+    """Check the energy of sampled states; the square of a start below 1e-150 underflows."""
+    if start > 1e-150:
+        energy = run.sample(np.linspace(0.0, end, 301))["energy"]
+        assert np.max(np.abs(energy - energy[0])) <= 1e-14
+
+
+@pytest.mark.parametrize("speed", SPEEDS)
+@pytest.mark.parametrize(
+    ("slope", "arcs", "arc"),
+    [
+        pytest.param(-90, 1, 1, id="one arc"),
+        pytest.param(-180, 1, 1, id="one arc, joined at the top"),
+        pytest.param(-90, 2, 2, id="two arcs"),
+        pytest.param(-60, 3, 2, id="three arcs, two joined at the top"),
+    ],
+)
+def test_a_circle_is_passed_lap_after_lap(slope: int, arcs: int, arc: int, speed: float) -> None:
+    """It crept back to the top for ever."""
+    ends = [slope + 360 * (k + 1) // arcs for k in range(arcs)]
+    trace: Document = {
+        "start_slope": f"{slope} deg",
+        "closed": True,
+        "turning": {"through_arc": 1, "rate": RATE["top"]},
+        "arcs": [{"shape": "valley", "radius": 1.0, "end_slope": f"{end} deg"} for end in ends],
+    }
+    saddle = Saddle("top", mp.mpf(1.0) - mp.mpf(RADIUS))
+    half = saddle.time(speed, 0.0, mp.pi / 2)
+    after = []
+    for end in ends:
+        turn = (end - 180) % 360 or 360
+        way = saddle.time(speed, 0.0, mp.radians(min(turn, 360 - turn)) / 2) if turn < 360 else 0
+        after.append(way if turn <= 180 else 2 * half - way)
+    expected = sorted(t + 2 * half * lap for t in after for lap in range(3))
+    end = float(expected[-1]) + 0.1
+    run = solve(scene(trace, [ball(math.pi, arc=arc, speed=speed)], time=end), "compiled")
+    compare(instants(run, "crossing"), expected)
+    check_energy(run, end, speed)
+
+
+@pytest.mark.parametrize("moving", [False, True], ids=["at rest beside it", "moving on it"])
+@pytest.mark.parametrize("start", SPEEDS)
+def test_across_three_arcs_and_back(start: float, moving: bool) -> None:
+    """At rest 1e-20 rad off the crest it never ended: it was taken to turn beyond the crest."""
+    trace: Document = {"start_slope": "-90 deg", "arcs": HUMPS}
+    trace["turning"] = {"through_arc": 2, "rate": RATE["hump"]}
+    saddle = Saddle("hump", mp.mpf(0.5) + mp.mpf(RADIUS))
+    speed, angle = (start, 0.0) if moving else (0.0, start)
+    down = saddle.time(speed, angle, mp.radians(25))
+    one = ball(angle, arc=2, speed=speed)
+    run = solve({**scene(trace, [one], time=float(7 * down) + 6.0), **WALLS}, "compiled")
+    found = instants(run, "crossing")
+    valley = mp.mpf(found[1] - found[0])
+    expected = [(2 * k + 1) * down + (k + j) * valley for k in range(3) for j in range(2)]
+    assert abs(found[0] - down) <= 2e-15 * down
+    for t, true in zip(found, expected, strict=False):
+        assert abs(t - true) <= 1e-14 * true
+    arcs = run.events["arc_to"][run.events["event"] == "crossing"].tolist()
+    # On the separatrix it passes to the other side, beside it it returns.
+    assert arcs[:6] == ([3, 2, 1, 2, 3, 2] if moving else [3, 2] * 3)
+    check_energy(run, float(7 * down), start)
+
+
+@pytest.mark.parametrize("moving", [False, True], ids=["at rest beside it", "moving on it"])
+@pytest.mark.parametrize("start", SPEEDS)
+def test_to_and_fro_over_a_bottom_that_is_a_saddle(start: float, moving: bool) -> None:
+    arcs = [{"shape": "valley", "radius": 1.0, "end_slope": "60 deg"}]
+    trace: Document = {"start_slope": "-60 deg", "arcs": arcs}
+    trace["turning"] = {"through_arc": 1, "rate": RATE["bottom"]}
+    saddle = Saddle("bottom", mp.mpf(1.0) - mp.mpf(RADIUS))
+    speed, angle = (start, 0.0) if moving else (0.0, start)
+    document = {**scene(trace, [ball(angle, speed=speed)], time=1.0), **WALLS}
+    piece = solve(document).system.trace.pieces[0]
+    quarter = saddle.time(speed, angle, mp.mpf(wall_position(piece, RADIUS, True)) / 2)
+    document["stop"] = {"time": float(7 * quarter) + 0.1}
+    document["output"] = {"turning_points": True}
+    run = solve(document, "compiled")
+    compare(instants(run, "wall"), [(2 * k + 1) * quarter for k in range(4)])
+    walls = run.events["s"][run.events["event"] == "wall"]
+    assert np.all(np.diff(walls) != 0.0) if moving else np.all(np.diff(walls) == 0.0)
+    check_energy(run, float(7 * quarter), start)
