@@ -15,7 +15,11 @@ import numpy as np
 import pytest
 from mpmath import MPContext
 
+from tests.highprecision.reference_solver import ReferenceSolver, events_of
+from tests.references import QUANTITIES, solved
+from tests.references import SPEEDS as OF_SPEEDS
 from vibro_cli.mechanics.initial_conditions import wall_position
+from vibro_cli.stress.oracles.scene import scene_of_system
 from vibro_cli.stress.scenes import GRAVITY, WALLS, Document, ball, scene, solve
 from vibro_cli.systems.run import Run
 
@@ -155,3 +159,26 @@ def test_to_and_fro_over_a_bottom_that_is_a_saddle(start: float, moving: bool) -
     walls = run.events["s"][run.events["event"] == "wall"]
     assert np.all(np.diff(walls) != 0.0) if moving else np.all(np.diff(walls) == 0.0)
     check_energy(run, float(7 * quarter), start)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("k", [1.0, 0.6])
+@pytest.mark.parametrize("speed", [1e-3, 1e-10])
+def test_impacts_of_a_body_that_started_on_the_top(k: float, speed: float) -> None:
+    """Against Taylor series in 50 digits; four impacts amplify an error of the start up to 600."""
+    trace: Document = {"start_slope": "-90 deg", "closed": True}
+    trace["turning"] = {"through_arc": 1, "rate": RATE["top"]}
+    trace["arcs"] = [{"shape": "valley", "radius": 1.0, "end_slope": "270 deg"}]
+    balls = [ball(math.pi, speed=speed), ball(4.4)]
+    run = solve(scene(trace, balls, k, time=100.0, collisions=4), "compiled")
+    impacts = ReferenceSolver(scene_of_system(run.system)).follow(events_of(run))
+    assert len(impacts) == 4
+    for row, impact in enumerate(impacts):
+        for quantity, (_, value) in QUANTITIES.items():
+            exact, size = value(impact), 1.0
+            if quantity == "t":
+                size = float(exact)
+            elif quantity in OF_SPEEDS:
+                size = float(max(abs(impact.a.speed), abs(impact.b.speed)))
+            off = float(abs(solved(run, quantity, row) - exact))
+            assert off <= 2e-12 * size, (row + 1, quantity)
