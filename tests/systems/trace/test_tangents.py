@@ -589,7 +589,7 @@ def test_digits_left_are_those_that_agree_with_50_digits() -> None:
 
 def test_the_error_of_an_exponent_is_the_spread_of_runs_from_other_starts() -> None:
     """All runs of one energy have the same exponent, as the motion is chaotic and ergodic."""
-    scenario = example("falling_balls")
+    scenario: Any = example("falling_balls")
     (lower, upper), slope = scenario.balls, 0.5 * scenario.gravity
     energy = sum(one.mass * (slope * one.position + 0.5 * one.speed**2) for one in (lower, upper))
     rng, rates, errors = np.random.default_rng(1), [], []
