@@ -112,10 +112,10 @@ def test_a_circle_is_passed_lap_after_lap(slope: int, arcs: int, arc: int, speed
         way = saddle.time(speed, 0.0, mp.radians(min(turn, 360 - turn)) / 2) if turn < 360 else 0
         after.append(way if turn <= 180 else 2 * half - way)
     expected = sorted(t + 2 * half * lap for t in after for lap in range(3))
-    end = float(expected[-1]) + 0.1
-    run = solve(scene(trace, [ball(math.pi, arc=arc, speed=speed)], time=end), "compiled")
+    stop = float(expected[-1]) + 0.1
+    run = solve(scene(trace, [ball(math.pi, arc=arc, speed=speed)], time=stop), "compiled")
     compare(instants(run, "crossing"), expected)
-    check_energy(run, end, speed)
+    check_energy(run, stop, speed)
 
 
 @pytest.mark.parametrize("moving", [False, True], ids=["at rest beside it", "moving on it"])
