@@ -332,11 +332,13 @@ def _above_saddle(spring: SpringBody, size: float) -> float:
 @kernel
 def _refer_to_saddle(spring: SpringBody) -> None:
     """Set the root of a single body if it is near the separatrix; one that is known is kept."""
+    depth = spring.length - spring.height
+    if depth <= 0.0:
+        return
     if spring.root == NEVER:
         size = _size_of_state(spring)
         spring.root = size * _signed_root(_above_saddle(spring, size)) if size > 0.0 else 0.0
-    depth = spring.length - spring.height
-    if depth <= 0.0 or spring.root * spring.root > NEAR * spring.square * depth * depth:
+    if spring.root * spring.root > NEAR * spring.square * depth * depth:
         spring.root = NEVER
 
 
