@@ -20,7 +20,7 @@ from tests.references import QUANTITIES, solved
 from tests.references import SPEEDS as OF_SPEEDS
 from vibro_cli.mechanics.initial_conditions import wall_position
 from vibro_cli.stress.oracles.scene import scene_of_system
-from vibro_cli.stress.scenes import GRAVITY, WALLS, Document, ball, scene, solve
+from vibro_cli.stress.scenes import GRAVITY, WALLS, Document, ball, scene, solve, solve_any
 from vibro_cli.systems.run import Run
 
 mp: Any = MPContext()
@@ -182,3 +182,16 @@ def test_impacts_of_a_body_that_started_on_the_top(k: float, speed: float) -> No
                 size = float(max(abs(impact.a.speed), abs(impact.b.speed)))
             off = float(abs(solved(run, quantity, row) - exact))
             assert off <= 2e-12 * size, (row + 1, quantity)
+
+
+@pytest.mark.parametrize("off", [1e-6, 1e-20, 1e-100])
+def test_it_turns_beside_the_crest_half_way_between_its_crossings(off: float) -> None:
+    trace: Document = {"start_slope": "-90 deg", "arcs": HUMPS}
+    trace["turning"] = {"through_arc": 2, "rate": RATE["hump"]}
+    document = {**scene(trace, [ball(off, arc=2)], time=300.0), **WALLS}
+    events = solve_any({**document, "output": {"turning_points": True}}).events
+    crossings = events["t"][events["event"] == "crossing"]
+    turns = events["t"][events["event"] == "turning"][1::2]  # every other one is in the valley
+    assert len(turns) > 0
+    for before, turn, after in zip(crossings[1::2], turns, crossings[2::2], strict=False):
+        assert turn == pytest.approx(0.5 * (before + after), rel=1e-15)
