@@ -142,6 +142,19 @@ def test_processes_that_wait_for_a_build_use_it(tmp_path: Path) -> None:
     assert made.count("kernels-native.so") == 1
 
 
+def test_the_package_itself_is_built_in_a_folder_with_another_one_of_its_name(
+    tmp_path: Path,
+) -> None:
+    """As in another checkout, whose library was brought up to date instead."""
+    other = tmp_path / "other" / "vibro_cli"
+    other.mkdir(parents=True)
+    for name in ("__init__.py", "programs.py"):
+        (other / name).touch()
+    text = f"import os; os.chdir({str(other.parent)!r}); print(native._path().name)"
+    found, told = begun(tmp_path, text, COMPILER).communicate()
+    assert found == "kernels-native.so\n", told
+
+
 def test_a_source_that_changes_during_a_build_counts_as_changed(tmp_path: Path) -> None:
     changes = f"{COMPILER}echo >> {tmp_path}/vibro_cli/kernels/world.py\n"
     text = "print(native._path().name, native.reason_to_build(native.FOLDER))"
