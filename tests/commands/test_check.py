@@ -45,6 +45,8 @@ def test_a_lone_body_has_no_impact_law(vibro: Vibro) -> None:
 
 def test_json_has_the_resolved_scenario_and_what_follows(vibro: Vibro, scenario: Path) -> None:
     (found,) = vibro("check", scenario, "--json").lines
+    order = "name valid scenario trace bodies pairs law inadmissible surface warnings"
+    assert [*found] == order.split()
     assert found["scenario"]["collision"]["law"] == "hedrih"
     assert found["trace"]["length"] == pytest.approx(math.pi, rel=1e-15)
     assert [body["kappa"] for body in found["bodies"]] == [1.4, 1.4]

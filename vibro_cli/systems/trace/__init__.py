@@ -122,7 +122,12 @@ class Trace(System):
     def understood(self, scenario: Any, system: Any) -> dict[str, Any]:
         from vibro_cli.systems.trace.describe import quantities_of
 
-        return super().understood(scenario, system) | quantities_of(system)
+        found = super().understood(scenario, system) | quantities_of(system)
+        order = (
+            "name", "valid", "scenario", "trace", "bodies", "pairs",
+            "law", "inadmissible", "surface", "warnings",
+        )  # fmt: skip
+        return {name: found[name] for name in order}
 
     def understood_lines(self, found: dict[str, Any]) -> Iterator[str]:
         from vibro_cli.systems.trace.describe import understood_lines
