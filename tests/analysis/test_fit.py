@@ -324,6 +324,26 @@ def test_impacts_without_a_common_body_may_have_been_measured_in_the_other_order
         fit(start, {"t": t[order], **bodies}, paths, 1e-3)
 
 
+def test_an_impact_of_others_before_the_last_one_is_not_another_event() -> None:
+    """Within its error a mass exchanges the last measured impact and the next one of others."""
+    balls = [ball(-0.7), ball(0.3), ball(-0.699, arc=3), ball(0.3, arc=3)]
+    scenario = scenario_of(scene(THREE_ARCS, balls, 0.9, collisions=8))
+    impacts = simulate(scenario).collisions
+    measured = {name: np.array(impacts[name])[:7] for name in ("t", "ball_a", "ball_b")}
+    paths = ["collision.k", "balls[4].mass"]
+    found = fit(scenario, measured, paths, 1e-3)
+    assert found.same_events
+    mass, error = found.values[1], found.errors[1]
+    last = [
+        simulate(scenario.replace({"balls[4].mass": mass + step * error})).collisions
+        for step in (-2.0, 2.0)
+    ]
+    assert [one["ball_a"][-1] for one in last] == [3, 1]
+    for one in last:  # each pair stays alone on its arc, in whichever order
+        assert sorted(one["ball_a"]) == [1] * 4 + [3] * 4
+        assert np.all(one["arc_a"] == one["ball_a"])
+
+
 @pytest.mark.parametrize("as_series", [list, np.array, pl.Series, pd.Series])
 def test_instants_alone_are_fitted_as_they_are(as_series: Any) -> None:
     instants = simulate(_circle(12)).collisions["t"]
@@ -757,10 +777,12 @@ def test_the_impact_that_fits_least_is_named(
     csv.write_csv(pa.table({"t": instants, "error": errors}), tmp_path / "t.csv")
     files = [str(tmp_path / "start.json"), str(tmp_path / "t.csv")]
     assert run_command_line(["fit", *files, "--free=balls[2].mass"]) == 0
-    found = re.search(r"; the largest (\S+) s, of impact (\d+)\n", capsys.readouterr().out)
+    form = r"\n  largest residual +(\S+) s, (\S+) times its noise, of impact (\d+)\n"
+    found = re.search(form, capsys.readouterr().out)
     assert found is not None
-    assert int(found[2]) == moved + 1
+    assert int(found[3]) == moved + 1
     assert float(found[1]) > 0.0
+    assert float(found[2]) == pytest.approx(float(found[1]) / 1e-4, rel=0.01)
 
 
 @pytest.mark.parametrize(

@@ -399,9 +399,11 @@ def _lines_of_fit(found: Fit) -> Iterator[str]:
         for column, other in enumerate(found.free[:row]):
             value = found.correlation[row, column]
             yield f"  correlation          {other.name}, {one.name}: {value:.4f}"
-    row = int(abs(found.residuals / found.noise).argmax())
-    largest = f"the largest {found.residuals[row]:.3g} s, of impact {found.measured.number[row]}"
-    yield f"  residuals            {record['residual']:.3g} s, root mean square; {largest}"
+    shares = abs(found.residuals / found.noise)
+    row = int(shares.argmax())
+    largest = f"{found.residuals[row]:.3g} s, {shares[row]:.3g} times its noise"
+    yield f"  residuals            {record['residual']:.3g} s, root mean square"
+    yield f"  largest residual     {largest}, of impact {found.measured.number[row]}"
     if not found.noise_known:
         yield "  noise                not given: errors are estimated from the residuals"
     elif found.likelihood is not None:
