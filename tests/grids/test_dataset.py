@@ -162,6 +162,22 @@ def test_parts_that_no_manifest_tells_of_are_taken_up(
     assert {path: path.stat().st_ino for path in folder.rglob("part-*")} == before
 
 
+def test_parts_are_not_searched_for_what_killed_writers_left(
+    grid: Grid, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Opening the folder has removed it; a search for each part takes quadratic time."""
+    listed, glob = [], Path.glob
+
+    def counted(folder: Path, pattern: str) -> Iterator[Path]:
+        listed.append(pattern)
+        return glob(folder, pattern)
+
+    monkeypatch.setattr(Path, "glob", counted)
+    solve(grid, tmp_path / "searched")
+    assert listed
+    assert not [pattern for pattern in listed if "part-" in pattern]
+
+
 @pytest.mark.parametrize(
     "edit",
     [

@@ -24,7 +24,7 @@ from vibro_cli.grids.solving import (
     impact_table_of,
     summary_table,
 )
-from vibro_cli.storage.files import MemoryFile, entry, write_file
+from vibro_cli.storage.files import MemoryFile, entry, replace_file
 from vibro_cli.storage.tables import (
     arrow_schema,
     parquet_options,
@@ -51,7 +51,9 @@ class Encoded:
         """
         files = {}
         for name, content in self.files.items():
-            write_file(folder / name, *content.pieces())
+            # Opening the folder has removed what is left of killed processes: to look for it among
+            # the parts for each would take quadratic time.
+            replace_file(folder / name, *content.pieces())
             files[name] = entry(*content.pieces())
             content.release()
         return replace(self.receipt, files=files)

@@ -48,20 +48,27 @@ Each is counted before it is renamed: a signal during a slow renaming is raised 
 
 
 def write_file(path: Path, *pieces: bytes | memoryview) -> None:
+    """Write a file as :func:`replace_file` does, and remove what killed processes left of it."""
+    check_regular(path)
+    with _errors_name(path):
+        _remove_abandoned(Path(os.path.realpath(path)))
+    replace_file(path, *pieces)
+
+
+def replace_file(path: Path, *pieces: bytes | memoryview) -> None:
     """Write a file atomically: write it beside its target, flush it, rename it, flush the folder.
 
     Its content may be given in several pieces. A link stays: the file that it names is written.
 
     Raises `OSError` if it cannot be written, or if the target is not a regular file, such as a
     device, which renaming would remove. Nothing is left behind then. A killed process leaves its
-    temporary file, which the next call removes.
+    temporary file (see :func:`write_file` and :func:`remove_partial_files`).
     """
     shown, path = path, Path(os.path.realpath(path))
     check_regular(shown)
     with _errors_name(shown):
-        _remove_abandoned(path)
         with _partial(path, shown, _new_file) as (partial, handle):
-            with open(os.dup(handle), "wb") as file:
+            with open(handle, "wb", closefd=False) as file:
                 _fill(file, *pieces)
             _count_one()
             os.replace(partial, path)
@@ -69,7 +76,7 @@ def write_file(path: Path, *pieces: bytes | memoryview) -> None:
 
 
 def check_regular(path: Path) -> None:
-    """Raise `OSError` if the target of :func:`write_file` exists and is not a regular file."""
+    """Raise `OSError` if the target of :func:`replace_file` exists and is not a regular file."""
     if path.exists() and not path.is_file():
         raise OSError(errno.EINVAL, "not a regular file; it is left as it is", str(path))
 
