@@ -348,8 +348,10 @@ def _grid_of(source: AnyScenario | str | Path, **settings: Any) -> GridDocument:
     try:
         return grid_of(Document(data, name=source.name), Path())
     except ScenarioError as error:
-        named = {one: one.path.replace("keep.columns", "collisions") for one in error.problems}
-        raise ScenarioError(replace(one, path=path) for one, path in named.items()) from None
+        raise ScenarioError(
+            replace(one, path=one.path.replace("keep.columns", "collisions"))
+            for one in error.problems
+        ) from None
 
 
 def open_grid(folder: str | Path) -> Grid:
