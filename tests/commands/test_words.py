@@ -62,6 +62,9 @@ def test_the_time_until_digits_are_lost_is_written_out() -> None:
     summary = dict(run.summary) | {"lyapunov_1": 0.37}
     text = " ".join(summary_text("name", summary, None).split())
     assert "; after some 100 s no digit is accurate" in text
+    summary["lyapunov_1"] = 45678.0
+    text = " ".join(summary_text("name", summary, None, exponent_error=123.4).split())
+    assert "the greatest 45680 ± 120 1/s" in text
 
 
 def test_an_exponent_has_its_standard_error(

@@ -125,10 +125,10 @@ INADMISSIBLE_HINT = (
 
 
 def quantity(value: float | None, unit: str = "", digits: int = 6) -> str:
-    """Return a number with its unit, to some digits, or "none"."""
+    """Return a number with its unit, to up to six digits, or "none": 100 s, not 1e+02 s."""
     if value is None:
         return "none"
-    return f"{value:.{digits}g} {unit}".rstrip()
+    return f"{float(f'{value:.{digits}g}'):.6g} {unit}".rstrip()
 
 
 def size(number: float) -> str:
@@ -286,8 +286,7 @@ def _exponents(record: Mapping[str, Any], error: float) -> str:
     known = -math.log(ROUNDING)
     if rates[0] * record["end_time"] <= known:
         return text
-    until = float(f"{known / rates[0]:.2g}")  # 100 s, not 1e+02 s
-    return f"{text}; after some {quantity(until, 's')} no digit is accurate"
+    return f"{text}; after some {quantity(known / rates[0], 's', digits=2)} no digit is accurate"
 
 
 def _validity(record: Mapping[str, Any], one_sided: bool) -> str:
