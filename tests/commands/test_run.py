@@ -388,6 +388,18 @@ def test_a_fault_of_the_program_is_named_and_its_traceback_kept(
     assert "Traceback" in kept.read_text()
 
 
+def test_a_manifest_with_a_text_in_place_of_a_time_is_none(vibro: Vibro, scenario: Path) -> None:
+    assert vibro("run", scenario, "-o", "run", "--no-figures").code == 0
+    manifest = Path("run/manifest.json")
+    whole = json.loads(manifest.read_text())
+    manifest.write_text(json.dumps(whole | {"unsampled_from": 1.5}))
+    assert "samples of its motion from t = 1.5 s" in vibro("verify", "run").err
+    manifest.write_text(json.dumps(whole | {"unsampled_from": "1.5"}))
+    outcome = vibro("verify", "run")
+    assert outcome.code == 2
+    assert "run has no valid manifest" in outcome.err
+
+
 def test_without_memory_for_the_traceback_of_a_fault_memory_has_run_out(
     vibro: Vibro, scenario: Path, by_hand: ByHand, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -517,6 +517,7 @@ def read_manifest(folder: Path) -> dict[str, Any] | None:
                 and all(map(_is_entry, files.values()))
                 and all(isinstance(one, list) for one in lists)
                 and all(isinstance(one, int) for one in numbers)
+                and isinstance(found.get("unsampled_from", 0.0), int | float)
                 and isinstance(found.get("environment", {}), dict)
             )
             return found if whole else None
