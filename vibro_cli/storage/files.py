@@ -68,7 +68,7 @@ def replace_file(path: Path, *pieces: bytes | memoryview) -> None:
     check_regular(shown)
     with _errors_name(shown):
         with _partial(path, shown, _new_file) as (partial, handle):
-            with open(handle, "wb", closefd=False) as file:
+            with open(os.dup(handle), "wb") as file:
                 _fill(file, *pieces)
             _count_one()
             os.replace(partial, path)
