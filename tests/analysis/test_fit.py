@@ -24,7 +24,7 @@ from scipy.stats import t as student
 from tests.scaling import scaled
 from vibro_cli import NoFit, NotMeasured, example, fit, load_scenario, simulate, verify
 from vibro_cli.analysis.fit import Fit, measured_of, read_measured
-from vibro_cli.analysis.impact_times import number_at
+from vibro_cli.analysis.impact_times import impact_times, number_at
 from vibro_cli.commands.app import run_command_line
 from vibro_cli.commands.orbit import _rounded
 from vibro_cli.figures.analyses import fit_figure
@@ -322,6 +322,31 @@ def test_impacts_without_a_common_body_may_have_been_measured_in_the_other_order
     bodies["ball_a"][9], bodies["ball_b"][9] = 2, 3
     with pytest.raises(NoFit, match=r"impact 10 is of bodies . and . in the motion, expected 2 an"):
         fit(start, {"t": t[order], **bodies}, paths, 1e-3)
+
+
+def test_an_impact_of_bodies_that_never_meet_is_refused_soon(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The whole motion up to ten times the time was solved again for each of its impacts."""
+    hill, hollow = ({"shape": shape, "radius": 0.5} for shape in ("hump", "valley"))
+    arcs = [hollow | {"end_slope": "50 deg"}, hill | {"end_slope": "-50 deg"}] * 2
+    trace = {"start_slope": "-120 deg", "arcs": [*arcs, hollow | {"end_slope": "120 deg"}]}
+    balls = [ball(-0.7), ball(0.3), ball(0.0, arc=3), ball(0.0, arc=5)]
+    scenario = scenario_of(scene(trace, balls, 0.999, collisions=200))
+    impacts = simulate(scenario).collisions
+    measured = {name: np.array(impacts[name]) for name in ("t", "ball_a", "ball_b")}
+    measured["ball_a"][-1], measured["ball_b"][-1] = 3, 4
+    asked: list[int] = []
+
+    def counted(*arguments: Any) -> Any:
+        asked.append(arguments[3])
+        return impact_times(*arguments)
+
+    monkeypatch.setattr("vibro_cli.analysis.fit.impact_times", counted)
+    with pytest.raises(NoFit, match="impact 200 is of bodies 1 and 2 in the motion, expected 3 an"):
+        fit(scenario, measured, ["collision.k"], 1e-3)
+    assert max(asked) > 400
+    assert sum(one > 200 for one in asked) <= 30
 
 
 def test_an_impact_of_others_before_the_last_one_is_not_another_event() -> None:

@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -503,9 +504,13 @@ class _Problem:
             return self._last[1]
         count, stop_time = int(self._measured.number[rows - 1]), PATIENCE * float(self._t[rows - 1])
         found = self._impacts(values, count, stop_time)
-        places = self._places(found, rows)
-        while lacking := int(np.sum(places >= len(found.t))):
-            found = self._impacts(values, len(found.t) + lacking, stop_time)
+        places, more = self._places(found, rows), 0
+        while len(lacking := np.flatnonzero(places >= len(found.t))):
+            before, more = found, max(len(lacking), 2 * more)
+            with suppress(NoFit):
+                found = self._computed(values, len(before.t) + more, stop_time)
+            if len(found.t) == len(before.t):  # the motion ends, or its derivative, without them
+                raise self._of_others(lacking[0], found.pairs[lacking[0]])
             places = self._places(found, rows)
         self._check_pairs(found, places)
         parts = {name: getattr(found, name)[places] for name in ("t", "pairs", "derivative")}
@@ -535,22 +540,26 @@ class _Problem:
 
     def _impacts(self, values: Floats, count: int, stop_time: float | None) -> ImpactTimes:
         """Return so many impacts; raise ``NoFit`` if some are lacking or have no derivative."""
-        self.evaluations += 1
-        WORK.report(f"motion {self.evaluations}, up to impact {count:,}")
-        paths = [one.path for one in self._free if not one.is_start_time]
-        try:
-            scenario = self.changed(values)
-            found = impact_times(scenario, build_system(scenario), paths, count, stop_time)
-        except ScenarioError as error:
-            raise NoFit("; ".join(str(one) for one in error.problems)) from error
-        except NoDerivative as error:
-            raise NoFit(str(error)) from error
+        found = self._computed(values, count, stop_time)
         if len(found.t) < count:
             raise NoFit(
                 f"found {counted(len(found.t), 'impact')} in the motion, which then ends "
                 f"({found.end_cause.replace('_', ' ')}), expected {count}, as measured"
             )
         return found
+
+    def _computed(self, values: Floats, count: int, stop_time: float | None) -> ImpactTimes:
+        """Return up to so many impacts; raise ``NoFit`` if one has no derivative."""
+        self.evaluations += 1
+        WORK.report(f"motion {self.evaluations}, up to impact {count:,}")
+        paths = [one.path for one in self._free if not one.is_start_time]
+        try:
+            scenario = self.changed(values)
+            return impact_times(scenario, build_system(scenario), paths, count, stop_time)
+        except ScenarioError as error:
+            raise NoFit("; ".join(str(one) for one in error.problems)) from error
+        except NoDerivative as error:
+            raise NoFit(str(error)) from error
 
     def _check_pairs(self, found: ImpactTimes, places: NDArray[np.int64]) -> None:
         if self._measured.pairs is None:
