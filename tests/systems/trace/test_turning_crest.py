@@ -195,3 +195,30 @@ def test_it_turns_beside_the_crest_half_way_between_its_crossings(off: float) ->
     assert len(turns) > 0
     for before, turn, after in zip(crossings[1::2], turns, crossings[2::2], strict=False):
         assert turn == pytest.approx(0.5 * (before + after), rel=1e-15)
+
+
+@pytest.mark.parametrize("overlap", [1e-8, 8e-8])
+def test_two_bodies_that_turn_at_contact_beside_a_saddle_collide(overlap: float) -> None:
+    """One turns 2e-8 rad before the saddle, the other so near that their paths overlap by little.
+
+    No impact was found: the first was taken to turn up to 2e-7 rad before that.
+    """
+    turn, angle = 2e-8, 6.8972e-6  # it turns after 3.42 s, the period of the other
+    saddle = Saddle("bottom", mp.mpf(1.0) - mp.mpf(RADIUS))
+
+    def fall(half: Any) -> Any:
+        return mp.sin(half) ** 2 * (saddle.spread * mp.cos(half) ** 2 - 1)
+
+    rate = mp.sqrt(fall(mp.mpf(angle) / 2) - fall(mp.mpf(turn) / 2))
+    touching = 2.0 * math.asin(RADIUS / (1.0 - RADIUS))
+    balls = [
+        ball(-angle, speed=float(2 * saddle.w * saddle.rho * rate)),
+        ball(touching - turn - overlap),
+    ]
+    arcs = [{"shape": "valley", "radius": 1.0, "end_slope": "85 deg"}]
+    trace: Document = {"start_slope": "-85 deg", "arcs": arcs}
+    trace["turning"] = {"through_arc": 1, "rate": RATE["bottom"]}
+    run = solve({**scene(trace, balls, time=3.5, collisions=1), **WALLS}, "compiled")
+    (impact,) = ReferenceSolver(scene_of_system(run.system)).follow(events_of(run))
+    # They meet at 1e-5 m/s: a rounding of their places of 1e-16 m takes 1e-11 s.
+    assert abs(solved(run, "t", 0) - QUANTITIES["t"][1](impact)) <= 1e-10

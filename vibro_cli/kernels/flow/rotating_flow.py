@@ -287,9 +287,11 @@ def half_way(flight: Flight, side: float) -> float:
         if flight.saddle_root < NEVER:
             before = -side * _beyond_saddle(flight, half * side)
             if 0.0 < before < ON_SADDLE:
-                # Here P^2 is lost in rounding: the sign of the energy says whether the body turns.
+                # Here P^2 is lost in rounding: the energy says whether the body turns, and where.
                 if flight.saddle_root >= 0.0:
-                    return half
+                    s, c = flight.saddle_s, flight.saddle_c
+                    rise = math.sqrt(stiffness(flight.tilt, flight.spread, s, c))
+                    return half + max(before - flight.saddle_root / rise, 0.0)
                 half += 2.0 * ON_SADDLE
         s, c = sine_cosine(half)
         square = squared_rate(flight, s * side, c)
