@@ -271,6 +271,12 @@ def test_an_impact_of_a_body_at_a_junction_has_derivatives(
     _compare(_chased(law, beside, radius), paths, 3)
 
 
+def test_an_impact_between_two_lines_has_derivatives() -> None:
+    trace = {"start_slope": 0.0, "arcs": [LINE, LINE]}
+    balls = [_along(1.75, 2.0), _along(3.0, 1.0, 0.125)]
+    _compare(scene(trace, balls, 0.5, time=9.0), ["balls[1].speed"], 1)
+
+
 @pytest.mark.parametrize("beside", ["valley", "hump"])
 def test_normals_of_an_impact_at_a_jump_of_curvature_are_differentiable_on_one_side(
     beside: str,
@@ -316,6 +322,20 @@ DOWNHILL = {
         ) | {"ends": {"left": {"wall": 0.5}}},
         ["gravity", "balls[2].speed"],
         1,
+    ),
+    "a steeper valley": (
+        scene(
+            {
+                "start_slope": "-10 deg",
+                "arcs": [
+                    LINE | {"length": 6.0},
+                    {"shape": "valley", "radius": 1.0, "end_slope": "70 deg"},
+                ],
+            },
+            [_along(6.0, 0.0, 0.1), ball(0.9, arc=2)], 0.9, time=9.0,
+        ),
+        ["gravity"],
+        3,
     ),
 }  # fmt: skip
 
