@@ -224,15 +224,18 @@ def specific_energy_of_state(world: World, ball: int) -> float:
 def refer_to_separatrix(flight: Flight, track: TrackData) -> None:
     """Measure the energy also relative to a saddle of the arc if the state is near it."""
     flight.separatrix_piece = -1
-    if track.path_radius == 0.0:
+    square = flight.p * flight.p
+    # Most bodies are faster than the condition below allows with any a0 and a2.
+    most = SADDLE_NEIGHBOURHOOD * (1.0 + abs(track.tilt) + track.spread)
+    if track.path_radius == 0.0 or square > most:
         return
-    energy = flight.p * flight.p + potential(track, flight.s, flight.c)
+    energy = square + potential(track, flight.s, flight.c)
     s, c = saddle_beside(track, energy)
     a0, a1, a2, _ = quartic_about(track.tilt, track.spread, 0.0, s, c, 0.0)
     sine, cosine = angle_difference(flight.s, flight.c, s, c)
     fall = a0 * sine * sine + (4.0 * a1 * sine + 6.0 * a2 * cosine) * cosine
     along = sine * math.sqrt(max(fall, 0.0))
-    share = (along * along + flight.p * flight.p) * (abs(a0) + abs(a2))
+    share = (along * along + square) * (abs(a0) + abs(a2))
     if fall > 0.0 and a2 > 0.0 and share < SADDLE_NEIGHBOURHOOD * (a2 * a2):
         flight.separatrix_piece = flight.piece
         flight.separatrix_root = root_of_state(along, flight.p)
