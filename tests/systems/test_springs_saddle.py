@@ -21,6 +21,8 @@ CASES = [
       for start in ((0.0, 0.03), (0.0, 1e-7), (0.0, 1e-200), (1e-10, 0.0))),
 ]  # fmt: skip
 """Length and height of the spring (m) and the start."""
+SHORT = [(5.0, 1.0, 0.0, 1e-7), (5.0, 1.0, 1e-10, 0.0), (1.5, 1.0, 0.0, 1e-200)]
+"""Those that are not among the long tests."""
 
 
 class Passage(NamedTuple):
@@ -83,7 +85,10 @@ def _check(found: dict[str, Any], exact: list[Passage], body: int = 0, bodies: i
         assert abs(float(found["speed"][row]) - one.speed) <= 1e-15 * (5.0 + abs(one.speed))
 
 
-@pytest.mark.parametrize(("length", "height", "place", "speed"), CASES)
+@pytest.mark.parametrize(
+    ("length", "height", "place", "speed"),
+    [pytest.param(*case, marks=() if case in SHORT else pytest.mark.long) for case in CASES],
+)
 def test_swings_over_and_beside_the_saddle(
     length: float, height: float, place: float, speed: float
 ) -> None:
@@ -113,7 +118,9 @@ def test_impacts_of_others_change_nothing_of_it(k: float) -> None:
         _check(run.sample(times), exact, 0, 3)
 
 
-@pytest.mark.parametrize("speed", [1e-2, 1e-5, 1e-7, 1e-30, 1e-200])
+@pytest.mark.parametrize(
+    "speed", [1e-7, *(pytest.param(v, marks=pytest.mark.long) for v in (1e-2, 1e-5, 1e-30, 1e-200))]
+)
 @pytest.mark.parametrize("engine", ["compiled", "python"])
 def test_an_impact_on_its_mirror_image_turns_it_back_over_its_saddle(
     speed: float, engine: str

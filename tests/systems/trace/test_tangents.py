@@ -23,6 +23,7 @@ from vibro_cli import example
 from vibro_cli.assemble import build_system
 from vibro_cli.kernels.flow.flight import root_of_state
 from vibro_cli.kernels.flow.rotating_flow import TURNING_LINE, set_motion
+from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.numerics.elliptic import ThetaConstants, set_theta_constants
 from vibro_cli.kernels.tangent.flight_jacobian import pendulum_jacobian
 from vibro_cli.kernels.tangent.frame import SERIES_ROWS, TERMS
@@ -228,6 +229,7 @@ def test_a_flight_on_a_turning_arc_is_differentiated_to_rounding(
     angle: float, rate: float, tilt: float, spread: float, u: float
 ) -> None:
     flight = Flight()
+    flight.saddle_root = NEVER
     flight.frequency, flight.tilt, flight.spread = 1.7, tilt, spread
     flight.flow_s, flight.flow_c, flight.flow_p = math.sin(angle / 2), math.cos(angle / 2), rate
     flight.turns_over = 1 if abs(rate) > 2.0 else 0

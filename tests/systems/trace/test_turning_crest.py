@@ -25,7 +25,7 @@ from vibro_cli.systems.run import Run
 
 mp: Any = MPContext()
 mp.dps = 30
-SPEEDS = [1e-3, 1e-20, 1e-149, 1e-200]
+SPEEDS = [1e-20, *(pytest.param(v, marks=pytest.mark.long) for v in (1e-3, 1e-149, 1e-200))]
 KAPPA, RADIUS = 1.4, 0.1
 RATE = {"top": 1.0, "bottom": 4.0, "hump": 0.8}
 HUMPS = [

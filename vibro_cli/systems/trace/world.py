@@ -408,6 +408,7 @@ def initial_flight(system: TraceSystem, number: int) -> Flight:
     flight = Flight()
     flight.piece = state.piece
     flight.separatrix_piece = -1
+    flight.saddle_root = NEVER
     flight.brief = elementwise.square_root(2.0 * NOWHERE * body.radius / system.gravity)
     flight.size = system.trace.length
     flight.s, flight.c = half_angle(piece, state.position)
