@@ -512,7 +512,6 @@ class _Problem:
             if len(found.t) == len(before.t):  # the motion ends, or its derivative, without them
                 raise self._of_others(lacking[0], found.pairs[lacking[0]])
             places = self._places(found, rows)
-        self._check_pairs(found, places)
         parts = {name: getattr(found, name)[places] for name in ("t", "pairs", "derivative")}
         self._last = key, replace(found, **parts)
         return self._last[1]
@@ -524,8 +523,10 @@ class _Problem:
         first, second ... impacts of their bodies. Raises ``NoFit`` if those are of other bodies.
         """
         numbers, theirs = self._measured.number[:rows], self._measured.pairs
-        strange = theirs is not None and np.max(theirs) > len(self._scenario.balls)
-        if theirs is None or strange or numbers[-1] != rows:
+        if theirs is None:
+            return numbers - 1
+        if np.max(theirs) > len(self._scenario.balls) or numbers[-1] != rows:
+            self._check_pairs(found.pairs[numbers - 1], theirs[:rows])
             return numbers - 1
         theirs = theirs[:rows]
         places = np.zeros((rows, 2), dtype=np.int64)
@@ -561,10 +562,7 @@ class _Problem:
         except NoDerivative as error:
             raise NoFit(str(error)) from error
 
-    def _check_pairs(self, found: ImpactTimes, places: NDArray[np.int64]) -> None:
-        if self._measured.pairs is None:
-            return
-        theirs, ours = self._measured.pairs[: len(places)], found.pairs[places]
+    def _check_pairs(self, ours: NDArray[np.int64], theirs: NDArray[np.int64]) -> None:
         other = np.flatnonzero(np.any(np.sort(theirs) != np.sort(ours), axis=1))
         if len(other):
             raise self._of_others(other[0], ours[other[0]])
