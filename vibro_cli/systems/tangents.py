@@ -93,8 +93,8 @@ class Growth:
         rows = [(number if per_impact else t, sums) for number, t, sums in self.rows]
         if rows:
             rows.insert(0, (0 if per_impact else self.begin, np.zeros_like(rows[0][1])))
-        if self.end is not None and not per_impact and self.end[0] > (rows or [self.end])[-1][0]:
-            rows.append(self.end)  # a run may end with its last impact
+            if self.end is not None and not per_impact and self.end[0] > rows[-1][0]:
+                rows.append(self.end)  # a run may end with its last impact
         size = len(rows[0][1]) if rows else 0
         if len(rows) < 2 or rows[-1][0] == rows[0][0]:
             return np.full(size, np.nan), np.full(size, np.nan)
