@@ -9,6 +9,7 @@ import weakref
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from inspect import signature
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn, TypedDict, Unpack
 
@@ -240,9 +241,6 @@ class Design(TypedDict, total=False):
     seed: int
 
 
-_SETTINGS = ("axes", "folder", "mode", "collisions", "workers", "force")
-
-
 def sweep(
     source: AnyScenario | str | Path,
     axes: Mapping[str, Any] | None = None,
@@ -324,7 +322,8 @@ def _grid_of(source: AnyScenario | str | Path, **settings: Any) -> GridDocument:
             raise TypeError(f"found {found} beside a grid file, which has its own; expected none")
         return load_grid(checked_path("source", source))
     check_scenario(source)
-    known = (*_SETTINGS, *Design.__annotations__)
+    # Without the first, the source, and the last, in place of which come the keys of a design.
+    known = (*list(signature(sweep).parameters)[1:-1], *Design.__annotations__)
     wrong = [name for name in given if name not in known]
     if wrong:
         expected = listing(known)
