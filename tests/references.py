@@ -57,6 +57,19 @@ def solved(run: Run, quantity: str, row: int) -> Any:
     return impacts.solved(run, quantity, row)
 
 
+def check_impacts(found: Run, impacts: list[Impact], tolerance: float) -> None:
+    """Compare the impacts of a run with those of a reference, relative to times and speeds."""
+    for row, impact in enumerate(impacts):
+        for quantity, (_, value) in QUANTITIES.items():
+            exact, size = value(impact), 1.0
+            if quantity == "t":
+                size = float(exact)
+            elif quantity in SPEEDS:
+                size = float(max(abs(impact.a.speed), abs(impact.b.speed)))
+            off = float(abs(solved(found, quantity, row) - exact))
+            assert off <= tolerance * size, (row + 1, quantity)
+
+
 def columns(run: Run) -> dict[str, list[float]]:
     """Return all quantities of all rows, in doubles."""
     count = len(run.collisions["n"])

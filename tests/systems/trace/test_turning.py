@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from tests.highprecision.reference_solver import Impact, ReferenceSolver, events_of
-from tests.references import QUANTITIES, SPEEDS, solved
+from tests.references import check_impacts
 from tests.systems.trace.turning_scenes import (
     on_circle,
     on_lines,
@@ -45,15 +45,7 @@ def impacts_of(name: str) -> list[Impact]:
 def test_first_ten_impacts_are_those_of_fifty_digits(name: str, engine: str) -> None:
     found, impacts = run(SCENES[name], engine), impacts_of(name)
     assert len(impacts) == 10
-    for row, impact in enumerate(impacts):
-        for quantity, (_, value) in QUANTITIES.items():
-            exact, size = value(impact), 1.0
-            if quantity == "t":
-                size = float(exact)
-            elif quantity in SPEEDS:
-                size = float(max(abs(impact.a.speed), abs(impact.b.speed)))
-            off = float(abs(solved(found, quantity, row) - exact))
-            assert off <= 1e-12 * size, (row + 1, quantity)
+    check_impacts(found, impacts, 1e-12)
 
 
 @pytest.mark.parametrize("name", SCENES)

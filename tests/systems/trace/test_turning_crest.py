@@ -16,8 +16,7 @@ import pytest
 from mpmath import MPContext
 
 from tests.highprecision.reference_solver import ReferenceSolver, events_of
-from tests.references import QUANTITIES, solved
-from tests.references import SPEEDS as OF_SPEEDS
+from tests.references import QUANTITIES, check_impacts, solved
 from vibro_cli.mechanics.initial_conditions import wall_position
 from vibro_cli.stress.oracles.scene import scene_of_system
 from vibro_cli.stress.scenes import GRAVITY, WALLS, Document, ball, scene, solve, solve_any
@@ -173,15 +172,7 @@ def test_impacts_of_a_body_that_started_on_the_top(k: float, speed: float) -> No
     run = solve(scene(trace, balls, k, time=100.0, collisions=4), "compiled")
     impacts = ReferenceSolver(scene_of_system(run.system)).follow(events_of(run))
     assert len(impacts) == 4
-    for row, impact in enumerate(impacts):
-        for quantity, (_, value) in QUANTITIES.items():
-            exact, size = value(impact), 1.0
-            if quantity == "t":
-                size = float(exact)
-            elif quantity in OF_SPEEDS:
-                size = float(max(abs(impact.a.speed), abs(impact.b.speed)))
-            off = float(abs(solved(run, quantity, row) - exact))
-            assert off <= 2e-12 * size, (row + 1, quantity)
+    check_impacts(run, impacts, 2e-12)
 
 
 @pytest.mark.parametrize("off", [1e-6, 1e-20, 1e-100])
