@@ -367,7 +367,7 @@ def lock(handle: int, operation: int) -> None:
 
 
 def abandoned_parts(target: Path) -> list[Path]:
-    """Return the unfinished folders of killed processes beside `target`, the latest one last."""
+    """Return what killed processes left unfinished of `target`, the latest last."""
     found = [(changed, part) for part, changed in _abandoned(Path(os.path.realpath(target)))]
     return [part for _, part in sorted(found)]
 
