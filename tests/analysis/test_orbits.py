@@ -111,6 +111,23 @@ def test_the_orbit_of_one_impact_and_one_bounce_is_that_in_closed_form(upper: fl
     assert orbit.stable == (upper > 2.0)
 
 
+def test_the_events_of_a_body_are_those_of_its_own_number() -> None:
+    """Among twelve bodies, 1 and 2 had the events of 10, 11 and 12 too; against the tables."""
+    balls = [
+        {**ball(-2.75 + 0.5 * number), "radius": 0.05, "speed": 2.0 * (-1.0) ** number}
+        for number in range(12)
+    ]
+    balls[0]["speed"] = -8.0
+    system = system_of(scene(CIRCLE, balls, time=1.0))
+    shot, run = shoot(system, 1.0), simulate_system(system, 1.0, None)
+    pairs = np.column_stack([run.collisions["ball_a"], run.collisions["ball_b"]])
+    crossing = run.events["ball"][run.events["event"] == "crossing"]
+    own = [np.count_nonzero(pairs == n) + np.count_nonzero(crossing == n) for n in range(1, 13)]
+    assert [len(word) for word in shot.jumps] == own
+    assert {"9-10", "10-11", "12-1"} <= set(shot.word)
+    assert len({word for word in shot.word if word[-1].isdigit()}) == len({*map(tuple, pairs)})
+
+
 @pytest.mark.parametrize("number", [1, 4, 7])
 def test_the_nearest_return_of_an_orbit_is_its_period(number: int) -> None:
     """This holds however often the orbit is traversed, and from a start beside it."""

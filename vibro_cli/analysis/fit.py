@@ -27,8 +27,8 @@ from scipy.linalg import qr
 from scipy.optimize import least_squares
 from scipy.special import chdtrc, chdtri, stdtrit
 
+from vibro_cli.analysis.event_words import by_body
 from vibro_cli.analysis.impact_times import ImpactTimes, NoDerivative, impact_times, number_at
-from vibro_cli.analysis.orbits import by_body
 from vibro_cli.assemble import build_system
 from vibro_cli.errors import VibroError, counted, exhausted
 from vibro_cli.kernels.numerics.constants import EPSILON

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from vibro_cli.analysis.event_words import impact_word
 from vibro_cli.assemble import body_of, speed_of, system_of, trace_of
 from vibro_cli.compile.kernel import NO_OVERRIDES
 from vibro_cli.errors import VibroError
@@ -78,7 +79,7 @@ class ImpactTimes:
     pairs: NDArray[np.int64]
     """[impact, 2] numbers of the bodies, from 1"""
     word: tuple[str, ...]
-    """Events up to the last impact: ``12`` (impact), ``1>``, ``1<`` (junction), ``1|`` (wall)."""
+    """Events up to the last impact, see `event_words`."""
     end_cause: str
     derivative: Floats
     """[impact, number] of their times (s) with respect to the numbers, in SI units."""
@@ -249,9 +250,13 @@ def _word_of(log: Any, events: NDArray[np.int64]) -> tuple[str, ...]:
     """Return the events in words, see `ImpactTimes`."""
     first, other, impact = events.T
     bodies = int(np.max(log["body"])) + 1
-    names = [str(number) for number in range(1, bodies + 1)]
+    numbers = range(1, bodies + 1)
     table = np.array(
-        [[one + tail for tail in (*names, "|", ">", "<")] for one in names], dtype=object
+        [
+            [*(impact_word(one, two) for two in numbers), *(f"{one}{tail}" for tail in "|><")]
+            for one in numbers
+        ],
+        dtype=object,
     )
     conditions = [impact >= 0, log["cause"][first] == WALL, log["before_p"][first] > 0.0]
     tail = np.select(conditions, [log["body"][other], bodies, bodies + 1], bodies + 2)

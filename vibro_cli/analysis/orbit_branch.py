@@ -17,6 +17,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
+from vibro_cli.analysis.event_words import by_body
 from vibro_cli.analysis.impact_times import NoDerivative, number_at
 from vibro_cli.analysis.orbits import (
     CLOSED,
@@ -28,7 +29,6 @@ from vibro_cli.analysis.orbits import (
     Orbit,
     admitted,
     begun_between,
-    by_body,
     energy_of,
     equations,
     gap_of,

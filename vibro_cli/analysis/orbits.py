@@ -9,7 +9,7 @@ is prescribed.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from vibro_cli.analysis.event_words import by_body, impact_word, is_impact
 from vibro_cli.analysis.levels import Landscape
 from vibro_cli.assemble import with_start_of
 from vibro_cli.errors import VibroError
@@ -72,7 +73,7 @@ class Shot:
     matrix: Floats
     """Tangent map."""
     word: tuple[str, ...]
-    """Sequence of events, see :func:`events_of`."""
+    """Sequence of events, see `event_words`."""
     times: tuple[float, ...]
     """Times of the events (s)."""
     jumps: tuple[tuple[str, ...], ...]
@@ -310,10 +311,9 @@ def energy_gradient(system: TraceSystem, state: Floats) -> Floats:
 
 
 def events_of(run: Run) -> list[tuple[float, str, float]]:
-    """Return time (s), name and normal speed (m/s) of the events in a run, in order.
+    """Return time (s), word and normal speed (m/s) of the events in a run, in order.
 
-    ``12`` is an impact of bodies 1 and 2, ``1>`` and ``1<`` a crossing to the right or left (with
-    infinite speed), ``1|`` an impact on a wall.
+    For the words see `event_words`; the normal speed of a crossing is infinite.
     """
     # The tables of a run would take as long as all else in a shot.
     paths: Any = run.trajectory
@@ -327,7 +327,7 @@ def events_of(run: Run) -> list[tuple[float, str, float]]:
     for t, a, b, *ways in run.whole.logs["impacts"][names].tolist():
         # Across the seam of a closed trace a is the last body; of two bodies, it is always 1.
         one, other = sorted((a, b)) if len(run.system.bodies) == 2 else (a, b)
-        found.append((t, f"{one + 1}{other + 1}", ways[0] * ways[1] - ways[2] * ways[3]))
+        found.append((t, impact_word(one + 1, other + 1), ways[0] * ways[1] - ways[2] * ways[3]))
     return sorted(found)
 
 
@@ -362,12 +362,6 @@ def shoot(system: TraceSystem, period: float) -> Shot:
         instants=tuple(t for t, _ in kept),
         approach=min((speed for _, _, speed in events), default=np.inf),
     )
-
-
-def by_body(word: Sequence[str], bodies: int) -> tuple[tuple[str, ...], ...]:
-    """Return the sequence of events of each body."""
-    numbers = map(str, range(1, bodies + 1))
-    return tuple(tuple(one for one in word if number in one) for number in numbers)
 
 
 def state_at(run: Run, t: Any) -> Floats:
@@ -636,7 +630,7 @@ def find_orbit(
     if period is None:
         period = nearest_return(system, impacts, longest)
     orbit = gone_through_once(newton(system, state_of(system), period))
-    if not any(word.isdigit() for word in orbit.shot.word):
+    if not any(is_impact(word) for word in orbit.shot.word):
         raise NoOrbit("the orbit next to this start has no impact")
     # Bodies at rest also return, and within the tolerance of an orbit may have impacts as well.
     slow = NEARLY_CLOSED * size_of(system, orbit.state) / float(SYSTEM.time_scale(system))
