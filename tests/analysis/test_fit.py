@@ -369,6 +369,21 @@ def test_an_impact_of_others_before_the_last_one_is_not_another_event() -> None:
         assert np.all(one["arc_a"] == one["ball_a"])
 
 
+def test_events_of_the_tenth_body_and_beyond_are_none_of_the_first() -> None:
+    """Their impact is so near that of bodies 1 and 2 that both orders are in the 95 % region."""
+    speeds = {1: 1.0, 10: 1.0}
+    places = [2.0 * number + (0.9998 if number == 10 else 1.0) for number in range(1, 13)]
+    balls = [
+        {"radius": 0.1, "mass": 1.0, "arc": 1, "position": place, "speed": speeds.get(number, 0.0)}
+        for number, place in enumerate(places, 1)
+    ]
+    line = {"start_slope": 0.0, "arcs": [{"shape": "line", "length": 30.0}]}
+    scenario = scenario_of(scene(line, balls, 0.95, collisions=4))
+    found = fit(scenario, simulate(scenario).collisions, ["balls[1].speed"], 1e-3)
+    assert found.word == ("12", "10-11", "23", "11-12")
+    assert found.same_events
+
+
 @pytest.mark.parametrize("as_series", [list, np.array, pl.Series, pd.Series])
 def test_instants_alone_are_fitted_as_they_are(as_series: Any) -> None:
     instants = simulate(_circle(12)).collisions["t"]
