@@ -677,6 +677,22 @@ def test_a_family_is_shown_as_curved_as_it_is_next_to_a_doubling() -> None:
         assert size[left] + share * (size[left + 1] - size[left]) == pytest.approx(known, abs=0.01)
 
 
+def test_an_orbit_of_two_impacts_of_a_body_at_one_instant_has_no_multipliers() -> None:
+    """Which is first decides: motions from beside its start end far from it after one period."""
+    balls = [ball(-0.9), ball(0.0, mass=2.0), ball(0.9)]
+    scenario = scenario_of(scene(VALLEY, balls, collisions=2))
+    with pytest.raises(NoOrbit, match="has no multipliers: found an impact without"):
+        orbit(scenario, impacts=2)
+    period = 2.0 * simulate(scenario).collisions["t"][0]  # all begin at rest, at the same distance
+    gaps = []
+    for beside in (0.0, 1e-8, -1e-8):
+        moved = {"balls[1].angle": beside - 0.9, "stop": {"time": period}}
+        end = simulate(scenario.replace(moved)).sample([period])["angle"]
+        gaps.append(float(np.max(np.abs(end - [-0.9, 0.0, 0.9]))))
+    assert gaps[0] < 1e-9
+    assert min(gaps[1:]) > 0.1
+
+
 @pytest.mark.long
 def test_the_command_writes_table_and_figure(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]

@@ -84,6 +84,8 @@ class Shot:
     """Times of the events in `jumps`, over all bodies (s)."""
     approach: float
     """Least normal speed at impacts and walls (m/s); infinite without any."""
+    smooth: bool
+    """Whether the matrix is the derivative of the motion, see `matrix_of`."""
 
 
 @dataclass(frozen=True)
@@ -348,7 +350,7 @@ def shoot(system: TraceSystem, period: float) -> Shot:
         run.whole.logs["impacts"]["law"] != LAW_NAMES.index(system.law)
     ):
         raise NoOrbit("impacts by normal-impulse among translational ones do not conserve energy")
-    matrix = matrix_of(run)
+    matrix, smooth = matrix_of(run)
     if run.clock["contacts"] or not np.all(np.isfinite(matrix)):
         raise NoOrbit("bodies stay in contact")
     events = events_of(run)
@@ -361,6 +363,7 @@ def shoot(system: TraceSystem, period: float) -> Shot:
         jumps=by_body([word for _, word in kept], len(system.bodies)),
         instants=tuple(t for t, _ in kept),
         approach=min((speed for _, _, speed in events), default=np.inf),
+        smooth=smooth,
     )
 
 
@@ -637,5 +640,10 @@ def find_orbit(
     if orbit.shot.approach < slow:
         raise NoOrbit(
             "the orbit next to this start has an impact, with a body or a wall, of no speed"
+        )
+    if not orbit.shot.smooth:
+        raise NoOrbit(
+            "the orbit next to this start has no multipliers: found an impact without a derivative "
+            f"among {' '.join(orbit.shot.word)}, as where a body collides twice at one instant"
         )
     return begun_between(orbit, longest=True)

@@ -228,11 +228,14 @@ def followed(
     return found, found.take(whole), whole
 
 
-def matrix_of(run: Run) -> Floats:
-    """Return the tangent map of a whole run, in displacements (m) and speeds (m/s)."""
+def matrix_of(run: Run) -> tuple[Floats, bool]:
+    """Return the tangent map of a whole run, in displacements (m) and speeds (m/s).
+
+    Also return whether it is the derivative of the motion: at some impacts there is none.
+    """
     found = TangentMap(run.kind, run.system)
-    found.take(run.whole)
-    return found.matrix()
+    tables = found.take(run.whole).values()
+    return found.matrix(), all(bool(np.all(one["smooth"])) for one in tables)
 
 
 def grown_columns(grown: dict[str, Any], grazing: Any) -> dict[str, Any]:
