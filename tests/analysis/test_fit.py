@@ -369,6 +369,26 @@ def test_an_impact_of_others_before_the_last_one_is_not_another_event() -> None:
         assert np.all(one["arc_a"] == one["ball_a"])
 
 
+def test_the_region_of_a_noise_from_two_impacts_is_that_of_student() -> None:
+    """Its interval has 13 standard errors to a side; at the lower end bodies 2 and 3 meet first."""
+    line = {"start_slope": 0.0, "arcs": [{"shape": "line", "length": 30.0}]}
+    places = {10.0: 1.0, 11.2: 0.0, 12.45: -1.0}
+    balls = [
+        {"radius": 0.1, "mass": 1.0, "arc": 1, "position": place, "speed": speed}
+        for place, speed in places.items()
+    ]
+    scenario = scenario_of(scene(line, balls, 0.9, collisions=2))
+    exact = _instants(scenario)
+    for noise, same in ((0.002, True), (0.005, False)):
+        found = fit(scenario, exact + np.array([noise, -noise]), ["balls[1].speed"])
+        first = [
+            simulate(scenario.replace({"balls[1].speed": float(speed)})).collisions["ball_a"][0]
+            for speed in found.interval[0]
+        ]
+        assert first == ([1, 1] if same else [2, 1])
+        assert found.same_events == same
+
+
 def test_events_of_the_tenth_body_and_beyond_are_none_of_the_first() -> None:
     """Their impact is so near that of bodies 1 and 2 that both orders are in the 95 % region."""
     speeds = {1: 1.0, 10: 1.0}

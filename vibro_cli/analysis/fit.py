@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import qr
 from scipy.optimize import least_squares
-from scipy.special import chdtrc, chdtri, stdtrit
+from scipy.special import chdtrc, chdtri, fdtri, stdtrit
 
 from vibro_cli.analysis.event_words import by_body
 from vibro_cli.analysis.impact_times import ImpactTimes, NoDerivative, impact_times, number_at
@@ -727,7 +727,11 @@ class _Problem:
 
     def _stays(self, values: Floats, covariance: Floats, word: tuple[str, ...]) -> bool:
         """Whether the same happens at the ends of the axes of the confidence region."""
-        radius, bodies = math.sqrt(chdtri(len(values), 1.0 - CONFIDENCE)), len(self._scenario.balls)
+        size, bodies = len(values), len(self._scenario.balls)
+        square = chdtri(size, 1.0 - CONFIDENCE)
+        if not self._known:
+            square = size * fdtri(size, len(self._measured.t) - size, CONFIDENCE)
+        radius = math.sqrt(square)
         sizes = np.sqrt(np.diag(covariance))
         lengths, axes = np.linalg.eigh(covariance / np.outer(sizes, sizes))
         for length, axis in zip(lengths, axes.T, strict=True):
