@@ -95,8 +95,7 @@ def test_a_record_that_is_cut_short_counts_as_none(
 
 
 def test_why_the_library_cannot_be_written_is_told_line_by_line(tmp_path: Path) -> None:
-    without = shutil.ignore_patterns("library", "__pycache__")
-    shutil.copytree(ROOT / "vibro_cli", tmp_path / "vibro_cli", ignore=without)
+    copied(tmp_path)
     scenario = str(ROOT / "scenarios" / "one_circle.toml")
     command = [sys.executable, "-m", "vibro_cli", "run", scenario, "--format", "csv", "-q"]
     done = subprocess.run(
@@ -112,6 +111,12 @@ def test_why_the_library_cannot_be_written_is_told_line_by_line(tmp_path: Path) 
     assert why.startswith("vibro: [Errno 27] File too large: ")
 
 
+def copied(folder: Path) -> None:
+    """Copy the package without its library, and with the byte code that is written whole."""
+    without = shutil.ignore_patterns("library", "*.pyc.*")
+    shutil.copytree(ROOT / "vibro_cli", folder / "vibro_cli", ignore=without)
+
+
 COMPILER = """#!/bin/sh
 while [ "$1" != -o ]; do shift; done
 echo "$2" >> "$0.made"
@@ -122,9 +127,8 @@ sleep 0.3
 
 def begun(folder: Path, text: str, compiler: str) -> subprocess.Popen[str]:
     """A process that runs a text with the package in a folder, and a compiler, a shell's script."""
-    without = shutil.ignore_patterns("library", "__pycache__")
     if not (folder / "vibro_cli").exists():
-        shutil.copytree(ROOT / "vibro_cli", folder / "vibro_cli", ignore=without)
+        copied(folder)
     path = folder / "compiler"
     path.write_text(compiler)
     path.chmod(0o755)
