@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from typing import Any
 
+import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from vibro_cli.figures.style import journal
+
+WIDTHS = ["single", pytest.param("double", marks=pytest.mark.long)]
+"""Widths of figures: one column is where room is short, two are for the longer tests."""
 
 
 def texts(figure: Figure) -> list[Text]:

@@ -12,7 +12,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from tests.analysis.traces import BALL, circle, landscape, line, three_arcs, valley
-from tests.figures.layout import assert_texts_are_apart, texts
+from tests.figures.layout import WIDTHS, assert_texts_are_apart, texts
 from vibro_cli.analysis.singular import Portrait, portrait_of
 from vibro_cli.figures.portraits.trace_phase_plane import comparison, family
 
@@ -58,7 +58,7 @@ def test_the_bodies_are_named_with_their_kappa() -> None:
     assert {r"particle, $\kappa = 1$", r"disk, $\kappa = 1.5$", r"ball, $\kappa = 1.4$"} <= shown
 
 
-@pytest.mark.parametrize("width", ["single", "double"])
+@pytest.mark.parametrize("width", WIDTHS)
 @pytest.mark.parametrize("make", [three_arcs, circle, lambda body: landscape(*LINES, body=body)])
 def test_no_text_is_cut_off_or_overlaps_another(make: Any, width: str) -> None:
     assert_texts_are_apart(comparison(members(make), width))

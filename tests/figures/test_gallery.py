@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tests.figures.layout import assert_texts_are_apart
+from tests.figures.layout import WIDTHS, assert_texts_are_apart
 from vibro_cli.api import Run, simulate
 from vibro_cli.figures.portraits.portrait import phase_portrait
 from vibro_cli.figures.portraits.trajectory import trajectory
@@ -60,7 +60,7 @@ def distance(points: NDArray[np.float64], state: NDArray[np.float64]) -> float:
     return float(np.min(np.hypot(*(nearest - state).T)))
 
 
-@pytest.mark.parametrize("width", ["single", "double"])
+@pytest.mark.parametrize("width", WIDTHS)
 @pytest.mark.parametrize("path", SCENARIOS, ids=NAMES)
 def test_no_text_is_cut_off_or_overlaps_another(path: Path, width: str) -> None:
     run = run_of(path)

@@ -13,7 +13,7 @@ from matplotlib.collections import PathCollection, QuadMesh
 from matplotlib.colors import LogNorm, to_rgb
 from matplotlib.figure import Figure
 
-from tests.figures.layout import assert_texts_are_apart, texts
+from tests.figures.layout import WIDTHS, assert_texts_are_apart, texts
 from tests.grid_folder import CAUSES, place_of, product, write_grid
 from vibro_cli import example, load_scenario, sweep
 from vibro_cli.analysis.basins import codes_of
@@ -63,7 +63,7 @@ def dots(figure: Figure, panel: int = 0) -> PathCollection:
     return found
 
 
-@pytest.mark.parametrize("width", ["single", "double"])
+@pytest.mark.parametrize("width", WIDTHS)
 @pytest.mark.parametrize("name", GRIDS)
 def test_no_text_is_cut_off_or_overlaps_another(made: Any, name: str, width: str) -> None:
     drawn = list(draw_grid(made(GRIDS[name], bad={1: ("invalid", "too steep")}), width))
@@ -73,7 +73,7 @@ def test_no_text_is_cut_off_or_overlaps_another(made: Any, name: str, width: str
         assert_texts_are_apart(one.figure)
 
 
-@pytest.mark.parametrize("width", ["single", "double"])
+@pytest.mark.parametrize("width", WIDTHS)
 @pytest.mark.parametrize("largest", [1e-7, 0.03, 1.0, 12345.0, 3e9])
 @pytest.mark.parametrize("words", [CONTACT_WORDS, "impacts"])
 def test_the_bar_of_a_map_has_room_for_its_numbers(

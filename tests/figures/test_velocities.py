@@ -7,7 +7,7 @@ import re
 import numpy as np
 import pytest
 
-from tests.figures.layout import assert_texts_are_apart, texts
+from tests.figures.layout import WIDTHS, assert_texts_are_apart, texts
 from tests.gallery import GALLERY, run_of
 from vibro_cli.api import simulate
 from vibro_cli.figures.kinds import draw_one
@@ -112,7 +112,7 @@ def test_nothing_is_said_of_the_turning_of_bodies_that_slide(name: str, kind: st
     assert [word in shown for word in ("rolling", r"\omega", "rad/s")] == 3 * [turning]
 
 
-@pytest.mark.parametrize("width", ["single", "double"])
+@pytest.mark.parametrize("width", WIDTHS)
 @pytest.mark.parametrize("name", NAMES)
 def test_no_text_is_cut_off_or_overlaps_another(name: str, width: str) -> None:
     figure = velocities(run_of(name, TWELVE), width)
@@ -122,7 +122,7 @@ def test_no_text_is_cut_off_or_overlaps_another(name: str, width: str) -> None:
     assert_texts_are_apart(figure)
 
 
-@pytest.mark.parametrize("width", ["single", "double"])
+@pytest.mark.parametrize("width", WIDTHS)
 @pytest.mark.parametrize("gravity", [1e6, 3e11, 1e-5])
 @pytest.mark.parametrize("radius", [0.1, 1e-4])
 def test_large_and_small_values_have_a_prefix(radius: float, gravity: float, width: str) -> None:
@@ -257,7 +257,7 @@ def test_the_circle_of_contact_points_is_seen_from_the_side_as_a_chord_of_the_bo
         assert chord[0, 0] == -chord[1, 0] != 0.0
 
 
-@pytest.mark.parametrize("width", ["single", "double"])
+@pytest.mark.parametrize("width", WIDTHS)
 @pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
 def test_values_over_contact_points_stay_over_their_own_panel(unit: float, width: str) -> None:
     """Those of bodies of 0.1 µm used to overlap the text of the next panel."""
