@@ -47,6 +47,7 @@ def test_very_many_equal_bodies_have_a_name_of_a_file(vibro: Vibro, tmp_path: Pa
     )
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_quiet_prints_nothing_and_json_all_the_same(vibro: Vibro) -> None:
     outcome = vibro("portrait", THREE_ARCS, "-q")
     assert (outcome.code, outcome.text, outcome.err) == (0, "", "")
