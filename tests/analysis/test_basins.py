@@ -143,7 +143,9 @@ def test_one_outcome_that_has_no_colour_of_its_own_is_told_in_the_singular() -> 
 
 
 @pytest.mark.parametrize("width", ["single", "double"])
-@pytest.mark.parametrize("letters", range(18))
+@pytest.mark.parametrize(
+    "letters", [pytest.param(n, marks=[pytest.mark.long] if n % 3 else []) for n in range(18)]
+)
 def test_names_of_outcomes_fit_over_the_map(width: str, letters: int) -> None:
     names = tuple(f"inadmissible, {'m' * letters}1 on arc {n}, 2 on arc 3" for n in range(10))
     shown = ParameterMap(np.arange(4), (_sides(0.0, 1.0, 0.0, 1.0), _sides(0.0, 0.0, 1.0, 1.0)), ())
