@@ -192,7 +192,14 @@ def test_checking_a_trace_imports_no_library_of_grids_figures_or_special_functio
     assert not found & {"scipy", "pyarrow", "matplotlib", "ruamel"}
 
 
-@pytest.mark.parametrize("name", ["one_circle", "springs/two_disks", "table/skew_impact"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param("one_circle", marks=pytest.mark.long),
+        pytest.param("springs/two_disks", marks=pytest.mark.long),
+        "table/skew_impact",
+    ],
+)
 def test_figures_and_a_report_import_no_scipy(name: str, tmp_path: Path) -> None:
     scenario, folder = GALLERY / f"{name}.toml", str(tmp_path / "run")
     found = loaded(
