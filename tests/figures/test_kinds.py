@@ -253,14 +253,14 @@ def test_a_body_that_oscillates_alone_while_others_collide_is_drawn_where_it_is(
 
 def test_a_long_run_is_drawn_in_short_time_and_says_where_it_ends() -> None:
     run = run_of("one_circle", "collision.k=1", "stop.collisions=20000", "stop.time=1e6")
-    for drawn in draw_all(run, WITHOUT_PORTRAITS, "single"):
-        assert_texts_are_apart(drawn.figure)
-        if drawn.name == "space_time":
-            period = 2.0 * np.pi * np.sqrt(1.0 / 9.81)
-            (axes,) = drawn.figure.axes
-            assert axes.get_xlim()[1] == pytest.approx(60 * period)
-            part = rf"the first {60 * period:.3g} s of $2.139\times 10^{{4}}$ s"
-            assert axes.get_xlabel() == f"$t$ [s], {part}"
+    figures = {drawn.name: drawn.figure for drawn in draw_all(run, WITHOUT_PORTRAITS, "single")}
+    for figure in figures.values():
+        assert_texts_are_apart(figure)
+    period = 2.0 * np.pi * np.sqrt(1.0 / 9.81)
+    (axes,) = figures["space_time"].axes
+    assert axes.get_xlim()[1] == pytest.approx(60 * period)
+    part = rf"the first {60 * period:.3g} s of $2.139\times 10^{{4}}$ s"
+    assert axes.get_xlabel() == f"$t$ [s], {part}"
 
 
 @pytest.mark.parametrize("width", ["single", "double"])
