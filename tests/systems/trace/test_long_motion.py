@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.systems.test_gathered import assert_same
 from vibro_cli.api import recalled, recalled_motion, simulate_streamed
 from vibro_cli.assemble import build_any
 from vibro_cli.figures.runs.scene import configurations
@@ -33,12 +34,6 @@ def both(request: pytest.FixtureRequest) -> tuple[Run, LongMotion]:
     limits = kind.limits(scenario)
     run = simulate(kind, system, limits)
     return run, LongMotion(system, limits, len(run.flights()["ball"]))
-
-
-def assert_same(one: dict[str, Any], other: dict[str, Any]) -> None:
-    assert list(one) == list(other)
-    for name in one:
-        np.testing.assert_array_equal(one[name], other[name], err_msg=name)
 
 
 def test_flights_and_the_state_at_the_end(both: tuple[Run, LongMotion]) -> None:
