@@ -12,6 +12,7 @@ import pytest
 from tests.commands.conftest import Vibro
 from tests.commands.processes import VIBRO
 from tests.effort import ratio
+from tests.storage.test_runs import contents
 from vibro_cli import __version__
 from vibro_cli.storage.files import read_manifest
 from vibro_cli.storage.tables import read_parquet
@@ -21,10 +22,6 @@ from vibro_cli.systems.trace import SYSTEM
 GALLERY = Path(__file__).parents[2] / "scenarios"
 THREE_ARCS = GALLERY / "three_arcs.toml"
 FEW = ("--set", "stop.collisions=5")
-
-
-def contents(folder: Path) -> dict[str, bytes]:
-    return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
 def test_three_arcs_give_tables_and_a_portrait_of_each_ball(vibro: Vibro) -> None:

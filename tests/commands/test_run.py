@@ -22,6 +22,7 @@ import pytest
 from tests.commands.conftest import ByHand, Outcome, Vibro
 from tests.commands.processes import call
 from tests.grids.kill import content
+from tests.storage.test_files import entries
 from tests.two_balls import SCENARIO
 from vibro_cli import api, interface, verify
 from vibro_cli.api import NotRecalled
@@ -51,10 +52,6 @@ sys.argv[0] = "vibro"
 from vibro_cli.__main__ import main
 main()
 """
-
-
-def entries(folder: Path) -> list[str]:
-    return sorted(os.listdir(folder))
 
 
 def several(folder: Path, *names: str) -> list[Path]:
