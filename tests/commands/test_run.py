@@ -877,6 +877,7 @@ def test_a_run_that_never_has_an_impact_leaves_no_folder(
     assert "no impact among the last 100 flights" in outcome.err
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_figures_that_are_interrupted_do_not_replace_those_of_the_same_run(
     vibro: Vibro, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
