@@ -627,8 +627,15 @@ def uninterrupted(tmp_path_factory: pytest.TempPathFactory) -> dict[int, dict[st
     return found
 
 
-@pytest.mark.parametrize("early", [False, True])
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+@pytest.mark.parametrize(
+    ("number", "code", "early"),
+    [
+        (signal.SIGINT, 130, False),
+        (signal.SIGTERM, 143, True),
+        pytest.param(signal.SIGINT, 130, True, marks=pytest.mark.long),
+        pytest.param(signal.SIGTERM, 143, False, marks=pytest.mark.long),
+    ],
+)
 def test_a_signal_does_not_wait_for_figures_and_loses_no_table(
     vibro: Vibro,
     tmp_path: Path,
@@ -713,8 +720,15 @@ def test_a_signal_does_not_wait_for_very_many_samples(
     assert content(tmp_path / "run") == content(tmp_path / "whole")
 
 
-@pytest.mark.parametrize("step", ["folders.StreamedFolder.finish", "files._put_in_place"])
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+@pytest.mark.parametrize(
+    ("number", "code", "step"),
+    [
+        (signal.SIGINT, 130, "folders.StreamedFolder.finish"),
+        (signal.SIGTERM, 143, "files._put_in_place"),
+        pytest.param(signal.SIGINT, 130, "files._put_in_place", marks=pytest.mark.long),
+        pytest.param(signal.SIGTERM, 143, "folders.StreamedFolder.finish", marks=pytest.mark.long),
+    ],
+)
 def test_a_signal_while_a_solved_run_is_put_in_place_loses_nothing(
     vibro: Vibro,
     tmp_path: Path,
@@ -854,7 +868,7 @@ def test_a_run_that_waits_too_long_for_an_impact_keeps_those_before(
     assert read_parquet(tmp_path / "on/collisions.parquet").equals(whole)
 
 
-@pytest.mark.parametrize("engine", ["compiled", "python"])
+@pytest.mark.parametrize("engine", ["compiled", pytest.param("python", marks=pytest.mark.long)])
 def test_what_is_kept_of_a_run_that_waits_too_long_has_a_report(
     vibro: Vibro, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, engine: str
 ) -> None:
