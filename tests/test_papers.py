@@ -292,7 +292,7 @@ def valley(turns: int, **trace: Any) -> dict[str, Any]:
 def test_the_interval_times_are_the_same_a_turn_further(tmp_path: Path) -> None:
     """Turning points and times of the series are those of the same motion about the bottom 0."""
     runs = [simulate(Scenario.from_dict(valley(turns))) for turns in (0, 1, -1)]
-    folders = [run.save(tmp_path / str(number)) for number, run in enumerate(runs)]
+    folders = [run.save(tmp_path / str(n), figures=False) for n, run in enumerate(runs)]
     rows, *others = ([[*r[:2], *r[4:]] for r in series_rows(open_run(f))] for f in folders)
     assert len(rows) == 8
     assert others == [rows, rows]
@@ -309,7 +309,8 @@ def test_the_printed_series_takes_the_constants_of_the_left_body_for_the_right_o
     square = 2.0 * 9.81 / (1.4 * 1.9)
     left = Swing(square, -0.25, 0.0)
     right = Swing(square, float(table["angle_a"][0]), float(table["rate_a_post"][0]))
-    rows = [row for row in series_rows(open_run(run.save(tmp_path / "run"))) if row[0] == "2"]
+    folder = run.save(tmp_path / "run", figures=False)
+    rows = [row for row in series_rows(open_run(folder)) if row[0] == "2"]
     for row, end, swing, first in zip(rows, "ab", (left, right), (None, left), strict=True):
         angle, turns = float(table[f"angle_{end}"][1]), int(row[5])
         printed = time_between(swing, angle, turns, partial(printed_by, swing, first))
@@ -326,7 +327,7 @@ def test_no_interval_over_the_top_is_compared_with_the_series(tmp_path: Path) ->
     run = simulate(Scenario.from_dict(document))
     ends = [float(run.collisions[f"angle_{end}"][3]) for end in "ab"]
     assert max(ends) > math.pi
-    rows = series_rows(open_run(run.save(tmp_path / "run")))
+    rows = series_rows(open_run(run.save(tmp_path / "run", figures=False)))
     assert [row[:2] for row in rows] == [["2", "1"], ["3", "2"]]
 
 

@@ -111,7 +111,7 @@ def test_a_run_shows_one_column_over_another(
     pair = int(mine.sum())
     with pytest.raises(ValueError, match=f"after the first {pair}; the most .* are {pair}$"):
         run.section(["s_a", "speed_a_pre"], pair=(2, 3), transient=pair)
-    folder = run.save(tmp_path / "run")
+    folder = run.save(tmp_path / "run", figures=False)
     arguments = ["section", str(folder), "--column", "s_a", "--column", "speed_a_pre"]
     assert run_command_line([*arguments, "--pair", "2-3", "--json"]) == 0
     assert json.loads(capsys.readouterr().out) == {"file": str(tmp_path / "run-section.png")}
