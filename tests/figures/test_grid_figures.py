@@ -200,7 +200,7 @@ def as_logspace(grid: StoredGrid) -> StoredGrid:
     return replace(grid, definition={**grid.definition, "axes": axes})
 
 
-@pytest.mark.parametrize("width", ["single", "double"])
+@pytest.mark.parametrize("width", WIDTHS)
 def test_axes_at_even_ratios_are_logarithmic(made: Any, width: str) -> None:
     """Cells are as wide as one another there, below 0 too; dots are at even distances."""
     angles: list[float] = (-np.geomspace(1e-3, 1.0, 7)).tolist()
