@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 import random
+from typing import Any
 
 import numpy as np
 import pytest
 
 from tests.highprecision.reference_solver import ArcMotion
+from vibro_cli.kernels.flow.rotating_flow import set_motion, time_of_flight
 from vibro_cli.kernels.numerics.elliptic import QuarticConstants
 from vibro_cli.kernels.numerics.weierstrass_motion import (
     period_of,
@@ -17,6 +19,7 @@ from vibro_cli.kernels.numerics.weierstrass_motion import (
     squared_rate,
     time_to_place,
 )
+from vibro_cli.kernels.world import Flight
 from vibro_cli.mechanics.potential import Pull
 from vibro_cli.stress.oracles.scene import mp
 
@@ -180,3 +183,49 @@ def test_a_motion_keeps_its_energy_and_never_jumps(seed: int) -> None:
             assert abs(squared_rate(quartic, sine, cosine) - rate * rate) < 1e-12
             assert sine * before[0] + cosine * before[1] > 0.0
             before = (sine, cosine)
+
+
+@pytest.mark.parametrize("root", [-1e-8, 1e-9], ids=["over the saddle", "turning beside it"])
+def test_times_past_a_saddle_keep_their_digits(root: float) -> None:
+    """They were up to 1e-9 s off. Compared with the integral of 1/P on both sides of it."""
+    tilt, spread = 0.2, 2.5
+
+    def potential(half: Any) -> Any:
+        both = mp.sin(2 * half) / 2
+        return mp.sin(half) ** 2 - both * (tilt + spread * both)
+
+    def torque(angle: Any) -> Any:
+        return -mp.sin(angle) + tilt * mp.cos(angle) + spread * mp.sin(2 * angle) / 2
+
+    saddle = mp.findroot(torque, tilt / (1.0 - spread)) / 2
+    energy = potential(saddle) - mp.mpf(root) * abs(root)
+    back = 1 if root < 0.0 else -1
+    ends = [saddle - mp.mpf("0.004"), saddle + back * mp.mpf("0.0015")]
+    rates = [mp.sqrt(energy - potential(end)) for end in ends]
+    flight = Flight()
+    flight.tilt, flight.spread, flight.frequency = tilt, spread, 1.0
+    flight.saddle_root, flight.flow_p = root, float(rates[0])
+    flight.saddle_s, flight.saddle_c = float(mp.sin(saddle)), float(mp.cos(saddle))
+    flight.flow_s, flight.flow_c = float(mp.sin(ends[0])), float(mp.cos(ends[0]))
+    set_motion(flight)
+    to_s, to_c = float(mp.sin(ends[1])), float(mp.cos(ends[1]))
+    found = time_of_flight(flight, to_s, to_c, back * float(rates[1]))
+
+    # Ways from the saddle are in units of the one where it turns, or of about the least rate.
+    size = mp.mpf(abs(root))
+    if root > 0.0:
+        size = mp.findroot(lambda way: energy - potential(saddle - way), size)
+
+    def time(end: Any) -> Any:
+        side = mp.sign(end - saddle)
+
+        def slowness(x: Any) -> Any:
+            way, moved = (mp.sinh(x), mp.cosh(x)) if root < 0.0 else (mp.cosh(x), mp.sinh(x))
+            return size * moved / mp.sqrt(energy - potential(saddle + side * size * way))
+
+        ratio = abs(end - saddle) / size
+        last = mp.asinh(ratio) if root < 0.0 else mp.acosh(ratio)
+        return mp.quad(slowness, mp.linspace(0, last, 8), method="gauss-legendre", maxdegree=4)
+
+    # A rounding of a place is 1e-13 s.
+    assert abs(found - (time(ends[0]) + time(ends[1]))) <= 2e-13

@@ -23,6 +23,7 @@ from vibro_cli.kernels.flow.flow import angle_from_start, place_from_start
 from vibro_cli.kernels.flow.rotating_flow import (
     TURNING_LINE,
     half_way,
+    is_saddle,
     quartic_about,
     set_motion,
     squared_speed,
@@ -55,8 +56,6 @@ from vibro_cli.kernels.world import (
 # The energy is also taken relative to a saddle where the state is at least this near it, as a share
 # of the curvature there.
 SADDLE_NEIGHBOURHOOD = 1.0e-4
-# Half an angle (rad) below which positions are one saddle.
-AT_SADDLE = 1.0e-9
 # A normal force that is negative by less than this share of the weight is zero up to rounding.
 FORCE_ROUNDING = 1.0e-14
 
@@ -255,14 +254,6 @@ def saddle_height(track: TrackData, specific_energy: float) -> float:
     """Return the potential energy over weight (m) of the saddle that is nearest in energy."""
     s, c = saddle_beside(track, (specific_energy - track.bottom) / track.twice_radius)
     return track.bottom + track.twice_radius * potential(track, s, c)
-
-
-@kernel
-def is_saddle(flight: Flight, s: float, c: float) -> bool:
-    """Return whether a position is the saddle that the energy of a flight is measured from."""
-    if flight.saddle_root == NEVER:
-        return False
-    return abs(s * flight.saddle_c - c * flight.saddle_s) < AT_SADDLE
 
 
 @kernel

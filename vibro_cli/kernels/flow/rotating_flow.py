@@ -26,11 +26,13 @@ from vibro_cli.kernels.numerics.conservative_advancement import safe_step_second
 from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.numerics.elliptic import angle_difference, sine_cosine, twice_angle
 from vibro_cli.kernels.numerics.weierstrass_motion import (
+    is_beside_close_roots,
     period_of,
     quartic_motion,
     refer_to_saddle,
     set_quartic_constants,
     squared_rate,
+    start_beside_saddle,
     time_to_place,
 )
 from vibro_cli.kernels.world import Flight, States
@@ -223,6 +225,8 @@ def quickness(frequency: float, p: float) -> float:
 
 # More than ever needed: the steps to a turning point converge like Newton's.
 TURNING_STEPS = 200
+# Half an angle (rad) below which positions are one saddle.
+AT_SADDLE = 1.0e-9
 # Half an angle (rad) from a saddle below which a slow rate is lost in rounding.
 ON_SADDLE = 1.0e-7
 # A position is a whole turn away up to rounding if the sine of half the angle is below this.
@@ -236,7 +240,55 @@ def time_of_flight(flight: Flight, s: float, c: float, p: float) -> float:
     if flight.turns_over == 1 and cosine < 0.0 and abs(sine) <= WHOLE_TURN:
         # The position from which it starts, a whole turn ahead.
         return period_of(flight) / flight.frequency
+    # On the separatrix it never passes, and from the saddle itself no digits are lost.
+    passes = flight.saddle_root < NEVER and flight.saddle_root != 0.0 and flight.flow_p != 0.0
+    passes = passes and not is_saddle(flight, flight.flow_s, flight.flow_c)
+    if passes and is_beside_close_roots(flight, sine, cosine, p):
+        return _time_past_saddle(flight, s, c, p)
     return _time_to_angle(flight, sine, cosine, p)
+
+
+@kernel
+def is_saddle(flight: Flight, s: float, c: float) -> bool:
+    """Return whether a position is the saddle that the energy of a flight is measured from."""
+    if flight.saddle_root == NEVER:
+        return False
+    return abs(s * flight.saddle_c - c * flight.saddle_s) < AT_SADDLE
+
+
+@kernel
+def _time_past_saddle(flight: Flight, s: float, c: float, p: float) -> float:
+    """Return :func:`time_of_flight` past the place where the motion is nearest to its saddle.
+
+    Both times from that place keep all digits, which z at one end relative to the other loses.
+    """
+    a0, a1, a2, _ = quartic_about(
+        flight.tilt, flight.spread, flight.twist, flight.saddle_s, flight.saddle_c, 0.0
+    )
+    sine, cosine = angle_difference(flight.flow_s, flight.flow_c, flight.saddle_s, flight.saddle_c)
+    side = flight.flow_p if flight.saddle_root < 0.0 else sine * cosine
+    nearest = start_beside_saddle(flight, a0, a1, a2, flight.saddle_root, math.copysign(1.0, side))
+    before = _time_from_nearest(flight, nearest, flight.flow_s, flight.flow_c, flight.flow_p)
+    after = _time_from_nearest(flight, nearest, s, c, p) - before
+    if after < 0.0:
+        after += period_of(flight)
+    set_motion(flight)
+    return after / flight.frequency
+
+
+@kernel
+def _time_from_nearest(flight: Flight, nearest: float, s: float, c: float, p: float) -> float:
+    """Return the time, times w, to a state from ``start_beside_saddle``'s place ``nearest``."""
+    sine, cosine = angle_difference(s, c, flight.saddle_s, flight.saddle_c)
+    # The tangent is measured from that place, not the angle.
+    sine -= nearest * cosine
+    if nearest != 0.0 and sine * cosine * nearest <= 0.0:
+        return 0.0  # it turns there, up to rounding
+    if sine == 0.0 and p * flight.start_rate >= 0.0:
+        return 0.0  # it is there
+    size = 1.0 / (sine * sine + cosine * cosine)
+    root = math.sqrt(size)
+    return time_to_place(flight, sine * root, cosine * root, p * size)
 
 
 @kernel

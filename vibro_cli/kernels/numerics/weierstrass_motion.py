@@ -28,6 +28,8 @@ BESIDE_SADDLE = 2  # the same, and z passes close to the conjugate roots
 # Below this share of the other factors a root's distance is taken from the derivative.
 NEAR_ROOT = 0.25
 POLISHING_STEPS = 3
+# More than ever needed: beside a saddle each step adds two digits of the turning point.
+TURNING_STEPS = 30
 # Complementary parameter 1 - m below which z passes close to the conjugate roots.
 NEAR_SADDLE = 1.0e-5
 # Up to this ratio a polynomial estimates the root of a cubic with one real root.
@@ -110,6 +112,47 @@ def refer_to_saddle(motion: QuarticConstants, a0: float, a1: float, a2: float, r
         _set_rectangular(motion, r, middle + 0.5 * width, middle - 0.5 * width, width)
     else:
         _set_rhombic(motion, r, middle, 0.5 * width)
+
+
+@kernel
+def start_beside_saddle(
+    motion: QuarticConstants, a0: float, a1: float, a2: float, root: float, side: float
+) -> float:
+    """Set the motion from where it is nearest to a saddle, and return ``tan h`` of that place.
+
+    ``tan h`` and ``a0`` to ``a2`` are as in :func:`refer_to_saddle`. A motion that passes the
+    saddle starts there in the direction ``side``, another one where it turns on that side.
+    """
+    energy = -root * abs(root)
+    b0 = a0 + energy
+    b2 = 6.0 * a2 + 2.0 * energy
+    turn = 0.0
+    if root >= 0.0:
+        for _ in range(TURNING_STEPS):
+            before = turn
+            turn = side * root / math.sqrt(b2 + turn * (4.0 * a1 + b0 * turn))
+            if abs(turn - before) <= 2.0e-16 * abs(turn):
+                break
+    b1 = a1 + b0 * turn
+    b3 = turn * (0.5 * b2 + turn * (3.0 * a1 + b0 * turn))
+    rate = side * max(-root, 0.0)
+    b2 = b2 / 6.0 + turn * (2.0 * a1 + b0 * turn)
+    set_quartic_constants(motion, b0, b1, b2, b3, rate, motion.turns_over)
+    refer_to_saddle(motion, a0, a1, a2, root)
+    return turn
+
+
+@kernel
+def is_beside_close_roots(motion: QuarticConstants, s: float, c: float, rate: float) -> bool:
+    """Return whether z is so close to two close roots at a position that it loses their distance.
+
+    That is so if the motion passes slowly beside a saddle between its start and the position.
+    """
+    z, _ = _place_on_curve(motion, s, c, rate)
+    distance = z - motion.root
+    if motion.lattice == RHOMBIC:
+        distance += motion.second
+    return distance < motion.rate_scale * motion.rate_scale
 
 
 @kernel
