@@ -17,7 +17,14 @@ from vibro_cli.kernels.events.event_detection import CAUTION, ahead
 from vibro_cli.kernels.flow import flight, flow, rotating_flight, rotating_flow
 from vibro_cli.kernels.flow.flight import SLOW, launch_and_log, start_from_state, take_energy
 from vibro_cli.kernels.flow.flow import POLYNOMIAL, angle_from_start
-from vibro_cli.kernels.flow.rotating_flight import saddle_height, set_track, specific_potential
+from vibro_cli.kernels.flow.rotating_flight import (
+    fall_from_saddle,
+    potential,
+    saddle_beside,
+    saddle_height,
+    set_track,
+    specific_potential,
+)
 from vibro_cli.kernels.flow.rotating_flow import half_way, torque
 from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.numerics.weierstrass_motion import squared_rate
@@ -90,13 +97,28 @@ def root_on_piece(world: World, ball: int) -> float:
 
 @kernel
 def rate_by_energy(world: World, ball: int, flight: Flight, track: TrackData) -> float:
-    """Return ``P`` from the carried energy, with its present sign; a slow body keeps its ``P``."""
+    """Return ``P`` from the carried energy, with its present sign; a slow body keeps its ``P``.
+
+    The energy relative to a saddle determines ``P`` beside it, where the whole energy does not.
+    """
     gravity = world.settings[0].gravity
     kappa = world.bodies[ball].kappa
-    rise = flight.specific_energy - specific_potential(track, gravity, kappa, flight.s, flight.c)
-    if rise <= SLOW * flight.specific_energy:
-        return flight.p
-    p = math.sqrt(2.0 * gravity * rise / kappa) / track.speed_factor
+    root = root_on_piece(world, ball)
+    if root < NEVER:
+        energy = flight.p * flight.p + potential(track, flight.s, flight.c)
+        s, c = saddle_beside(track, energy)
+        fall = fall_from_saddle(track, s, c, flight.s, flight.c)
+        square = fall - root * abs(root)
+        if square <= SLOW * fall:
+            return flight.p
+        p = math.sqrt(square)
+    else:
+        rise = flight.specific_energy - specific_potential(
+            track, gravity, kappa, flight.s, flight.c
+        )
+        if rise <= SLOW * flight.specific_energy:
+            return flight.p
+        p = math.sqrt(2.0 * gravity * rise / kappa) / track.speed_factor
     return p if flight.p > 0.0 else -p
 
 

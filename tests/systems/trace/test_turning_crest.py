@@ -141,6 +141,29 @@ def test_across_three_arcs_and_back(start: float, moving: bool) -> None:
 
 
 @pytest.mark.parametrize("moving", [False, True], ids=["at rest beside it", "moving on it"])
+def test_back_on_an_arc_that_ends_beside_its_saddle(moving: bool) -> None:
+    """It was 4e-6 s off on its way back, and 0.04 s where the arc ends at 0.02 deg."""
+    end, start = 0.2, 1e-8
+    arcs = [
+        *HUMPS[:1],
+        {"shape": "hump", "radius": 0.5, "end_slope": f"{-end} deg"},
+        {"shape": "hump", "radius": 0.8, "end_slope": "-50 deg"},
+        *HUMPS[2:],
+    ]
+    trace: Document = {"start_slope": "-90 deg", "arcs": arcs}
+    trace["turning"] = {"through_arc": 2, "rate": RATE["hump"]}
+    speed, angle = (start, 0.0) if moving else (0.0, start)
+    document = {**scene(trace, [ball(angle, arc=2, speed=speed)], time=20.0), **WALLS}
+    run = solve(document, "compiled")
+    found = instants(run, "crossing")
+    saddle = Saddle("hump", mp.mpf(0.5) + mp.mpf(RADIUS))
+    out = saddle.time(speed, angle, mp.radians(end) / 2)
+    onward = saddle.time(speed, angle, mp.radians(50) / 2) if moving else out
+    compare(found[:1], [out])
+    assert abs(found[4] - found[3] - (out + onward)) <= 2e-14
+
+
+@pytest.mark.parametrize("moving", [False, True], ids=["at rest beside it", "moving on it"])
 @pytest.mark.parametrize("start", SPEEDS)
 def test_to_and_fro_over_a_bottom_that_is_a_saddle(start: float, moving: bool) -> None:
     arcs = [{"shape": "valley", "radius": 1.0, "end_slope": "60 deg"}]

@@ -250,6 +250,16 @@ def saddle_beside(track: TrackData, energy: float) -> tuple[float, float]:
 
 
 @kernel
+def fall_from_saddle(
+    track: TrackData, saddle_s: float, saddle_c: float, s: float, c: float
+) -> float:
+    """Return how much lower ``V`` is at a position than at a saddle, to its last digits."""
+    a0, a1, a2, _ = quartic_about(track.tilt, track.spread, 0.0, saddle_s, saddle_c, 0.0)
+    s, c = angle_difference(s, c, saddle_s, saddle_c)
+    return s * s * (a0 * s * s + (4.0 * a1 * s + 6.0 * a2 * c) * c)
+
+
+@kernel
 def saddle_height(track: TrackData, specific_energy: float) -> float:
     """Return the potential energy over weight (m) of the saddle that is nearest in energy."""
     s, c = saddle_beside(track, (specific_energy - track.bottom) / track.twice_radius)
@@ -387,6 +397,9 @@ def _rate_at_end(flight: Flight, track: TrackData, side: float, s: float, c: flo
         return -flight.saddle_root
     if s == flight.flow_s and c == flight.flow_c:
         return flight.flow_p * flight.flow_p
+    if flight.saddle_root < NEVER:
+        fall = fall_from_saddle(track, flight.saddle_s, flight.saddle_c, s, c)
+        return fall - flight.saddle_root * abs(flight.saddle_root)
     sine, cosine = angle_from_start(flight, s, c)
     return squared_rate(flight, sine, cosine)
 
