@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import tracemalloc
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +13,12 @@ import pytest
 
 from vibro_cli.api import recalled, simulate, simulate_streamed
 from vibro_cli.assemble import build_any
+from vibro_cli.kernels.world import PairTrack, TrackData
+from vibro_cli.mechanics.potential import heights
 from vibro_cli.mechanics.reachability import reach
 from vibro_cli.scenario import load_any
 from vibro_cli.systems import driver, system_named
+from vibro_cli.systems.driver import plain_rows
 from vibro_cli.systems.trace.world import make_world
 
 GALLERY = Path(__file__).parents[3] / "scenarios"
@@ -200,3 +204,32 @@ def test_where_bodies_may_meet_takes_memory_for_the_few_pieces_on_which_they_do(
     make_world(system)
     reach.cache_clear()
     assert peak(far_apart=True) < peak(far_apart=False) + pieces * pieces
+
+
+@pytest.mark.parametrize("name", ["three_arcs", "turning_three_arcs"])
+def test_equal_bodies_share_the_records_of_their_shape(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Those of a body alone on the trace; a hundred balls on 1,001 arcs took six seconds."""
+    system = build_any(load_any(GALLERY / f"{name}.toml"))
+    small, large = (replace(system.bodies[0], radius=radius) for radius in (0.05, 0.1))
+    heavy = replace(small, mass=2.0)
+    states = tuple(system.initial[0] for _ in range(5))
+    many = replace(system, bodies=(small, large, heavy, small, large), initial=states)
+    alone = [
+        make_world(replace(system, bodies=(body,), initial=states[:1])) for body in many.bodies
+    ]
+    asked: list[float] = []
+
+    def counted(trace: Any, radius: float) -> Any:
+        asked.append(radius)
+        return heights(trace, radius)
+
+    monkeypatch.setattr("vibro_cli.systems.trace.world.heights", counted)
+    world = make_world(many)
+    assert asked == [small.radius, large.radius]
+    own = [plain_rows(one.tracks, TrackData) for one in alone]
+    assert plain_rows(world.tracks, TrackData) == [row for rows in own for row in rows]
+    pair = make_world(replace(system, bodies=(large, heavy), initial=states[:2]))
+    second = plain_rows(world.contacts, PairTrack)[len(pair.contacts) : 2 * len(pair.contacts)]
+    assert second == plain_rows(pair.contacts, PairTrack)

@@ -7,9 +7,10 @@ in numbers only can be converted together, for a stack (``kernels.ensemble.point
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from mmap import mmap
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -48,6 +49,8 @@ from vibro_cli.numerics import elementwise
 from vibro_cli.systems.driver import body_record, law_and_stops, zeros
 from vibro_cli.systems.request import NO_LIMITS, Limits
 
+Record = TypeVar("Record")
+
 # Factor that keeps bounds above rounding errors.
 CAUTION = 1.0 + 1.0e-12
 
@@ -58,29 +61,21 @@ def two_bodies(may_be_taken: bool) -> TwoBodies:
     return TwoBodies(zeros(count, TwoLibrations), zeros(count, TwoTracks))
 
 
-def set_turning(world: World, system: TraceSystem, turning: Turning) -> None:
-    """Add what rotation needs to the records of a system."""
-    settings = world.settings[0]
-    settings.axis_x = turning.x
-    settings.turning_square = turning.square
-    for number in range(settings.bodies):
-        tracks = world.tracks[number * settings.pieces : (number + 1) * settings.pieces]
-        lowest = math.inf
-        for piece, track in zip(system.trace.pieces, tracks, strict=True):
-            if piece.is_line:
-                low = _set_line(system, turning, number, piece, track)
-            else:
-                low = _set_arc(system, turning, number, piece, track)
-            lowest = min(lowest, low)
-        for track in tracks:
-            track.bottom -= lowest
+def _turn(system: TraceSystem, body: Body, tracks: Sequence[TrackData], turning: Turning) -> None:
+    """Add what rotation needs to the tracks of a body."""
+    lowest = math.inf
+    for piece, track in zip(system.trace.pieces, tracks, strict=True):
+        set_one = _set_line if piece.is_line else _set_arc
+        lowest = min(lowest, set_one(system, turning, body, piece, track))
+    for track in tracks:
+        track.bottom -= lowest
 
 
 def _set_line(
-    system: TraceSystem, turning: Turning, number: int, piece: Piece, track: TrackData
+    system: TraceSystem, turning: Turning, body: Body, piece: Piece, track: TrackData
 ) -> float:
     """Set the track of a line; return its least potential (m), from the lowest place at rest."""
-    kappa = system.bodies[number].kappa
+    kappa = body.kappa
     tangent = math.cos(piece.start_slope)
     away = track.line_x - turning.x
     track.line_growth = abs(turning.rate * tangent) / math.sqrt(kappa)
@@ -101,10 +96,10 @@ def _set_line(
 
 
 def _set_arc(
-    system: TraceSystem, turning: Turning, number: int, piece: Piece, track: TrackData
+    system: TraceSystem, turning: Turning, body: Body, piece: Piece, track: TrackData
 ) -> float:
     """Set the track of an arc; return its least potential (m), from the lowest place at rest."""
-    pull = Pull.on_arc(piece, system.bodies[number].radius, turning, system.gravity)
+    pull = Pull.on_arc(piece, body.radius, turning, system.gravity)
     track.tilt, track.spread = pull.tilt, pull.spread
     away = piece.centre[0] - turning.x
     track.bottom -= 0.5 * turning.square / system.gravity * away * away
@@ -112,7 +107,7 @@ def _set_arc(
     equilibria = pull.equilibria()
     track.lowest_potential = _lowest_potential(pull, equilibria, low, high)
     _set_bounds(track, pull, equilibria, (low, high))
-    _set_force_bounds(track, pull, piece.sign, system.bodies[number].kappa, (low, high))
+    _set_force_bounds(track, pull, piece.sign, body.kappa, (low, high))
     ends = half_angle(piece, piece.angle_start), half_angle(piece, piece.angle_end)
     return track.bottom + track.twice_radius * _lowest_potential(pull, equilibria, *_span(*ends))
 
@@ -221,23 +216,17 @@ def make_world(system: TraceSystem, limits: Limits = NO_LIMITS, far_apart: bool 
     The numbers of the system may be arrays, and those of the records are then
     (``numerics.elementwise``).
     """
-    levels = [heights(system.trace, body.radius) for body in system.bodies]
     pairs = pairs_of(system)
     neighbours = [(system.bodies[a], system.bodies[b]) for a, b, _ in pairs]
-    world = World(
+    return World(
         settings=[_settings(system, len(pairs), limits)],
         clock=[_clock()],
         bodies=[body_record(body, system.gravity) for body in system.bodies],
         pieces=[_piece_data(piece) for piece in system.trace.pieces],
-        tracks=[
-            _track_data(system, piece, number, levels[number][piece.index])
-            for number in range(len(system.bodies))
-            for piece in system.trace.pieces
-        ],
+        tracks=_of_each(partial(_tracks, system), [(body,) for body in system.bodies]),
         pairs=[_pair_data(system, *pair, number) for number, pair in enumerate(pairs)]
         or [PairData()],
-        contacts=[_pair_track(piece, *pair) for pair in neighbours for piece in system.trace.pieces]
-        or [PairTrack()],
+        contacts=_of_each(partial(_contacts, system.trace), neighbours) or [PairTrack()],
         meeting=_meeting(system.trace, neighbours if far_apart else [], len(pairs)),
         flights=[initial_flight(system, number) for number in range(len(system.bodies))],
         forces=[BodyForces() for _ in range(len(system.bodies) + 1)],
@@ -246,9 +235,40 @@ def make_world(system: TraceSystem, limits: Limits = NO_LIMITS, far_apart: bool 
         touches=[ContactRow()],
         segments=[SegmentRow()],
     )
+
+
+def _of_each(make: Callable[..., list[Record]], groups: Sequence[tuple[Body, ...]]) -> list[Record]:
+    """Return the records that depend on the shapes of bodies only, for each body or pair in turn.
+
+    Groups of equal shapes share their records, which no kernel changes.
+    """
+    made: dict[Any, list[Record]] = {}
+    found: list[Record] = []
+    for bodies in groups:
+        shape: Any = tuple(number for body in bodies for number in (body.radius, body.kappa))
+        if not all(map(elementwise.is_number, shape)):
+            shape = tuple(map(id, bodies))
+        if shape not in made:
+            made[shape] = make(*bodies)
+        found += made[shape]
+    return found
+
+
+def _tracks(system: TraceSystem, body: Body) -> list[TrackData]:
+    """Return the tracks of a body, one for each piece."""
+    levels = heights(system.trace, body.radius)
+    tracks = [
+        _track_data(system, piece, body, own)
+        for piece, own in zip(system.trace.pieces, levels, strict=True)
+    ]
     if system.turning is not None:
-        set_turning(world, system, system.turning)
-    return world
+        _turn(system, body, tracks, system.turning)
+    return tracks
+
+
+def _contacts(trace: Trace, body_a: Body, body_b: Body) -> list[PairTrack]:
+    """Return the contact constants of a pair, for each piece."""
+    return [_pair_track(piece, body_a, body_b) for piece in trace.pieces]
 
 
 def _meeting(trace: Trace, asked: Sequence[tuple[Body, Body]], pairs: int) -> Any:
@@ -287,6 +307,8 @@ def _settings(system: TraceSystem, pairs: int, limits: Limits) -> Settings:
     settings.right_wall = right.restitution if right else NO_WALL
     settings.keep_rows = 1
     settings.stop_t = NEVER if limits.time is None else limits.time
+    if system.turning is not None:
+        settings.axis_x, settings.turning_square = system.turning.x, system.turning.square
     return settings
 
 
@@ -307,13 +329,12 @@ def _piece_data(piece: Piece) -> PieceData:
 
 
 def _track_data(
-    system: TraceSystem, piece: Piece, number: int, levels: tuple[float, float]
+    system: TraceSystem, piece: Piece, body: Body, levels: tuple[float, float]
 ) -> TrackData:
-    body = system.bodies[number]
     track = TrackData()
     track.gravity_rate = system.gravity / body.kappa
     track.bottom, track.top = levels
-    left, right = _ends(system, piece, number)
+    left, right = _ends(system, piece, body.radius)
     track.left_s, track.left_c = half_angle(piece, left)
     track.right_s, track.right_c = half_angle(piece, right)
     if piece.is_line:
@@ -340,12 +361,11 @@ def _track_data(
     return track
 
 
-def _ends(system: TraceSystem, piece: Piece, number: int) -> tuple[float, float]:
+def _ends(system: TraceSystem, piece: Piece, radius: float) -> tuple[float, float]:
     """Return where a body leaves a piece: at its ends, or where it touches a wall there."""
     left, right = piece.angle_start, piece.angle_end
     if system.trace.closed:
         return left, right
-    radius = system.bodies[number].radius
     if system.left_end and piece.index == 0:
         left = _at_wall(piece, radius, False)
     if system.right_end and piece.index == len(system.trace.pieces) - 1:
