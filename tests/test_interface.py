@@ -993,6 +993,15 @@ def test_the_logger_warns_of_invalid_points_of_a_grid(caplog: pytest.LogCaptureF
     assert grid.summary["status"].tolist() == ["ok", "invalid", "invalid"]
 
 
+def test_warnings_are_shown_where_logging_is_not_set_up(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Python's own fallback prints them; a handler of the package that does nothing hid them."""
+    monkeypatch.setattr(logging.getLogger(), "handlers", [])
+    sweep(example("three_arcs").replace({"stop.collisions": 1}), {"collision.k": [0.9, 2.0]})
+    assert capsys.readouterr().err.startswith("three_arcs: 1 of 2 points invalid or failed")
+
+
 def test_the_logger_tells_how_a_run_ended(caplog: pytest.LogCaptureFixture) -> None:
     with caplog.at_level(logging.INFO, logger="vibro_cli"):
         simulate(example("one_circle"))

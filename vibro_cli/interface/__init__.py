@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -21,9 +20,6 @@ if TYPE_CHECKING:
 
     from vibro_cli.scenario.base import AnyScenario
     from vibro_cli.storage.stored import StoredRun
-
-# The importing program decides whether log messages are shown.
-logging.getLogger("vibro_cli").addHandler(logging.NullHandler())
 
 
 @dataclass(frozen=True)
