@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from vibro_cli.interface.grids import Grid
     from vibro_cli.storage.stored import StoredGrid
 
-_MANY = 0.05
-"""Share of runs ended by a stop above which the command warns."""
 _LISTED = 20
 """Number of outcomes that are printed if there are at least two more; basins.json has all."""
 
@@ -83,7 +81,8 @@ class BasinsCommand:
         write_results("basins", target, drawn, record=record)
         print_found(record, _lines(stored.name, found), self.as_json)
         _warn_of_unsolved(stored)
-        _warn_of_stops(stored, found)
+        if found.doubt:
+            say(f"{stored.name}: warning: {found.doubt}", "warning")
         say(f"{stored.name}: files in {target}")
         return DONE
 
@@ -91,21 +90,6 @@ class BasinsCommand:
 def _warn_of_unsolved(stored: StoredGrid) -> None:
     if stored.unsolved:
         say(f"{stored.name}: warning: {stored.unsolved}", "warning")
-
-
-def _warn_of_stops(stored: StoredGrid, found: Mapped) -> None:
-    """Warn if many runs were stopped while their bodies still moved."""
-    from vibro_cli.systems.request import STOPS
-
-    causes = stored.summary["end_cause"][found.shown.rows].tolist()
-    share = sum(cause in STOPS for cause in causes) / len(causes)
-    if share > _MANY:
-        say(
-            f"{stored.name}: warning: {100.0 * share:.3g} % of the runs were stopped while "
-            "bodies were still moving: their outcome is that at the stop, and a later stop may "
-            "give another",
-            "warning",
-        )
 
 
 def record_of(found: Basins, axes: Sequence[str]) -> dict[str, Any]:

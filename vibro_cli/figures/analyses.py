@@ -44,6 +44,7 @@ from vibro_cli.figures.ticks import Ticks, axis_words, label_axis, number_ticks
 from vibro_cli.scenario.fields import unit_at
 from vibro_cli.scenario.models import Scenario
 from vibro_cli.scenario.problems import parsed_path
+from vibro_cli.systems.request import STOPS
 
 if TYPE_CHECKING:
     from vibro_cli.storage.stored import StoredGrid
@@ -52,6 +53,8 @@ _FIT_HEIGHT = 24.0
 _POINT = mark("o", 2.2, style.BLUE)
 _BEFORE = mark("s", 2.2, style.VERMILLION) | {"fillstyle": "none"}
 _SPREAD = 2.0
+_MANY = 0.05
+"""Fraction of runs ended by a stop above which the outcomes of a grid are doubtful."""
 _LABEL = 8.5
 """Distance of a vertical axis' label from the axis (mm)."""
 
@@ -187,6 +190,18 @@ class Mapped:
     shown: ParameterMap
     outcomes: Outcomes
     basins: Basins
+    stopped: float = 0.0
+    """Fraction of the runs that a stop ended, while bodies were still moving."""
+
+    @property
+    def doubt(self) -> str:
+        """Why outcomes may not be final; empty if few runs were ended by a stop."""
+        if self.stopped <= _MANY:
+            return ""
+        return (
+            f"{100.0 * self.stopped:.3g} % of the runs were stopped while bodies were still "
+            "moving: their outcome is that at the stop, and a later stop may give another"
+        )
 
     def map(self, width: str) -> Figure | None:
         """Draw the map of the outcomes; return None for a grid over one axis."""
@@ -244,7 +259,9 @@ def mapped_basins(grid: StoredGrid, outcome: Sequence[str]) -> Mapped:
     columns = ChainMap({"end_cause": ended(grid)}, cast(dict[str, Any], grid.summary))
     outcomes = outcomes_of(columns, outcome or default_outcome(grid), shown.rows)
     cells = shown.cells(outcomes.code.astype(np.float64)).astype(np.int64)
-    return Mapped(shown, outcomes, basins_of(outcomes, cells))
+    causes = grid.summary["end_cause"][shown.rows].tolist()
+    stopped = sum(cause in STOPS for cause in causes) / len(causes)
+    return Mapped(shown, outcomes, basins_of(outcomes, cells), stopped)
 
 
 def _evenly(grid: StoredGrid) -> ParameterMap:

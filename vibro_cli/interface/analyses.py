@@ -106,6 +106,11 @@ class GridBasins:
         """Fractions of the outcomes, entropies, uncertainty exponent."""
         return self.mapped.basins
 
+    @property
+    def doubt(self) -> str:
+        """Why outcomes may not be final; empty if few runs were ended by a stop."""
+        return self.mapped.doubt
+
     def map(self, width: str = "double") -> Drawing | None:
         """Draw the map of the outcomes, None over one axis; ``ValueError`` for an invalid width."""
         drawn = self.mapped.map(width)
@@ -123,7 +128,8 @@ class GridBasins:
         found = self.basins
         outcomes = counted(len(found.outcomes), "outcome")
         exponent = "" if found.exponent is None else f", uncertainty exponent {found.exponent}"
-        return f"<GridBasins: {outcomes}, basin entropy {found.entropy}{exponent}>"
+        doubt = f"; warning: {self.doubt}" if self.doubt else ""
+        return f"<GridBasins: {outcomes}, basin entropy {found.entropy}{exponent}{doubt}>"
 
 
 def orbit(scenario: AnyScenario, impacts: int | None = None, period: float | None = None) -> Orbit:
