@@ -186,6 +186,13 @@ WRONG = {
         AXIS + 'path = "balls[1].angel"\nvalues = [1]\n',
         [":3:8: axes[1].path: ", 'the unknown key "angel"', 'did you mean "angle"?'],
     ),
+    "unknown table": (
+        AXIS + 'path = "collisions.k"\nvalues = [1]\n',
+        [
+            ":3:8: axes[1].path: found collisions.k, expected a value of",
+            'did you mean "collision"?',
+        ],
+    ),
     "beyond the list": (
         AXIS + 'path = "balls[3].angle"\nvalues = [1]\n',
         ["balls[3] of 2", "a number from 1 to 2"],

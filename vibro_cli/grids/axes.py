@@ -134,7 +134,11 @@ def kind_of(path: KeyPath, root: Model = Scenario) -> kinds.Kind:
         return kind
     if fields.field_at(path, root) is None:
         if isinstance(path[-1], int) or fields.model_at(path[:-1], root) is None:
-            raise Fault(path, path_text(path), "a value of a scenario, such as balls[1].angle")
+            parts = (path[:n] for n in range(1, len(path)))
+            wrong = next((part for part in parts if fields.field_at(part, root) is None), path)
+            meant = fields.hint(wrong[:-1], str(wrong[-1]), root)
+            expected = f"a value of a scenario, such as balls[1].angle{meant}"
+            raise Fault(path, path_text(path), expected)
         raise unknown_key(path, root)
     expected = "one value: a number, a word, true or false"
     raise Fault(path, f"{path_text(path)} as a whole", expected)
