@@ -118,7 +118,7 @@ class Grid:
 
     @cached_property
     def kinds(self) -> tuple[str, ...]:
-        """Kinds of figures that can be drawn."""
+        """All kinds of figures of grids; `figure` refuses one that would be empty."""
         from vibro_cli.figures.kinds import GRID_KINDS
 
         return tuple(GRID_KINDS)

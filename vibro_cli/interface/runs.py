@@ -237,7 +237,7 @@ class Run:
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """Kinds of figures that can be drawn."""
+        """All kinds of figures of the system; `figure` refuses one that would be empty."""
         return tuple(self._kind.figures)
 
     def section(
