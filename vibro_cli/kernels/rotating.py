@@ -15,7 +15,13 @@ from vibro_cli.kernels.contact.contact_kinematics import centre_position, suppor
 from vibro_cli.kernels.events import event_detection, event_loop, liftoff_slip
 from vibro_cli.kernels.events.event_detection import CAUTION, ahead
 from vibro_cli.kernels.flow import flight, flow, rotating_flight, rotating_flow
-from vibro_cli.kernels.flow.flight import SLOW, launch_and_log, start_from_state, take_energy
+from vibro_cli.kernels.flow.flight import (
+    LEAST_SIZE,
+    SLOW,
+    launch_and_log,
+    start_from_state,
+    take_energy,
+)
 from vibro_cli.kernels.flow.flow import POLYNOMIAL, angle_from_start
 from vibro_cli.kernels.flow.rotating_flight import (
     fall_from_saddle,
@@ -49,7 +55,7 @@ def project(flight: Flight, s: float, c: float, p: float) -> tuple[float, float,
     c *= scale
     along = -0.5 * torque(flight.tilt, flight.spread, s, c)
     size = p * p + along * along
-    if size < 1.0e-8:
+    if size < LEAST_SIZE:
         return s, c, p
     sine, cosine = angle_from_start(flight, s, c)
     defect = 0.5 * (squared_rate(flight, sine, cosine) - p * p) / size
