@@ -15,6 +15,7 @@ from vibro_cli.kernels.numerics.elliptic import sine_cosine, twice_angle
 
 # Replaces a bound of zero, which would be a divisor.
 LEAST_BOUND = 1.0e-200
+NO_ROOT = -1.0
 
 
 @kernel
@@ -140,26 +141,23 @@ def _rise(g: float, rate: float, level: float, frequency: float) -> float:
 
 @kernel
 def first_root_of_parabola(g: float, rate: float, second: float) -> float:
-    """Return the first ``h >= 0`` at which ``g + g' h + g'' h^2/2`` falls through zero, or -1.
+    """Return the first ``h >= 0`` at which ``g + g' h + g'' h^2/2`` falls through zero, or NO_ROOT.
 
     ``g >= 0``; with ``g = 0`` the function must be falling to have its root now.
     """
     if g <= 0.0 and (rate < 0.0 or (rate == 0.0 and second < 0.0)):
         return 0.0
     if rate >= 0.0 and second >= 0.0:
-        return -1.0
+        return NO_ROOT
     if second == 0.0:
         return g / -rate  # without the square of a slow rate, which may be zero
     discriminant = rate * rate - 2.0 * second * g
     if discriminant < 0.0:
-        return -1.0
+        return NO_ROOT
     root = math.sqrt(discriminant)
     if rate < 0.0:
         return 2.0 * g / (root - rate)
     return (rate + root) / (-second)
-
-
-NO_ROOT = -1.0
 
 
 @kernel
@@ -227,7 +225,6 @@ Harmonics = tuple[float, float, float, float, float]
 ROUNDING = 1.0e-14
 # Least step (rad), below what rounding resolves where a function is stationary.
 LEAST_STEP = 1.0e-8
-NOWHERE = -1.0
 # A zero is polished by this many of Newton's steps, each smaller than POLISHED (rad).
 NEWTON_STEPS = 2
 POLISHED = 1.0e-3
@@ -293,12 +290,12 @@ def combined(g: Harmonics, weight: float, h: Harmonics) -> Harmonics:
 
 @kernel
 def first_zero_crossing_of_harmonics(h: Harmonics, limit: float) -> float:
-    """Return the first ``x`` before ``limit`` (rad) where ``h`` falls through 0, or ``NOWHERE``."""
+    """Return the first ``x`` before ``limit`` (rad) where ``h`` falls through 0, or ``NO_ROOT``."""
     slope = harmonic_slope(h)
     size = harmonic_size(h)
     floor = ROUNDING * size
     if size == 0.0:
-        return NOWHERE
+        return NO_ROOT
     x = 0.0
     while x < limit:
         sine, cosine = sine_cosine(x)
@@ -309,7 +306,7 @@ def first_zero_crossing_of_harmonics(h: Harmonics, limit: float) -> float:
                 return x
             value = floor
         x += safe_step_second_order(value, rate, 4.0 * size)
-    return NOWHERE
+    return NO_ROOT
 
 
 @kernel
@@ -328,7 +325,7 @@ def next_zero(h: Harmonics, start: float, limit: float) -> float:
     if value < 0.0:
         ahead = scaled(-1.0, ahead)
     step = first_zero_crossing_of_harmonics(ahead, limit - start)
-    if step == NOWHERE:
+    if step == NO_ROOT:
         return math.inf
     x = start + step
     for _ in range(NEWTON_STEPS):
