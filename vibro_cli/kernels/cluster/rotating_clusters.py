@@ -359,9 +359,11 @@ def _limit_on_line(world: World, first: int, count: int, step: int) -> None:
     for side in range(2):
         other = step - 1 + side
         if 0 <= other < count - 1:
-            part = lever_on_line(world, number_along(world, first, other))
+            j = number_along(world, first, other)
+            along, across = centres_along_path(world, j, world.pairs[j].a)
+            # The force of the contact normal to the line, per newton along it.
+            part = across / along if side == 1 else -(across / along)
             push, push_growth = _push_on_line(world, first, other)
-            part = part if side == 1 else -part
             force += part * push
             growth += part * push_growth
     after = 0.0
@@ -370,13 +372,6 @@ def _limit_on_line(world: World, first: int, count: int, step: int) -> None:
     if after < flight.exit_after:
         flight.exit_kind = LIFT_OFF
         flight.exit_after = after
-
-
-@kernel
-def lever_on_line(world: World, j: int) -> float:
-    """Return the force (N) of a contact normal to a line, per newton along it."""
-    along, across = centres_along_path(world, j, world.pairs[j].a)
-    return across / along
 
 
 @kernel
