@@ -262,7 +262,8 @@ def _add_limits(world: World, search: Search) -> bool:
     if row.grouped == 1:
         place, lifts, slips = _look_at_group(world, search, friction)
     elif row.at_rest == 1:
-        return _look_at_rest(world, search, friction)
+        _look_at_rest(world, search, friction)
+        return True
     else:
         place = world.settings[0].bodies
         lifts, slips = look_at_one(world, span, friction, search.flights[0])
@@ -387,14 +388,13 @@ def _look_at_group(world: World, search: Search, friction: float) -> tuple[int, 
 
 
 @kernel
-def _look_at_rest(world: World, search: Search, friction: float) -> bool:
+def _look_at_rest(world: World, search: Search, friction: float) -> None:
     """Set the forces on a body alone at rest, which are constant: no limit is passed."""
     span = search.spans[search.progress[0].span]
     flight = search.flights[0]
     replay_flight(world, world.log[span.row], span.row, flight)
     set_ends(world, span.row, span.duration, flight)
     set_sides(world, span, world.forces[world.settings[0].bodies], friction)
-    return True
 
 
 @kernel
