@@ -307,22 +307,11 @@ def follow_tangents(
     tangents: Tangents,
     scratch: Sequence[Flight],
 ) -> None:
-    """Carry tangent vectors through a part of a run.
+    """Carry tangent vectors through a part of a run, and fill in their columns of impacts.
 
-    Parameters
-    ----------
-    world
-        Has the rows of the part in its logs; its pairs are used as scratch.
-    known
-        0 for the first part, else the number of bodies, see
-        ``run_statistics.update_statistics``.
-    cause, end_t, end_t_low
-        ``RUNNING``, or the cause and time (two doubles, s) of the run's end, to which all bodies
-        are then carried.
-    tangents
-        Modified; its columns of impacts are filled in.
-    scratch
-        One flight, as scratch.
+    ``world`` has the rows of the part in its logs; its pairs are used as scratch, as is the one
+    flight in ``scratch``. ``known`` and ``cause`` are as in ``run_statistics.update_statistics``;
+    at the end of the run (two doubles, s) all bodies are carried to it.
     """
     state = tangents.state[0]
     rows = world.clock[0].flight_rows
