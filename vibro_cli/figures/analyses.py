@@ -240,24 +240,20 @@ class Mapped:
         return figure
 
 
-def default_outcome(grid: StoredGrid) -> list[str]:
-    """Return the columns of how a run ends and of the arc on which each body ends."""
-    arcs = [name for name in grid.summary if name.startswith("arc_")]
-    return ["end_cause", *(arcs if len(grid.shapes) > 1 else ())]
-
-
 def mapped_basins(grid: StoredGrid, outcome: Sequence[str]) -> Mapped:
     """Return the basins over the two axes with the most values, or over one axis.
 
-    `outcome` are the columns of the summary that define an outcome together; if empty,
-    `default_outcome`. Raises `NoBasins` if no axis has enough evenly spaced numbers, if points are
-    missing, or if an outcome is not a column of words or whole numbers.
+    `outcome` are the columns of the summary that define an outcome together; if empty, those of how
+    a run ends and, on several arcs, of the arc on which each body ends. Raises `NoBasins` if no
+    axis has enough evenly spaced numbers, if points are missing, or if an outcome is not a column
+    of words or whole numbers.
     """
     shown = _evenly(grid)
     if not shown.is_full:
         raise NoBasins("found no point for some values of the axes, expected every pair of them")
     columns = ChainMap({"end_cause": ended(grid)}, cast(dict[str, Any], grid.summary))
-    outcomes = outcomes_of(columns, outcome or default_outcome(grid), shown.rows)
+    arcs = [name for name in grid.summary if name.startswith("arc_") and len(grid.shapes) > 1]
+    outcomes = outcomes_of(columns, outcome or ["end_cause", *arcs], shown.rows)
     cells = shown.cells(outcomes.code.astype(np.float64)).astype(np.int64)
     causes = grid.summary["end_cause"][shown.rows].tolist()
     stopped = sum(cause in STOPS for cause in causes) / len(causes)
