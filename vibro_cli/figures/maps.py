@@ -41,7 +41,6 @@ from vibro_cli.scenario.fields import written
 if TYPE_CHECKING:
     from vibro_cli.storage.stored import StoredGrid
 
-Column = NDArray[Any]
 _MOST_WORDS = 20
 _EVEN = 1.0e-6
 _FEW = 8
@@ -325,7 +324,7 @@ class Categories:
         return list(zip(self.names, patches, strict=True))
 
 
-def ended(grid: StoredGrid) -> Column:
+def ended(grid: StoredGrid) -> NDArray[Any]:
     """Return the end cause of each point's run, or its status if that is not "ok"."""
     summary = grid.summary
     return np.where(summary["status"] == "ok", summary["end_cause"], summary["status"])

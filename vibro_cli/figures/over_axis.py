@@ -36,7 +36,7 @@ from vibro_cli.figures.maps import (
     parameter_map,
     set_axis,
 )
-from vibro_cli.figures.source import Array, Flags, Integers
+from vibro_cli.figures.source import Array, Flags, Integers, Table
 from vibro_cli.figures.style import mark
 from vibro_cli.figures.ticks import symbol_of
 from vibro_cli.mechanics.trace import HUMP, VALLEY
@@ -225,8 +225,6 @@ _SPEED = ("speed_a_pre", r"$v_a$ before", "m/s")
 _HIGH = {"single": 40.0, "double": 52.0}
 _SQUARE = {"single": 62.0, "double": 90.0}
 
-Impacts = Mapping[str, NDArray[Any]]
-"""Columns of impacts by name, run after run, each in order of time."""
 Quantity = tuple[str, str, str]
 """A column, its symbol or words, and its unit."""
 
@@ -248,7 +246,7 @@ def quantities_of(names: Sequence[str], units: Mapping[str, str]) -> list[Quanti
     return [(name, symbol_of(name), units[name]) for name in names]
 
 
-def own_columns(impacts: Impacts) -> list[str]:
+def own_columns(impacts: Table) -> list[str]:
     """Return the default columns of impacts: place and speed.
 
     The place is the angle if all impacts are on one arc: angles on several arcs cannot share an
@@ -265,7 +263,7 @@ def own_columns(impacts: Impacts) -> list[str]:
 
 @dataclass(frozen=True)
 class Section:
-    """Selects the impacts that are shown."""
+    """Selects the impacts that are shown, from tables of runs one after another, each in order."""
 
     pair: tuple[int, int] | None = None
     """The bodies whose impacts are shown (from 1, in either order), None for all bodies."""
@@ -301,7 +299,7 @@ class Section:
         known = f"; the most that a run has are {most}" if 0 < most <= self.transient else ""
         return f"there is no impact{whose}{after}{where}{known}"
 
-    def _of_pair(self, impacts: Impacts, run: Integers) -> Flags:
+    def _of_pair(self, impacts: Table, run: Integers) -> Flags:
         if self.pair is None:
             return np.ones(len(run), dtype=np.bool_)
         # Across the seam of a closed trace the last body is the left one.
@@ -311,11 +309,11 @@ class Section:
         )
         return np.asarray(one | other)
 
-    def counts(self, impacts: Impacts, run: Integers, runs: int = 0) -> Integers:
+    def counts(self, impacts: Table, run: Integers, runs: int = 0) -> Integers:
         """Return the number of impacts of each run, with the transient, of `runs` runs at least."""
         return _numbers(self._of_pair(impacts, run), run, runs)
 
-    def chosen(self, impacts: Impacts, run: Integers) -> Flags:
+    def chosen(self, impacts: Table, run: Integers) -> Flags:
         """Return which impacts are shown; `run` is the index of the run of each impact."""
         shown = self._of_pair(impacts, run)
         count = _numbers(shown, run)
@@ -380,7 +378,7 @@ def bifurcation(
 
 
 def poincare(
-    impacts: Impacts, quantities: tuple[Quantity, Quantity], section: Section, width: str
+    impacts: Table, quantities: tuple[Quantity, Quantity], section: Section, width: str
 ) -> Figure:
     """Draw one column of the impacts of a run over another.
 
