@@ -106,10 +106,9 @@ def energy_portrait(run: Recorded, ball: int, width: str = "single") -> Figure:
 
     Raises IndexError for a body that does not exist.
     """
-    if not 1 <= ball <= len(run.system.bodies):
-        raise IndexError(f"no body {ball}: the run has {len(run.system.bodies)}")
+    by_pieces = trajectory(run, ball)
     landscape = Landscape.of(run.system, ball)
-    path = along_trace(trajectory(run, ball), landscape)
+    path = along_trace(by_pieces, landscape)
     portrait = portrait_of(landscape)
     (branches,) = path.branches
     energies = 0.5 * landscape.body.kappa * landscape.body.mass * branches.rate**2

@@ -47,11 +47,11 @@ def windows(pieces: Sequence[Piece], path: Trajectory, behind: Background) -> tu
     if len(visited) != 1 or elsewhere or not _is_small(visited[0].piece, path, behind):
         return tuple(whole)
     close = _around(visited[0].piece, path)
-    overview = replace(visited[0], overview=True)
     circle = _highest(
         [one.rate for one in behind.arc_separatrices if one.piece == close.piece.index]
     )
-    return (close, replace(overview, top=max(overview.top, _MARGIN * circle)))
+    top = max(visited[0].top, _MARGIN * circle)
+    return close, replace(visited[0], overview=True, top=top)
 
 
 def seen(behind: Background, shown: Sequence[Window]) -> Background:
@@ -163,8 +163,6 @@ def phase_portrait(run: Recorded, ball: int, width: str = "single") -> Figure:
     motion that would be too small is shown close up beside the whole piece. Raises IndexError for a
     body that does not exist.
     """
-    if not 1 <= ball <= len(run.system.bodies):
-        raise IndexError(f"no body {ball}: the run has {len(run.system.bodies)}")
     path = trajectory(run, ball)
     pieces, others = on_a_page(run.system.trace.pieces, width, path.start[0])
     behind = _behind(run, ball, path, pieces)

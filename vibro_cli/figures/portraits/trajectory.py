@@ -109,8 +109,10 @@ def trajectory(run: Recorded, ball: int) -> Trajectory:
     """Return the phase trajectory of a body (from 1) of a run.
 
     Free flights are curves of constant energy in closed form. Flights in lasting contact and on a
-    rotating trace are sampled from the run.
+    rotating trace are sampled from the run. Raises IndexError for a body that does not exist.
     """
+    if not 1 <= ball <= len(run.system.bodies):
+        raise IndexError(f"no body {ball}: the run has {len(run.system.bodies)}")
     flights = run.flights()
     mine = flights_of(flights, ball)
     first, last = strands(flights, mine)
