@@ -23,12 +23,10 @@ Some = Any
 """A number, an array of numbers with one axis, or a number with derivatives. Functions from numbers
 to numbers are annotated with `float`, as in the rest of the package."""
 
-_NUMBERS = (float, int)
-
 
 def is_number(values: Some) -> bool:
     """Return whether a value is a single number without derivatives, not an array."""
-    return isinstance(values, _NUMBERS)
+    return isinstance(values, (float, int))
 
 
 def each(function: Callable[..., Any], *arguments: Some, kind: type = float) -> Some:
@@ -36,10 +34,7 @@ def each(function: Callable[..., Any], *arguments: Some, kind: type = float) -> 
 
     ``kind`` is the type of the array's elements.
     """
-    for one in arguments:
-        if not isinstance(one, _NUMBERS):
-            break
-    else:
+    if all(map(is_number, arguments)):
         return function(*arguments)
     import numpy as np
 
@@ -204,10 +199,7 @@ def taken(numbers: Any, at: Any) -> Any:
 
 def about(name: str, function: Callable[..., float], *arguments: Some) -> Any:
     """Return a function of numbers; for arrays, call numpy's function ``name`` instead."""
-    for one in arguments:
-        if not isinstance(one, _NUMBERS):
-            break
-    else:
+    if all(map(is_number, arguments)):
         return function(*arguments)
     import numpy as np
 
