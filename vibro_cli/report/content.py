@@ -275,7 +275,11 @@ def _settings(run: StoredRun, table: str, values: Mapping[str, Any]) -> list[tup
 
 def _bodies(run: StoredRun, name: str) -> tuple[str, list[str], list[list[str]]]:
     """Return caption, heads and rows of the table of bodies and their initial states."""
-    given = [flat(_beside_the_body(ball)) for ball in run.scenario.resolved()["balls"]]
+    # Besides the properties of the body itself: its start, and what holds it.
+    given = [
+        flat({key: value for key, value in ball.items() if key not in BodyTable.model_fields})
+        for ball in run.scenario.resolved()["balls"]
+    ]
     keys = list(dict.fromkeys(key for ball in given for key in ball))
     rows = [
         [*body_cells(index, body), *(number(ball.get(key)) for key in keys)]
@@ -287,11 +291,6 @@ def _bodies(run: StoredRun, name: str) -> tuple[str, list[str], list[list[str]]]
         for words, unit in (named("balls", key, model) for key in keys)
     ]
     return f"Bodies of {name} and their initial states", [*BODY_HEADS, *heads], rows
-
-
-def _beside_the_body(ball: dict[str, Any]) -> dict[str, Any]:
-    """Return the keys of a body other than its own properties: its start, and what holds it."""
-    return {key: value for key, value in ball.items() if key not in BodyTable.model_fields}
 
 
 BODY_HEADS = ("Body", "Kind", "Radius", "Mass", "κ", "J_P")
