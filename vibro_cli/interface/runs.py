@@ -221,7 +221,6 @@ class Run:
         OSError
             If it cannot be written.
         """
-
         folder = Path("outputs") / self.name if folder is None else folder
         target = checked_path("folder", folder, "folder")
         force, figures = checked("force", force, FLAG), plain(figures)
