@@ -299,7 +299,7 @@ class Family:
     def _corrected(self, guess: Floats, tangent: Floats) -> Point:
         """Return the orbit near a guess in the plane normal to a tangent (Newton's method)."""
         WORK.report(f"orbit near {guess[-1] / self._units[-1]:.6g}")
-        along, residual = guess, np.inf
+        along, residual, best = guess, np.inf, None
         for _ in range(MOST_STEPS):
             state, (period, value) = (along / self._units)[:-2], (along / self._units)[-2:]
             value = self._without_rounding(float(value))
@@ -309,17 +309,12 @@ class Family:
             if shot.jumps != self._jumps:
                 raise NoOrbit("the events change")
             before, residual = residual, residual_of(system, shot, state, energy)
-            if residual < CLOSED or (residual < NEARLY_CLOSED and residual > 0.5 * before):
-                found = Orbit(
-                    system, float(period), state, shot, residual, energy_of(system, state)
-                )
-                found = begun_between(found)
-                if found.shot.jumps != self._jumps:
-                    raise NoOrbit("the events change")
-                gaps = found.part_gaps.values()
-                if min(map(np.linalg.norm, gaps), default=np.inf) < _PART * size_of(system, state):
-                    raise NoOrbit("the orbits come to repeat within their period")
-                return self._point(value, found)
+            # Where Newton's method comes to rounding its last step may go back.
+            if best is None or residual < best[1].residual:
+                own = energy_of(system, state)
+                best = value, Orbit(system, float(period), state, shot, residual, own)
+            if residual < CLOSED or (best[1].residual < NEARLY_CLOSED and residual > 0.5 * before):
+                return self._accepted(*best)
             # Near a fold a step may increase the residual before the next one converges.
             if residual > 4.0 * max(before, 100.0 * NEARLY_CLOSED) or residual > 1.0:
                 break
@@ -330,6 +325,20 @@ class Family:
             right = np.append(right, -float(tangent @ (along - guess)))
             along = along + np.linalg.lstsq(matrix, right, rcond=1e-12)[0]
         raise NoOrbit("Newton's method does not converge")
+
+    def _accepted(self, value: float, orbit: Orbit) -> Point:
+        """Return the point of an orbit, begun midway between two events.
+
+        Raises `NoOrbit` if it has other events than the family, or repeats within its period.
+        """
+        found = begun_between(orbit)
+        if found.shot.jumps != self._jumps:
+            raise NoOrbit("the events change")
+        gaps = found.part_gaps.values()
+        least = min(map(np.linalg.norm, gaps), default=np.inf)
+        if least < _PART * size_of(orbit.system, orbit.state):
+            raise NoOrbit("the orbits come to repeat within their period")
+        return self._point(value, found)
 
     def _without_rounding(self, value: float) -> float:
         """Return a value, or the end of the range that it equals up to rounding."""
