@@ -411,6 +411,16 @@ def test_instants_alone_are_fitted_as_they_are(as_series: Any) -> None:
     np.testing.assert_array_equal(found.measured.t, instants)
 
 
+def test_instants_and_noise_in_single_precision_are_numbers_like_others() -> None:
+    """There were warnings of an overflow."""
+    instants = np.array(simulate(_circle(12)).collisions["t"], dtype=np.float32)
+    noise: Any = np.float32(1e-4)
+    single = fit(_circle(), instants, ["collision.k"], noise)
+    double = fit(_circle(), instants.astype(np.float64), ["collision.k"], float(noise))
+    np.testing.assert_array_equal(single.values, double.values)
+    np.testing.assert_array_equal(single.errors, double.errors)
+
+
 @pytest.mark.parametrize("noise", [1.1e100, 1e160, 1e308])
 def test_noise_whose_square_leaves_the_range_of_doubles_is_refused(noise: float) -> None:
     """The times were said not to depend on k, or its error was infinite."""

@@ -163,9 +163,11 @@ def _numbers(columns: Mapping[str, Any], name: str) -> Floats:
     no_rows = not hasattr(column, "__iter__") or getattr(column, "shape", None) == ()
     if isinstance(column, (str, bytes)) or no_rows:
         raise NotMeasured(f"{name}: found {column!r}, expected a column of numbers")
-    for row, value in enumerate(column, 1):
+    for row, entry in enumerate(column, 1):
+        # A float32 cannot be compared with the greatest double.
+        value = entry.item() if isinstance(entry, np.number) else entry
         if not _is_number(value) or not abs(value) <= sys.float_info.max:
-            raise NotMeasured(f"row {row}: {name}: found {value!r}, expected a number")
+            raise NotMeasured(f"row {row}: {name}: found {entry!r}, expected a number")
         found.append(float(value))
     return np.array(found, dtype=np.float64)
 
@@ -406,7 +408,7 @@ class _Problem:
     ) -> None:
         self._scenario, self._measured, self._free = scenario, measured, free
         self._known = noise is not None or measured.error is not None
-        self._noise = np.full(len(measured.t), 1.0 if noise is None else noise)
+        self._noise = np.full(len(measured.t), 1.0 if noise is None else float(noise))
         if measured.error is not None:
             self._noise = measured.error
         self._clock = np.array([one.is_start_time for one in free], dtype=bool)
