@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import chain, product
+from itertools import product
 from typing import TypeVar
 
 import numpy as np
@@ -38,6 +38,8 @@ _DARK = 6
 """Weight of separatrices as obstacles for names, relative to level curves."""
 _NEVER = 20
 """Weight of marks of points as obstacles for names, relative to level curves."""
+_HINDERING = 60
+"""Number of separatrices, evenly chosen, that names keep clear of."""
 _STEP = 0.4
 """Distance between the obstacle points of a curve (mm)."""
 _MARK = 0.6
@@ -115,14 +117,17 @@ def name_points(panel: Panel, names: Sequence[str], behind: Background) -> None:
     if full > 1.0:
         named = named[:: 1 + 2 * math.ceil(full - 0.5)]  # odd: centres and saddles alternate
     scale = panel.scale
-    dark = (*behind.eights, *behind.separatrices) * _DARK
-    lines = (line for one in (*dark, *behind.levels) for line in both_halves(one))
+    saddles = (*behind.eights, *behind.separatrices)
+    saddles = saddles[:: math.ceil(len(saddles) / _HINDERING) or 1]
+    dark, pale = (
+        [_near_names(line * scale) for one in curves for line in both_halves(one)]
+        for curves in (saddles, behind.levels)
+    )
     rest = [(one.position, one.position + one.extent) for one in behind.points if one.extent]
-    level = [np.column_stack([ends, np.zeros(2)]) for ends in rest] * _NEVER
+    level = [_near_names(np.column_stack([ends, np.zeros(2)]) * scale) for ends in rest]
     marks = np.array([one.point for one in named]) * scale
     on_marks = [marks + _MARK * np.array(step) for step in product((-1.0, 0.0, 1.0), repeat=2)]
-    near = [_near_names(line * scale) for line in chain(lines, level)]
-    obstacles = np.concatenate([*near, *on_marks * _NEVER])
+    obstacles = np.concatenate([*dark * _DARK, *pale, *(level + on_marks) * _NEVER])
     write_names(panel.axes, named, obstacles / scale)
 
 
