@@ -338,9 +338,11 @@ def test_both_widths_of_a_figure_share_the_curves_along_the_trace(
     """They were computed again for the second width, half of its time on many arcs."""
     asked: list[float] = []
 
-    def counted(hills: Landscape, count: int, energy: float, *saddles: Any) -> Any:
+    def counted(
+        hills: Landscape, count: int, energy: float, saddles: Any = None, *, shown: Any
+    ) -> Any:
         asked.append(energy)
-        return speed_curves(hills, count, energy, *saddles)
+        return speed_curves(hills, count, energy, saddles, shown)
 
     monkeypatch.setattr(trace_phase_plane, "speed_curves", counted)
     run = run_of("three_arcs", "stop.collisions=3", "balls[1].radius=0.0987")
@@ -349,3 +351,27 @@ def test_both_widths_of_a_figure_share_the_curves_along_the_trace(
     wide, narrow = (collections(figure, 0, 1.0) for figure in drawn)
     assert len(wide) == len(narrow) > 0
     assert all(map(np.array_equal, wide, narrow))
+
+
+def test_curves_along_a_close_up_are_those_on_its_pieces() -> None:
+    """Those on all of 1,001 arcs took 1.7 GB; even of those, 97 points on each are too many."""
+    radii = [0.4 + 0.001 * n for n in range(60)]
+    rising = [arc for radius in radii for arc in (valley(1.0, 50), hump(radius, -50))]
+    portrait = portrait_of(landscape(-50.0, *rising))
+    pieces, shown = portrait.landscape.trace.pieces, range(20, 25)
+    low, high = pieces[20].start_s, pieces[25].start_s
+    close, whole = behind_along(portrait, shown=shown), behind_along(portrait)
+    for name in ("levels", "separatrices"):
+        drawn, all_along = getattr(close, name), getattr(whole, name)
+        assert max(len(curve.position) for curve in drawn) <= 97 * len(shown)
+        assert max(len(curve.position) for curve in all_along) <= 4000
+        crossing = [
+            curve for curve in all_along
+            if np.any((curve.position > low) & (curve.position < high))
+        ]  # fmt: skip
+        assert len(drawn) == len(crossing) > 0
+        for one, other in zip(drawn, crossing, strict=True):
+            assert low - 1e-9 <= one.position[0] < one.position[-1] <= high + 1e-9
+            inside = (other.position > one.position[0]) & (other.position < one.position[-1])
+            rate = np.interp(other.position[inside], one.position, one.rate)
+            np.testing.assert_allclose(rate**2, other.rate[inside] ** 2, atol=0.02)

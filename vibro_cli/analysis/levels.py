@@ -545,15 +545,23 @@ def separatrix_curves(
 
 
 def speed_curves(
-    landscape: Landscape, count: int, energy: float, saddles: Sequence[float] | None = None
+    landscape: Landscape,
+    count: int,
+    energy: float,
+    saddles: Sequence[float] | None = None,
+    shown: range | None = None,
 ) -> tuple[LevelCurve, ...]:
-    """Return the level curves of an energy (J) along the whole trace, `count` points per piece.
+    """Return the level curves of an energy (J) along the trace, `count` points per piece.
 
     They give the centre's speed against the arc length of the contact point, continuous at
-    junctions. Given the arc lengths (m) of `saddles`, only curves through one are returned.
+    junctions, on the pieces `shown`, given by their indices, by default on all. Given the arc
+    lengths (m) of `saddles`, which may be on any piece, only curves through one are returned.
     """
     find = connected_reaches if saddles is None else partial(_through, saddles=saddles)
-    return tuple(_along(landscape, run, energy, count) for run in find(landscape, energy))
+    runs = find(landscape, energy)
+    if shown is not None:
+        runs = [[part for part in run if part.piece.index in shown] for run in runs]
+    return tuple(_along(landscape, run, energy, count) for run in runs if run)
 
 
 def _along(landscape: Landscape, run: Sequence[Reach], energy: float, count: int) -> LevelCurve:

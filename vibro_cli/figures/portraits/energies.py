@@ -7,14 +7,16 @@ which is constant between impacts and jumps with the speed.
 
 from __future__ import annotations
 
+from bisect import bisect
 from dataclasses import replace
+from operator import attrgetter
 
 import numpy as np
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from vibro_cli.analysis.levels import Landscape
-from vibro_cli.analysis.singular import portrait_of
+from vibro_cli.analysis.singular import Portrait, portrait_of
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import MOST_VECTOR_POINTS, stacked
 from vibro_cli.figures.labels import Rows, draw_legend, room_for
@@ -115,9 +117,8 @@ def energy_portrait(run: Recorded, ball: int, width: str = "single") -> Figure:
     below = _potential_at(landscape, branches.position)
     energies += below
     walls = tuple((0, float(piece.arc_length(place))) for piece, place in walls_of(run, ball))
-    behind = replace(behind_along(portrait), walls=walls)
-    window = _window(landscape.trace, path, behind)
-    behind = seen(behind, [window])
+    window, behind = _window(portrait, path)
+    behind = seen(replace(behind, walls=walls), [window])
     with style.journal():
         rows, bar = legend_rows(path, behind, width, [("potential energy", POTENTIAL)])
         symbols = Symbols(rf"$s_{{{ball}}}$", rf"$v_{{{ball}}}$")
@@ -225,21 +226,31 @@ def energy_limits(energies: Array, potential: Array, least: float = 0.0) -> tupl
     return 1.15 * high, 0.0
 
 
-def _window(trace: Trace, path: Trajectory, behind: Background) -> Window:
-    """Return the window: the whole trace, as high as the motion and separatrices near it.
+def _window(portrait: Portrait, path: Trajectory) -> tuple[Window, Background]:
+    """Return the window and the curves in it: the whole trace, as high as motion and separatrices.
 
     If the motion takes a small part of the trace, it is that part with room on both sides. For a
     body at rest, it is as high as the level curves.
     """
-    (branches,), reached = path.branches, greatest_rate(path, [0])
-    saddles = (*behind.separatrices, *behind.eights)
+    (branches,), trace = path.branches, portrait.landscape.trace
+    low, high, extent = 0.0, trace.length, float(np.ptp(branches.position))
+    is_close = 0.0 < extent < _SMALL * trace.length
+    if is_close:
+        close = close_up(branches.position)
+        low, high = max(low, close[0]), min(high, close[1])
+    low, high = limits_apart(low, high)
+    behind = behind_along(portrait, shown=_between(trace, low, high))
+    saddles = () if is_close else (*behind.separatrices, *behind.eights)
     through = max((float(np.max(curve.rate)) for curve in saddles), default=0.0)
     levels = max((float(np.max(curve.rate)) for curve in behind.levels), default=1.0)
-    low, high, extent = 0.0, trace.length, float(np.ptp(branches.position))
-    if 0.0 < extent < _SMALL * trace.length:
-        close = close_up(branches.position)
-        low, high, through = max(low, close[0]), min(high, close[1]), 0.0
-    return straight(*limits_apart(low, high), _MARGIN * framed_rate(reached, through, levels))
+    top = _MARGIN * framed_rate(greatest_rate(path, [0]), through, levels)
+    return straight(low, high, top), behind
+
+
+def _between(trace: Trace, low: float, high: float) -> range:
+    """Return the indices of the pieces between two arc lengths (m)."""
+    first, last = (bisect(trace.pieces, s, key=attrgetter("start_s")) for s in (low, high))
+    return range(max(first - 1, 0), last)
 
 
 def close_up(position: Array) -> tuple[float, float]:

@@ -7,7 +7,7 @@ by side for values of a parameter.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Sequence, Sized
 from dataclasses import replace
 from functools import lru_cache, partial
 from itertools import chain
@@ -15,12 +15,7 @@ from itertools import chain
 import numpy as np
 from matplotlib.figure import Figure
 
-from vibro_cli.analysis.levels import (
-    Landscape,
-    LevelCurve,
-    separatrix_curves,
-    speed_curves,
-)
+from vibro_cli.analysis.levels import LevelCurve, separatrix_curves, speed_curves
 from vibro_cli.analysis.singular import (
     FIGURE_EIGHT,
     SADDLE,
@@ -73,7 +68,7 @@ _HIGH = {"single": 44.0, "double": 50.0}
 _LINE = 3.1
 """Height of a line of text (mm)."""
 _MOST_LINES = 6
-_MOST_POINTS = 97
+_MOST_POINTS, _LEAST_POINTS = 97, 5
 """Points of a curve along the trace on each piece, ..."""
 _ACROSS = 4000
 """... fewer if there would be more than this in all."""
@@ -92,7 +87,7 @@ def structure(portrait: Portrait, width: str = "single", bodies: str = "") -> Fi
     whole = portrait.landscape.trace.pieces
     pieces, others = on_a_page(whole, width, below=below)
     behind = _behind(portrait, pieces)
-    along = behind_along(portrait, min(_MOST_POINTS, max(9, _ACROSS // len(whole))))
+    along = behind_along(portrait)
     entries = [*behind_entries(behind, along), *_rest_entry([portrait]), *others]
     rows = rows_of(entries, width_of(width) - RIGHT)
     with style.journal():
@@ -201,24 +196,28 @@ def highest_place(portrait: Portrait) -> float:
 
 
 @lru_cache(maxsize=1)  # for the other width of a figure
-def behind_along(portrait: Portrait, count: int = _MOST_POINTS) -> Background:
-    """Return curves and points of a portrait along the trace, with `count` points per piece."""
+def behind_along(
+    portrait: Portrait, most: int = _MOST_POINTS, shown: range | None = None
+) -> Background:
+    """Return curves and points of a portrait along the trace, with at most `most` points per piece.
+
+    The curves are those on the pieces `shown`, given by their indices, by default on all.
+    """
     landscape, (on_eight, others) = portrait.landscape, _saddles(portrait)
-    curves = partial(speed_curves, landscape, count)
+    count = _points_on_each(landscape.trace.pieces if shown is None else shown, most)
+    curves = partial(speed_curves, landscape, count, shown=shown)
     highest, passed = highest_energy(portrait), highest_place(portrait)
     levels = level_energies(portrait.points, highest, passed)
     return Background(
-        levels=_curves_along(landscape, levels, count),
+        levels=tuple(chain.from_iterable(map(curves, levels))),
         points=_points_along(portrait),
         separatrices=through_saddles(others, curves),
         eights=through_saddles(on_eight, curves),
     )
 
 
-def _curves_along(
-    landscape: Landscape, energies: Sequence[float], count: int = 121
-) -> tuple[LevelCurve, ...]:
-    return tuple(curve for energy in energies for curve in speed_curves(landscape, count, energy))
+def _points_on_each(pieces: Sized, most: int) -> int:
+    return min(most, max(_LEAST_POINTS, _ACROSS // len(pieces)))
 
 
 def _points_along(portrait: Portrait) -> tuple[SingularPoint, ...]:
@@ -277,7 +276,11 @@ def comparison(members: Sequence[tuple[str, Portrait]], width: str = "single") -
     below = _HIGH[width] + BOTTOM + 1.0
     pieces, others = on_a_page(trace.pieces, width, below=below)
     curves = [curves_at(one, pieces, at) for one, at in zip(landscapes, energies, strict=True)]
-    along = [_curves_along(*each) for each in zip(landscapes, energies, strict=True)]
+    count = _points_on_each(trace.pieces, 121)
+    along = [
+        [*chain.from_iterable(speed_curves(one, count, energy) for energy in at)]
+        for one, at in zip(landscapes, energies, strict=True)
+    ]
     entries = [
         (f"{name}, $\\kappa = {portrait.landscape.body.kappa:.4g}$", body_look(number))
         for number, (name, portrait) in enumerate(members, 1)
@@ -319,7 +322,7 @@ def family(members: Sequence[tuple[str, Portrait]], width: str = "single") -> Fi
     shown = shown_of(members)
     drawn = []
     for title, portrait in shown:
-        along = behind_along(portrait, 65)
+        along = behind_along(portrait, most=65)
         window = _whole(portrait, along)
         # The names of the points replace their kinds, the first part of the type.
         words = "; ".join([", ".join(portrait.names), *portrait.type.split("; ")[1:]])
