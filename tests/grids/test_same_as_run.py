@@ -186,6 +186,19 @@ SEEN = {
 }
 
 
+# Those whose numbers are read, and whose points are solved, as those of another that stays.
+LONGER = {
+    "masses and speeds",
+    "radius of a body whose rolling is given",
+    "radius, gravity and thickness",
+    "inertia and radius",
+    "radii of many",
+    "radii on a closed trace",
+    "gravity of many",
+    "length of a line",
+}
+
+
 def grid_of(
     tmp_path: Path,
     base: str,
@@ -225,7 +238,10 @@ def rows_of(columns: Mapping[str, Any]) -> list[dict[str, Any]]:
     return [dict(zip(columns, row, strict=True)) for row in rows]
 
 
-@pytest.mark.parametrize("name", GRIDS)
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=[pytest.mark.long] if name in LONGER else []) for name in GRIDS],
+)
 def test_points_are_runs(name: str, tmp_path: Path) -> None:
     grid = grid_of(tmp_path, *GRIDS[name], MORE.get(name, ()))
     indices = np.arange(POINTS)
