@@ -68,8 +68,14 @@ def whole_of(name: str) -> Any:
     return solved(document, stops[-1])
 
 
-@pytest.mark.parametrize("engine", ["python", "compiled"])
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize(
+    ("name", "engine"),
+    [
+        *((name, "compiled") for name in CASES),
+        *((name, "python") for name in CASES if name != "within an instant"),
+        pytest.param("within an instant", "python", marks=pytest.mark.long),
+    ],
+)
 def test_a_run_in_parts_has_the_bits_of_one(name: str, engine: str) -> None:
     document, stops = CASES[name]
     whole = whole_of(name)
