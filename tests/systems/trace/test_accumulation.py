@@ -46,7 +46,7 @@ PAIRS: list[tuple[str, list[dict[str, Any]]]] = [
     ("k", "median", "worst"),
     [
         (0.2, 1e-14, 1e-11),
-        (0.6, 1e-14, 1e-11),
+        pytest.param(0.6, 1e-14, 1e-11, marks=pytest.mark.long),
         pytest.param(0.9, 2e-12, 1e-10, marks=pytest.mark.long),
     ],
 )
@@ -82,8 +82,8 @@ ACROSS = {"arc": 2, "angle": 0.4}
     [
         (0.6, ("ball", "particle"), [{}, {}], {}),
         (0.8, ("hoop", "disk"), [{}, {}], {}),
-        (0.9, ("ball", "particle"), [{}, {}], {}),
-        (0.9, ("hoop", "disk"), [{}, {}], TURNING),
+        pytest.param(0.9, ("ball", "particle"), [{}, {}], {}, marks=pytest.mark.long),
+        pytest.param(0.9, ("hoop", "disk"), [{}, {}], TURNING, marks=pytest.mark.long),
         (0.9, ("disk", "hoop"), [{"angle": -0.5}, ACROSS], VALLEYS),
     ],
 )
