@@ -50,7 +50,7 @@ def test_angles_are_parts_of_pi(
 
 @pytest.mark.parametrize("vertical", [False, True])
 @pytest.mark.parametrize("unit", ["rad", "m"])
-@pytest.mark.parametrize("length", [52.0, 72.0, 140.0])
+@pytest.mark.parametrize("length", [52.0, 72.0, pytest.param(140.0, marks=pytest.mark.long)])
 def test_an_axis_of_a_grid_has_three_labels(length: float, unit: str, vertical: bool) -> None:
     """Angles as they are given in degrees, everywhere on the circle."""
     for start in range(-180, 180, 5):
