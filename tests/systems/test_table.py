@@ -376,6 +376,14 @@ def test_the_roundings_of_impacts_do_not_add_up_in_one_direction() -> None:
     assert abs(run.summary_record()["energy_drift"]) <= 3e-13
 
 
+@pytest.mark.parametrize("k", [0.0, 0.3, 0.5])
+def test_bounces_that_take_most_of_the_energy_leave_the_speed_along_the_wall(k: float) -> None:
+    """Between parallel walls it is constant: the rounding of the energy taken changed it."""
+    for along in (0.03, 0.0123, 0.01):
+        run = solve(table([ball(-0.9, 0.1, along, 1.0)], box(1e3, 1.0, k), bounces=20, time=1e3))
+        np.testing.assert_allclose(run.bounces["velocity_x_post"], along, rtol=4e-16)
+
+
 def test_the_roundings_of_bounces_do_not_add_up_in_one_direction() -> None:
     """The mean drift is that of independent roundings, one at each bounce."""
     rng, scores = np.random.default_rng(20), []

@@ -243,11 +243,12 @@ def _kept(world: World, ball: int, vx: float, vy: float, taken: float) -> tuple[
     """Return a velocity scaled to the speed that the law gives; add up the energy correction.
 
     If a bounce has taken more of the square of the speed than it left, the remaining square is a
-    difference of large terms, and the velocity is more accurate: it is returned unchanged.
+    difference of large terms, and the velocity is more accurate: it is kept, and gives the square.
     """
     state = world.balls[ball]
     found = vx * vx + vy * vy
     if found == 0.0 or taken > state.square:
+        state.square = found
         return vx, vy
     surplus = (found - state.square) / found
     if abs(surplus) > SMALL_SURPLUS:
