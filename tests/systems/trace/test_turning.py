@@ -23,8 +23,9 @@ from vibro_cli.api import simulate
 from vibro_cli.compile.kernel import NO_OVERRIDES
 from vibro_cli.kernels.rotating import TURNING
 from vibro_cli.scenario import load_any
-from vibro_cli.stress.oracles.scene import scene_of_system
-from vibro_cli.stress.scenes import solve_any, system_of
+from vibro_cli.stress.oracles.oracle import Oracle
+from vibro_cli.stress.oracles.scene import mp, scene_of_system
+from vibro_cli.stress.scenes import WALLS, Document, scene, solve, solve_any, system_of
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.trace import simulate_system
 
@@ -206,3 +207,20 @@ def test_contacts_on_a_turning_line_leave_no_gap() -> None:
     on_line = run.collisions["arc_a"] == 2
     assert on_line.any()
     assert np.max(np.abs(run.collisions["gap"][on_line])) <= 1e-14
+
+
+@pytest.mark.parametrize("number", [1, 3])
+def test_a_body_at_rest_at_the_end_of_a_line_leaves_it(number: int) -> None:
+    """It moved on along the line, beyond its end. Compared with Taylor series in 40 digits."""
+    line = {"shape": "line", "length": 1.0}
+    arcs = [line, {"shape": "valley", "radius": 0.5, "end_slope": "60 deg"}, line]
+    axis = {"x": 0.2 if number == 1 else 1.6, "rate": 20.0}
+    trace: Document = {"start_slope": "-60 deg", "arcs": arcs, "turning": axis}
+    one = {"arc": number, "position": 1.0 if number == 1 else 0.0, "radius": 0.05, "mass": 1.0}
+    run = solve({**scene(trace, [{**one, "speed": 0.0}], time=0.05), **WALLS}, "compiled")
+    place = run.sample([0.05])
+    history = Oracle.of(run.system).run(mp.mpf(0.05), [mp.mpf(0.05)])
+    ((state, *_),) = history.samples[0]
+    assert (place["arc"][0], state.piece) == (2, 1)
+    assert place["angle"][0] == pytest.approx(float(state.place), abs=1e-14)
+    assert place["speed"][0] == pytest.approx(float(state.speed), abs=1e-13)

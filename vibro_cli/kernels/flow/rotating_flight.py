@@ -424,6 +424,12 @@ def launch_on_line(flight: Flight, track: TrackData) -> None:
         flight.at_rest = 1
         return
     moves_right = v > 0.0 or (v == 0.0 and a > 0.0)
+    if (to_right if moves_right else -to_left) <= 0.0:
+        # It starts at the end ahead, maybe from rest.
+        flight.exit_side = 1 if moves_right else -1
+        flight.exit_p = v
+        flight.exit_after = 0.0
+        return
     if turns_before(flight, to_right):
         right = 0.0
     if turns_before(flight, to_left):
