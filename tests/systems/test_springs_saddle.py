@@ -19,9 +19,18 @@ CASES = [
     *((5.0, 1.0, *start) for start in STARTS),
     *((length, height, *start) for length, height in ((2.0, 1.0), (1.5, 1.0), (5.0, 1e-6))
       for start in ((0.0, 0.03), (0.0, 1e-7), (0.0, 1e-200), (1e-10, 0.0))),
+    *((5.0, 1.0, 0.0, speed) for speed in (0.05, 0.1, 0.15, 0.2, 0.24, 0.27, 1.0, 5.0)),
+    *((5.0, 1.0, place, 0.0) for place in (0.013, 0.037, 0.06, 0.25, 1.3)),
+    *((length, 1.0, 0.0, share * (length - 1.0))
+      for length in (1.05, 1.5) for share in (0.05, 0.065, 0.6, 1.4)),
+    *((1.05, 1.0, place, 0.0) for place in (0.005, 0.0078, 0.06)),
+    *((5.0, height, 0.0, speed) for height in (1e-15, 1e-30) for speed in (0.27, 6.0)),
 ]  # fmt: skip
 """Length and height of the spring (m) and the start."""
-SHORT = [(5.0, 1.0, 0.0, 1e-7), (5.0, 1.0, 1e-10, 0.0), (1.5, 1.0, 0.0, 1e-200)]
+SHORT = [
+    (5.0, 1.0, 0.0, 1e-7), (5.0, 1.0, 1e-10, 0.0), (1.5, 1.0, 0.0, 1e-200),
+    (1.05, 1.0, 0.0, 0.065 * (1.05 - 1.0)), (1.05, 1.0, 0.0078, 0.0), (5.0, 1e-15, 0.0, 6.0),
+]  # fmt: skip
 """Those that are not among the long tests."""
 
 

@@ -48,7 +48,8 @@ MOST_IN_SECONDS = 1.0e6
 # A tenth of the greatest displacement in a step, q R, as a share of s.
 MOST_CHANGE = 0.1 * STEP * REACH
 # A body is near the separatrix if its energy differs by less than this share from the saddle's.
-NEAR = 1.0e-3
+# Farther off, the energy has as many digits measured from the centres.
+NEAR = 0.5
 
 
 @kernel
@@ -304,9 +305,12 @@ def _keep_energy_above_saddle(world: World, body: int) -> None:
     rise = -acceleration_of(spring) / rate / size
     speed = spring.v / size
     back = surplus / (rise * rise + speed * speed)
+    change = back * rise * size / rate
+    if abs(change) > MOST_CHANGE * math.sqrt(square_of_length(spring)):  # as in `keep_energy`
+        return
     mass = world.bodies[body].rolling_mass
     world.clock[0].energy_correction += mass * abs(surplus) * size * size
-    spring.x -= back * rise * size / rate
+    spring.x -= change
     spring.v -= back * spring.v
 
 
