@@ -7,7 +7,7 @@ import hashlib
 import math
 import sys
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
@@ -117,6 +117,7 @@ _IN_COMMON: dict[KeyPath, str] = {
 }
 
 
+@lru_cache(maxsize=1000)
 def kind_of(path: KeyPath, root: Model = Scenario) -> kinds.Kind:
     """Return the kind of the scalar at a path, in scenarios with the model `root`.
 
