@@ -141,17 +141,18 @@ _PROBABLY_DEGREES = 4.0 * math.pi
 _RATES = (1e-10, 1e10)
 
 
-def build_system(scenario: Scenario) -> TraceSystem:
+def build_system(scenario: Scenario, sound_trace: Trace | None = None) -> TraceSystem:
     """Return the system of a scenario after checking its mechanics.
 
+    `sound_trace` is its trace, if a system with the same trace has been built before.
     Raises ScenarioError with every problem: a trace that does not close or meets itself; bodies
     that do not fit it, that could touch over others, or that start out of order or overlapping.
     """
     problems = Problems(scenario)
-    trace = _trace(scenario, problems)
+    trace = sound_trace or _trace(scenario, problems)
     bodies = bodies_of(scenario.balls, problems)
     problems.raise_if_any()
-    trace_is_sound = _check_trace(trace, problems)
+    trace_is_sound = sound_trace is not None or _check_trace(trace, problems)
     turning = _turning(scenario, trace, problems)
     fits = check_fit(trace, bodies, problems, trace_is_sound)
     initial = initial_states(scenario, trace, bodies, problems)

@@ -342,7 +342,9 @@ class Reader:
                 self._reasons[refused] = reason
             return reason
         try:
-            point = SystemTemplate(scenario, build_system(scenario))
+            # Points share a known trace: none of its numbers is that of an axis.
+            trace = None if known is None else known.system.trace
+            point = SystemTemplate(scenario, build_system(scenario, trace))
         except ScenarioError as error:
             return reason_of(error)
         if known is None and all(map(is_number, given)):
