@@ -186,17 +186,8 @@ SEEN = {
 }
 
 
-# Those whose numbers are read, and whose points are solved, as those of another that stays.
-LONGER = {
-    "masses and speeds",
-    "radius of a body whose rolling is given",
-    "radius, gravity and thickness",
-    "inertia and radius",
-    "radii of many",
-    "radii on a closed trace",
-    "gravity of many",
-    "length of a line",
-}
+# Those whose keys, laws and kinds of trace others have, too.
+LONGER = {"radii of many", "gravity of many"}
 
 
 def grid_of(
