@@ -115,7 +115,7 @@ def rate_by_energy(world: World, ball: int, flight: Flight, track: TrackData) ->
         s, c = saddle_beside(track, energy)
         fall = fall_from_saddle(track, s, c, flight.s, flight.c)
         square = fall - root * abs(root)
-        if square <= SLOW * fall:
+        if square <= SLOW * abs(fall):
             return flight.p
         p = math.sqrt(square)
     else:

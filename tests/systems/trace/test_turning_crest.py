@@ -17,10 +17,23 @@ from mpmath import MPContext
 
 from tests.highprecision.reference_solver import ReferenceSolver, events_of
 from tests.references import QUANTITIES, check_impacts, solved
+from vibro_cli.kernels.flow.rotating_flight import fall_from_saddle
+from vibro_cli.kernels.rotating import rate_by_energy
 from vibro_cli.mechanics.initial_conditions import wall_position
 from vibro_cli.stress.oracles.scene import scene_of_system
-from vibro_cli.stress.scenes import GRAVITY, WALLS, Document, ball, scene, solve, solve_any
+from vibro_cli.stress.scenes import (
+    GRAVITY,
+    WALLS,
+    Document,
+    ball,
+    scene,
+    solve,
+    solve_any,
+    system_of,
+    valley,
+)
 from vibro_cli.systems.run import Run
+from vibro_cli.systems.trace.world import make_world
 
 mp: Any = MPContext()
 mp.dps = 30
@@ -236,3 +249,16 @@ def test_two_bodies_that_turn_at_contact_beside_a_saddle_collide(overlap: float)
     (impact,) = ReferenceSolver(scene_of_system(run.system)).follow(events_of(run))
     # They meet at 1e-5 m/s: a rounding of their places of 1e-16 m takes 1e-11 s.
     assert abs(solved(run, "t", 0) - QUANTITIES["t"][1](impact)) <= 1e-10
+
+
+@pytest.mark.parametrize("share", [-1e-10, 1e-10, 1e-3])
+def test_a_body_nearly_at_rest_above_its_saddle_keeps_its_speed(share: float) -> None:
+    """Where its energy is less than its height by a rounding, it was the root of less than zero."""
+    trace = {**valley(90), "turning": {"through_arc": 1, "rate": RATE["bottom"]}}
+    world = make_world(system_of(scene(trace, [ball(1.25, speed=1e-9)], time=1.0)))
+    flight, track = world.flights[0], world.tracks[0]
+    fall = fall_from_saddle(track, track.pass_s, track.pass_c, flight.s, flight.c)
+    assert fall < 0.0
+    flight.separatrix_piece = 0
+    flight.separatrix_root = -math.sqrt(-fall * (1.0 + share))
+    assert rate_by_energy(world, 0, flight, track) == flight.p
