@@ -125,18 +125,18 @@ def start_beside_saddle(
     """
     energy = -root * abs(root)
     b0 = a0 + energy
-    b2 = 6.0 * a2 + 2.0 * energy
+    curvature = 6.0 * a2 + 2.0 * energy  # of the squared rate at the saddle
     turn = 0.0
     if root >= 0.0:
         for _ in range(TURNING_STEPS):
             before = turn
-            turn = side * root / math.sqrt(b2 + turn * (4.0 * a1 + b0 * turn))
+            turn = side * root / math.sqrt(curvature + turn * (4.0 * a1 + b0 * turn))
             if abs(turn - before) <= 2.0e-16 * abs(turn):
                 break
     b1 = a1 + b0 * turn
-    b3 = turn * (0.5 * b2 + turn * (3.0 * a1 + b0 * turn))
+    b3 = turn * (0.5 * curvature + turn * (3.0 * a1 + b0 * turn))
     rate = side * max(-root, 0.0)
-    b2 = b2 / 6.0 + turn * (2.0 * a1 + b0 * turn)
+    b2 = curvature / 6.0 + turn * (2.0 * a1 + b0 * turn)
     set_quartic_constants(motion, b0, b1, b2, b3, rate, motion.turns_over)
     refer_to_saddle(motion, a0, a1, a2, root)
     return turn
