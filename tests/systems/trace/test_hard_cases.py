@@ -104,7 +104,7 @@ def test_no_body_is_beyond_a_wall_or_stands_where_nothing_keeps_it(path: Path) -
 @pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
 def test_taken_up_again_it_is_the_same_run(path: Path) -> None:
     scenario = load_any(path)
-    whole = simulate(scenario, "python")
+    whole = simulate(scenario, "compiled")  # the interpreter would take longer than a test may
     for share in (0.3, 0.7):
         part = load_any(path, [f"stop.time={share * (scenario.stop.time or 0.0)!r}"])
         begun = simulate(part, "python")
