@@ -28,8 +28,8 @@ BESIDE_SADDLE = 2  # the same, and z passes close to the conjugate roots
 # Below this share of the other factors a root's distance is taken from the derivative.
 NEAR_ROOT = 0.25
 POLISHING_STEPS = 3
-# More than ever needed: beside a saddle each step adds two digits of the turning point.
-TURNING_STEPS = 30
+# More than ever needed: beside a saddle each step adds two digits of the nearest place.
+NEAREST_STEPS = 30
 # Complementary parameter 1 - m below which z passes close to the conjugate roots.
 NEAR_SADDLE = 1.0e-5
 # Up to this ratio a polynomial estimates the root of a cubic with one real root.
@@ -128,7 +128,7 @@ def start_beside_saddle(
     curvature = 6.0 * a2 + 2.0 * energy  # of the squared rate at the saddle
     turn = 0.0
     if root >= 0.0:
-        for _ in range(TURNING_STEPS):
+        for _ in range(NEAREST_STEPS):
             before = turn
             turn = side * root / math.sqrt(curvature + turn * (4.0 * a1 + b0 * turn))
             if abs(turn - before) <= 2.0e-16 * abs(turn):
