@@ -26,8 +26,8 @@ from vibro_cli.systems.request import FINAL, UNLIMITED, Limits
 
 # The interpreted kernels are the bit-for-bit reference; the compiled ones are faster.
 ENGINES = ("compiled", "python")
-# Capacity of the logs in rows; interpreted rows are objects, hence fewer.
-INTERPRETED_ROWS = 256
+# Capacity of the logs in rows; interpreted rows are objects, which take longer than short runs.
+INTERPRETED_ROWS = 32
 COMPILED_ROWS = 16384
 # Initial capacity of the logs of a run without a larger limit of impacts, and the factor by which
 # full logs grow, up to the full capacity.
