@@ -15,43 +15,50 @@ rounding errors.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from operator import mul
 from typing import Any, NamedTuple
 
 from vibro_cli.stress.oracles.scene import Path, Real, Scene, mp, speed_changes
 
 State = tuple[Real, Real, Real]
+Series = list[int]
 
 # The nearest singularity of S, C, P in complex time is at least about pi/(2w sqrt(max(m, 1))) away,
 # m = S^2 + P^2; the terms left out of a step of 0.25/w are about (0.25/1.57)^60 = 1e-48.
 TERMS = 60
 STEP = mp.mpf("0.25")
+# Sums are of whole multiples of a unit, which is by so many bits finer than the last digit.
+GUARD = 24
+
+
+def product(one: Series, other: Series) -> int:
+    """Return the last known coefficient of the product of two series, not yet shifted back."""
+    return sum(map(mul, one, reversed(other)))
 
 
 def series(
-    state: State, pull: tuple[Real, Real] | None = None
-) -> tuple[list[Real], list[Real], list[Real]]:
-    """Return the Taylor coefficients of S, C, P in ``w t`` at 0; ``pull`` as in `ArcMotion`."""
+    state: Sequence[int], step: int, pull: tuple[int, int] | None, bits: int
+) -> tuple[Series, Series, Series]:
+    """Return the Taylor coefficients of S, C, P at 0, in shares of a step of ``w t``.
+
+    All numbers are multiples of ``2^-bits``; ``pull`` is as in `ArcMotion`.
+    """
     s, c, p = ([value] for value in state)
-    sines: list[Real] = []  # of S C and of C^2 - S^2
-    cosines: list[Real] = []
+    sines: Series = []  # of S C and of C^2 - S^2
+    cosines: Series = []
     for k in range(1, TERMS + 1):
-        sines.append(mp.fdot(zip(s, reversed(c), strict=True)))
+        sines.append(product(s, c) >> bits)
         force = -sines[-1]
         if pull is not None:
             tilt, spread = pull
-            cosines.append(
-                mp.fdot(zip(c, reversed(c), strict=True))
-                - mp.fdot(zip(s, reversed(s), strict=True))
-            )
-            both = mp.fdot(zip(sines, reversed(cosines), strict=True))
-            force = force + tilt * cosines[-1] / 2 + spread * both
-        turned = mp.fdot(zip(p, reversed(c), strict=True))
-        back = mp.fdot(zip(p, reversed(s), strict=True))
-        s.append(turned / k)
-        c.append(-back / k)
-        p.append(force / k)
+            cosines.append((product(c, c) - product(s, s)) >> bits)
+            both = product(sines, cosines) >> bits
+            force += (tilt * cosines[-1] // 2 + spread * both) >> bits
+        turned, back = product(p, c) >> bits, product(p, s) >> bits
+        for column, rate in ((s, turned), (c, -back), (p, force)):
+            column.append((rate * step >> bits) // k)
     return s, c, p
 
 
@@ -77,23 +84,38 @@ class ArcMotion:
             # The distance of the singularities falls with the square root of the strongest pull.
             size += 2 * (abs(pull[0]) + abs(pull[1]))
         self._step = STEP / mp.sqrt(max(size, 1))
-        self._pull = pull
-        self._series = [series(state, pull)]
+        # The smallest number of the start has all its digits, too.
+        least = min(abs(value) for value in (*state, mp.one) if value)
+        self._bits = mp.prec + GUARD - int(mp.floor(mp.log(least, 2)))
+        self._pull = pull and (self._whole(pull[0]), self._whole(pull[1]))
+        self._series = [self._expand([self._whole(value) for value in state])]
 
     def at(self, t: Real) -> State:
         """Return ``(S, C, P)`` at a time t (s) after the start, which may be slightly negative."""
-        u = self.frequency * t
-        number = max(int(mp.floor(u / self._step)), 0)
+        u = self.frequency * t / self._step
+        number = max(int(mp.floor(u)), 0)
         while len(self._series) <= number:
-            self._series.append(series(self._sum(-1, self._step), self._pull))
-        return self._sum(number, u - number * self._step)
-
-    def _sum(self, number: int, u: Real) -> State:
-        powers = [mp.one]
-        for _ in range(TERMS):
-            powers.append(powers[-1] * u)
-        s, c, p = (mp.fdot(zip(column, powers, strict=True)) for column in self._series[number])
+            self._series.append(self._expand(self._sum(-1, 1 << self._bits)))
+        s, c, p = (
+            mp.ldexp(mp.mpf(value), -self._bits)
+            for value in self._sum(number, self._whole(u - number))
+        )
         return s, c, p
+
+    def _whole(self, value: Real) -> int:
+        return int(mp.nint(mp.ldexp(value, self._bits)))
+
+    def _expand(self, state: Sequence[int]) -> tuple[Series, Series, Series]:
+        return series(state, self._whole(self._step), self._pull, self._bits)
+
+    def _sum(self, number: int, share: int) -> list[int]:
+        sums = []
+        for column in self._series[number]:
+            total = 0
+            for coefficient in reversed(column):
+                total = (total * share >> self._bits) + coefficient
+            sums.append(total)
+        return sums
 
 
 ENOUGH = mp.mpf(10) ** -44
