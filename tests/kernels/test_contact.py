@@ -63,6 +63,7 @@ def beside(name: str, gap: float) -> TraceSystem:
     place = low + (0.15 if piece_a == piece_b else 0.05)
     speed_b = speed
     for _ in range(60):
+        before = place, speed_b
         system = system_of((a, InitialState(piece_b, place, speed_b)))
         twin = ReferenceSolver(scene_of_system(system))
         now, rate = gap_rates(twin, mp.zero)
@@ -70,7 +71,7 @@ def beside(name: str, gap: float) -> TraceSystem:
         along = gap_rates(ReferenceSolver(scene_of_system(rest)), mp.zero)[1]
         place -= float((now - gap) / (along * shape.path_radius(BODIES[1].radius)))
         speed_b -= float(rate / along)
-        if abs(now - gap) < 1e-16 and abs(rate) < 1e-16:
+        if (place, speed_b) == before:
             break
     return system_of((a, InitialState(piece_b, place, speed_b)))
 
