@@ -148,7 +148,7 @@ def mark(quantity: str, row: int) -> float:
 def solve(name: str, changed: TraceSystem) -> Run:
     """Run a changed system with the stop of a reference file."""
     stop = scenario(name).stop
-    return simulate_system(changed, stop.time, stop.collisions, "python")
+    return simulate_system(changed, stop.time, stop.collisions)
 
 
 @cache

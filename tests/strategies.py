@@ -1,7 +1,7 @@
 """Random scenes for property tests: traces of one to seven pieces with one to six bodies.
 
 All examples are drawn without a random seed (``derandomize``), so that a run of the tests repeats.
-The long form draws many more of each and runs them compiled (about an hour on one core):
+The long form draws many more of each (about an hour on one core):
 ``VIBRO_EXAMPLES=5000 python -m pytest tests/systems/trace/test_properties.py``, and the same with
 ``tests/systems/trace/test_drawn_properties.py``.
 """
@@ -22,7 +22,6 @@ from vibro_cli.stress.drawing import draw
 
 _WANTED = os.environ.get("VIBRO_EXAMPLES")
 EXAMPLES = int(_WANTED or 60)
-ENGINE = "compiled" if _WANTED else "python"
 SETTINGS = settings(deadline=None, derandomize=True, max_examples=EXAMPLES)
 # For tests in which every example is many runs.
 FEWER = settings(SETTINGS, max_examples=EXAMPLES if _WANTED else 20)

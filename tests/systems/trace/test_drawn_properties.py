@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.strategies import ENGINE, FEWER, NUMBERS, SETTINGS, drawn
+from tests.strategies import FEWER, NUMBERS, SETTINGS, drawn
 from tests.systems.trace.test_continuing import assert_same_results
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.stress.physics import judge
@@ -37,17 +37,17 @@ def solve(system: TraceSystem, time: float, engine: str) -> Run:
 @FEWER
 @given(number=NUMBERS, share=st.floats(0.01, 0.99))
 def test_split_run(number: int, share: float) -> None:
-    """Stopped at any time and taken up again from its checkpoint, a run has the same bits."""
+    """Stopped at any time and taken up again by the other engine, a run has the same bits."""
     document = drawn(number)
     system, time = system_of(document), document["stop"]["time"]
-    whole = solve(system, time, ENGINE)
+    whole = solve(system, time, "compiled")
     part = share * float(whole.summary_record()["end_time"])
     if part == 0.0:
         return
-    begun = solve(system, part, ENGINE)
+    begun = solve(system, part, "python")
     assert begun.end_cause == "time"
     rest = simulate_system(
-        system, time, MOST_IMPACTS, ENGINE,
+        system, time, MOST_IMPACTS,
         checkpoint=json.loads(json.dumps(begun.checkpoint())), history=begun.history(),
     )  # fmt: skip
     assert_same_results(whole, rest)

@@ -13,7 +13,7 @@ import pytest
 from hypothesis import example, given, reject
 from hypothesis import strategies as st
 
-from tests.strategies import ENGINE, FEWER, SETTINGS, mirrored, possible, scenarios
+from tests.strategies import FEWER, SETTINGS, mirrored, possible, scenarios
 from tests.systems.trace.test_continuing import assert_same_results
 from vibro_cli.mechanics.system import InitialState, TraceSystem
 from vibro_cli.stress.oracles.sensitivity import CHANGE, amplification
@@ -32,7 +32,7 @@ def run_of(document: dict[str, Any]) -> Run:
     if system is None:
         reject()
     stop = document["stop"]
-    return simulate_system(system, stop["time"], stop["collisions"], ENGINE)
+    return simulate_system(system, stop["time"], stop["collisions"])
 
 
 def single(run: Run) -> list[int]:
@@ -218,7 +218,7 @@ def test_energy_is_kept_without_losses(document: dict[str, Any]) -> None:
 
 def first_times(system: TraceSystem) -> dict[str, list[float]]:
     """Times of the first impacts, and where they happened."""
-    table = simulate_system(system, TIME, 4, ENGINE).collisions
+    table = simulate_system(system, TIME, 4).collisions
     return {"t": table["t"].tolist(), "s": table["s_a"].tolist()}
 
 
@@ -350,7 +350,7 @@ def states(run: Run) -> tuple[InitialState, ...]:
 
 def back_home(system: TraceSystem, time: float) -> dict[str, list[float]]:
     """Return where a system is after a time."""
-    record = simulate_system(system, time, None, ENGINE).summary_record()
+    record = simulate_system(system, time, None).summary_record()
     names = ("s", "speed")
     count = len(system.bodies)
     return {name: [record[f"{name}_{ball + 1}"] for ball in range(count)] for name in names}
@@ -389,7 +389,7 @@ def test_time_reversal(document: dict[str, Any]) -> None:
     # Half-way between two events, not at one of them.
     before_last = float(max(run.collisions["t"][-2:-1], default=0.0))
     time = 0.5 * (run.summary_record()["end_time"] + before_last)
-    forth = simulate_system(run.system, time, None, ENGINE)
+    forth = simulate_system(run.system, time, None)
     reversed_start = replace(run.system, initial=states(forth))
     try:
         grown = amplification(reversed_start, lambda system: back_home(system, time))
@@ -411,13 +411,13 @@ def test_time_reversal(document: dict[str, Any]) -> None:
 @SETTINGS
 @given(document=scenarios(), share=st.floats(0.01, 0.99))
 def test_split_run(document: dict[str, Any], share: float) -> None:
-    """Stopped at any time and taken up again from its checkpoint, a run has the same bits."""
+    """Stopped at any time and taken up again by the other engine, a run has the same bits."""
     whole = run_of(document)
     part = share * float(whole.summary_record()["end_time"])
-    begun = simulate_system(whole.system, part, document["stop"]["collisions"], ENGINE)
+    begun = simulate_system(whole.system, part, document["stop"]["collisions"], "python")
     assert begun.end_cause == "time"
     rest = simulate_system(
-        whole.system, document["stop"]["time"], document["stop"]["collisions"], ENGINE,
+        whole.system, document["stop"]["time"], document["stop"]["collisions"],
         checkpoint=json.loads(json.dumps(begun.checkpoint())), history=begun.history(),
     )  # fmt: skip
     assert_same_results(whole, rest)
