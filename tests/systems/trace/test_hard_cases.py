@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from functools import lru_cache
 from itertools import combinations, pairwise
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from tests.systems.trace.test_properties import assert_bodies_touch, assert_mirr
 from vibro_cli.api import simulate
 from vibro_cli.scenario import load_any, scenario_of
 from vibro_cli.stress.physics import motion_of, standing, walls
+from vibro_cli.systems.run import Run
 
 pytestmark = pytest.mark.long
 
@@ -29,16 +31,26 @@ OVERLAP = 1e-12  # m: overlap of bodies at any sampled time
 MIRRORED = [path for path in CASES if path.stem.startswith("mirror_")]
 
 
-@pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
+@pytest.fixture(scope="module", params=CASES, ids=lambda path: path.stem)
+def path(request: pytest.FixtureRequest) -> Path:
+    """Each file in turn, with all tests of it one after another: they share its runs."""
+    found: Path = request.param
+    return found
+
+
+@lru_cache(maxsize=1)
+def run_of(path: Path) -> Run:
+    """Return the run of a file; called in a test, which stops one that hangs."""
+    return simulate(load_any(path))
+
+
 def test_every_file_says_what_it_caught(path: Path) -> None:
     assert path.read_text().startswith("# ")
 
 
 @pytest.mark.usefixtures("no_hang")
-@pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
 def test_runs_to_its_stop_in_order_and_without_gaining_energy(path: Path) -> None:
-    scenario = load_any(path)
-    run = simulate(scenario, "python")
+    scenario, run = load_any(path), run_of(path)
     summary = run.summary_record()
     assert summary["end_cause"] == ENDS.get(path.stem, "time")
     if path.stem not in ENDS:
@@ -60,9 +72,8 @@ def test_runs_to_its_stop_in_order_and_without_gaining_energy(path: Path) -> Non
         assert (np.diff(energy) <= 1e-9 * energy[0]).all()
 
 
-@pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
 def test_energy_is_lost_in_the_rows_of_impacts_and_at_walls_only(path: Path) -> None:
-    run = simulate(load_any(path))
+    run = run_of(path)
     summary, events = run.summary_record(), run.events
     lost = float(np.sum(run.collisions["energy_loss"]))
     hits = events["event"] == "wall"
@@ -76,9 +87,8 @@ def test_energy_is_lost_in_the_rows_of_impacts_and_at_walls_only(path: Path) -> 
 
 
 @pytest.mark.usefixtures("no_hang")
-@pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
 def test_no_two_bodies_are_in_one_another_and_all_keep_their_order(path: Path) -> None:
-    run = simulate(load_any(path), "python")
+    run = run_of(path)
     times = np.linspace(0.0, run.summary_record()["end_time"], 10_000)
     motion = run.sample(times)
     bodies = len(run.system.bodies)
@@ -92,51 +102,46 @@ def test_no_two_bodies_are_in_one_another_and_all_keep_their_order(path: Path) -
 
 
 @pytest.mark.usefixtures("no_hang")
-@pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
 def test_no_body_is_beyond_a_wall_or_stands_where_nothing_keeps_it(path: Path) -> None:
-    run = simulate(load_any(path), "python")
+    run = run_of(path)
     motion = motion_of(run, 500)
     assert list(walls(run, motion)) == []
     assert list(standing(run, motion)) == []
 
 
 @pytest.mark.usefixtures("no_hang")
-@pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
 def test_taken_up_again_it_is_the_same_run(path: Path) -> None:
     scenario = load_any(path)
-    whole = simulate(scenario, "compiled")  # the interpreter would take longer than a test may
-    for share in (0.3, 0.7):
+    whole = run_of(path)
+    for share, first, second in ((0.3, "python", "compiled"), (0.7, "compiled", "python")):
         part = load_any(path, [f"stop.time={share * (scenario.stop.time or 0.0)!r}"])
-        begun = simulate(part, "python")
-        assert_same_results(
-            whole, simulate(scenario, "python", begun.checkpoint(), begun.history())
-        )
+        begun = simulate(part, first)
+        assert_same_results(whole, simulate(scenario, second, begun.checkpoint(), begun.history()))
 
 
 @pytest.mark.usefixtures("no_hang")
-@pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
 def test_bodies_touch_at_every_impact(path: Path) -> None:
-    assert_bodies_touch(simulate(load_any(path), "python"))
+    assert_bodies_touch(run_of(path))
 
 
 @pytest.mark.usefixtures("no_hang")
 @pytest.mark.parametrize("path", MIRRORED, ids=lambda path: path.stem)
 def test_the_mirror_image_is_the_same_run(path: Path) -> None:
     document = tomllib.loads(path.read_text(encoding="utf-8"))
-    run, image = (simulate(scenario_of(one), "python") for one in (document, mirrored(document)))
+    run, image = (simulate(scenario_of(one)) for one in (document, mirrored(document)))
     assert_mirrored_to_the_bit(run, image)
 
 
 @pytest.mark.usefixtures("no_hang")
-@pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
 def test_both_engines_give_the_same_tables(path: Path) -> None:
-    scenario = load_any(path)
-    interpreted, compiled = simulate(scenario, "python"), simulate(scenario, "compiled")
+    interpreted, compiled = simulate(load_any(path), "python"), run_of(path)
     assert (interpreted.engine, compiled.engine) == ("python", "compiled")
+    times = np.linspace(0.0, compiled.end_time, 50)
     for ours, theirs in (
         (interpreted.collisions, compiled.collisions),
         (interpreted.events, compiled.events),
         (interpreted.summary, compiled.summary),
+        (interpreted.sample(times), compiled.sample(times)),
     ):
         assert list(ours) == list(theirs)
         for name in ours:
