@@ -58,7 +58,7 @@ CASES: dict[str, tuple[Document, list[Document]]] = {
 }
 
 
-def solved(document: Document, stop: Document, *earlier: Any, engine: str = "python") -> Any:
+def solved(document: Document, stop: Document, *earlier: Any, engine: str = "compiled") -> Any:
     return simulate(any_scenario_of({**document, "stop": stop}), engine, *earlier)
 
 

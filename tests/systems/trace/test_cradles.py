@@ -28,7 +28,7 @@ def touching(masses: list[float]) -> list[dict[str, Any]]:
 
 
 def run_of(balls: list[dict[str, Any]], k: float) -> Run:
-    return solve_any(scene(VALLEY, balls, k, time=STOP), "python")
+    return solve_any(scene(VALLEY, balls, k, time=STOP))
 
 
 def after_instant(masses: Any, speeds: Any, k: float) -> Any:

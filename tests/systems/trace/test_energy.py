@@ -133,7 +133,7 @@ def lossy(name: str) -> AnyScenario:
 
 @pytest.mark.parametrize("name", LOSSES)
 def test_each_impact_takes_what_the_law_says(name: str) -> None:
-    run = simulate(lossy(name), "python")
+    run = simulate(lossy(name))
     table, scene = run.collisions, scene_of_system(run.system)
     checked = 0
     for row in range(len(table["n"])):
@@ -217,7 +217,7 @@ def normals(scene: Scene, run: Run, row: int) -> tuple[Real, Real]:
 @pytest.mark.parametrize("name", LOSSES)
 def test_energies_chain_from_row_to_row(name: str) -> None:
     """A body's energy after an impact is the one before its next; each impact's balance closes."""
-    run = simulate(lossy(name), "python")
+    run = simulate(lossy(name))
     table = run.collisions
     contacts = set(run.events["event"].tolist()) & {"contact_closed", "contact_opened"}
     last: dict[int, float] = {}

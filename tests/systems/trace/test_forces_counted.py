@@ -22,7 +22,7 @@ def run_of(
     """Return a run on one piece, and its summary."""
     trace = {"start_slope": start, "arcs": [arc], **keys.pop("trace", {})}
     document = {"gravity": GRAVITY, "trace": trace, "balls": balls, **keys}
-    run = simulate(scenario_of(document), "python")
+    run = simulate(scenario_of(document))
     return run, run.summary_record()
 
 

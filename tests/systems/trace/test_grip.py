@@ -18,7 +18,7 @@ def solved(case: str, surface: str) -> Run:
     balls, arcs, slope, time, friction = SCENES[case]
     trace = {"start_slope": slope, "surface": surface, "arcs": arcs}
     document = scene(trace, balls, 0.0, time=time) | {"output": {"friction": friction}}
-    return solve_any(document, "python")
+    return solve_any(document)
 
 
 def pushed(arc: int, rate: float) -> list[dict[str, Any]]:
@@ -133,7 +133,7 @@ def pair_on_a_line(slope: float, surface: str, friction: float | None = None) ->
     document = scene(trace, balls, 0.0, time=0.5)
     if friction is not None:
         document["output"] = {"friction": friction}
-    return solve_any(document, "python")
+    return solve_any(document)
 
 
 @pytest.mark.parametrize("surface", ["one-sided", "two-sided"])

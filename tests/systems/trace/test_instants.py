@@ -143,7 +143,7 @@ def test_limit_is_taken_if_any_contact_of_a_row_takes_energy(lossy: str | int | 
 
 
 def test_sequence_that_contracts_slowly_is_taken_to_its_limit() -> None:
-    run = simulate(load_any(CASES / "heavy_ball_contracts_slowly.toml"), "python")
+    run = simulate(load_any(CASES / "heavy_ball_contracts_slowly.toml"))
     table = run.collisions
     at_one_instant = max(np.count_nonzero(table["t"] == t) for t in set(table["t"].tolist()))
     # Each round is an impact of the pair and one with the wall.
@@ -163,7 +163,7 @@ def test_light_balls_between_a_wall_and_a_heavy_one_bounce_as_often_as_they_have
         {"radius": RADIUS, "mass": 1.0, "arc": 1, "position": RADIUS},
         {"radius": RADIUS, "mass": 1e4, "arc": 1, "position": 1.0, "speed": -1.0},
     ]
-    run = simulate(scenario_of({**document, "stop": {"time": 2.5}}), "python")
+    run = simulate(scenario_of({**document, "stop": {"time": 2.5}}))
     walls = int(np.count_nonzero(run.events["event"] == "wall"))
     assert len(run.collisions["t"]) + walls == 314
     assert run.summary_record()["energy_drift"] < 1e-10
@@ -241,7 +241,7 @@ def test_two_bodies_as_wide_as_their_circle_are_refused(radius: float, fills: bo
 @pytest.mark.usefixtures("no_hang")
 def test_translational_closes_where_its_impacts_end() -> None:
     path = CASES / "translational_closes_by_its_momentum.toml"
-    run = simulate(load_any(path), "python")
+    run = simulate(load_any(path))
     row = list(run.events["event"]).index("contact_closed")
     oracle = Oracle.of(run.system)
     end = oracle.run(mp.mpf(10), last=("contact_closed",)).events[-1].t
@@ -261,7 +261,7 @@ def test_mirror_image_of_a_row_that_is_hit(name: str) -> None:
     stop = scenario.stop.time
 
     def solve(one: TraceSystem) -> Run:
-        return simulate_system(one, stop, None, "python")
+        return simulate_system(one, stop, None)
 
     assert distance_from_image(solve(system), solve) == (0.0, 0.0)
 
@@ -270,7 +270,7 @@ def test_mirror_image_of_a_row_that_is_hit(name: str) -> None:
 def test_light_body_that_goes_nowhere_comes_to_rest() -> None:
     # Between a wall and a heavy body it went to and fro for ever, in 1e-9 s and 5e-16 m.
     path = Path(__file__).parent / "turning_light_body_shuttles_at_a_wall.toml"
-    run = simulate(load_any(path, ["stop.time=0.46"]), "python")
+    run = simulate(load_any(path, ["stop.time=0.46"]))
     assert run.end_cause == "time"
     assert run.summary_record()["end_time"] == 0.46
     # It gives way at once to where the heavy body brings it, and each impact takes energy.

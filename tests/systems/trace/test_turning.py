@@ -32,7 +32,7 @@ from vibro_cli.systems.trace import simulate_system
 SCENES = {"circle": on_circle(), "three arcs": on_three_arcs(), "lines": on_lines()}
 
 
-def run(scenario: dict[str, Any], engine: str = "python") -> Run:
+def run(scenario: dict[str, Any], engine: str = "compiled") -> Run:
     return solve_any(scenario, engine)
 
 
