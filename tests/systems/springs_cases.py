@@ -45,5 +45,5 @@ PRESSED = [
 """Springs that press the bodies together."""
 
 
-def solve(document: Document, engine: str = "python") -> Run:
+def solve(document: Document, engine: str = "compiled") -> Run:
     return solve_any(document, engine)

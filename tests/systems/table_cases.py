@@ -43,5 +43,5 @@ def table(
     return document if wall is None else {**document, "wall": wall}
 
 
-def solve(document: Document, engine: str = "python") -> Run:
+def solve(document: Document, engine: str = "compiled") -> Run:
     return solve_any(document, engine)

@@ -112,7 +112,7 @@ def test_steps_without_end_are_refused_with_the_period_of_the_fastest_spring(
     balls = [disk(-4.0, 8.5e10, HELD, mass=1e-20), disk(7.0, -2.0, spring(9.0, 5.0, 1.5, 3.0))]
     words = f"fastest spring has the period 2 π/ω₀ = 3.14e-10 s, stop.time is {told}"
     with pytest.raises(driver.TooQuiet, match=words):
-        springs_cases.solve(springs(balls, collisions=5, **stop))
+        springs_cases.solve(springs(balls, collisions=5, **stop), "python")
 
 
 @pytest.mark.parametrize("engine", ["python", "compiled"])

@@ -105,7 +105,7 @@ def test_phase_curves_are_the_motion_and_after_periods_their_whole_loop(
     length: float, place: float, speed: float, share: float
 ) -> None:
     """Against the sampled motion: the way along the loop, and the states that it passes."""
-    run = solve(springs([disk(place, speed, spring(6.0, length, 1.0, 0.3))], time=60.0), "compiled")
+    run = solve(springs([disk(place, speed, spring(6.0, length, 1.0, 0.3))], time=60.0))
     period = spring_periods(run.system, 1)[1]
 
     def motion(duration: float) -> tuple[Any, Any]:
@@ -157,7 +157,7 @@ def test_a_body_passes_its_foot_however_near_the_line_that_is(height: float) -> 
     start = complex(4.0 - length, 20.5 / w)  # a e^(i phase), moving towards the foot
     passing = math.acos(-length / abs(start))
     held = spring(6.0, length, height, 0.0)
-    run = solve(springs([disk(-4.0, 20.5, held)], time=6.0), "compiled")
+    run = solve(springs([disk(-4.0, 20.5, held)], time=6.0))
     assert abs(run.summary_record()["energy_drift"]) <= 1e-14
     times = np.linspace(0.0, 6.0, 25)
     phase = math.atan2(start.imag, start.real) + w * times + passing
@@ -169,7 +169,7 @@ def test_a_body_passes_its_foot_however_near_the_line_that_is(height: float) -> 
 
 def test_energy_over_ten_thousand_impacts() -> None:
     """A hundred thousand in `vibro stress --full`."""
-    run = solve(springs(FIGURE_FIVE, collisions=10_000), "compiled")
+    run = solve(springs(FIGURE_FIVE, collisions=10_000))
     summary = run.summary_record()
     assert summary["collisions"] == 10_000
     assert abs(summary["energy_drift"]) <= 1e-13
@@ -184,7 +184,7 @@ def test_rounding_takes_as_often_energy_of_an_impact_as_it_gives_some(mass_b: fl
     balls = [disk(-1.0, 2.0, left), disk(0.5, -1.7, right, mass=mass_b, radius=0.3)]
     document = springs(balls, collisions=5000)
     document["collision"]["law"] = "normal-impulse"
-    rows = solve(document, "compiled").collisions
+    rows = solve(document).collisions
     gained = np.zeros(5000)
     for n in range(5000):
         for body, mass in {"a": 1.0, "b": mass_b}.items():
@@ -197,7 +197,7 @@ def test_rounding_takes_as_often_energy_of_an_impact_as_it_gives_some(mass_b: fl
 def test_both_engines_give_the_same_bits() -> None:
     for k in (1.0, 0.6, 0.0):
         document = springs(FIGURE_FIVE, k, collisions=60, time=200.0)
-        one, other = solve(document), solve(document, "compiled")
+        one, other = solve(document, "python"), solve(document)
         for name in ("collisions", "events", "summary"):
             for column, values in getattr(one, name).items():
                 np.testing.assert_array_equal(values, getattr(other, name)[column], column)
@@ -289,7 +289,7 @@ def test_bodies_that_nearly_stop_one_another_at_k_0_collide_once(law: str) -> No
             one = disk(0.0, 1.0, spring(1e-9, 1.0, 1.0, 0.0))
             other = disk(1.0, -(1.0 + left) / mass, spring(1e-9, 1.0, 1.0, 1.0), mass=mass)
             document = springs([one, other], time=1.0)
-            run = solve({**document, "collision": {"k": 0.0, "law": law}}, "compiled")
+            run = solve({**document, "collision": {"k": 0.0, "law": law}})
             assert len(run.collisions["t"]) == 1
             for end in "ab":
                 common = run.collisions[f"speed_{end}_post"][0]
@@ -394,10 +394,10 @@ def test_what_ends_an_instant_does_not_depend_on_the_length_of_the_logs(
         where = {"position": place} if apart else {"touching": "previous"}
         balls.append({"radius": 0.02, "mass": 1.0, "speed": speed, "spring": held} | where)
     scene = springs(balls, 0.7, time=0.5)
-    whole = solve(scene, "compiled").collisions
+    whole = solve(scene).collisions
     for name in ("FIRST_ROWS", "COMPILED_ROWS"):
         monkeypatch.setattr(f"vibro_cli.systems.driver.{name}", 1)
-    short = solve(scene, "compiled").collisions
+    short = solve(scene).collisions
     assert whole["contact"].sum() > 10
     for name, values in whole.items():
         assert values.tobytes() == short[name].tobytes(), name
@@ -479,7 +479,7 @@ def test_bodies_at_rest_in_contact_touch_however_far_their_feet_are(
     held = [spring(6.0, away - stretch, 0.7, 1.0 - away) for stretch in stretches]
     if turned:
         held = [spring(6.0, away + stretch, 0.7, 1.0 + away) for stretch in stretches]
-    run = solve(springs(_row([0.0] * 3, [1.0] * 3, held), 0.5, time=0.1), "compiled")
+    run = solve(springs(_row([0.0] * 3, [1.0] * 3, held), 0.5, time=0.1))
     assert len(run.collisions["n"]) == 0
     assert run.events["event"].tolist() == ["contact_closed"] * 2
     assert not any(run.events["t"])
@@ -496,7 +496,7 @@ def test_approach_by_the_rounding_of_greater_speeds_moves_no_body_into_another(s
     speeds = np.round(np.random.default_rng(seed).normal(size=3), 1).tolist()
     document = springs(_row(speeds, masses, held), 0.3, time=1.5)
     document["collision"]["law"] = "normal-impulse"
-    places = solve(document, "compiled").sample(np.linspace(0.0, 1.5, 151))["x"].reshape(-1, 3)
+    places = solve(document).sample(np.linspace(0.0, 1.5, 151))["x"].reshape(-1, 3)
     assert np.diff(places, axis=1).min() - 0.1 > -1e-14
 
 
@@ -537,7 +537,7 @@ def test_contact_opens_over_a_foot_nearly_on_the_line_where_its_force_ends() -> 
             disk(-1.4, float(speed), spring(*left), mass=3.0),
             disk(-0.6, float(speed), spring(*right)),
         ]
-        run = solve(springs(balls, 0.0, time=0.2), "compiled")
+        run = solve(springs(balls, 0.0, time=0.2))
         states = run.history()["states"].reshape(-1, 2)
         assert states["cause"][:, 0].tolist() == [0, 2, 3]
         assert abs(states["x"][2, 1] - opens) <= 4e-16  # rounding of places of 1.4 m
@@ -551,7 +551,7 @@ def test_pairs_that_meet_at_one_instant_of_a_run_collide_jointly(law: str) -> No
     held = [spring(6.0 * m, 1e-16, 0.7, 1.0 + 0.1 * i) for i, m in enumerate(masses)]
     document = springs(_row(speeds, masses, held), 0.8, time=1.8 * math.pi)
     document["collision"]["law"] = law
-    run = solve(document, "compiled")
+    run = solve(document)
     # Every relative speed is turned, times k, and the momentum is kept.
     differences = np.diff(np.eye(4), axis=0)
     equations = np.vstack([differences, masses])
@@ -619,7 +619,7 @@ def test_a_row_at_k_0_takes_the_nearest_motion_that_closes_no_contact(law: str) 
         weak = [spring(1e-9 * mass, 0.3, 0.4, 1.0 + 0.1 * i) for i, mass in enumerate(masses)]
         document = springs(_row(speeds, masses, weak), 0.0, time=1e-9)
         document["collision"]["law"] = law
-        run = solve(document, "compiled")
+        run = solve(document)
         assert run.summary["end_cause"] == "time"
         own = [run.summary[f"speed_{number + 1}"][0] for number in range(len(masses))]
         np.testing.assert_allclose(own, _nearest_ascending(speeds, masses), atol=1e-10)
@@ -642,7 +642,7 @@ def test_the_limit_of_impacts_at_one_instant_is_never_inadmissible(
     weak = [spring(1e-9 * mass, 0.3, 0.4, 1.0 + 0.1 * i) for i, mass in enumerate(masses)]
     document = springs(_row(speeds, masses, weak), k, time=1e-9)
     document["collision"]["law"] = "normal-impulse"
-    run = solve(document, "compiled")
+    run = solve(document)
     assert run.summary["end_cause"] == "time"
     own = [run.summary[f"speed_{number}"][0] for number in (1, 2, 3)]
     common = sum(m * v for m, v in zip(masses, speeds, strict=True)) / sum(masses)
@@ -670,7 +670,7 @@ def test_under_the_translational_law_bounces_add_to_mass_times_speed(k: float) -
         )
     ]
     document = springs(balls, k, time=end)
-    run = solve({**document, "collision": {"k": k, "law": "translational"}}, "compiled")
+    run = solve({**document, "collision": {"k": k, "law": "translational"}})
     (m, n), (a, b) = masses, pulls
     lasting = 2.0 * k * (speeds[0] - speeds[1]) / ((a - b) * (1.0 - k))
     speed = (m * speeds[0] + n * speeds[1] + lasting * (m * a + n * b)) / (m + n)

@@ -106,7 +106,7 @@ def test_swings_over_and_beside_the_saddle(
         exact = Swing(length, height, place, speed).passages_of_centres(8)
         times = [float(one.time) for one in exact]
         body = disk(place, speed, spring(6.0, length, height, 0.0))
-        run = solve(springs([body], time=times[-1]), "compiled")
+        run = solve(springs([body], time=times[-1]))
         _check(run.sample(times), exact)
 
 
@@ -122,7 +122,7 @@ def test_impacts_of_others_change_nothing_of_it(k: float) -> None:
         times = [float(one.time) for one in exact]
         balls = _pair_beside(disk(0.0, 1e-60, spring(6.0, 5.0, 1.0, 0.0)))
         balls[2]["speed"] = -1.0
-        run = solve(springs(balls, k, time=times[-1]), "compiled")
+        run = solve(springs(balls, k, time=times[-1]))
         assert len(run.collisions["t"]) > 20
         _check(run.sample(times), exact, 0, 3)
 
@@ -170,7 +170,7 @@ def test_a_loss_takes_it_below_its_saddle() -> None:
         # (s - b)(2 l - s - b) = -level/w^2 where it turns
         s = 5 - mp.sqrt(16 + level / 4)
         turn = float(mp.sqrt(s**2 - 1))
-        run = solve(springs(balls, k, time=12.0), "compiled")
+        run = solve(springs(balls, k, time=12.0))
         assert len(run.collisions["t"]) >= 2
         between = np.linspace(run.collisions["t"][0], run.collisions["t"][1], 20001)
         nearest = np.min(run.sample(between)["displacement"][::2])

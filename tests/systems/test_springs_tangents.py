@@ -36,7 +36,7 @@ def neighbours(document: Document, size: float = 1e-6) -> Floats:
 
 
 def end_of(document: Document) -> Floats:
-    motion = solve(document, "compiled").sample([document["stop"]["time"]])
+    motion = solve(document).sample([document["stop"]["time"]])
     return np.stack([motion["x"], motion["speed"]], axis=1).ravel()
 
 
@@ -228,7 +228,7 @@ def test_nothing_goes_on_from_an_impact_that_is_not_carried_out() -> None:
         disk(1.0, 1.2, spring(5.0, 2.0, 1.0, 0.0), radius=0.1),
     ]
     document = springs(balls, 0.3, collisions=3)
-    run = solve(document | {"analysis": {"lyapunov": True}}, "compiled")
+    run = solve(document | {"analysis": {"lyapunov": True}})
     assert run.end_cause == "inadmissible"
     assert np.isnan(run.collisions["amplification"][-1])
     assert not run.collisions["smooth"][-1]

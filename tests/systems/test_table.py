@@ -329,7 +329,7 @@ def _product_about_foci(run: Run, shape: tuple[float, float]) -> NDArray[np.long
 @pytest.mark.parametrize("shape", [(2.0, 1.2), (1.0, 1.6)])
 def test_the_foci_of_an_elliptic_wall(shape: tuple[float, float]) -> None:
     """At r = 0 and k = 1 the product of the angular momenta about the foci is conserved."""
-    run = solve(table([particle(0.3, 0.1, 0.9, 0.7)], ellipse(*shape), bounces=100_000), "compiled")
+    run = solve(table([particle(0.3, 0.1, 0.9, 0.7)], ellipse(*shape), bounces=100_000))
     a, b = shape
     c = math.sqrt(abs(a * a - b * b))
     fx, fy = (c, 0.0) if a > b else (0.0, c)
@@ -372,7 +372,7 @@ def test_the_roundings_of_impacts_do_not_add_up_in_one_direction() -> None:
     """The factors of the law used to cause 1.5e-12 in these."""
     heavy, light = ball(-0.5, 0.1, 1.0, 0.3), ball(0.5, -0.1, -0.7, 0.45, mass=0.3)
     balls = [{**one, "body": "disk", "radius": 0.2} for one in (heavy, light)]
-    run = solve(table(balls, box(2.0, 1.5), collisions=300_000), "compiled")
+    run = solve(table(balls, box(2.0, 1.5), collisions=300_000))
     assert abs(run.summary_record()["energy_drift"]) <= 3e-13
 
 
@@ -390,7 +390,7 @@ def test_the_roundings_of_bounces_do_not_add_up_in_one_direction() -> None:
     for _ in range(24):
         shape = (1.5, float(rng.uniform(0.8, 1.4)))
         start = particle(*rng.uniform(-0.4, 0.4, 2), *rng.uniform(-1.0, 1.0, 2))
-        run = solve(table([start], ellipse(*shape), bounces=30_000), "compiled")
+        run = solve(table([start], ellipse(*shape), bounces=30_000))
         change = np.diff(_product_about_foci(run, shape))
         scores.append(abs(change.mean()) / change.std() * math.sqrt(len(change)))
     assert np.median(scores) <= 2.0
@@ -402,7 +402,7 @@ def test_the_roundings_of_bounces_do_not_add_up_in_one_direction() -> None:
     ids=["ellipse", "box", "circle"],
 )
 def test_no_ball_escapes_in_a_million_bounces(wall: Document) -> None:
-    run = solve(table([ball(0.3, 0.1, 0.9, 0.7)], wall, bounces=1_000_000), "compiled")
+    run = solve(table([ball(0.3, 0.1, 0.9, 0.7)], wall, bounces=1_000_000))
     assert run.end_cause == "bounces"
     x, y = np.abs(run.bounces["x"]), np.abs(run.bounces["y"])
     if wall["shape"] == "rectangle":
@@ -425,7 +425,7 @@ def test_contacts_with_a_narrow_ellipse_are_on_the_path(body: str, share: float)
         turn = rng.uniform(0.0, 2.0 * math.pi)
         vx, vy = math.cos(turn), math.sin(turn)
         start = ball(x, y, vx, vy, body=body, radius=share * b * b)
-        run = solve(table([start], ellipse(1.0, b), bounces=50), "compiled")
+        run = solve(table([start], ellipse(1.0, b), bounces=50))
         names = ("x", "y", "velocity_x_pre", "velocity_y_pre")
         place_x, place_y, u, v = (run.bounces[name] for name in names)
         across = np.diff(place_x, prepend=x) * v - np.diff(place_y, prepend=y) * u
@@ -613,7 +613,7 @@ def test_an_angled_room_is_left_by_no_corner() -> None:
     for order in (corners, corners[::-1]):
         wall = {"shape": "polygon", "corners": order, "k": 1.0}
         for one in (ball(0.5, 0.5, 0.77, 0.59), particle(0.5, 0.5, 0.77, 0.59)):
-            run = solve(table([one], wall, bounces=20_000), "compiled")
+            run = solve(table([one], wall, bounces=20_000))
             r, (x, y) = one["radius"], (run.bounces["x"], run.bounces["y"])
             assert run.end_cause == "bounces"
             assert min(np.min(x), np.min(y)) >= r - 1e-12
@@ -635,7 +635,7 @@ def test_a_particle_aimed_at_a_corner_does_not_go_through_it() -> None:
         aim = turn + draw.uniform(-1.0, 1.0)
         start = corners[0] + 2.0 * np.array([math.cos(aim), math.sin(aim)])
         one = particle(*map(float, start), *map(float, corners[0] - start))
-        run = solve(table([one], polygon(corners.tolist(), 1.0, "outside"), time=1.25), "compiled")
+        run = solve(table([one], polygon(corners.tolist(), 1.0, "outside"), time=1.25))
         assert len(run.bounces["t"]) >= 1
         first = run.bounces["x"][0] - corners[0, 0], run.bounces["y"][0] - corners[0, 1]
         assert math.hypot(*first) <= 1e-14
@@ -654,7 +654,7 @@ def test_a_ball_that_has_rolled_along_a_side_leaves_it_straight_on() -> None:
         across = np.array([-along[1], along[0]])  # into the obstacle
         start = 0.5 * (corners[0] + corners[1]) - across
         one = ball(*map(float, start), *map(float, across + 0.3 * along))
-        run = solve(table([one], polygon(corners.tolist(), 0.0, "outside"), time=9.0), "compiled")
+        run = solve(table([one], polygon(corners.tolist(), 0.0, "outside"), time=9.0))
         assert len(run.bounces["t"]) == 1
         last = run.sample([9.0])
         velocity = np.array([last["velocity_x"][0], last["velocity_y"][0]])
@@ -696,7 +696,7 @@ def test_many_balls_in_order_by_both_engines(count: int) -> None:
     document = table(balls, box(2.6, 2.0), collisions=300, time=50.0)
     document["collision"]["law"] = "normal-impulse"
     run = solve(document)
-    other = solve(document, "compiled")
+    other = solve(document, "python")
     for name in ("collisions", "bounces"):
         for column, values in getattr(run, name).items():
             np.testing.assert_array_equal(values, getattr(other, name)[column], column)
@@ -800,7 +800,7 @@ def test_balls_that_nearly_stop_one_another_at_k_0_collide_once(law: str) -> Non
             one = ball(0.0, 0.0, x, y)
             other = ball(0.5 * x, 0.5 * y, speed * x, speed * y, mass=mass)
             document = table([one, other], None, 0.0, time=20.0)
-            run = solve({**document, "collision": {"k": 0.0, "law": law}}, "compiled")
+            run = solve({**document, "collision": {"k": 0.0, "law": law}})
             assert len(run.collisions["t"]) == 1
             for end in "ab":
                 common = run.collisions[f"normal_speed_{end}_post"][0]
@@ -824,7 +824,7 @@ def test_a_ball_that_a_wall_nearly_stops_at_k_0_meets_it_once(shape: str) -> Non
             start = (0.0, 0.0) if shape == "square" else (-2.0 * x, -2.0 * y)
             one = ball(*start, x - along * y, y + along * x)
             # Until it would come to the next side; without a corner it never meets the wall again.
-            run = solve(table([one], wall, time=50.0), "compiled")
+            run = solve(table([one], wall, time=50.0))
             assert run.end_cause == "time"
             assert len(run.bounces["t"]) == 1
             if shape.startswith("square"):
@@ -880,7 +880,7 @@ def test_a_side_without_length_is_told_by_its_corners() -> None:
 def last_that_meets(scene: Callable[[float], Document], low: float, high: float) -> float:
     """The last double from one with a contact to one without, by bisection; the next has none."""
     while low < (middle := 0.5 * (low + high)) < high:
-        if len(contacts_of(solve(scene(middle), "compiled"))["t"]):
+        if len(contacts_of(solve(scene(middle)))["t"]):
             low = middle
         else:
             high = middle

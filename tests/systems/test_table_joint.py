@@ -225,7 +225,7 @@ def test_the_order_of_the_balls_does_not_matter() -> None:
 
 def test_both_engines_give_the_same_bits() -> None:
     document = rack(5, 0.3)
-    one, two = solve(document), solve(document, "compiled")
+    one, two = solve(document, "python"), solve(document)
     for column, values in one.collisions.items():
         np.testing.assert_array_equal(values, two.collisions[column], column)
 
@@ -268,7 +268,7 @@ def test_a_pack_that_collapses_plastically_against_a_projection(rings: int, seed
     before = shaken - np.array(places)
     balls = [ball(*place, *speed) for place, speed in zip(places, before.tolist(), strict=True)]
     document = table(balls, k=0.0, collisions=1)
-    rows = solve(document, "compiled").collisions
+    rows = solve(document).collisions
     assert rows["admissible"].all()
     gaps = np.zeros((len(rows["n"]), 2 * len(balls)))
     for row, (a, b) in enumerate(zip(rows["ball_a"] - 1, rows["ball_b"] - 1, strict=True)):

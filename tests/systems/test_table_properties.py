@@ -57,7 +57,7 @@ def documents(draw: st.DrawFn) -> dict[str, Any]:
 @given(document=documents())
 def test_no_penetration_and_no_energy_from_nowhere(document: dict[str, Any]) -> None:
     try:
-        run = solve(document)
+        run = solve(document, "python")
     except ScenarioError:
         reject()
     summary = run.summary_record()
