@@ -6,11 +6,13 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import pytest
 
 from vibro_cli.api import simulate, simulate_streamed
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.scenario import any_scenario_of
-from vibro_cli.stress.scenes import Document
+from vibro_cli.stress.oracles import sensitivity
+from vibro_cli.stress.scenes import Document, Plan
 from vibro_cli.systems import system_named
 from vibro_cli.systems.request import Limits
 from vibro_cli.systems.run import Stretch
@@ -35,6 +37,27 @@ def follow_system(
         end_time=whole.end[0], matrix=found.matrix(), sums=found.sums, growth=found.growth,
         **columns["collisions"],
     )  # fmt: skip
+
+
+def check_random_maps(stress: Any, plan: Plan, most: float, patch: pytest.MonkeyPatch) -> None:
+    """Compare maps of drawn scenes with exact ones, which tell an error that is put in, too."""
+    matrix, derivative = TangentMap.matrix, sensitivity.derivative
+    exact: dict[tuple[Any, ...], Any] = {}
+
+    def once(follow: Any, start: Any) -> Any:
+        key = tuple(start)
+        if key not in exact:
+            exact[key] = derivative(follow, start)
+        return exact[key]
+
+    patch.setattr(sensitivity, "derivative", once)
+    (found,) = stress.check_tangent(plan)
+    assert found.cases == plan.cases
+    assert found.worst <= most, found
+    patch.setattr(TangentMap, "matrix", lambda own: matrix(own) * (1.0 + 1e-8))
+    (found,) = stress.check_tangent(plan)
+    assert found.cases == plan.cases
+    assert not found.met
 
 
 def solved_and_streamed(scenario: Any) -> tuple[Any, dict[str, dict[str, Any]]]:
