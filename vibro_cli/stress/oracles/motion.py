@@ -55,6 +55,13 @@ def product(a: Series, b: Series, k: int) -> Whole:
     return total >> BITS
 
 
+def square(a: Series, k: int) -> Whole:
+    """Return coefficient k of the square of a series."""
+    half = (k + 1) // 2
+    total: int = 2 * sum(map(mul, a[:half], a[k : k - half : -1]))
+    return (total if k % 2 else total + a[half] ** 2) >> BITS
+
+
 def scaled(a: Whole, b: Whole) -> Whole:
     """Return the product of two numbers."""
     return (a * b) >> BITS
@@ -92,8 +99,12 @@ class Course:
 
     def force_free(self, k: int, still: bool) -> None:
         """Append coefficient k of the velocity, and of ``v'`` without contact forces."""
-        self.along.append(product(self.v, self.c, k))
-        self.across.append(product(self.v, self.s, k))
+        if self._curvature_h:
+            self.along.append(product(self.v, self.c, k))
+            self.across.append(product(self.v, self.s, k))
+        else:  # the direction of a line is constant
+            self.along.append(scaled(self.v[k], self.c[0]))
+            self.across.append(scaled(self.v[k], self.s[0]))
         rate = -scaled(self._pull, self.s[k])
         if self._turning:
             arm = self.x[: k + 1]
@@ -120,7 +131,7 @@ def squared_distance(one: Course, other: Course) -> Series:
         [after - before for before, after in zip(*axis, strict=True)]
         for axis in ((one.x, other.x), (one.y, other.y))
     ]
-    return [sum(product(side, side, k) for side in sides) for k in range(len(one.x))]
+    return [sum(square(side, k) for side in sides) for k in range(len(one.x))]
 
 
 class Group:
@@ -260,13 +271,13 @@ class _Contact:
             self.normal[axis].append(scaled(other[k] - one[k], self.inverse_distance))
         self.relative[0].append(b.along[k] - a.along[k])
         self.relative[1].append(b.across[k] - a.across[k])
-        balance = sum(product(one, one, k) for one in self.relative)
+        balance = sum(square(one, k) for one in self.relative)
         balance = scaled(balance, self.inverse_distance)
         nx, ny = self.normal
         for side, (course, sign) in enumerate(((a, -1), (b, 1))):
             self.along[side].append(product(nx, course.c, k) + product(ny, course.s, k))
             self.inward[side].append(product(ny, course.c, k) - product(nx, course.s, k))
-            self.square[side].append(product(course.v, course.v, k))
+            self.square[side].append(square(course.v, k))
             turned = product(self.square[side], self.inward[side], k)
             balance += sign * scaled(self.curvature[side], turned)
         return balance

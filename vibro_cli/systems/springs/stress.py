@@ -13,7 +13,7 @@ import numpy as np
 
 from vibro_cli.kernels.impact.laws import LAW_NAMES
 from vibro_cli.stress.oracles import sensitivity
-from vibro_cli.stress.oracles.motion import Series, Whole, product, real, scaled, whole
+from vibro_cli.stress.oracles.motion import Series, Whole, product, real, scaled, square, whole
 from vibro_cli.stress.oracles.scene import Body, Piece, Scene, mp
 from vibro_cli.stress.oracles.sensitivity import Neighbours, check_maps
 from vibro_cli.stress.scenes import Document, Finding, Plan, solve_any
@@ -46,7 +46,7 @@ class _Force:
             self._x.append(place[0] - self._foot)
             self._u.append(whole(1 / mp.hypot(self._height, real(self._x[0]))))
         else:
-            self._uu.append(product(self._u, self._u, k - 1))
+            self._uu.append(square(self._u, k - 1))
             self._uuu.append(product(self._uu, self._u, k - 1))
             self._xv.append(product(self._x, v, k - 1))
             self._u.append(-scaled(self._h, product(self._xv, self._uuu, k - 1)) // k)
