@@ -54,7 +54,7 @@ def test_both_ways_find_the_same_impacts(
     left, right = sorted((a, b))
     right = (max(right[0], left[0] + 0.3), right[1])
     system = two(ball(0.06, 2.0), Body("hoop", radius, 1.0, 1.0), left, right, k)
-    whole, steps = simulate_system(system, None, IMPACTS, "python"), step_by_step(system)
+    whole, steps = simulate_system(system, None, IMPACTS), step_by_step(system)
     assert whole.end_cause == steps.end_cause
     times, others = whole.collisions["t"], steps.collisions["t"]
     assert len(times) == len(others)
