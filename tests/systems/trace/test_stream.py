@@ -74,7 +74,7 @@ def assert_told_as_held(
     scenario: Any, rows: int, least: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     tables, run, count = in_stretches(scenario, rows, monkeypatch)
-    held = simulate(scenario, "python")
+    held = simulate(scenario)
     assert count >= least
     names = {table.file for table in system_named(scenario.system).tables()} - {"summary"}
     if not held.wanted.lyapunov:
@@ -143,7 +143,7 @@ def test_an_interrupted_run_is_the_beginning_of_the_whole(
     scenario = load_any(GALLERY / "three_arcs.toml")
     asked = iter([False, False, True])
     tables, run, _ = in_stretches(scenario, 8, monkeypatch, interrupted=lambda: next(asked))
-    whole = simulate(scenario, "python")
+    whole = simulate(scenario)
     assert run.end_cause == "interrupted"
     record = run.summary_record()
     count = record["collisions"]
