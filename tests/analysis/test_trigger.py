@@ -113,6 +113,12 @@ def asked_pieces(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     return asked
 
 
+def height_at(trace: Landscape, place: float) -> float:
+    """Return the height (m) of a body at a place of the path of its point of contact."""
+    piece = next(p for p in reversed(trace.trace.pieces) if p.start_s <= place)
+    return float(trace.height(piece, piece.angle_start + (place - piece.start_s) / piece.radius))
+
+
 def test_the_level_through_equal_crests_is_found_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """It was found again for each: 1,000 crests took the time of a million pieces, 7 s."""
     between = [hump(0.5, -50), valley(1.0, 50)]
@@ -154,15 +160,24 @@ def test_a_level_is_not_followed_through_a_higher_crest(monkeypatch: pytest.Monk
     asked = asked_pieces(monkeypatch)
     found = triggers(hills)
     monkeypatch.undo()
+    starts = [piece.start_s for piece in hills.trace.pieces]
+    places, energies = zip(*((one.saddle.s, one.saddle.energy) for one in found), strict=True)
     followed = 0
-    for one in found:  # on the whole trace, the level through a crest is that at its place
+    for one in found:  # the first places to both sides where the trace is as high as the crest
+        energy = one.saddle.energy
+        turning = np.array([one.turning_left, one.turning_right], dtype=float).tolist()
+        first, last = (bisect(starts, place) for place in turning)
+        followed += last - first + 1
+        assert max(energies[slice(*(bisect(places, place) for place in turning))]) == energy
+        for place in turning:
+            assert height_at(hills, place) == pytest.approx(energy / WEIGHT, rel=1e-12)
+    for one in found[::10]:  # on the whole trace, the level through a crest is that at its place
         whole = levels.speed_curves(hills, 9, one.saddle.energy)
         (curve,) = (c for c in whole if c.position[0] < one.saddle.s < c.position[-1])
         (own,) = levels.speed_curves(hills, 9, one.saddle.energy, [one.saddle.s])
         assert np.array_equal(own.position, curve.position)
         assert np.array_equal(own.rate, curve.rate)
         assert (one.turning_left, one.turning_right) == (curve.position[0], curve.position[-1])
-        followed += len(curve.position) // 9
     assert len(found) == 300
     assert len(asked) <= followed + 2 * len(found)  # beside a level only the pieces next to it
 
@@ -176,7 +191,6 @@ def test_a_level_passes_lower_crests_without_a_search(monkeypatch: pytest.Monkey
     assert len(found) == 200
     assert len(asked) <= 8 * len(found)
     monkeypatch.undo()
-    pieces, starts = hills.trace.pieces, [piece.start_s for piece in hills.trace.pieces]
     for one in found[9::38]:  # on the whole trace, the level through a crest is that at its place
         energy, s = one.saddle.energy, one.saddle.s
         whole = levels.speed_curves(hills, 9, energy)
@@ -186,10 +200,8 @@ def test_a_level_passes_lower_crests_without_a_search(monkeypatch: pytest.Monkey
         assert np.array_equal(own.rate, curve.rate)
         # Its energy is that of the crest: m g y + κ m v²/2.
         for place, speed in zip(own.position[1:-1:9], own.rate[1:-1:9], strict=True):
-            piece = pieces[bisect(starts, place) - 1]
-            angle = piece.angle_start + (place - piece.start_s) / piece.radius
             fall = 0.5 * 1.4 * speed**2 / GRAVITY
-            assert hills.height(piece, angle) + fall == pytest.approx(energy / WEIGHT, rel=1e-12)
+            assert height_at(hills, place) + fall == pytest.approx(energy / WEIGHT, rel=1e-12)
 
 
 def test_a_separatrix_among_equal_crests_runs_to_the_nearest() -> None:
