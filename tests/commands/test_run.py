@@ -20,12 +20,12 @@ import pyarrow as pa
 import pytest
 
 from tests.commands.conftest import ByHand, Outcome, Vibro
-from tests.commands.processes import call
 from tests.grids.kill import content
 from tests.storage.test_files import entries
 from tests.two_balls import SCENARIO
 from vibro_cli import api, interface, verify
 from vibro_cli.api import NotRecalled
+from vibro_cli.commands.app import run_command_line
 from vibro_cli.commands.run import Interruption
 from vibro_cli.commands.shared.error_handling import Terminated
 from vibro_cli.errors import NoLibrary
@@ -621,8 +621,8 @@ def uninterrupted(tmp_path_factory: pytest.TempPathFactory) -> dict[int, dict[st
     """The files of runs of 2 and of 3 impacts, with figures."""
     folder, found = tmp_path_factory.mktemp("uninterrupted"), {}
     for stop in (2, 3):
-        asked = ("--set", f"stop.collisions={stop}", "--figures", "motion,energy", "-o", str(stop))
-        assert call(folder, "run", str(TWO_DISKS), *asked).returncode == 0
+        asked = ("--set", f"stop.collisions={stop}", "--figures", "motion,energy", "-q")
+        assert run_command_line(["run", str(TWO_DISKS), *asked, "-o", str(folder / str(stop))]) == 0
         found[stop] = content(folder / str(stop))
     return found
 
