@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tests.highprecision.reference_solver import ArcMotion
-from vibro_cli.kernels.flow.rotating_flow import set_motion, time_of_flight
+from vibro_cli.kernels.flow.rotating_flow import flow, set_motion, time_of_flight
 from vibro_cli.kernels.numerics.elliptic import QuarticConstants
 from vibro_cli.kernels.numerics.weierstrass_motion import (
     period_of,
@@ -220,9 +220,10 @@ def test_a_slower_start_on_a_saddle_is_later_by_the_logarithm(p: float, end: flo
 
 
 @pytest.mark.parametrize("root", [-1e-8, 1e-9], ids=["over the saddle", "turning beside it"])
-def test_times_past_a_saddle_keep_their_digits(root: float) -> None:
-    """They were up to 1e-9 s off. Compared with the integral of 1/P on both sides of it."""
-    saddle = mp.findroot(torque, TILT / (1.0 - SPREAD)) / 2
+@pytest.mark.parametrize("about", [-0.3, -3.0], ids=["bottom", "top"])
+def test_times_and_places_past_a_saddle_keep_their_digits(about: float, root: float) -> None:
+    """Times were up to 1e-9 s off, places 1e-12. Compared with the integral of 1/P on both."""
+    saddle = mp.findroot(torque, about) / 2
     energy = potential(saddle) - mp.mpf(root) * abs(root)
     back = 1 if root < 0.0 else -1
     ends = [saddle - mp.mpf("0.004"), saddle + back * mp.mpf("0.0015")]
@@ -230,6 +231,7 @@ def test_times_past_a_saddle_keep_their_digits(root: float) -> None:
     flight = Flight()
     flight.tilt, flight.spread, flight.frequency = TILT, SPREAD, 1.0
     flight.saddle_root, flight.flow_p = root, float(rates[0])
+    flight.turns_over = 1 if root < 0.0 and about < -1.0 else 0
     flight.saddle_s, flight.saddle_c = float(mp.sin(saddle)), float(mp.cos(saddle))
     flight.flow_s, flight.flow_c = float(mp.sin(ends[0])), float(mp.cos(ends[0]))
     set_motion(flight)
@@ -252,5 +254,9 @@ def test_times_past_a_saddle_keep_their_digits(root: float) -> None:
         last = mp.asinh(ratio) if root < 0.0 else mp.acosh(ratio)
         return mp.quad(slowness, mp.linspace(0, last, 8), method="gauss-legendre", maxdegree=4)
 
+    whole = time(ends[0]) + time(ends[1])
     # A rounding of a place is 1e-13 s.
-    assert abs(found - (time(ends[0]) + time(ends[1]))) <= 2e-13
+    assert abs(found - whole) <= 2e-13
+    s, c, p = flow(flight, float(whole))
+    assert abs(mp.mpf(s) * mp.cos(ends[1]) - mp.mpf(c) * mp.sin(ends[1])) <= 2e-13 * abs(p)
+    assert abs(p - back * rates[1]) <= 2e-13 * abs(p)

@@ -31,9 +31,8 @@ from vibro_cli.kernels.flow.rotating_flight import (
     set_track,
     specific_potential,
 )
-from vibro_cli.kernels.flow.rotating_flow import half_way, torque
+from vibro_cli.kernels.flow.rotating_flow import half_way, squared_rate_ahead, torque
 from vibro_cli.kernels.numerics.constants import NEVER
-from vibro_cli.kernels.numerics.weierstrass_motion import squared_rate
 from vibro_cli.kernels.statistics import rotating_forces, run_statistics
 from vibro_cli.kernels.tangent import flight_jacobian, rotating_jacobian
 from vibro_cli.kernels.world import (
@@ -58,7 +57,7 @@ def project(flight: Flight, s: float, c: float, p: float) -> tuple[float, float,
     if size < LEAST_SIZE:
         return s, c, p
     sine, cosine = angle_from_start(flight, s, c)
-    defect = 0.5 * (squared_rate(flight, sine, cosine) - p * p) / size
+    defect = 0.5 * (squared_rate_ahead(flight, sine, cosine) - p * p) / size
     turn = along * defect
     return s + c * turn, c - s * turn, p + p * defect
 

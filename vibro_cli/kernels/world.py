@@ -167,6 +167,10 @@ class Flight(QuarticConstants):
     saddle_s: float  # the saddle that the energy is next to
     saddle_c: float
     saddle_root: float  # sign(V - E) sqrt|V - E| with V there; NEVER if E follows from the state
+    origin_s: float  # place from which the angles of the motion on an arc are measured
+    origin_c: float
+    nearest: float  # u of the place nearest to the saddle, where the motion starts, or 0
+    lead: float  # time, times w, from the start of the motion to that of the flight
     most_speed: float  # bound on the speed of the centre, m/s
     steepest: float  # greatest rate at which f'' falls with f on its arc (1/s^2)
     snap_bound: float  # bound on the fourth derivative of f (rad/s^4), on any trace

@@ -17,7 +17,6 @@ from vibro_cli.kernels.flow.flight import (
     LIFT_OFF,
     leaves_at_once,
     root_of_state,
-    start_from_state,
 )
 from vibro_cli.kernels.flow.flow import angle_from_start, place_from_start
 from vibro_cli.kernels.flow.rotating_flow import (
@@ -26,6 +25,7 @@ from vibro_cli.kernels.flow.rotating_flow import (
     is_saddle,
     quartic_about,
     set_motion,
+    squared_rate_ahead,
     squared_speed,
     time_of_flight,
     time_on_line,
@@ -43,7 +43,6 @@ from vibro_cli.kernels.numerics.conservative_advancement import (
 )
 from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.numerics.elliptic import angle_difference, sine_cosine, twice_angle
-from vibro_cli.kernels.numerics.weierstrass_motion import squared_rate
 from vibro_cli.kernels.world import (
     BodyData,
     Flight,
@@ -120,7 +119,7 @@ def first_negative(flight: Flight, h: Harmonics, to_left: float, to_right: float
             return 0.0
         if angle >= 0.0:
             sine, cosine = sine_cosine(0.5 * side * angle)
-            p = side * math.sqrt(max(squared_rate(flight, sine, cosine), 0.0))
+            p = side * math.sqrt(max(squared_rate_ahead(flight, sine, cosine), 0.0))
             s, c = place_from_start(flight, sine, cosine)
             return time_of_flight(flight, s, c, p)
         if flight.exit_side * side > 0.0:
@@ -345,31 +344,17 @@ def _choose_exit(flight: Flight, track: TrackData) -> None:
 
 @kernel
 def _leave(flight: Flight, side: int, s: float, c: float, squared: float) -> None:
+    p = side * math.sqrt(squared)
     if is_saddle(flight, s, c):
         p = -side * flight.saddle_root
-        after = _time_from_saddle(flight, s, c, -p)
-    else:
-        p = side * math.sqrt(squared)
-        after = time_of_flight(flight, s, c, p)
+        if not is_saddle(flight, flight.flow_s, flight.flow_c):
+            # Only there does a slow rate keep its digits.
+            s, c = flight.saddle_s, flight.saddle_c
+    after = time_of_flight(flight, s, c, p)
     if after < NEVER:
         flight.exit_side = side
         flight.exit_p = p
         flight.exit_after = after
-
-
-@kernel
-def _time_from_saddle(flight: Flight, s: float, c: float, p: float) -> float:
-    """Return the time (s) from a saddle back to the start, which is that from the start to it.
-
-    Only a motion that starts at the saddle has all digits of a slow rate there.
-    """
-    start_s, start_c, start_p = flight.flow_s, flight.flow_c, flight.flow_p
-    flight.flow_s, flight.flow_c, flight.flow_p = s, c, p
-    set_motion(flight)
-    after = time_of_flight(flight, start_s, start_c, -start_p)
-    start_from_state(flight)
-    set_motion(flight)
-    return after
 
 
 @kernel
@@ -391,7 +376,7 @@ def _rate_at_end(flight: Flight, track: TrackData, side: float, s: float, c: flo
                 if is_saddle(flight, crest_s, crest_c):
                     if flight.saddle_root >= 0.0:
                         return -1.0
-                elif squared_rate(flight, sine, cosine) <= 0.0:
+                elif squared_rate_ahead(flight, sine, cosine) <= 0.0:
                     return -1.0
     if is_saddle(flight, s, c):
         return -flight.saddle_root
@@ -401,7 +386,7 @@ def _rate_at_end(flight: Flight, track: TrackData, side: float, s: float, c: flo
         fall = fall_from_saddle(track, flight.saddle_s, flight.saddle_c, s, c)
         return fall - flight.saddle_root * abs(flight.saddle_root)
     sine, cosine = angle_from_start(flight, s, c)
-    return squared_rate(flight, sine, cosine)
+    return squared_rate_ahead(flight, sine, cosine)
 
 
 @kernel

@@ -24,9 +24,13 @@ from vibro_cli.kernels.flow.flow import (
 )
 from vibro_cli.kernels.numerics.conservative_advancement import safe_step_second_order
 from vibro_cli.kernels.numerics.constants import NEVER
-from vibro_cli.kernels.numerics.elliptic import angle_difference, sine_cosine, twice_angle
+from vibro_cli.kernels.numerics.elliptic import (
+    angle_difference,
+    angle_sum,
+    sine_cosine,
+    twice_angle,
+)
 from vibro_cli.kernels.numerics.weierstrass_motion import (
-    is_beside_close_roots,
     period_of,
     quartic_motion,
     refer_to_saddle,
@@ -65,7 +69,53 @@ def stiffness(tilt: float, spread: float, s: float, c: float) -> float:
 
 @kernel
 def set_motion(flight: Flight) -> None:
-    """Set the constants of the motion on an arc from its start; ``turns_over`` must be set."""
+    """Set the constants of the motion on an arc; ``turns_over`` must be set.
+
+    Its angles and times count from the start of the flight, but those of a motion that passes
+    beside its saddle from the saddle and from the place nearest to it.
+    """
+    flight.origin_s = flight.flow_s
+    flight.origin_c = flight.flow_c
+    flight.nearest = 0.0
+    flight.lead = 0.0
+    if passes_saddle(flight):
+        _set_from_nearest(flight)
+    else:
+        _set_from_start(flight)
+
+
+@kernel
+def passes_saddle(flight: Flight) -> bool:
+    """Return whether a motion passes its saddle, or turns beside it, later than it starts.
+
+    On the separatrix it never does.
+    """
+    if flight.saddle_root == NEVER or flight.saddle_root == 0.0 or flight.flow_p == 0.0:
+        return False
+    return not is_saddle(flight, flight.flow_s, flight.flow_c)
+
+
+@kernel
+def _set_from_nearest(flight: Flight) -> None:
+    """Set the motion from where it is nearest to its saddle.
+
+    How long it stays there depends on that place, which relative to the start is lost in rounding.
+    """
+    s, c = flight.saddle_s, flight.saddle_c
+    a0, a1, a2, _ = quartic_about(flight.tilt, flight.spread, flight.twist, s, c, 0.0)
+    sine, cosine = angle_difference(flight.flow_s, flight.flow_c, s, c)
+    side = math.copysign(1.0, flight.flow_p if flight.saddle_root < 0.0 else sine * cosine)
+    flight.nearest = start_beside_saddle(flight, a0, a1, a2, flight.saddle_root, side)
+    flight.origin_s, flight.origin_c = s, c
+    flight.lead = _time_from_nearest(flight, flight.flow_s, flight.flow_c, flight.flow_p)
+    s, c, _ = state_of_motion(flight, 0.0)
+    if s * flight.flow_s + c * flight.flow_c < 0.0:
+        # Both signs of (S, C) are the same place; they change after a lap.
+        flight.origin_s, flight.origin_c = -flight.origin_s, -flight.origin_c
+
+
+@kernel
+def _set_from_start(flight: Flight) -> None:
     p = flight.flow_p
     tilt, spread, twist = flight.tilt, flight.spread, flight.twist
     a0, a1, a2, a3 = quartic_about(tilt, spread, twist, flight.flow_s, flight.flow_c, p * p)
@@ -112,11 +162,40 @@ def flow(flight: Flight, t: float) -> tuple[float, float, float]:
         return flight.flow_s + way, flight.flow_c, speed
     if flight.form == POLYNOMIAL:
         return polynomial_flow(flight, t)
-    sine, cosine, rate = quartic_motion(flight, flight.frequency * t)
-    s, c = place_from_start(flight, sine, cosine)
+    s, c, rate = state_of_motion(flight, flight.frequency * t)
     if flight.grouped == 1:
         return body_of_group(flight, s, c, rate)
     return s, c, rate
+
+
+@kernel
+def state_of_motion(flight: Flight, t: float) -> tuple[float, float, float]:
+    """Return ``(S, C, P)`` on an arc a time ``t``, times w, after the start of the flight."""
+    sine, cosine, rate = quartic_motion(flight, flight.lead + t)
+    if flight.nearest != 0.0:
+        # The tangents differ, not the angles.
+        sine += flight.nearest * cosine
+        size = 1.0 / (sine * sine + cosine * cosine)
+        root = math.sqrt(size)
+        sine, cosine, rate = sine * root, cosine * root, rate * size
+    s, c = angle_sum(flight.origin_s, flight.origin_c, sine, cosine)
+    return s, c, rate
+
+
+@kernel
+def _from_origin(flight: Flight, s: float, c: float) -> tuple[float, float]:
+    """Return two numbers whose quotient is the tangent u of a motion at a position."""
+    sine, cosine = angle_difference(s, c, flight.origin_s, flight.origin_c)
+    return sine - flight.nearest * cosine, cosine
+
+
+@kernel
+def squared_rate_ahead(flight: Flight, sine: float, cosine: float) -> float:
+    """Return ``P^2`` at half an angle from the start of a flight on an arc."""
+    if passes_saddle(flight):
+        s, c = place_from_start(flight, sine, cosine)
+        sine, cosine = _from_origin(flight, s, c)
+    return squared_rate(flight, sine, cosine)
 
 
 @kernel
@@ -138,7 +217,12 @@ def displacement(flight: Flight, t: float) -> tuple[float, float]:
     if flight.form == TURNING_LINE:
         way, _ = _on_line(flight, t)
         return way, 1.0
+    if passes_saddle(flight):
+        # From the place nearest to the saddle a short way is a difference.
+        _set_from_start(flight)
     sine, cosine, _ = quartic_motion(flight, flight.frequency * t)
+    if passes_saddle(flight):
+        _set_from_nearest(flight)
     return sine, cosine
 
 
@@ -245,11 +329,9 @@ def time_of_flight(flight: Flight, s: float, c: float, p: float) -> float:
     if flight.turns_over == 1 and cosine < 0.0 and abs(sine) <= WHOLE_TURN:
         # The position from which it starts, a whole turn ahead.
         return period_of(flight) / flight.frequency
-    # On the separatrix it never passes, and from the saddle itself no digits are lost.
-    passes = flight.saddle_root < NEVER and flight.saddle_root != 0.0 and flight.flow_p != 0.0
-    passes = passes and not is_saddle(flight, flight.flow_s, flight.flow_c)
-    if passes and is_beside_close_roots(flight, sine, cosine, p):
-        return _time_past_saddle(flight, s, c, p)
+    if passes_saddle(flight):
+        after = _time_from_nearest(flight, s, c, p) - flight.lead
+        return (after if after >= 0.0 else after + period_of(flight)) / flight.frequency
     return _time_to_angle(flight, sine, cosine, p)
 
 
@@ -262,38 +344,19 @@ def is_saddle(flight: Flight, s: float, c: float) -> bool:
 
 
 @kernel
-def _time_past_saddle(flight: Flight, s: float, c: float, p: float) -> float:
-    """Return :func:`time_of_flight` past the place where the motion is nearest to its saddle.
+def _time_from_nearest(flight: Flight, s: float, c: float, p: float) -> float:
+    """Return the time, times w, to a state from the place nearest to the saddle.
 
-    Both times from that place keep all digits, which z at one end relative to the other loses.
+    It is negative within half a period before.
     """
-    a0, a1, a2, _ = quartic_about(
-        flight.tilt, flight.spread, flight.twist, flight.saddle_s, flight.saddle_c, 0.0
-    )
-    sine, cosine = angle_difference(flight.flow_s, flight.flow_c, flight.saddle_s, flight.saddle_c)
-    side = flight.flow_p if flight.saddle_root < 0.0 else sine * cosine
-    nearest = start_beside_saddle(flight, a0, a1, a2, flight.saddle_root, math.copysign(1.0, side))
-    before = _time_from_nearest(flight, nearest, flight.flow_s, flight.flow_c, flight.flow_p)
-    after = _time_from_nearest(flight, nearest, s, c, p) - before
-    if after < 0.0:
-        after += period_of(flight)
-    set_motion(flight)
-    return after / flight.frequency
-
-
-@kernel
-def _time_from_nearest(flight: Flight, nearest: float, s: float, c: float, p: float) -> float:
-    """Return the time, times w, to a state from ``start_beside_saddle``'s place ``nearest``."""
-    sine, cosine = angle_difference(s, c, flight.saddle_s, flight.saddle_c)
-    # The tangent is measured from that place, not the angle.
-    sine -= nearest * cosine
-    if nearest != 0.0 and sine * cosine * nearest <= 0.0:
+    sine, cosine = _from_origin(flight, s, c)
+    if flight.nearest != 0.0 and sine * cosine * flight.nearest <= 0.0:
         return 0.0  # it turns there, up to rounding
     if sine == 0.0 and p * flight.start_rate >= 0.0:
         return 0.0  # it is there
-    size = 1.0 / (sine * sine + cosine * cosine)
-    root = math.sqrt(size)
-    return time_to_place(flight, sine * root, cosine * root, p * size)
+    after = time_to_place(flight, sine, cosine, p)
+    whole = period_of(flight)
+    return after if after <= 0.5 * whole else after - whole
 
 
 @kernel
@@ -334,6 +397,8 @@ def half_way(flight: Flight, side: float) -> float:
     bound = 2.0 * (1.0 + abs(flight.tilt) + abs(flight.spread) + 2.0 * abs(flight.twist))
     square = flight.flow_p * flight.flow_p
     slope = 4.0 * flight.quartic_3 * side
+    if passes_saddle(flight):
+        slope = torque_of(flight, flight.flow_s, flight.flow_c) * side
     if square == 0.0:
         if slope <= 0.0:
             return 0.0
@@ -351,7 +416,7 @@ def half_way(flight: Flight, side: float) -> float:
                     return half + max(before - flight.saddle_root / rise, 0.0)
                 half += 2.0 * ON_SADDLE
         s, c = sine_cosine(half)
-        square = squared_rate(flight, s * side, c)
+        square = squared_rate_ahead(flight, s * side, c)
         s, c = place_from_start(flight, s * side, c)
         # The derivative of P^2 with respect to half the angle.
         slope = torque_of(flight, s, c) * side

@@ -143,19 +143,6 @@ def start_beside_saddle(
 
 
 @kernel
-def is_beside_close_roots(motion: QuarticConstants, s: float, c: float, rate: float) -> bool:
-    """Return whether z is so close to two close roots at a position that it loses their distance.
-
-    That is so if the motion passes slowly beside a saddle between its start and the position.
-    """
-    z, _ = _place_on_curve(motion, s, c, rate)
-    distance = z - motion.root
-    if motion.lattice == RHOMBIC:
-        distance += motion.second
-    return distance < motion.rate_scale * motion.rate_scale
-
-
-@kernel
 def _isolated_root(p2: float, p1: float, p0: float) -> float:
     """Return the real root of ``z^3 + p2 z^2 + p1 z + p0`` furthest from the other two."""
     shift = p2 / 3.0

@@ -35,6 +35,7 @@ from vibro_cli.kernels.flow.rotating_flow import (
     TURNING_LINE,
     half_range,
     sides_turned,
+    squared_rate_ahead,
     time_on_line,
     time_to_turn,
     turn_on_line,
@@ -58,7 +59,7 @@ from vibro_cli.kernels.numerics.elliptic import (
     sine_cosine,
     twice_angle,
 )
-from vibro_cli.kernels.numerics.weierstrass_motion import period_of, squared_rate
+from vibro_cli.kernels.numerics.weierstrass_motion import period_of
 from vibro_cli.kernels.statistics.run_statistics import Outcome, friction_demand
 from vibro_cli.kernels.world import (
     BodyData,
@@ -230,7 +231,7 @@ def _add_on_arc(
         if harmonic_value(beside, sine, cosine) <= 0.0:
             continue
         sine, cosine = sine_cosine(0.5 * angle)
-        square = squared_rate(flight, sine, cosine)
+        square = squared_rate_ahead(flight, sine, cosine)
         p = math.copysign(math.sqrt(max(square, 0.0)), falls)
         if square > 0.0 and (flight.turns_over == 0 or p * flight.flow_p > 0.0):
             s, c = place_from_start(flight, sine, cosine)
@@ -307,7 +308,7 @@ def _least_on_arc(world: World, row: FlightRow, flight: Flight, low: float, high
             half = math.atan2(sine, cosine)
         if low <= half <= high:
             s, c = sine_cosine(half)
-            rate = squared_rate(flight, s, c)
+            rate = squared_rate_ahead(flight, s, c)
             s, c = angle_sum(row.s, row.c, s, c)
             least = min(least, sign * arc_share(track, kappa, s, c, rate))
     return least

@@ -23,10 +23,9 @@ from __future__ import annotations
 import math
 
 from vibro_cli.compile.kernel import FloatMatrix, kernel
-from vibro_cli.kernels.flow.flow import POLYNOMIAL, place_from_start
-from vibro_cli.kernels.flow.rotating_flow import TURNING_LINE
+from vibro_cli.kernels.flow.flow import POLYNOMIAL
+from vibro_cli.kernels.flow.rotating_flow import TURNING_LINE, state_of_motion
 from vibro_cli.kernels.numerics.elliptic import twice_angle
-from vibro_cli.kernels.numerics.weierstrass_motion import quartic_motion
 from vibro_cli.kernels.tangent.frame import TERMS
 from vibro_cli.kernels.world import Flight
 
@@ -115,8 +114,7 @@ def _quartic_from(
     c = flight.flow_c
     p = 0.0
     if flight.at_rest == 0:
-        sine, cosine, p = quartic_motion(flight, t)
-        s, c = place_from_start(flight, sine, cosine)
+        s, c, p = state_of_motion(flight, t)
     sine, cosine = twice_angle(s, c)
     double_sine = sine * cosine
     double_cosine = 0.5 * (cosine - sine) * (cosine + sine)
