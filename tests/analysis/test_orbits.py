@@ -684,6 +684,10 @@ def test_an_orbit_of_two_impacts_of_a_body_at_one_instant_has_no_multipliers() -
     with pytest.raises(NoOrbit, match="has no multipliers: found an impact without"):
         orbit(scenario, impacts=2)
     period = 2.0 * simulate(scenario).collisions["t"][0]  # all begin at rest, at the same distance
+    system = build_system(scenario)
+    found = newton(system, state_of(system), period)
+    with pytest.raises(NoOrbit, match="has no multipliers: found an impact without"):
+        orbit_family(scenario, found, "balls[2].mass", 1.9, 2.1)
     gaps = []
     for beside in (0.0, 1e-8, -1e-8):
         moved = {"balls[1].angle": beside - 0.9, "stop": {"time": period}}

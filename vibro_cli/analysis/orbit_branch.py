@@ -260,16 +260,16 @@ class Family:
                 if _share_left(here, new) < _NEARING[0]:
                     return [*points, self._halved(here, new)], "halving"
                 turned = self._tangent(new, tangent)
+                if across is not tangent:
+                    return [*points, *([new] if new.value != here.value else [])], "bound"
+                bound = min(max(new.value, self._low), self._high)
+                if bound != new.value:
+                    return [*points, self._at_value(here, new, bound)], "bound"
             except NoOrbit as error:
                 step *= 0.5
                 if step < LEAST_STEP:
                     return points, self._ending(here, tangent, size, str(error))
                 continue
-            if across is not tangent:
-                return [*points, *([new] if new.value != here.value else [])], "bound"
-            bound = min(max(new.value, self._low), self._high)
-            if bound != new.value:
-                return [*points, self._at_value(here, new, bound)], "bound"
             excess = self._excess(here, new, tangent, turned)
             # If a phase is free at the first value only, the first step must leave this value.
             leaves = not points and abs(tangent[-1]) == 1.0
@@ -329,7 +329,8 @@ class Family:
     def _accepted(self, value: float, orbit: Orbit) -> Point:
         """Return the point of an orbit, begun midway between two events.
 
-        Raises `NoOrbit` if it has other events than the family, or repeats within its period.
+        Raises `NoOrbit` if it has other events than the family, has no multipliers, or repeats
+        within its period.
         """
         found = begun_between(orbit)
         if found.shot.jumps != self._jumps:

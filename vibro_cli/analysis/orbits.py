@@ -405,8 +405,13 @@ def begun_between(orbit: Orbit, longest: bool = False) -> Orbit:
     they are not between two bodies' crossings of the seam of a closed trace. Of several of equal
     length it is the one with the first of the following events by name, then by time.
 
-    Raises `NoOrbit` if the motion from the new start has other events.
+    Raises `NoOrbit` if the orbit has no multipliers, or the motion from the new start other events.
     """
+    if not orbit.shot.smooth:
+        raise NoOrbit(
+            "the orbit next to this start has no multipliers: found an impact without a derivative "
+            f"among {' '.join(orbit.shot.word)}, as where a body collides twice at one instant"
+        )
     times, period = orbit.shot.instants, orbit.period
     middles = [0.5 * (times[0] + times[-1] - period)]
     if longest:
@@ -640,10 +645,5 @@ def find_orbit(
     if orbit.shot.approach < slow:
         raise NoOrbit(
             "the orbit next to this start has an impact, with a body or a wall, of no speed"
-        )
-    if not orbit.shot.smooth:
-        raise NoOrbit(
-            "the orbit next to this start has no multipliers: found an impact without a derivative "
-            f"among {' '.join(orbit.shot.word)}, as where a body collides twice at one instant"
         )
     return begun_between(orbit, longest=True)
