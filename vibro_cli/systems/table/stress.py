@@ -340,8 +340,13 @@ def _gas(plan: Plan) -> list[Finding]:
     return [drift, gap]
 
 
-_RECTANGLE = {"shape": "rectangle", "width": 2.4, "depth": 2.0}
 _NOTCHED = [[-1.2, -1.0], [1.2, -1.0], [1.2, 1.1], [0.2, 1.0], [0.0, 0.6], [-0.2, 1.0], [-1.2, 1.0]]
+_WALLS: list[Document] = [
+    {"shape": "circle", "radius": 1.1},
+    {"shape": "rectangle", "width": 2.4, "depth": 2.0},
+    {"shape": "polygon", "corners": _NOTCHED},
+]
+"""Walls of every shape but the ellipse, which is drawn."""
 
 
 def drawn(rng: Generator) -> Document:
@@ -353,13 +358,10 @@ def drawn(rng: Generator) -> Document:
         ball = _ball(rng, radius)
         place = {"x": 0.45 * math.cos(turn), "y": 0.35 * math.sin(turn)}
         balls.append(ball | place | {"mass": float(rng.uniform(0.5, 3.0))})
-    shape = str(rng.choice(["ellipse", "circle", "rectangle", "polygon"]))
-    walls: dict[str, Document] = {
-        "ellipse": _ellipse(rng), "circle": {"shape": "circle", "radius": 1.1},
-        "rectangle": _RECTANGLE, "polygon": {"shape": "polygon", "corners": _NOTCHED},
-    }  # fmt: skip
+    shape = int(rng.integers(1 + len(_WALLS)))
+    form = [_ellipse(rng), *_WALLS][shape]
     restitution = [float(rng.choice([1.0, rng.uniform(0.2, 1.0)])) for _ in range(2)]
-    wall = walls[shape] | {"k": restitution[0]}
+    wall = form | {"k": restitution[0]}
     law = str(rng.choice(LAW_NAMES))
     collision = {"k": restitution[1], "law": law, "inadmissible": "normal-impulse"}
     document: Document = {"system": "table", "balls": balls, "wall": wall, "collision": collision}
