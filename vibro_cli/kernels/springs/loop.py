@@ -134,7 +134,7 @@ def _common(world: World, first: int, count: int, k: int) -> float:
     return force / mass_of_group(world, first, count)
 
 
-# A run ends after this many steps without an event.
+# A run ends after this many steps without an impact.
 MOST_STEPS = 20_000_000
 
 
