@@ -69,7 +69,7 @@ def reason_to_build(folder: Path) -> str:
 
 def _make(why: str) -> None:
     """Build the library in a separate process, which imports only what the build needs."""
-    print(f"vibro: compiling the kernels, which {why}; this takes a few seconds", file=sys.stderr)
+    print(f"vibro: compiling the kernels, which {why}; this takes up to a minute", file=sys.stderr)
     # -P: the working folder may hold another package of this name.
     command = [sys.executable, "-P", "-m", _MODULE, IF_CHANGED]
     environment = {**os.environ, "PYTHONPATH": str(FOLDER.parents[2])}
