@@ -99,6 +99,7 @@ _RC: Any = {  # the stubs want each key as a literal
     "xtick.labelsize": SMALL,
     "ytick.labelsize": SMALL,
     "legend.fontsize": SMALL,
+    "axes.titley": 1.0,  # otherwise matplotlib measures all labels to find the place of a title
     "axes.linewidth": 0.5,
     "axes.edgecolor": FRAME_GREY,
     "axes.labelpad": 2.0,
@@ -180,7 +181,8 @@ def render(figure: Figure, form: str, dpi: float = DPI) -> bytes:
 
 def has_rasters(figure: Figure) -> bool:
     """Return whether parts of a figure are rasterised in vector files."""
-    return bool(figure.findobj(lambda artist: bool(artist.get_rasterized())))
+    # They lie directly in their panels; deeper down a search would make ticks for every axis.
+    return any(artist.get_rasterized() for axes in figure.axes for artist in axes.get_children())
 
 
 def render_pages(figures: Iterable[Figure]) -> bytes:
