@@ -79,10 +79,10 @@ class Sheet:
         return self.figure.add_axes(box)
 
     def blank(self, left: float, bottom: float, wide: float, high: float) -> Axes:
-        """Return a new panel without ticks."""
+        """Return a new panel without ticks and their numbers."""
         axes = self.panel(left, bottom, wide, high)
-        axes.set_xticks([])
-        axes.set_yticks([])
+        axes.xaxis.set_visible(False)
+        axes.yaxis.set_visible(False)
         return axes
 
     def write(self, left: float, bottom: float, text: str, **look: Any) -> None:

@@ -354,7 +354,7 @@ def plan(run: Recorded, width: str = "single") -> Figure | None:
             axes.plot(surface[:, 0], surface[:, 1], zorder=2.0, **_PLAN_SURFACE)
             draw_ends(axes, run.system, 2.5 / scale)
             _draw_discs(axes, one, np.maximum(radii, 0.45 / scale))
-            axes.set_title(one.title, pad=1.5, **SMALL_TEXT)
+            axes.set_title(one.title, pad=1.75, **SMALL_TEXT)
         _draw_bar(sheet, float(high[0] - low[0]), scale)
         if len(radii) > 1:
             named = body_entries(run, MOST_COLOURS)
