@@ -28,8 +28,8 @@ Result = TypeVar("Result")
 Job = tuple[int, tuple[Any, ...]]
 """The place of a run among several (from 0), and further arguments of the drawing function."""
 
-_LEAST = 20
-"""Least number of jobs per process, which starts in the time of about ten."""
+_LEAST = 5
+"""Least number of jobs per process, which starts in the time of about three."""
 _MOST = 8
 """Greatest number of processes: each takes some 200 MB."""
 _MOST_IMPACTS = 1_000_000
