@@ -98,7 +98,7 @@ DRAWING = "matplotlib.figure, matplotlib.backends.backend_agg, matplotlib.backen
 def test_the_main_job_is_quick(tmp_path: Path, options: tuple[str, ...], libraries: str) -> None:
     """It takes little more than loading the libraries, on a busy machine too."""
     run = [*VIBRO, "run", str(THREE_ARCS), *options, "-q", "-o", str(tmp_path / "run")]
-    assert ratio(run, [sys.executable, "-c", f"import {libraries}"], times=2) <= 3.5
+    assert ratio(run, [sys.executable, "-c", f"import {libraries}"], times=4) <= 3.5
 
 
 def test_a_run_does_not_load_what_it_does_not_need(tmp_path: Path) -> None:
