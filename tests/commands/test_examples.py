@@ -3,7 +3,7 @@
 import re
 import shlex
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,8 @@ pytestmark = pytest.mark.long
 
 GALLERY = Path(__file__).parents[2] / "scenarios"
 COMMANDS: Any = typer.main.get_group(application()).commands
+REDIRECTED = re.compile(r"[|<>;&$*?~]")
+"""What a shell may have to interpret."""
 OPTION = re.compile(r"e\.g\. (--[\w-]+ \S+?)[.,;)]?(?:\s|$)")
 
 
@@ -29,11 +31,33 @@ def test_every_command_has_examples_in_its_help(vibro: Vibro) -> None:
         assert all(shlex.split(line)[:2] == ["vibro", command] for line in lines)
 
 
-def test_the_examples_run_one_after_the_other(tmp_path: Path) -> None:
+@pytest.fixture
+def done(
+    vibro: Vibro, monkeypatch: pytest.MonkeyPatch, undrawn: None
+) -> Callable[[Path, str], None]:
+    """Run a command line in a folder: in this process, unless it needs a shell."""
+    monkeypatch.setenv("VIBRO_FIGURES", "0")
+
+    def run(folder: Path, line: str) -> None:
+        if REDIRECTED.search(line):
+            outcome = processes.in_shell(folder, line)
+            assert outcome.returncode == 0, (line, outcome.stderr)
+        else:
+            monkeypatch.chdir(folder)
+            program, *arguments = shlex.split(line, comments=True)
+            assert program == "vibro"
+            told = vibro(*arguments)
+            assert told.code == 0, (line, told.err)
+
+    return run
+
+
+def test_the_examples_run_one_after_the_other(
+    tmp_path: Path, done: Callable[[Path, str], None]
+) -> None:
     for lines in EXAMPLES.values():
         for line in lines:
-            outcome = processes.in_shell(tmp_path, line)
-            assert outcome.returncode == 0, (line, outcome.stderr)
+            done(tmp_path, line)
     assert (tmp_path / "impacts.csv").read_bytes().startswith(b'"n","t",')
     assert (tmp_path / "outputs/elastic/summary.json").exists()
 
@@ -58,7 +82,9 @@ def test_every_example_of_an_option_is_found() -> None:
 
 
 @pytest.mark.parametrize(("command", "example"), list(option_examples()))
-def test_an_example_of_an_option_runs(command: str, example: str, tmp_path: Path) -> None:
+def test_an_example_of_an_option_runs(
+    command: str, example: str, tmp_path: Path, done: Callable[[Path, str], None]
+) -> None:
     shutil.copytree(GALLERY, tmp_path / "gallery")
     file = "gallery/three_arcs.toml"
     if command == "grid":
@@ -67,8 +93,7 @@ def test_an_example_of_an_option_runs(command: str, example: str, tmp_path: Path
     if command == "orbit":
         file = "gallery/falling_balls.toml"
         example += " --impacts 1"
-    outcome = processes.call(tmp_path, command, file, *shlex.split(example))
-    assert outcome.returncode == 0, outcome.stderr
+    done(tmp_path, f"vibro {command} {file} {example}")
 
 
 def gallery_examples() -> Iterator[Any]:
@@ -81,10 +106,9 @@ def gallery_examples() -> Iterator[Any]:
 
 @pytest.mark.parametrize(("path", "lines"), list(gallery_examples()))
 def test_the_commands_of_the_gallery_run_one_after_the_other(
-    path: Path, lines: list[str], tmp_path: Path
+    path: Path, lines: list[str], tmp_path: Path, done: Callable[[Path, str], None]
 ) -> None:
     folder = tmp_path / "gallery"
     shutil.copytree(GALLERY, folder)
     for line in lines:
-        outcome = processes.in_shell(folder / path.parent.relative_to(GALLERY), line)
-        assert outcome.returncode == 0, (line, outcome.stderr)
+        done(folder / path.parent.relative_to(GALLERY), line)
