@@ -345,6 +345,20 @@ def test_a_sample_is_shown_point_by_point(made: Any) -> None:
     np.testing.assert_array_equal(places[:, 1], SAMPLE["collision.k"])
 
 
+@pytest.mark.parametrize("width", WIDTHS)
+def test_two_axes_of_angles_have_numbers_of_one_kind(made: Any, width: str) -> None:
+    """One of them is too short for parts of π."""
+    wide, short = np.linspace(-1.5, 1.5, 7).tolist(), np.linspace(0.5, 0.6, 5).tolist()
+    grid = made(product({"balls[1].angle": wide, "balls[2].angle": short}))
+    grid.units["balls[2].angle"] = "rad"
+    figure = ending_map(grid, width)
+    assert figure is not None
+    panel = figure.axes[0]
+    labels = [*panel.get_xticklabels(), *panel.get_yticklabels()]
+    assert not any("π" in label.get_text() for label in labels)
+    assert_texts_are_apart(figure)
+
+
 def test_words_stand_beside_one_another(made: Any) -> None:
     figure = ending_map(made(WORDS))
     assert figure is not None

@@ -100,6 +100,8 @@ class Coordinate:
     """Label of the axis; if empty, the path in words."""
     logarithmic: bool = False
     """Whether the axis of the figure is logarithmic; all numbers then have the same sign."""
+    decimal: bool = False
+    """Whether angles are labelled by decimal numbers even where parts of π would do."""
 
     @cached_property
     def different(self) -> Array:
@@ -129,6 +131,12 @@ class Coordinate:
         first, last = 2.0 * places[0] - middles[0], 2.0 * places[-1] - middles[-1]
         return np.concatenate([[first], middles, [last]])
 
+    @property
+    def limits(self) -> tuple[float, float]:
+        """The outer edges of the first and the last cell."""
+        edges = self.edges()
+        return float(edges[0]), float(edges[-1])
+
     def ticks(self, low: float, high: float, length: float, vertical: bool) -> Ticks:
         """Return the ticks of an axis of a given length (mm)."""
         if self.words:
@@ -136,7 +144,7 @@ class Coordinate:
         if self.logarithmic:
             return log_ticks(low, high, length, vertical)
         numbers = (vertical_ticks if vertical else number_ticks)(low, high, length)
-        if self.unit != "rad":
+        if self.unit != "rad" or self.decimal:
             return numbers
         parts = angle_ticks(low, high, length, vertical)
         return parts if len(parts.places) >= LEAST else numbers
@@ -257,10 +265,7 @@ def set_axis(
 
     The default limits are those of the cells around the places.
     """
-    if limits is None:
-        edges = one.edges()
-        limits = float(edges[0]), float(edges[-1])
-    low, high = limits
+    low, high = one.limits if limits is None else limits
     vertical = isinstance(axis, YAxis)
     (axis.axes.set_ylim if vertical else axis.axes.set_xlim)(low, high)
     if one.logarithmic:
@@ -435,9 +440,17 @@ def _panel(shown: ParameterMap, width: str, legend: float, right: float) -> tupl
     """Return a figure with one labelled panel, and `right` mm of free room beside it."""
     wide, high = width_of(width), _HIGH[width]
     across, along = shown.coordinates
-    edges = along.edges()
-    ticks = along.ticks(float(edges[0]), float(edges[-1]), high, vertical=True)
-    left = _LABEL + max(map(text_width, ticks.labels), default=0.0)
+
+    def ticks() -> tuple[float, Ticks, Ticks]:
+        beside = along.ticks(*along.limits, high, vertical=True)
+        left = _LABEL + max(map(text_width, beside.labels), default=0.0)
+        return left, beside, across.ticks(*across.limits, wide - left - right, vertical=False)
+
+    left, *both = ticks()
+    in_parts = [any("π" in label for label in found.labels) for found in both]
+    if across.unit == along.unit and any(in_parts) and not all(in_parts):
+        across, along = replace(across, decimal=True), replace(along, decimal=True)
+        left, *_ = ticks()
     total = _TOP + legend + high + _BOTTOM
     sheet = Sheet(wide, total)
     axes = sheet.panel(left, _BOTTOM, wide - left - right, high)
