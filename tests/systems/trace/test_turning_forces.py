@@ -293,7 +293,7 @@ def integrated(monkeypatch: pytest.MonkeyPatch) -> Any:
 
     def solved(scene: dict[str, Any]) -> Run:
         monkeypatch.setattr(SYSTEM, "overrides", lambda _: variant)
-        return run(scene)
+        return run(scene, "python")
 
     return solved
 
@@ -312,7 +312,7 @@ def integrated(monkeypatch: pytest.MonkeyPatch) -> Any:
     ],
 )
 def test_groups_in_closed_form_are_those_integrated(scene: dict[str, Any], integrated: Any) -> None:
-    closed, other = run(scene), integrated(scene)
+    closed, other = run(scene, "python"), integrated(scene)
     one, two = closed.summary_record(), other.summary_record()
     assert one["contacts"] >= 1
     for name in ("end_cause", "collisions", "arc_1", "arc_2"):
@@ -353,5 +353,5 @@ def test_normal_forces_of_a_group_are_those_of_its_bodies(monkeypatch: pytest.Mo
     monkeypatch.setattr(SYSTEM, "overrides", lambda _: variant)
     scene = up_a_loop(0.7, 2.0)
     scene["balls"].append(scene["balls"][1] | {"density": 3000})
-    run(scene)
+    run(scene, "python")
     assert len(COMPARED) >= 3
