@@ -327,6 +327,7 @@ def test_sample_is_a_table_of_the_motion(run: Run) -> None:
         run.sample([13.0])
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize("name", SYSTEMS)
 def test_a_run_that_is_saved_and_opened_is_the_same(tmp_path: Path, name: str) -> None:
     made = simulate(example(name))
@@ -384,12 +385,15 @@ def test_a_continued_run_is_that_of_one_without_a_break(tmp_path: Path, run: Run
         run.continued({"stop.time": 5})
 
 
-def test_figures(tmp_path: Path, run: Run) -> None:
+def test_figures(tmp_path: Path, run: Run, request: pytest.FixtureRequest) -> None:
     assert run.kinds[:2] == ("scene", "portrait")
     drawn = run.figure("portrait", body=2, width="single")
     assert drawn.name == "portrait_2"
     assert drawn._repr_png_().startswith(b"\x89PNG")
     assert drawn.save(tmp_path / "portrait.v1.pdf").read_bytes().startswith(b"%PDF")
+    with pytest.raises(ValueError, match="unknown figure format"):
+        drawn.save(tmp_path / "portrait.bmp")
+    request.getfixturevalue("undrawn")  # of all the others only the names are looked at
     kinds = [kind for kind in run.kinds if kind != "exponents"]
     files = {path.stem for path in run.save(tmp_path / "all", figures=kinds).iterdir()}
     assert {run.figure(kind, body=2).name for kind in kinds} <= files
@@ -397,8 +401,6 @@ def test_figures(tmp_path: Path, run: Run) -> None:
         run.figure("portrat")
     with pytest.raises(ValueError, match="body: found 3, expected a whole number from 1 to 2"):
         run.figure(body=3)
-    with pytest.raises(ValueError, match="unknown figure format"):
-        drawn.save(tmp_path / "portrait.bmp")
     lone = simulate(example("lone_particle"))
     with pytest.raises(NothingToShow, match="has nothing to show as intervals"):
         lone.figure("intervals")
@@ -604,6 +606,7 @@ def test_a_flag_is_true_or_false(
     use(run, np.True_)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_whether_figures_are_saved_may_be_said_by_numpy(run: Run, tmp_path: Path) -> None:
     for said in (True, np.True_, False, np.False_):
         assert [*run.save(tmp_path / "f", cast("bool", said), True).glob("*.png")] == [
@@ -672,6 +675,7 @@ def test_a_wrong_width_of_a_section_of_a_grid_is_told(tmp_path: Path, run: Run) 
         grid.section(width="x")
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_folders_are_found_after_the_working_directory_has_changed(
     tmp_path: Path, run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -940,6 +944,7 @@ def test_check_tells_what_is_doubtful() -> None:
         check(example("three_arcs").replace({"balls[2].angle": -1.3}))
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_logger_tells_of_figures_that_show_nothing(
     tmp_path: Path, run: Run, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -1070,6 +1075,7 @@ def test_a_figure_of_a_grid_reads_the_columns_that_it_shows(
     assert not {"energy_end", "max_gap", "end_time"} & set(columns_read)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_figures_of_bodies_read_each_column_of_a_short_run_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, columns_read: list[str]
 ) -> None:
