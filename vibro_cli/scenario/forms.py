@@ -20,6 +20,7 @@ import tomllib
 from bisect import bisect_right
 from collections.abc import Iterator
 from contextlib import suppress
+from copy import deepcopy
 from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import count
@@ -349,8 +350,9 @@ def plain_scalar(text: str) -> Any:
     return float(text.replace(".", "", 1)) if _INFINITE.fullmatch(text) else text
 
 
+@lru_cache(maxsize=1)
 def read_yaml(text: str) -> tuple[Any, Node]:
-    """Return the data of a YAML text and the tree of its places.
+    """Return the data of a YAML text and the tree of its places, cached for its first problems.
 
     Raises `FormError` if the text is not YAML, repeats a key, has a tag, or exceeds the limits.
     """
@@ -480,7 +482,7 @@ def read(text: str, form: str) -> Any:
     Raises `FormError` if the text has broken syntax, repeats a key, or exceeds the limits.
     """
     if form == "yaml":
-        return read_yaml(text)[0]
+        return deepcopy(read_yaml(text)[0])
     return read_toml(text) if form == "toml" else read_json(text)
 
 
