@@ -16,7 +16,7 @@ from scipy.integrate import solve_ivp
 
 from tests.scaling import scaled
 from vibro_cli import Scenario, example, orbit, orbit_family, simulate
-from vibro_cli.analysis import orbits
+from vibro_cli.analysis import orbit_branch, orbits
 from vibro_cli.analysis.orbit_branch import Branch, Family
 from vibro_cli.analysis.orbits import (
     NoOrbit,
@@ -36,6 +36,7 @@ from vibro_cli.analysis.orbits import (
 )
 from vibro_cli.assemble import build_any, build_system
 from vibro_cli.commands.app import run_command_line
+from vibro_cli.commands.orbit import parsed_range
 from vibro_cli.figures import style
 from vibro_cli.figures.analyses import branch_figure
 from vibro_cli.mechanics.system import TraceSystem
@@ -837,8 +838,10 @@ def test_what_cannot_be_followed_is_told(
 
 
 def test_ranges_and_periods_may_have_units(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(orbit_branch, "MOST_POINTS", 2)  # the family itself is tested above
+
     def told(*arguments: str) -> str:
         options = ["--json", "--no-figures", "-o", str(tmp_path)]
         assert run_command_line(["orbit", str(FALLING), *arguments, *options]) == 0
@@ -846,6 +849,7 @@ def test_ranges_and_periods_may_have_units(
 
     plain = told("--period=0.816", "--vary=balls[2].mass=1:1.1")
     assert told("--period=816 ms", "--vary=balls[2].mass=1000 g:1.1 kg") == plain
+    assert parsed_range("--vary", "balls[2].mass=1000 g:1.1 kg") == ("balls[2].mass", 1.0, 1.1)
 
 
 def test_multipliers_that_do_not_leave_one_are_drawn_as_one() -> None:
