@@ -211,7 +211,16 @@ HOSTILE = {
 }
 
 
-@pytest.mark.parametrize("case", sorted(HOSTILE))
+LONGER = {"anchors"}
+
+
+@pytest.mark.parametrize(
+    "case",
+    [
+        pytest.param(case, marks=[pytest.mark.long] if case in LONGER else [])
+        for case in sorted(HOSTILE)
+    ],
+)
 def test_hostile_texts_end_soon_and_in_one_kind_of_error(case: str) -> None:
     source, form = HOSTILE[case]
     usual = processor_time(lambda: parse_scenario(text("three_arcs"), "toml"), times=5)
