@@ -112,18 +112,14 @@ def rate_by_energy(world: World, ball: int, flight: Flight, track: TrackData) ->
     if root < NEVER:
         energy = flight.p * flight.p + potential(track, flight.s, flight.c)
         s, c = saddle_beside(track, energy)
-        fall = fall_from_saddle(track, s, c, flight.s, flight.c)
-        square = fall - root * abs(root)
-        if square <= SLOW * abs(fall):
-            return flight.p
-        p = math.sqrt(square)
+        size = track.twice_radius * fall_from_saddle(track, s, c, flight.s, flight.c)
+        rise = size - track.twice_radius * root * abs(root)
     else:
-        rise = flight.specific_energy - specific_potential(
-            track, gravity, kappa, flight.s, flight.c
-        )
-        if rise <= SLOW * flight.specific_energy:
-            return flight.p
-        p = math.sqrt(2.0 * gravity * rise / kappa) / track.speed_factor
+        size = flight.specific_energy
+        rise = size - specific_potential(track, gravity, kappa, flight.s, flight.c)
+    if rise <= SLOW * abs(size):
+        return flight.p
+    p = math.sqrt(2.0 * gravity * rise / kappa) / track.speed_factor
     return p if flight.p > 0.0 else -p
 
 
