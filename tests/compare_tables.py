@@ -4,7 +4,7 @@
 ``compare BEFORE AFTER``: every file of a table must have the same bytes. Where it has not, the
 columns that differ are named. The scenarios are the gallery, the hard cases and the reference
 files, each as it stands and again with everything that can be asked for: turning points, friction
-and sampled motion. A third word after DIR is a part of the names of those to be written.
+and sampled motion. A last word is a part of the names of those to be written or compared.
 
 Other compilers and processors are compared likewise: ``VIBRO_LIBRARY`` names their library, which
 ``python -m tests.compare_tables build DIR LEVEL`` makes with ``$CXX`` (x86-64-v2, x86-64-v3,
@@ -16,6 +16,7 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Iterator
+from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -47,8 +48,8 @@ def scenarios(work: Path) -> Iterator[tuple[str, list[str]]]:
         (work / "reference" / path.name).write_text(json.dumps(scenario))
     for folder in (*FOLDERS, work / "reference"):
         for path in sorted([*folder.glob("*.toml"), *folder.glob("*.json")]):
-            above = "tests" if folder.parent == work else folder.parent.name
-            name = f"{above}_{folder.name}_{path.stem}"
+            home = HERE.parent if folder.is_relative_to(HERE.parent) else work
+            name = "_".join([*folder.relative_to(home).parts, path.stem])
             text = path.read_text()
             stop = [] if "[stop]" in text or '"stop"' in text else STOP
             yield name, [str(path), *stop]
@@ -73,20 +74,18 @@ def build_for(folder: Path, level: str) -> None:
     build(programs(), folder, levels=(level,))
 
 
-def compare(before: Path, after: Path) -> int:
+def compare(before: Path, after: Path, only: str = "") -> int:
     """Print the differences; return how many tables differ."""
     different = 0
-    for folder in sorted(before.iterdir()):
-        if not (after / folder.name).exists() and after != before:
-            continue
-        for table in TABLES:
-            one, other = folder / f"{table}.parquet", after / folder.name / f"{table}.parquet"
-            if one.exists() != other.exists():
-                print(f"{folder.name}: {table}.parquet is there only once")
-                different += 1
-            elif one.exists() and one.read_bytes() != other.read_bytes():
-                print(f"{folder.name}: {table}: {difference(one, other)}")
-                different += 1
+    names = {folder.name for root in (before, after) for folder in root.iterdir()}
+    for name, table in product(sorted(name for name in names if only in name), TABLES):
+        one, other = (root / name / f"{table}.parquet" for root in (before, after))
+        if one.exists() != other.exists():
+            print(f"{name}: {table}.parquet is there only once")
+            different += 1
+        elif one.exists() and one.read_bytes() != other.read_bytes():
+            print(f"{name}: {table}: {difference(one, other)}")
+            different += 1
     return different
 
 
@@ -111,6 +110,6 @@ if __name__ == "__main__":
     elif task == "build":
         build_for(Path(given), *rest)
     else:
-        number = compare(Path(given), Path(rest[0]))
+        number = compare(Path(given), Path(rest[0]), *rest[1:])
         print(f"{number} tables differ")
         sys.exit(number > 0)
