@@ -260,3 +260,40 @@ def test_times_and_places_past_a_saddle_keep_their_digits(about: float, root: fl
     s, c, p = flow(flight, float(whole))
     assert abs(mp.mpf(s) * mp.cos(ends[1]) - mp.mpf(c) * mp.sin(ends[1])) <= 2e-13 * abs(p)
     assert abs(p - back * rates[1]) <= 2e-13 * abs(p)
+
+
+@pytest.mark.parametrize(
+    ("tilt", "spread", "about", "way"),
+    [
+        pytest.param(0.67, 0.31, -2.66, -0.03, id="round below a top"),
+        pytest.param(30.0, 100.0, -0.308, 0.001, id="to a crest more than half a turn away"),
+        pytest.param(30.0, 100.0, -0.308, 1.773, id="back from there"),
+    ],
+)
+def test_times_to_more_than_half_a_turn_from_a_saddle(
+    tilt: float, spread: float, about: float, way: float
+) -> None:
+    """They were the time back, 40 s for 3 s; from there, the motion was no number."""
+
+    def torque(f: Any) -> Any:
+        return tilt * mp.cos(f) - mp.sin(f) + mp.mpf(spread) / 2 * mp.sin(2 * f)
+
+    def height(half: Any) -> Any:
+        sc = mp.sin(half) * mp.cos(half)
+        return mp.sin(half) ** 2 - sc * (tilt + spread * sc)
+
+    saddle, root = mp.findroot(torque, about) / 2, 1e-6
+    half = saddle + mp.mpf(way)
+    p = mp.sign(way) * mp.sqrt(height(saddle) - mp.mpf(root) ** 2 - height(half))
+    flight = Flight()
+    flight.tilt, flight.spread, flight.frequency = tilt, spread, 1.0
+    flight.saddle_root, flight.flow_p = root, float(p)
+    flight.saddle_s, flight.saddle_c = float(mp.sin(saddle)), float(mp.cos(saddle))
+    flight.flow_s, flight.flow_c = float(mp.sin(half)), float(mp.cos(half))
+    set_motion(flight)
+    exact = ArcMotion(mp.one, (mp.sin(half), mp.cos(half), p), (mp.mpf(tilt), mp.mpf(spread)))
+    for t in (0.1, 1.2, 4.0 if spread < 1.0 else 0.9):
+        state = exact.at(mp.mpf(t))
+        assert abs(time_of_flight(flight, *map(float, state)) - t) <= 5e-13
+        for value, true in zip(flow(flight, t), state, strict=True):
+            assert abs(value - true) <= 1e-13 * max(abs(true), 1)

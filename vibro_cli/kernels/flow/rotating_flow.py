@@ -104,7 +104,13 @@ def _set_from_nearest(flight: Flight) -> None:
     s, c = flight.saddle_s, flight.saddle_c
     a0, a1, a2, _ = quartic_about(flight.tilt, flight.spread, flight.twist, s, c, 0.0)
     sine, cosine = angle_difference(flight.flow_s, flight.flow_c, s, c)
-    side = math.copysign(1.0, flight.flow_p if flight.saddle_root < 0.0 else sine * cosine)
+    side = flight.flow_p
+    if flight.saddle_root >= 0.0:
+        side = sine * cosine
+        # Below a crest that is more than half a turn away the start may be, too.
+        if 0.0 < 6.0 * a0 * a2 < 4.0 * a1 * a1 and abs(a0 * sine) > abs(2.0 * a1 * cosine):
+            side = a1
+    side = math.copysign(1.0, side)
     flight.nearest = start_beside_saddle(flight, a0, a1, a2, flight.saddle_root, side)
     flight.origin_s, flight.origin_c = s, c
     flight.lead = _time_from_nearest(flight, flight.flow_s, flight.flow_c, flight.flow_p)
@@ -350,7 +356,8 @@ def _time_from_nearest(flight: Flight, s: float, c: float, p: float) -> float:
     It is negative within half a period before.
     """
     sine, cosine = _from_origin(flight, s, c)
-    if flight.nearest != 0.0 and sine * cosine * flight.nearest <= 0.0:
+    beside = abs(sine) <= abs(flight.nearest) + AT_SADDLE
+    if beside and flight.nearest != 0.0 and sine * cosine * flight.nearest <= 0.0:
         return 0.0  # it turns there, up to rounding
     if sine == 0.0 and p * flight.start_rate >= 0.0:
         return 0.0  # it is there
