@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tests.highprecision.reference_solver import ArcMotion
-from vibro_cli.kernels.flow.rotating_flow import flow, set_motion, time_of_flight
+from vibro_cli.kernels.flow.rotating_flow import flow, half_way, set_motion, time_of_flight
 from vibro_cli.kernels.numerics.elliptic import QuarticConstants
 from vibro_cli.kernels.numerics.weierstrass_motion import (
     period_of,
@@ -262,6 +262,33 @@ def test_times_and_places_past_a_saddle_keep_their_digits(about: float, root: fl
     assert abs(p - back * rates[1]) <= 2e-13 * abs(p)
 
 
+def flight_below(tilt: float, spread: float, about: float, way: float) -> tuple[Flight, Any, Any]:
+    """Return a flight that turns beside a saddle, its state at the start, and where it turns.
+
+    It starts half an angle `way` from the saddle, away from it; half the angle from the saddle
+    to where it turns is returned.
+    """
+
+    def torque(f: Any) -> Any:
+        return tilt * mp.cos(f) - mp.sin(f) + mp.mpf(spread) / 2 * mp.sin(2 * f)
+
+    def height(half: Any) -> Any:
+        sc = mp.sin(half) * mp.cos(half)
+        return mp.sin(half) ** 2 - sc * (tilt + spread * sc)
+
+    saddle, root = mp.findroot(torque, about) / 2, 1e-6
+    half = saddle + mp.mpf(way)
+    turn = mp.findroot(lambda x: height(saddle) - mp.mpf(root) ** 2 - height(saddle - x), root)
+    p = mp.sign(way) * mp.sqrt(height(saddle) - mp.mpf(root) ** 2 - height(half))
+    flight = Flight()
+    flight.tilt, flight.spread, flight.frequency = tilt, spread, 1.0
+    flight.saddle_root, flight.flow_p = root, float(p)
+    flight.saddle_s, flight.saddle_c = float(mp.sin(saddle)), float(mp.cos(saddle))
+    flight.flow_s, flight.flow_c = float(mp.sin(half)), float(mp.cos(half))
+    set_motion(flight)
+    return flight, (mp.sin(half), mp.cos(half), p), turn
+
+
 @pytest.mark.parametrize(
     ("tilt", "spread", "about", "way"),
     [
@@ -274,26 +301,17 @@ def test_times_to_more_than_half_a_turn_from_a_saddle(
     tilt: float, spread: float, about: float, way: float
 ) -> None:
     """They were the time back, 40 s for 3 s; from there, the motion was no number."""
-
-    def torque(f: Any) -> Any:
-        return tilt * mp.cos(f) - mp.sin(f) + mp.mpf(spread) / 2 * mp.sin(2 * f)
-
-    def height(half: Any) -> Any:
-        sc = mp.sin(half) * mp.cos(half)
-        return mp.sin(half) ** 2 - sc * (tilt + spread * sc)
-
-    saddle, root = mp.findroot(torque, about) / 2, 1e-6
-    half = saddle + mp.mpf(way)
-    p = mp.sign(way) * mp.sqrt(height(saddle) - mp.mpf(root) ** 2 - height(half))
-    flight = Flight()
-    flight.tilt, flight.spread, flight.frequency = tilt, spread, 1.0
-    flight.saddle_root, flight.flow_p = root, float(p)
-    flight.saddle_s, flight.saddle_c = float(mp.sin(saddle)), float(mp.cos(saddle))
-    flight.flow_s, flight.flow_c = float(mp.sin(half)), float(mp.cos(half))
-    set_motion(flight)
-    exact = ArcMotion(mp.one, (mp.sin(half), mp.cos(half), p), (mp.mpf(tilt), mp.mpf(spread)))
+    flight, start, _ = flight_below(tilt, spread, about, way)
+    exact = ArcMotion(mp.one, start, (mp.mpf(tilt), mp.mpf(spread)))
     for t in (0.1, 1.2, 4.0 if spread < 1.0 else 0.9):
         state = exact.at(mp.mpf(t))
         assert abs(time_of_flight(flight, *map(float, state)) - t) <= 5e-13
         for value, true in zip(flow(flight, t), state, strict=True):
             assert abs(value - true) <= 1e-13 * max(abs(true), 1)
+
+
+def test_a_motion_does_not_turn_opposite_its_saddle() -> None:
+    """The second step is 5e-8 beyond there, which was taken for a place just before the saddle."""
+    way = 0.72431747076
+    flight, _, turn = flight_below(0.67, 0.31, -2.66, way)
+    assert abs(half_way(flight, 1.0) - (mp.pi - way - abs(turn))) <= 1e-12

@@ -438,11 +438,11 @@ def half_way(flight: Flight, side: float) -> float:
 
 @kernel
 def _beyond_saddle(flight: Flight, half: float) -> float:
-    """Return half the sine of the angle from the saddle to a position given from the start."""
+    """Return the sine of half the angle from the saddle to a position given from the start."""
     s, c = sine_cosine(half)
     s, c = place_from_start(flight, s, c)
     s, c = angle_difference(s, c, flight.saddle_s, flight.saddle_c)
-    return s * c
+    return math.copysign(s, s * c)
 
 
 @kernel
