@@ -52,7 +52,7 @@ def test_lasting_contact_that_opens_by_its_force_agrees_with_50_digits() -> None
         disk(-0.5, 3.0, spring(5.0, 0.5, 1.0, 0.0)),
         disk(0.4, 1.0, spring(3.0, 0.5, 1.0, -0.2), mass=2.0),
     ]
-    document = springs(balls, 0.0, time=4.0)
+    document = springs(balls, 0.0, time=6.0)
     found, columns, whole = follow(document)
     assert whole.logs["states"]["cause"][::2].tolist().count(3) >= 1
     assert columns["collisions"]["smooth"].all()
