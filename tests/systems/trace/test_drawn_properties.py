@@ -13,6 +13,7 @@ from tests.systems.trace.test_continuing import assert_same_results
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.stress.physics import judge
 from vibro_cli.stress.scenes import system_of
+from vibro_cli.systems.driver import ENGINES
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.trace import simulate_system
 
@@ -44,10 +45,10 @@ def test_split_run(number: int, share: float) -> None:
     part = share * float(whole.summary_record()["end_time"])
     if part == 0.0:
         return
-    begun = solve(system, part, "python")
+    begun = solve(system, part, ENGINES[number % 2])
     assert begun.end_cause == "time"
     rest = simulate_system(
-        system, time, MOST_IMPACTS,
+        system, time, MOST_IMPACTS, ENGINES[1 - number % 2],
         checkpoint=json.loads(json.dumps(begun.checkpoint())), history=begun.history(),
     )  # fmt: skip
     assert_same_results(whole, rest)

@@ -18,6 +18,7 @@ from tests.systems.trace.test_continuing import assert_same_results
 from vibro_cli.mechanics.system import InitialState, TraceSystem
 from vibro_cli.stress.oracles.sensitivity import CHANGE, amplification
 from vibro_cli.stress.scenes import scene
+from vibro_cli.systems.driver import ENGINES
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.trace import simulate_system
 
@@ -409,15 +410,16 @@ def test_time_reversal(document: dict[str, Any]) -> None:
 
 
 @SETTINGS
-@given(document=scenarios(), share=st.floats(0.01, 0.99))
-def test_split_run(document: dict[str, Any], share: float) -> None:
+@given(document=scenarios(), share=st.floats(0.01, 0.99), engines=st.permutations(ENGINES))
+def test_split_run(document: dict[str, Any], share: float, engines: list[str]) -> None:
     """Stopped at any time and taken up again by the other engine, a run has the same bits."""
     whole = run_of(document)
     part = share * float(whole.summary_record()["end_time"])
-    begun = simulate_system(whole.system, part, document["stop"]["collisions"], "python")
+    first, second = engines
+    begun = simulate_system(whole.system, part, document["stop"]["collisions"], first)
     assert begun.end_cause == "time"
     rest = simulate_system(
-        whole.system, document["stop"]["time"], document["stop"]["collisions"],
+        whole.system, document["stop"]["time"], document["stop"]["collisions"], second,
         checkpoint=json.loads(json.dumps(begun.checkpoint())), history=begun.history(),
     )  # fmt: skip
     assert_same_results(whole, rest)
