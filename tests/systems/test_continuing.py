@@ -174,4 +174,4 @@ def test_another_layout_of_the_state_has_another_format() -> None:
     loops = [system_named(name).loop for name in NAMES]
     layout = [[list(loop.records[name].fields) for name in loop.state] for loop in loops]  # type: ignore[attr-defined]
     digest = hashlib.sha256(json.dumps(layout).encode()).hexdigest()[:16]
-    assert (CHECKPOINT_FORMAT, digest) == (7, "c0641978a4b3bd77")
+    assert (CHECKPOINT_FORMAT, digest) == (8, "140a0c21b60e01bc")

@@ -430,7 +430,7 @@ def _write_back(value: Any, copy: Any) -> None:
             value[place] = tuple(getattr(record, name) for name in value.dtype.names)
 
 
-CHECKPOINT_FORMAT = 7
+CHECKPOINT_FORMAT = 8
 
 
 class CannotContinue(VibroError, ValueError):
