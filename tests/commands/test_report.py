@@ -123,6 +123,7 @@ def test_figures_as_pages_and_as_files_are_those_asked_for_alone(
 ) -> None:
     vibro(*RUN)
     drawn: list[str] = []
+    monkeypatch.setattr("vibro_cli.figures.processes.available_cores", lambda: 1)
     monkeypatch.setattr("vibro_cli.progress.WORK.report", drawn.append)
     for file, folder in (("both.pdf", "both"), ("pages.pdf", None), (None, "files")):
         drawn.clear()
