@@ -53,10 +53,10 @@ def test_long_runs_are_followed_in_parts(
     """These are runs that are too long to be followed at once."""
     more = ["analysis={lyapunov = true}", f"stop={{collisions = {impacts}}}", "collision.k=1"]
     grid = grid_of(tmp_path, "one_circle.toml", {"balls[1].angle": [-1.2, -0.3]}, more, "false")
-    whole = TraceSolver(grid, "compiled").solve(np.arange(2)).summary
+    whole = TraceSolver(grid, "compiled").solve(np.arange(4)).summary
     monkeypatch.setattr(driver, "COMPILED_ROWS", 16)
-    parts = TraceSolver(grid, "compiled").solve(np.arange(2)).summary
+    parts = TraceSolver(grid, "compiled").solve(np.arange(4)).summary
     assert whole.keys() == parts.keys()
-    assert whole["collisions"].tolist() == [impacts] * 2
+    assert whole["collisions"].tolist() == [impacts] * 4
     for name, column in whole.items():
         np.testing.assert_array_equal(column, parts[name])
