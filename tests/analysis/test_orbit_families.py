@@ -516,6 +516,40 @@ def test_a_family_round_a_circle_ends_where_an_impact_comes_to_the_seam() -> Non
 
 
 @pytest.mark.long
+def test_a_family_ends_where_a_body_collides_twice_at_one_instant() -> None:
+    """In closed form: the upper ball turns where the lower one meets it at both sides of a bounce.
+
+    With the speed w at this bounce and the ratio r of the masses, upper to lower, the impacts are
+    w (1/4 - q^2)/(2 a (1 - q)) before and after it, q = (1 - r)/(1 + r). They reach it at r = 1/3.
+    """
+    pull = 9.81 * math.sin(math.radians(30.0))
+
+    def speed_and_delay(period: float, ratio: float) -> tuple[float, float]:
+        speed, share = 0.25 * period * (1.0 + ratio) * pull, (1.0 - ratio) / (1.0 + ratio)
+        return speed, speed * (0.25 - share**2) / (2.0 * pull * (1.0 - share))
+
+    # Both are at rest half a period after the bounce: the lower one after another bounce.
+    ratio, period = 0.36, 1.2
+    speed, delay = speed_and_delay(period, ratio)
+    risen = (0.5 * period - delay) ** 2 * pull / 2.0 + speed * delay - pull * delay**2 / 2.0
+    at_rest = {"balls[1].position": 0.05 + speed**2 / (8.0 * pull), "balls[1].speed": 0.0}
+    at_rest |= {"balls[2].position": 0.15 + risen, "balls[2].speed": 0.0}
+    scenario = example("falling_balls").replace(at_rest | {"balls[2].mass": 2.0 * ratio})
+    first = orbit(scenario, impacts=2)
+    assert first.period == pytest.approx(period, rel=1e-12)
+    family = orbit_family(scenario, first, "balls[2].mass", 0.4, 0.72)
+    end, bound = family.special
+    assert (end.kind, end.fault, bound.kind) == ("coincidence", "", "bound")
+    assert end.point.value == pytest.approx(2.0 / 3.0, abs=1e-7)
+    for point in family.points:
+        found = point.orbit
+        assert found.shot.word == ("1|", "12", "1|", "12", "1|")
+        _, delay = speed_and_delay(found.period, 0.5 * point.value)
+        between = np.diff(found.shot.times)[1:3]
+        np.testing.assert_allclose(between, delay, rtol=1e-7, atol=1e-11)
+
+
+@pytest.mark.long
 def test_a_family_whose_balls_always_bounce_at_once_goes_on() -> None:
     """With zero total momentum they reach both walls at one instant, whatever their masses."""
     line = {"start_slope": 0.0, "arcs": [{"shape": "line", "length": 3.0}]}
