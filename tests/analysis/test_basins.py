@@ -171,6 +171,15 @@ def test_axes_that_cannot_be_measured_are_told(tmp_path: Path) -> None:
         grid.basins()
 
 
+def test_a_point_that_is_there_twice_does_not_stand_for_one_that_is_missing() -> None:
+    starts = np.array([[0.1 * n, 0.01 * m] for n in range(32) for m in range(32)])
+    starts[-1] = starts[0]
+    axes = dict(zip(["balls[1].rate", "balls[2].rate"], starts.T, strict=True))
+    grid = sweep(example("one_circle").replace({"stop.collisions": 1}), axes, mode="zip")
+    with pytest.raises(NoBasins, match=r"no point, or several, for some values of the axes"):
+        grid.basins()
+
+
 def test_the_command_writes_what_it_prints(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -250,7 +250,8 @@ def mapped_basins(grid: StoredGrid, outcome: Sequence[str]) -> Mapped:
     """
     shown = _evenly(grid)
     if not shown.is_full:
-        raise NoBasins("found no point for some values of the axes, expected every pair of them")
+        found = "found no point, or several, for some values of the axes"
+        raise NoBasins(f"{found}, expected one for every pair of them")
     columns = ChainMap({"end_cause": ended(grid)}, cast(dict[str, Any], grid.summary))
     arcs = [name for name in grid.summary if name.startswith("arc_") and len(grid.shapes) > 1]
     outcomes = outcomes_of(columns, outcome or ["end_cause", *arcs], shown.rows)

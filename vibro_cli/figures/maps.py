@@ -5,6 +5,7 @@ Each end cause has a colour, distinguishable in grey, too.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -164,8 +165,10 @@ class ParameterMap:
     @property
     def is_full(self) -> bool:
         """Whether there is exactly one point for every combination of values of the axes."""
-        sizes = [len(one.different) for one in self.coordinates]
-        return int(np.prod(sizes)) == len(self.rows)
+        count = len(self.rows)
+        if count != math.prod(len(one.different) for one in self.coordinates):
+            return False  # of a sample, every value of an axis is different: too many cells
+        return not np.any(np.isnan(self.cells(np.zeros(count))))
 
     def cells(self, values: Array) -> Array:
         """Return one value per point as an array of cells, NaN where there is no point.
