@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import sys
+import threading
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from types import ModuleType
@@ -14,7 +15,15 @@ import pytest
 
 from vibro_cli.compile import native
 from vibro_cli.compile.build import NATIVE, build, library_name
-from vibro_cli.compile.kernel import FloatMatrix, Overrides, Series, dtype, kernel, struct
+from vibro_cli.compile.kernel import (
+    FloatMatrix,
+    Overrides,
+    Series,
+    dtype,
+    is_kernel,
+    kernel,
+    struct,
+)
 from vibro_cli.compile.native import compiled
 from vibro_cli.compile.translate import Program
 from vibro_cli.errors import NoLibrary
@@ -135,6 +144,30 @@ def test_overrides_hold_in_both_engines() -> None:
     found = DOUBLED.interpreted(mixed)(True, 2, 3.0, Plane(points, [40]))
     assert found == (42, 8.0, False)
     assert compiled(mixed)(True, 2, 3.0, other) == (42, 3.5, False)
+
+
+def test_overrides_hold_in_a_thread_that_begins_while_another_prepares_them(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    fresh, found = Overrides("fresh", DOUBLED.replaced), []
+
+    def call() -> None:
+        points = [Point(), Point()]
+        points[1].x = 2.0
+        found.append(fresh.interpreted(mixed)(True, 2, 3.0, Plane(points, [40])))
+
+    other = threading.Thread(target=call)
+
+    def is_kernel_in_the_end(value: object) -> bool:
+        if other.ident is None:
+            other.start()
+            other.join(0.1)
+        return is_kernel(value)
+
+    monkeypatch.setattr("vibro_cli.compile.kernel.is_kernel", is_kernel_in_the_end)
+    call()
+    other.join()
+    assert found == [(42, 8.0, False)] * 2
 
 
 @pytest.mark.parametrize(

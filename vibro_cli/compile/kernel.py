@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import ctypes
 import sys
+import threading
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
@@ -273,6 +274,9 @@ def fused(a: float, b: float, c: float) -> float:
     return float(Fraction(a) * Fraction(b) + Fraction(c))
 
 
+_COPYING = threading.RLock()  # no thread may call copies that another one has not completed
+
+
 class Overrides:
     """Kernels that replace others, for the same event loop with different mechanics.
 
@@ -300,11 +304,12 @@ class Overrides:
         if not self.replaced:
             return function
         meant = self.resolved(function)
-        if meant not in self._functions:
-            namespace = self._namespace(meant.__module__)
-            copy = FunctionType(meant.__code__, namespace, meant.__name__)
-            self._functions[meant] = update_wrapper(copy, meant)
-        return self._functions[meant]  # type: ignore[return-value]
+        with _COPYING:
+            if meant not in self._functions:
+                namespace = self._namespace(meant.__module__)
+                copy = FunctionType(meant.__code__, namespace, meant.__name__)
+                self._functions[meant] = update_wrapper(copy, meant)
+            return self._functions[meant]  # type: ignore[return-value]
 
     def _namespace(self, module: str) -> dict[str, Any]:
         """Return the names of a module, with its kernels replaced by their overrides."""
