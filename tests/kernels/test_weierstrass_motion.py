@@ -10,7 +10,13 @@ import numpy as np
 import pytest
 
 from tests.highprecision.reference_solver import ArcMotion
-from vibro_cli.kernels.flow.rotating_flow import flow, half_way, set_motion, time_of_flight
+from vibro_cli.kernels.flow.rotating_flow import (
+    flow,
+    half_way,
+    set_motion,
+    time_of_flight,
+    time_to_turn,
+)
 from vibro_cli.kernels.numerics.elliptic import QuarticConstants
 from vibro_cli.kernels.numerics.weierstrass_motion import (
     period_of,
@@ -315,3 +321,72 @@ def test_a_motion_does_not_turn_opposite_its_saddle() -> None:
     way = 0.72431747076
     flight, _, turn = flight_below(0.67, 0.31, -2.66, way)
     assert abs(half_way(flight, 1.0) - (mp.pi - way - abs(turn))) <= 1e-12
+
+
+@pytest.mark.parametrize(
+    ("spread", "top", "way", "p"),
+    [
+        pytest.param(1.4, False, 8e-10, -5.0596442e-10, id="within 1e-9 rad, and turns"),
+        pytest.param(0.0, True, 2.8e-12, -2.800000000001e-12, id="within 1e-9 rad, and passes"),
+        pytest.param(0.4, True, 1.4e-9, -1.652e-9, id="turns on the other side, too"),
+        pytest.param(0.13, True, 8e-9, 1e-13, id="hard by where it turns"),
+        pytest.param(1.4737861687870821, False, 0.6028448107458996, 0.0, id="at the far turn"),
+    ],
+)
+def test_a_motion_past_its_saddle_keeps_its_digits_wherever_it_starts(
+    spread: float, top: bool, way: float, p: float
+) -> None:
+    """The place where it turns was lost in rounding: up to 4e-9 s, or half a period, were lost."""
+    flight = Flight()
+    flight.spread, flight.frequency, flight.flow_p = spread, 1.0, p
+    flight.saddle_s, flight.saddle_c = (1.0, 0.0) if top else (0.0, 1.0)
+    sine, cosine = math.sin(way), math.cos(way)
+    flight.flow_s, flight.flow_c = (cosine, -sine) if top else (sine, cosine)
+    s, c = mp.mpf(flight.flow_s), mp.mpf(flight.flow_c)
+    s, c = s / mp.hypot(s, c), c / mp.hypot(s, c)
+    lower = c * c * (1 + spread * s * s) if top else s * s * (spread * c * c - 1)
+    energy = mp.mpf(p) ** 2 - lower
+    flight.saddle_root = float(-mp.sign(energy) * mp.sqrt(abs(energy)))
+    flight.turns_over = int(top and energy > 0)
+    set_motion(flight)
+    exact_motion = ArcMotion(mp.one, (s, c, mp.mpf(p)), (mp.zero, mp.mpf(spread)))
+    for share in (0.03, 0.45, 0.55):
+        t = share * period_of(flight)
+        s, c, rate = exact_motion.at(mp.mpf(t))
+        force = s * c * abs(spread * (c - s) * (c + s) - 1)
+        size = abs(rate) + abs(force)
+        found = flow(flight, t)
+        assert abs(found[0] * c - found[1] * s) <= 2e-13 * size
+        assert abs(found[2] - rate) <= 2e-13 * size
+        place_lasts = 4e-16 / abs(rate)  # a rounding of the position
+        found_time = time_of_flight(flight, float(s), float(c), float(rate))
+        assert abs(found_time - t) <= 2e-13 + place_lasts
+
+
+def test_a_place_ahead_by_a_rounding_is_not_a_whole_period_away() -> None:
+    """Both times from the place nearest to the saddle are rounded: their difference was -4e-15."""
+    flight = Flight()
+    flight.spread, flight.frequency, flight.turns_over = 0.4, 1.0, 1
+    flight.saddle_s, flight.saddle_c, flight.saddle_root = 1.0, 0.0, -0.0006922705395527882
+    flight.flow_s, flight.flow_c, flight.flow_p = (
+        float.fromhex(number)
+        for number in ("0x1.901b60888e663p-1", "0x1.3f77428bf7527p-1", "0x1.645abd674dfa1p-1")
+    )
+    set_motion(flight)
+    s, c = math.nextafter(flight.flow_s, 1.0), math.nextafter(flight.flow_c, 0.0)
+    rate = flight.flow_p - 3.0 * math.ulp(flight.flow_p)
+    assert 0.0 <= time_of_flight(flight, s, c, rate) <= 1e-14
+
+
+@pytest.mark.parametrize("way", [1e-20, 1e-149])
+def test_from_rest_beside_a_top_a_body_turns_on_its_other_side_half_a_period_later(
+    way: float,
+) -> None:
+    """It was to turn 8 s too early, and 1e-42 rad from its start."""
+    flight = Flight()
+    flight.spread, flight.frequency, flight.saddle_root = 0.5, 1.0, way * math.sqrt(1.5)
+    flight.saddle_s, flight.saddle_c, flight.flow_s, flight.flow_c = 1.0, 0.0, 1.0, -way
+    set_motion(flight)
+    assert time_to_turn(flight, 1.0) == pytest.approx(0.5 * period_of(flight), rel=1e-15)
+    assert time_to_turn(flight, -1.0) == 0.0
+    assert half_way(flight, 1.0) == pytest.approx(math.pi, rel=1e-15)

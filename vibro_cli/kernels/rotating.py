@@ -24,14 +24,18 @@ from vibro_cli.kernels.flow.flight import (
 )
 from vibro_cli.kernels.flow.flow import POLYNOMIAL, angle_from_start
 from vibro_cli.kernels.flow.rotating_flight import (
-    fall_from_saddle,
     potential,
     saddle_beside,
     saddle_height,
     set_track,
     specific_potential,
 )
-from vibro_cli.kernels.flow.rotating_flow import half_way, squared_rate_ahead, torque
+from vibro_cli.kernels.flow.rotating_flow import (
+    fall_from_saddle,
+    half_way,
+    squared_rate_ahead,
+    torque,
+)
 from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.statistics import rotating_forces, run_statistics
 from vibro_cli.kernels.tangent import flight_jacobian, rotating_jacobian
@@ -112,7 +116,8 @@ def rate_by_energy(world: World, ball: int, flight: Flight, track: TrackData) ->
     if root < NEVER:
         energy = flight.p * flight.p + potential(track, flight.s, flight.c)
         s, c = saddle_beside(track, energy)
-        size = track.twice_radius * fall_from_saddle(track, s, c, flight.s, flight.c)
+        fall = fall_from_saddle(track.tilt, track.spread, s, c, flight.s, flight.c)
+        size = track.twice_radius * fall
         rise = size - track.twice_radius * root * abs(root)
     else:
         size = flight.specific_energy

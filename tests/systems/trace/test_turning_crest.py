@@ -17,7 +17,7 @@ from mpmath import MPContext
 
 from tests.highprecision.reference_solver import ReferenceSolver, events_of
 from tests.references import QUANTITIES, check_impacts, solved
-from vibro_cli.kernels.flow.rotating_flight import fall_from_saddle
+from vibro_cli.kernels.flow.rotating_flow import fall_from_saddle
 from vibro_cli.kernels.rotating import rate_by_energy
 from vibro_cli.mechanics.initial_conditions import wall_position
 from vibro_cli.stress.oracles.scene import scene_of_system
@@ -257,7 +257,8 @@ def test_a_body_nearly_at_rest_above_its_saddle_keeps_its_speed(share: float) ->
     trace = {**valley(90), "turning": {"through_arc": 1, "rate": RATE["bottom"]}}
     world = make_world(system_of(scene(trace, [ball(1.25, speed=1e-9)], time=1.0)))
     flight, track = world.flights[0], world.tracks[0]
-    fall = fall_from_saddle(track, track.pass_s, track.pass_c, flight.s, flight.c)
+    saddle = track.pass_s, track.pass_c
+    fall = fall_from_saddle(track.tilt, track.spread, *saddle, flight.s, flight.c)
     assert fall < 0.0
     flight.separatrix_piece = 0
     flight.separatrix_root = -math.sqrt(-fall * (1.0 + share))

@@ -22,8 +22,9 @@ from vibro_cli.kernels.flow.flow import angle_from_start, place_from_start
 from vibro_cli.kernels.flow.rotating_flow import (
     TURNING_LINE,
     half_way,
-    is_saddle,
+    heading,
     quartic_about,
+    rate_at,
     set_motion,
     squared_rate_ahead,
     squared_speed,
@@ -110,7 +111,7 @@ def first_negative(flight: Flight, h: Harmonics, to_left: float, to_right: float
     ``to_right`` are the angles (rad) that the flight covers. A body that turns first passes what is
     ahead of it.
     """
-    forward = flight.flow_p if flight.flow_p != 0.0 else flight.quartic_3
+    forward = heading(flight)
     for turn in range(2):
         side = 1.0 if (forward > 0.0) == (turn == 0) else -1.0
         ahead = h if side > 0.0 else mirrored(h)
@@ -249,16 +250,6 @@ def saddle_beside(track: TrackData, energy: float) -> tuple[float, float]:
 
 
 @kernel
-def fall_from_saddle(
-    track: TrackData, saddle_s: float, saddle_c: float, s: float, c: float
-) -> float:
-    """Return how much lower ``V`` is at a position than at a saddle, to its last digits."""
-    a0, a1, a2, _ = quartic_about(track.tilt, track.spread, 0.0, saddle_s, saddle_c, 0.0)
-    s, c = angle_difference(s, c, saddle_s, saddle_c)
-    return s * s * (a0 * s * s + (4.0 * a1 * s + 6.0 * a2 * c) * c)
-
-
-@kernel
 def saddle_height(track: TrackData, specific_energy: float) -> float:
     """Return the potential energy over weight (m) of the saddle that is nearest in energy."""
     s, c = saddle_beside(track, (specific_energy - track.bottom) / track.twice_radius)
@@ -284,7 +275,7 @@ def set_track(flight: Flight, track: TrackData) -> None:
     flight.turns_over = 1 if energy > track.highest_potential else 0
     if flight.saddle_root < NEVER:
         flight.saddle_s, flight.saddle_c = saddle_beside(track, energy)
-        if is_saddle(flight, track.top_s, track.top_c):
+        if flight.saddle_s == track.top_s and flight.saddle_c == track.top_c:
             flight.turns_over = 1 if flight.saddle_root < 0.0 else 0
     set_motion(flight)
 
@@ -306,7 +297,7 @@ def launch_on_piece(
 def _launch_on_arc(flight: Flight, track: TrackData) -> None:
     w = track.frequency
     rho = track.path_radius
-    if flight.p == 0.0 and flight.quartic_3 == 0.0:
+    if heading(flight) == 0.0:
         flight.at_rest = 1
     height = potential(track, flight.s, flight.c) - track.lowest_potential
     most_rate = 2.0 * w * math.sqrt(max(flight.p * flight.p + height, 0.0))
@@ -326,7 +317,7 @@ def _launch_on_arc(flight: Flight, track: TrackData) -> None:
 @kernel
 def _choose_exit(flight: Flight, track: TrackData) -> None:
     """Find at which end of its arc a flight leaves, and when."""
-    right = flight.flow_p > 0.0 or (flight.flow_p == 0.0 and flight.quartic_3 > 0.0)
+    right = heading(flight) > 0.0
     end_s = track.right_s if right else track.left_s
     end_c = track.right_c if right else track.left_c
     if leaves_at_once(flight, right, end_s, end_c):
@@ -343,50 +334,30 @@ def _choose_exit(flight: Flight, track: TrackData) -> None:
 
 
 @kernel
-def _leave(flight: Flight, side: int, s: float, c: float, squared: float) -> None:
-    p = side * math.sqrt(squared)
-    if is_saddle(flight, s, c):
-        p = -side * flight.saddle_root
-        if not is_saddle(flight, flight.flow_s, flight.flow_c):
-            # Only there does a slow rate keep its digits.
-            s, c = flight.saddle_s, flight.saddle_c
-    after = time_of_flight(flight, s, c, p)
+def _leave(flight: Flight, side: int, s: float, c: float, rate: float) -> None:
+    after = time_of_flight(flight, s, c, side * rate)
     if after < NEVER:
         flight.exit_side = side
-        flight.exit_p = p
+        flight.exit_p = side * rate
         flight.exit_after = after
 
 
 @kernel
 def _rate_at_end(flight: Flight, track: TrackData, side: float, s: float, c: float) -> float:
-    """Return ``P^2`` at an end of the arc; not positive if it or a crest before is too high.
-
-    At the saddle of the flight only the sign is that of ``P^2``, which may underflow.
-    """
-    if track.crests > 0:
-        crest_s = track.crest_s
-        crest_c = track.crest_c
-        for number in range(track.crests):
-            if number == 1:
-                crest_s = track.other_crest_s
-                crest_c = track.other_crest_c
-            sine, cosine = angle_from_start(flight, crest_s, crest_c)
-            beyond = s * crest_c - c * crest_s
-            if sine * side > 0.0 and beyond * side > 0.0:
-                if is_saddle(flight, crest_s, crest_c):
-                    if flight.saddle_root >= 0.0:
-                        return -1.0
-                elif squared_rate_ahead(flight, sine, cosine) <= 0.0:
-                    return -1.0
-    if is_saddle(flight, s, c):
-        return -flight.saddle_root
+    """Return ``|P|`` at an end of the arc; not positive if it or a crest before is too high."""
+    crest_s = track.crest_s
+    crest_c = track.crest_c
+    for number in range(track.crests):
+        if number == 1:
+            crest_s = track.other_crest_s
+            crest_c = track.other_crest_c
+        sine, _ = angle_from_start(flight, crest_s, crest_c)
+        beyond = s * crest_c - c * crest_s
+        if sine * side > 0.0 and beyond * side > 0.0 and rate_at(flight, crest_s, crest_c) <= 0.0:
+            return -1.0
     if s == flight.flow_s and c == flight.flow_c:
-        return flight.flow_p * flight.flow_p
-    if flight.saddle_root < NEVER:
-        fall = fall_from_saddle(track, flight.saddle_s, flight.saddle_c, s, c)
-        return fall - flight.saddle_root * abs(flight.saddle_root)
-    sine, cosine = angle_from_start(flight, s, c)
-    return squared_rate_ahead(flight, sine, cosine)
+        return abs(flight.flow_p)
+    return rate_at(flight, s, c)
 
 
 @kernel

@@ -32,6 +32,7 @@ from vibro_cli.kernels.numerics.elliptic import (
 )
 from vibro_cli.kernels.numerics.weierstrass_motion import (
     period_of,
+    place_beside_turn,
     quartic_motion,
     refer_to_saddle,
     set_quartic_constants,
@@ -71,8 +72,8 @@ def stiffness(tilt: float, spread: float, s: float, c: float) -> float:
 def set_motion(flight: Flight) -> None:
     """Set the constants of the motion on an arc; ``turns_over`` must be set.
 
-    Its angles and times count from the start of the flight, but those of a motion that passes
-    beside its saddle from the saddle and from the place nearest to it.
+    Its angles and times count from the start of the flight, but those of a motion whose energy is
+    measured from a saddle count from there and from the place nearest to it.
     """
     flight.origin_s = flight.flow_s
     flight.origin_c = flight.flow_c
@@ -86,13 +87,8 @@ def set_motion(flight: Flight) -> None:
 
 @kernel
 def passes_saddle(flight: Flight) -> bool:
-    """Return whether a motion passes its saddle, or turns beside it, later than it starts.
-
-    On the separatrix it never does.
-    """
-    if flight.saddle_root == NEVER or flight.saddle_root == 0.0 or flight.flow_p == 0.0:
-        return False
-    return not is_saddle(flight, flight.flow_s, flight.flow_c)
+    """Return whether a motion passes its saddle, or turns beside it: all but on the separatrix."""
+    return flight.saddle_root != NEVER and flight.saddle_root != 0.0
 
 
 @kernel
@@ -128,13 +124,29 @@ def _set_from_start(flight: Flight) -> None:
     if flight.saddle_root == NEVER:
         set_quartic_constants(flight, a0, a1, a2, a3, p, flight.turns_over)
         return
-    s, c = flight.saddle_s, flight.saddle_c
-    b0, b1, b2, _ = quartic_about(tilt, spread, twist, s, c, 0.0)
-    s, c = angle_difference(flight.flow_s, flight.flow_c, s, c)
-    # A quarter of the torque, which beside the saddle is lost in rounding at the start itself.
-    a3 = s * (s * (b1 * (3.0 * c * c - s * s) + b0 * s * c) + 3.0 * b2 * c * (c - s) * (c + s))
-    set_quartic_constants(flight, a0, a1, a2, a3, p, flight.turns_over)
+    b0, b1, b2, _ = quartic_about(tilt, spread, twist, flight.saddle_s, flight.saddle_c, 0.0)
+    set_quartic_constants(flight, a0, a1, a2, pull_at_start(flight), p, flight.turns_over)
     refer_to_saddle(flight, b0, b1, b2, flight.saddle_root)
+
+
+@kernel
+def pull_at_start(flight: Flight) -> float:
+    """Return a quarter of the torque at the start of a flight on an arc.
+
+    Beside its saddle the torque is lost in rounding at the start itself.
+    """
+    if flight.saddle_root == NEVER:
+        return flight.quartic_3
+    s, c = flight.saddle_s, flight.saddle_c
+    a0, a1, a2, _ = quartic_about(flight.tilt, flight.spread, flight.twist, s, c, 0.0)
+    s, c = angle_difference(flight.flow_s, flight.flow_c, s, c)
+    return s * (s * (a1 * (3.0 * c * c - s * s) + a0 * s * c) + 3.0 * a2 * c * (c - s) * (c + s))
+
+
+@kernel
+def heading(flight: Flight) -> float:
+    """Return a number with the sign in which a flight on an arc sets out; 0 in equilibrium."""
+    return flight.flow_p if flight.flow_p != 0.0 else pull_at_start(flight)
 
 
 @kernel
@@ -189,19 +201,39 @@ def state_of_motion(flight: Flight, t: float) -> tuple[float, float, float]:
 
 
 @kernel
-def _from_origin(flight: Flight, s: float, c: float) -> tuple[float, float]:
-    """Return two numbers whose quotient is the tangent u of a motion at a position."""
-    sine, cosine = angle_difference(s, c, flight.origin_s, flight.origin_c)
-    return sine - flight.nearest * cosine, cosine
+def fall_from_saddle(
+    tilt: float, spread: float, saddle_s: float, saddle_c: float, s: float, c: float
+) -> float:
+    """Return how much lower ``V`` is at a position than at a saddle, to its last digits."""
+    a0, a1, a2, _ = quartic_about(tilt, spread, 0.0, saddle_s, saddle_c, 0.0)
+    s, c = angle_difference(s, c, saddle_s, saddle_c)
+    return s * s * (a0 * s * s + (4.0 * a1 * s + 6.0 * a2 * c) * c)
 
 
 @kernel
 def squared_rate_ahead(flight: Flight, sine: float, cosine: float) -> float:
     """Return ``P^2`` at half an angle from the start of a flight on an arc."""
-    if passes_saddle(flight):
-        s, c = place_from_start(flight, sine, cosine)
-        sine, cosine = _from_origin(flight, s, c)
-    return squared_rate(flight, sine, cosine)
+    if flight.saddle_root == NEVER:
+        return squared_rate(flight, sine, cosine)
+    s, c = place_from_start(flight, sine, cosine)
+    rate = rate_at(flight, s, c)
+    return rate * abs(rate)
+
+
+@kernel
+def rate_at(flight: Flight, s: float, c: float) -> float:
+    """Return ``|P|`` where a flight on an arc passes a position, or ``-|P|`` where ``P^2 < 0``."""
+    root = flight.saddle_root
+    if root == NEVER:
+        sine, cosine = angle_from_start(flight, s, c)
+        square = squared_rate(flight, sine, cosine)
+    else:
+        saddle_s, saddle_c = flight.saddle_s, flight.saddle_c
+        fall = fall_from_saddle(flight.tilt, flight.spread, saddle_s, saddle_c, s, c)
+        square = fall - root * abs(root)
+        if fall == 0.0:
+            return -root  # at the saddle, where the square may underflow
+    return math.copysign(math.sqrt(abs(square)), square)
 
 
 @kernel
@@ -320,33 +352,32 @@ def quickness(frequency: float, p: float) -> float:
 
 # More than ever needed: the steps to a turning point converge like Newton's.
 TURNING_STEPS = 200
-# Half an angle (rad) below which positions are one saddle.
-AT_SADDLE = 1.0e-9
 # Half an angle (rad) from a saddle below which a slow rate is lost in rounding.
 ON_SADDLE = 1.0e-7
-# A position is a whole turn away up to rounding if the sine of half the angle is below this.
-WHOLE_TURN = 1.0e-14
+# A position is the start, or a whole turn away, up to rounding if the sine of half the angle is
+# below this.
+ROUNDING_OF_PLACES = 1.0e-14
+# Up to this share beyond the tangent of where a motion turns beside its saddle, the way from there
+# follows from the rate.
+BESIDE_TURN = 0.05
 
 
 @kernel
 def time_of_flight(flight: Flight, s: float, c: float, p: float) -> float:
     """Return the time (s) from the start of a flight on an arc to a state of its orbit."""
     sine, cosine = angle_from_start(flight, s, c)
-    if flight.turns_over == 1 and cosine < 0.0 and abs(sine) <= WHOLE_TURN:
+    at_start = abs(sine) <= ROUNDING_OF_PLACES
+    if flight.turns_over == 1 and cosine < 0.0 and at_start:
         # The position from which it starts, a whole turn ahead.
         return period_of(flight) / flight.frequency
     if passes_saddle(flight):
         after = _time_from_nearest(flight, s, c, p) - flight.lead
-        return (after if after >= 0.0 else after + period_of(flight)) / flight.frequency
+        if after >= 0.0:
+            return after / flight.frequency
+        if at_start and p * flight.flow_p > 0.0 and sine * cosine * p >= 0.0:
+            return 0.0  # ahead of the start, but both times are rounded
+        return (after + period_of(flight)) / flight.frequency
     return _time_to_angle(flight, sine, cosine, p)
-
-
-@kernel
-def is_saddle(flight: Flight, s: float, c: float) -> bool:
-    """Return whether a position is the saddle that the energy of a flight is measured from."""
-    if flight.saddle_root == NEVER:
-        return False
-    return abs(s * flight.saddle_c - c * flight.saddle_s) < AT_SADDLE
 
 
 @kernel
@@ -355,10 +386,14 @@ def _time_from_nearest(flight: Flight, s: float, c: float, p: float) -> float:
 
     It is negative within half a period before.
     """
-    sine, cosine = _from_origin(flight, s, c)
-    beside = abs(sine) <= abs(flight.nearest) + AT_SADDLE
-    if beside and flight.nearest != 0.0 and sine * cosine * flight.nearest <= 0.0:
-        return 0.0  # it turns there, up to rounding
+    sine, cosine = angle_difference(s, c, flight.origin_s, flight.origin_c)
+    turn = flight.nearest * cosine
+    sine -= turn
+    away = sine if turn > 0.0 else -sine
+    if turn != 0.0 and -abs(turn) <= away < BESIDE_TURN * abs(turn):
+        # Where it turns, the rate says how far it has moved; the position does so up to rounding.
+        p /= cosine * cosine
+        sine, cosine = place_beside_turn(flight, p), 1.0
     if sine == 0.0 and p * flight.start_rate >= 0.0:
         return 0.0  # it is there
     after = time_to_place(flight, sine, cosine, p)
@@ -380,10 +415,11 @@ def time_to_turn(flight: Flight, side: float) -> float:
 
     A start whose distance from the turning point underflows counts as there.
     """
-    if flight.saddle_root < NEVER and flight.flow_p != 0.0:
+    if flight.saddle_root < NEVER:
         # Half the time until it comes back to its start: no position is as exact beside a saddle.
-        back = time_of_flight(flight, flight.flow_s, flight.flow_c, -flight.flow_p)
-        if flight.flow_p * side < 0.0:
+        p = flight.flow_p
+        back = time_of_flight(flight, flight.flow_s, flight.flow_c, -p) if p != 0.0 else 0.0
+        if (p if p != 0.0 else -heading(flight)) * side < 0.0:
             back += period_of(flight) / flight.frequency
         return 0.5 * back
     half = half_way(flight, side)
@@ -403,9 +439,7 @@ def half_way(flight: Flight, side: float) -> float:
         return 0.0
     bound = 2.0 * (1.0 + abs(flight.tilt) + abs(flight.spread) + 2.0 * abs(flight.twist))
     square = flight.flow_p * flight.flow_p
-    slope = 4.0 * flight.quartic_3 * side
-    if passes_saddle(flight):
-        slope = torque_of(flight, flight.flow_s, flight.flow_c) * side
+    slope = 4.0 * pull_at_start(flight) * side
     if square == 0.0:
         if slope <= 0.0:
             return 0.0
@@ -415,9 +449,9 @@ def half_way(flight: Flight, side: float) -> float:
     for _ in range(TURNING_STEPS):
         if flight.saddle_root < NEVER:
             before = -side * _beyond_saddle(flight, half * side)
-            if 0.0 < before < ON_SADDLE:
+            if abs(before) < ON_SADDLE:
                 # Here P^2 is lost in rounding: the energy says whether the body turns, and where.
-                if flight.saddle_root >= 0.0:
+                if before > 0.0 and flight.saddle_root >= 0.0:
                     s, c = flight.saddle_s, flight.saddle_c
                     rise = math.sqrt(stiffness(flight.tilt, flight.spread, s, c))
                     return half + max(before - flight.saddle_root / rise, 0.0)
@@ -471,7 +505,7 @@ def half_range(
 @kernel
 def sides_turned(flight: Flight, end_p: float, duration: float) -> tuple[bool, bool]:
     """Return on which sides (left, right) an oscillation ending with ``P = end_p`` has turned."""
-    start_p = flight.flow_p if flight.flow_p != 0.0 else flight.quartic_3
+    start_p = heading(flight)
     argument = flight.frequency * duration
     period = period_of(flight)
     # With the same direction at both ends it has turned twice or not at all.

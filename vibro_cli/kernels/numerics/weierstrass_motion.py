@@ -28,7 +28,7 @@ BESIDE_SADDLE = 2  # the same, and z passes close to the conjugate roots
 # Below this share of the other factors a root's distance is taken from the derivative.
 NEAR_ROOT = 0.25
 POLISHING_STEPS = 3
-# More than ever needed: beside a saddle each step adds two digits of the nearest place.
+# More than ever needed: beside a saddle each step adds at least one digit of the place.
 NEAREST_STEPS = 30
 # Complementary parameter 1 - m below which z passes close to the conjugate roots.
 NEAR_SADDLE = 1.0e-5
@@ -140,6 +140,21 @@ def start_beside_saddle(
     set_quartic_constants(motion, b0, b1, b2, b3, rate, motion.turns_over)
     refer_to_saddle(motion, a0, a1, a2, root)
     return turn
+
+
+@kernel
+def place_beside_turn(motion: QuarticConstants, rate: float) -> float:
+    """Return the place u at which a motion that starts at rest has a small rate ``u'``."""
+    u = 0.0
+    for _ in range(NEAREST_STEPS):
+        before = u
+        pull = 4.0 * motion.quartic_3 + u * (
+            6.0 * motion.quartic_2 + u * (4.0 * motion.quartic_1 + u * motion.quartic_0)
+        )
+        u = rate * (rate / pull)
+        if abs(u - before) <= 2.0e-16 * abs(u):
+            break
+    return u
 
 
 @kernel
@@ -325,6 +340,8 @@ def _by_weierstrass(
     z = motion.root * square + level
     push = max(abs(motion.start_rate), abs(motion.quartic_3))
     if push < VANISHING:
+        if sigma == 0.0:
+            return 0.0, 1.0, motion.start_rate
         # With z near 1 far from a slow start, and greater before, no product under- or overflows.
         most = math.sqrt(push) * square
         size = 1.0 / (max(abs(z), push * square) if abs(z) < VANISHING * square else most)
