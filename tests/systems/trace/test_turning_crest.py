@@ -263,3 +263,16 @@ def test_a_body_nearly_at_rest_above_its_saddle_keeps_its_speed(share: float) ->
     flight.separatrix_piece = 0
     flight.separatrix_root = -math.sqrt(-fall * (1.0 + share))
     assert rate_by_energy(world, 0, flight, track) == flight.p
+
+
+@pytest.mark.parametrize("x", [1.1, 2.0])
+def test_a_crest_off_the_axis_is_the_top_to_the_bit(x: float) -> None:
+    """It was 1e-16 rad off, which the least energies below it exceed: bodies would pass it."""
+    trace: Document = {
+        "start_slope": "-50 deg",
+        "arcs": HUMPS[:2],
+        "turning": {"x": x, "rate": 1.0},
+    }
+    track = make_world(system_of(scene(trace, [ball(0.1, arc=2)], time=1.0))).tracks[1]
+    assert track.crests == 1
+    assert track.crest_s * track.top_c == track.crest_c * track.top_s

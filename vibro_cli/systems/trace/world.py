@@ -136,15 +136,25 @@ def _set_bounds(
     track.steepest = CAUTION * w2 * pull.steepest_fall(low, high)
     track.gravity_rate = track.path_radius * track.most_angular
     maxima = [angle for angle in equilibria if pull.stiffness(angle) >= 0.0]
-    crests = inside(maxima, low, high)
+    crests = sorted((place, angle) for angle in maxima for place in inside([angle], low, high))
     track.crests = len(crests)
     track.top_s, track.top_c = sine_cosine(0.5 * max(maxima, key=pull.potential))
     track.pass_s, track.pass_c = sine_cosine(0.5 * min(maxima, key=pull.potential))
-    halves = [sine_cosine(0.5 * angle) for angle in crests]
+    halves = [_half_after_turns(*crest) for crest in crests]
     if halves:
         track.crest_s, track.crest_c = halves[0]
     if len(halves) > 1:
         track.other_crest_s, track.other_crest_c = halves[1]
+
+
+def _half_after_turns(place: float, angle: float) -> tuple[float, float]:
+    """Return ``(S, C)`` whole turns from an angle f (rad): to the bit, but for a common sign.
+
+    Whether a crest is the saddle that an energy is measured from must not depend on rounding.
+    """
+    sine, cosine = sine_cosine(0.5 * angle)
+    sign = -1.0 if round((place - angle) / math.tau) % 2 else 1.0
+    return sign * sine, sign * cosine
 
 
 def _set_force_bounds(
