@@ -13,11 +13,11 @@ import pytest
 
 from tests.highprecision.reference_solver import ReferenceSolver, events_of
 from tests.systems.trace.test_tangents import SCENES
-from vibro_cli import simulate
+from vibro_cli import example, simulate
 from vibro_cli.analysis import impact_times as module
 from vibro_cli.analysis.impact_times import NoDerivative, impact_times, number_at
 from vibro_cli.assemble import build_system
-from vibro_cli.scenario import scenario_of
+from vibro_cli.scenario import Scenario, scenario_of
 from vibro_cli.scenario.problems import parsed_path
 from vibro_cli.stress.oracles.oracle import Oracle
 from vibro_cli.stress.oracles.scene import Scene, chain, scene_of_system
@@ -388,3 +388,14 @@ def test_where_there_is_no_derivative_the_reason_is_told() -> None:
     _refused(against, "balls[1].mass", "several impacts at one instant or lasting contact at 1 s")
     turning = THREE_ARCS | {"turning": {"x": 1.0, "rate": 1.0}}
     _refused(scene(turning, [ball(-1.3), ball(0.9, arc=3)], time=9.0), "collision.k", "turns")
+
+
+def test_of_unequal_numbers_of_a_list_one_has_to_be_named() -> None:
+    scenario = example("closed_three_balls").replace({"collision.k": [0.9, 0.8, 0.9]})
+    assert isinstance(scenario, Scenario)
+    words = r"^collision\.k: found 3 unequal numbers, expected one, such as collision\.k\[1\]$"
+    with pytest.raises(NoDerivative, match=words):
+        number_at(scenario, parsed_path("collision.k"))
+    assert number_at(scenario, parsed_path("collision.k[2]")) == 0.8
+    same = scenario.replace({"collision.k[2]": 0.9})
+    assert number_at(same, parsed_path("collision.k")) == 0.9

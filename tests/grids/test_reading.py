@@ -52,6 +52,16 @@ def test_zip_and_several_paths_on_one_axis(write: Path) -> None:
     assert columns[("gravity",)].tolist() == [1.0, 100.0]
 
 
+def test_a_list_for_one_path_and_an_empty_cell_are_told_what_is_expected(write: Path) -> None:
+    write.write_text(AXIS + 'path = "collision.k"\nvalues = [[0.9, 0.8]]\n')
+    with pytest.raises(ScenarioError, match="or a list of 1: one for each of the paths"):
+        load_grid(write)
+    write.with_name("points.csv").write_text("collision.k,gravity\n0.9,\n")
+    write.write_text(AXIS + 'table = "points.csv"\n')
+    with pytest.raises(ScenarioError, match=r"in row 1 .* with a value in every cell"):
+        load_grid(write)
+
+
 @pytest.mark.parametrize("exponents", [(-200, 200), (200, -200), (-160, 160), (160, -160)])
 @pytest.mark.parametrize("sign", [1, -1])
 def test_ratios_are_equal_even_if_no_double_holds_that_of_the_ends(

@@ -106,7 +106,12 @@ def number_at(scenario: Scenario, path: KeyPath, other: str = "") -> float:
             if other and len(path) == 1:
                 message += f", or {other}{suggestion(path_text(path), [other])}"
             raise NoDerivative(message) from error
-    if isinstance(found, tuple) and found and len(set(found)) == 1:
+    if isinstance(found, tuple) and found and isinstance(found[0], float):
+        if len(set(found)) > 1:
+            name = path_text(path)
+            raise NoDerivative(
+                f"{name}: found {len(found)} unequal numbers, expected one, such as {name}[1]"
+            )
         found = found[0]
     if isinstance(found, bool) or not isinstance(found, float):
         raise NoDerivative(

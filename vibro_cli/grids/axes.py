@@ -282,7 +282,8 @@ def _listed(
     for i, value in enumerate(given):
         row = value if isinstance(value, list) else [value] * len(paths)
         if len(row) != len(paths):
-            raise Fault((*loc, i), shown(value), f"a value, or a list of {len(paths)}")
+            expected = f"a value, or a list of {len(paths)}: one for each of the paths"
+            raise Fault((*loc, i), shown(value), expected)
         rows.append([_value(kind, one, (*loc, i)) for kind, one in zip(of, row, strict=True)])
     columns = [_column(kind, [row[j] for row in rows]) for j, kind in enumerate(of)]
     return _with_columns(paths, of, columns)
@@ -346,7 +347,8 @@ def _from_table(given: AxisTable, name: str, where: KeyPath, folder: Path, root:
     try:
         table = read_columns(folder / name)
     except ValueError as error:
-        raise Fault(where, f"{shown(name)}, {error}", "a .parquet or .csv file") from None
+        expected = "a .parquet or .csv file with a value in every cell"
+        raise Fault(where, f"{shown(name)}, {error}", expected) from None
     if wanted := [path_text(parsed_path(text)) for text in _texts(given)]:
         missing = [name for name in wanted if name not in table]
         if missing:
