@@ -12,7 +12,7 @@ from vibro_cli.kernels.flow.rotating_flight import (
     next_zero_crossing_on_line,
     zero_crossing_on_line,
 )
-from vibro_cli.kernels.flow.rotating_flow import TURNING_LINE
+from vibro_cli.kernels.flow.rotating_flow import TURNING_LINE, flow, time_on_line
 from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.world import Flight
 
@@ -22,7 +22,7 @@ LONG = 30.0  # of the scan, in units of the time scale of the motion
 def _flight(speed: float, acceleration: float, growth: float) -> Flight:
     flight = Flight()
     flight.form, flight.line_growth = TURNING_LINE, growth
-    flight.flow_p, flight.line_acceleration = speed, acceleration
+    flight.flow_p, flight.line_acceleration, flight.saddle_root = speed, acceleration, NEVER
     return flight
 
 
@@ -64,3 +64,25 @@ def test_a_force_along_a_rotating_line_falls_when_a_scan_says(seed: int) -> None
         if force != 0.0:
             assert again == pytest.approx(_fall(flight, force, growth), rel=1e-9), (seed, force)
     assert kinds == {"never", "at once", "later"}
+
+
+@pytest.mark.parametrize("root", [1e-7, -1e-9, 0.0])
+@pytest.mark.parametrize("place", [-0.3, 1e-5])
+def test_a_motion_beside_the_saddle_of_a_line_keeps_its_digits(root: float, place: float) -> None:
+    """Its speed and what it loses to the saddle nearly cancel; compared in 40 digits."""
+    with mpmath.workdps(40):
+        growth = mpmath.mpf(1.7)
+        lost = growth * place
+        speed = -mpmath.sign(place) * mpmath.sqrt(lost**2 - mpmath.mpf(root) * abs(root))
+        flight = _flight(float(speed), float(growth * lost), float(growth))
+        flight.saddle_root = root
+        for t in (1e-6, 3.0, 9.0):
+            grown, back = (speed + lost) * mpmath.exp(growth * t), mpmath.exp(-growth * t)
+            back *= speed - lost
+            way, rate = (grown - back) / (2 * growth) - place, (grown + back) / 2
+            found, _, found_rate = flow(flight, t)
+            assert abs(found - way) <= 1e-15 * abs(way)
+            assert abs(found_rate - rate) <= 1e-15 * (abs(grown) + abs(back))
+            # At rest beside the saddle a rounding of the position takes long.
+            lasts = 4e-16 * (abs(place) + abs(way)) / abs(rate)
+            assert abs(time_on_line(flight, found, float(rate)) - t) <= 1e-14 + lasts

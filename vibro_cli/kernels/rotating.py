@@ -25,6 +25,7 @@ from vibro_cli.kernels.flow.flight import (
 from vibro_cli.kernels.flow.flow import POLYNOMIAL, angle_from_start
 from vibro_cli.kernels.flow.rotating_flight import (
     potential,
+    rise_on_line,
     saddle_beside,
     saddle_height,
     set_track,
@@ -95,9 +96,13 @@ def root_on_piece(world: World, ball: int) -> float:
     """
     flight = world.flights[ball]
     track = track_of(world, ball)
-    if flight.separatrix_piece < 0 or track.path_radius == 0.0:
+    if flight.separatrix_piece < 0:
         return NEVER
+    if flight.separatrix_piece == flight.piece:
+        return flight.separatrix_root
     other = track_on(world, ball, flight.separatrix_piece)
+    if track.path_radius * other.path_radius == 0.0:
+        return NEVER  # one is a line
     energy = flight.specific_energy
     if saddle_height(track, energy) != saddle_height(other, energy):
         return NEVER
@@ -113,7 +118,11 @@ def rate_by_energy(world: World, ball: int, flight: Flight, track: TrackData) ->
     gravity = world.settings[0].gravity
     kappa = world.bodies[ball].kappa
     root = root_on_piece(world, ball)
-    if root < NEVER:
+    if root < NEVER and track.path_radius == 0.0:
+        along = rise_on_line(track, flight.s)
+        size = 0.5 * kappa / gravity * along * along
+        rise = size - 0.5 * kappa / gravity * root * abs(root)
+    elif root < NEVER:
         energy = flight.p * flight.p + potential(track, flight.s, flight.c)
         s, c = saddle_beside(track, energy)
         fall = fall_from_saddle(track.tilt, track.spread, s, c, flight.s, flight.c)

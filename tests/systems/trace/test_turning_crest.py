@@ -276,3 +276,19 @@ def test_a_crest_off_the_axis_is_the_top_to_the_bit(x: float) -> None:
     track = make_world(system_of(scene(trace, [ball(0.1, arc=2)], time=1.0))).tracks[1]
     assert track.crests == 1
     assert track.crest_s * track.top_c == track.crest_c * track.top_s
+
+
+@pytest.mark.parametrize("speed", [1e-4, 1e-8])
+def test_a_level_line_is_passed_as_slowly_each_time(speed: float) -> None:
+    """It was 2e-9 s off at 1e-4 m/s, and at 1e-8 m/s the body never left the line again."""
+    trace: Document = {"start_slope": "-60 deg", "arcs": [{**HUMPS[0], "end_slope": "0 deg"}]}
+    trace["arcs"] += [{"shape": "line", "length": 2.0}, {**HUMPS[0], "end_slope": "60 deg"}]
+    trace["turning"] = {"x": math.sin(math.radians(60)) + 1.0, "rate": 1.0}
+    one = {"radius": RADIUS, "mass": 1.0, "arc": 2, "position": 1.0, "speed": speed}
+    run = solve_any({**scene(trace, [one], time=200.0), **WALLS})
+    found = instants(run, "crossing")
+    b = 1.0 / math.sqrt(KAPPA)
+    passage = 2.0 * math.asinh(b / speed) / b
+    assert len(found) >= 4
+    for entered, left in zip(found[1::2], found[2::2], strict=False):
+        assert abs(left - entered - passage) <= 1e-13

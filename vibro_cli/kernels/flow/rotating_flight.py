@@ -221,12 +221,19 @@ def specific_energy_of_state(world: World, ball: int) -> float:
 
 @kernel
 def refer_to_separatrix(flight: Flight, track: TrackData) -> None:
-    """Measure the energy also relative to a saddle of the arc if the state is near it."""
+    """Measure the energy also relative to a saddle of the piece if the state is near it."""
     flight.separatrix_piece = -1
     square = flight.p * flight.p
+    if track.path_radius == 0.0:
+        along = rise_on_line(track, flight.s)
+        longest = track.line_growth * (track.right_s - track.left_s)
+        if along * along + square < SADDLE_NEIGHBOURHOOD * (longest * longest):
+            flight.separatrix_piece = flight.piece
+            flight.separatrix_root = root_of_state(along, flight.p)
+        return
     # Most bodies are faster than the condition below allows with any a0 and a2.
     most = SADDLE_NEIGHBOURHOOD * (1.0 + abs(track.tilt) + track.spread)
-    if track.path_radius == 0.0 or square > most:
+    if square > most:
         return
     energy = square + potential(track, flight.s, flight.c)
     s, c = saddle_beside(track, energy)
@@ -247,6 +254,13 @@ def saddle_beside(track: TrackData, energy: float) -> tuple[float, float]:
     if abs(energy - lower) < abs(energy - track.highest_potential):
         return track.pass_s, track.pass_c
     return track.top_s, track.top_c
+
+
+@kernel
+def rise_on_line(track: TrackData, s: float) -> float:
+    """Return the speed (m/s) that a body on a line loses from a position to the saddle."""
+    b = track.line_growth
+    return track.line_acceleration / b + b * s if b > 0.0 else 0.0
 
 
 @kernel

@@ -274,8 +274,26 @@ def _on_line(flight: Flight, t: float) -> tuple[float, float]:
     if x == 0.0:
         return t * (v + 0.5 * a * t), v + a * t
     half = math.sinh(0.5 * x)
+    if flight.saddle_root < NEVER:
+        ahead = _growing_speed(flight)
+        back = math.exp(-0.5 * x)
+        way = 2.0 * half * (ahead * half + v * back) / b
+        return way, ahead * math.sinh(x) + v * (back * back)
     sine = math.sinh(x) / b
     return v * sine + a * (2.0 * half * half / (b * b)), v * math.cosh(x) + a * sine
+
+
+@kernel
+def _growing_speed(flight: Flight) -> float:
+    """Return the sum of the speed on a line and that lost to the saddle; it grows as ``e^(b t)``.
+
+    Where both nearly cancel it follows from the energy relative to the saddle.
+    """
+    v = flight.flow_p
+    along = flight.line_acceleration / flight.line_growth
+    if v * along >= 0.0:
+        return v + along
+    return -flight.saddle_root * abs(flight.saddle_root) / (v - along)
 
 
 @kernel
@@ -519,6 +537,9 @@ def squared_speed(flight: Flight, way: float) -> float:
     """Return the squared speed (m^2/s^2) of a body that has moved ``way`` (m) along a line."""
     b = flight.line_growth
     v = flight.flow_p
+    if flight.saddle_root < NEVER:
+        along = flight.line_acceleration / b + b * way
+        return along * along - flight.saddle_root * abs(flight.saddle_root)
     return v * v + way * (2.0 * flight.line_acceleration + b * b * way)
 
 
@@ -529,10 +550,10 @@ def turns_before(flight: Flight, way: float) -> bool:
     b = flight.line_growth
     if a * way >= 0.0:
         return False
-    slowest = -a
-    return slowest * (1.0 if way > 0.0 else -1.0) < b * b * abs(way) and (
-        flight.flow_p * flight.flow_p * (b * b) <= a * a
-    )
+    turns = flight.flow_p * flight.flow_p * (b * b) <= a * a
+    if flight.saddle_root < NEVER:
+        turns = flight.saddle_root >= 0.0
+    return turns and abs(a) < b * b * abs(way)
 
 
 @kernel
@@ -542,6 +563,8 @@ def turn_on_line(flight: Flight) -> float:
     a = flight.line_acceleration
     b = flight.line_growth
     square = (a - b * v) * (a + b * v)
+    if flight.saddle_root < NEVER:
+        square = b * b * flight.saddle_root * abs(flight.saddle_root)
     if v * a >= 0.0 or square < 0.0:
         return 0.0
     return -v * v / (a + math.copysign(math.sqrt(square), a))
@@ -559,6 +582,13 @@ def time_on_line(flight: Flight, way: float, speed: float) -> float:
         x = (speed - v) / (2.0 * a + b * b * way)
     if b * x < 1.0e-8:
         return 2.0 * x
+    if b * x > 0.5 and flight.saddle_root < NEVER:
+        # A hyperbolic tangent near 1 has lost the time, the part that grows or decays has not.
+        along = a / b
+        if speed * (along + b * way) < 0.0:
+            return math.log((v - along) / (speed - along - b * way)) / b
+        ahead = _growing_speed(flight)
+        return math.log((speed + along + b * way) / ahead) / b if ahead != 0.0 else NEVER
     if b * x >= 1.0:
         return NEVER  # it only approaches that position
     return 2.0 * math.atanh(b * x) / b
