@@ -370,6 +370,25 @@ def test_names_stand_beside_the_tangent_planes_at_any_angle(beside: float) -> No
     assert _planes_beside_names(simulate(any_scenario_of(data))) == 6
 
 
+@pytest.mark.parametrize("y", [0.0, 0.01])
+def test_names_of_contact_points_side_by_side_cover_no_velocity(y: float) -> None:
+    """Not even the edge of an arrow."""
+    run = run_of(FOLDER / "table" / "skew_impact.toml", f"balls[1].y={y}")
+    figure = table_contact_points(run)
+    assert figure is not None
+    figure.draw_without_rendering()
+    for axes, body in ((figure.axes[1], 1), (figure.axes[3], 2)):
+        shafts = [line for line in axes.lines if line.get_color() == body_look(body)["color"]]
+        assert len(shafts) == 9
+        for text in axes.texts:
+            if re.fullmatch(rf"\$T_\{{{body}[23]\}}\$", text.get_text()):
+                for line in shafts:
+                    half = 0.5 * line.get_linewidth() * figure.dpi / 72.0
+                    ends = axes.transData.transform(np.asarray(line.get_xydata()))
+                    covered = text.get_window_extent().padded(half)
+                    assert not Polyline(ends).intersects_bbox(covered, filled=False)
+
+
 def test_contact_points_are_those_of_the_first_impact_also_on_the_wall() -> None:
     """The ball meets the wall, then the other ball: the figure is that of a run to the wall."""
     balls = [

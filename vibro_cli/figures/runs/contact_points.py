@@ -246,8 +246,8 @@ def _draw_plan(axes: Axes, one: Rolling, scale: float) -> None:
                        linewidth=0.5, color=style.FRAME_GREY, zorder=2.3))  # fmt: skip
     middle = math.radians(0.5 * (ends[0] + ends[1]))
     named = [
-        *(Named(name, point) for name, point in zip(_names(one), points, strict=True)),
         Named(r"$\alpha$", (0.45 * radius * math.cos(middle), 0.45 * radius * math.sin(middle))),
+        *(Named(name, point) for name, point in zip(_names(one), points, strict=True)),
         Named(rf"$C_{{{one.number}}}$", (0.0, 0.0)),
     ]
     axes.plot(*np.transpose([*points, (0.0, 0.0)]), zorder=4.0, **style.POINT)

@@ -339,7 +339,10 @@ def draw_circle(axes: Axes, centre: Array, radius: float, colour: str, opacity: 
 
 
 def arrow(axes: Axes, tail: Array, reach: Array, colour: str, look: Look) -> Array:
-    """Draw an arrow whose head is solid even if its shaft is dashed; return points along it."""
+    """Draw an arrow whose head is solid even if its shaft is dashed.
+
+    Returns points along it and along the edges of a strip half as wide as its head, shape (n, 2).
+    """
     low, high = axes.get_xlim()
     points = np.linspace(tail, tail + reach, 20)
     length = float(np.hypot(*reach))
@@ -350,7 +353,8 @@ def arrow(axes: Axes, tail: Array, reach: Array, colour: str, look: Look) -> Arr
     tip, neck = tail + reach, tail + reach - head * along
     axes.plot(*np.transpose([tail, neck]), color=colour, zorder=3.0, **look, **_BUTT)
     draw_head(axes, tip, along, head, colour)
-    return points
+    side = 0.5 * _SLIM * head * np.array([-along[1], along[0]])
+    return np.concatenate([points, points + side, points - side])
 
 
 def draw_head(axes: Axes, tip: Array, along: Array, head: float, colour: str) -> None:
