@@ -384,11 +384,14 @@ def test_bounces_that_take_most_of_the_energy_leave_the_speed_along_the_wall(k: 
         np.testing.assert_allclose(run.bounces["velocity_x_post"], along, rtol=4e-16)
 
 
-def test_the_roundings_of_bounces_do_not_add_up_in_one_direction() -> None:
+@pytest.mark.parametrize("axes", [(0.8, 1.4), (1.5, 1.5)], ids=["ellipse", "circle"])
+def test_the_roundings_of_bounces_do_not_add_up_in_one_direction(
+    axes: tuple[float, float],
+) -> None:
     """The mean drift is that of independent roundings, one at each bounce."""
     rng, scores = np.random.default_rng(20), []
     for _ in range(24):
-        shape = (1.5, float(rng.uniform(0.8, 1.4)))
+        shape = (1.5, float(rng.uniform(*axes)))
         start = particle(*rng.uniform(-0.4, 0.4, 2), *rng.uniform(-1.0, 1.0, 2))
         run = solve(table([start], ellipse(*shape), bounces=30_000))
         change = np.diff(_product_about_foci(run, shape))

@@ -260,6 +260,11 @@ def _meet_circle(
     to: Meeting,
 ) -> float:
     """Return the same as ``_meet_curve`` for a circle; touching centres are at distance rho."""
+    # The length of u has the rounding of the speed, the same after every bounce, which would turn
+    # all chords alike.
+    excess = (ux * ux - 0.5) + (uy * uy - 0.5)
+    ux -= 0.5 * excess * ux
+    uy -= 0.5 * excess * uy
     along = px * ux + py * uy
     across = difference_of_products(px, uy, py, ux)
     square = (rho - across) * (rho + across)
