@@ -24,6 +24,7 @@ from vibro_cli.figures.portraits import trace_phase_plane
 from vibro_cli.figures.portraits.energies import energy_portrait
 from vibro_cli.figures.portraits.layers import background, saddle_energies
 from vibro_cli.figures.portraits.trace_phase_plane import (
+    REST,
     behind_along,
     comparison,
     family,
@@ -271,6 +272,22 @@ def test_a_level_piece_of_the_trace_is_named_where_it_is_drawn() -> None:
     at_rest = name.axes.transData.transform((0.0, 0.0))[1]
     low, high = name.get_window_extent().intervaly
     assert not low <= at_rest <= high  # beside the line, not over it
+
+
+def test_a_level_piece_is_drawn_on_its_own_panel_and_along_the_trace() -> None:
+    """As long as it is, from where it begins; on its panel alone of those of the pieces."""
+    hills = HILLS["line"]
+    figure = structure(portrait_of(hills))
+    drawn = [
+        (number, np.asarray(one.get_xdata()))
+        for number, axes in enumerate(figure.axes)
+        for one in axes.lines
+        if one.get_linewidth() == REST["linewidth"] and one.get_color() == REST["color"]
+    ]
+    level = hills.trace.pieces[1]
+    assert [number for number, _ in drawn] == [level.index, len(figure.axes) - 1]
+    for _, ends in drawn:
+        assert ends == pytest.approx([0.5 * math.pi, 0.5 * math.pi + 1.5], abs=1e-12)
 
 
 def test_separatrices_of_very_many_heights_leave_room_between_them() -> None:

@@ -96,6 +96,7 @@ def structure(portrait: Portrait, width: str = "single", bodies: str = "") -> Fi
         sheet, panels = lay_out(shown, width, rows, below)
         for one in panels:
             draw_background(one, behind)
+            _draw_rest(one, behind.points)
         label(panels, bodies)
         panel = _panel_below(sheet, width, _whole(portrait, along))
         draw_background(panel, along)
@@ -246,9 +247,15 @@ def draw_junctions(panel: Panel, trace: Trace) -> None:
 def _draw_trace(panel: Panel, portrait: Portrait) -> None:
     """Draw junctions and level lines on a panel along the trace."""
     draw_junctions(panel, portrait.landscape.trace)
-    for point in portrait.points:
-        if point.extent:
-            panel.axes.plot([point.s, point.s + point.extent], [0.0, 0.0], zorder=1.3, **REST)
+    _draw_rest(panel, _points_along(portrait))
+
+
+def _draw_rest(panel: Panel, points: Sequence[SingularPoint]) -> None:
+    """Draw the level lines that lie on one piece, where a body can rest anywhere."""
+    for point in points:
+        if point.extent and point.piece == panel.piece.index:
+            ends = np.array([0.0, point.extent]) + point.position + panel.shift
+            panel.axes.plot(ends, [0.0, 0.0], zorder=1.3, **REST)
 
 
 def _rest_entry(portraits: Sequence[Portrait]) -> list[Entry]:
