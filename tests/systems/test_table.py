@@ -648,6 +648,18 @@ def test_a_particle_aimed_at_a_corner_does_not_go_through_it() -> None:
         assert np.min(sides[:, 0] * way[:, 1] - sides[:, 1] * way[:, 0]) < -1e-2
 
 
+@pytest.mark.parametrize("away", [1e-9, 1e-10, 1e-13])
+def test_a_particle_that_bounces_beside_a_corner_does_not_meet_its_other_side(away: float) -> None:
+    """It is in front of the one, and so not in the obstacle, though nearly at the other's line."""
+    square = box(2.0, 2.0, side="outside")
+    wedge = polygon([[0.0, 0.0], [-1.0, -0.2], [0.0, -1.0]], 1.0, "outside")
+    for x, y, obstacle in [
+        (2.0 - away, 2.0, square), (2.0, 2.0 - away, square), (1.0, 1.0 - away, wedge),
+    ]:  # fmt: skip
+        run = solve(table([particle(x, y, -1.0, -1.0)], obstacle, time=5.0))
+        assert len(run.bounces["n"]) == 1
+
+
 def test_a_ball_that_has_rolled_along_a_side_leaves_it_straight_on() -> None:
     draw = np.random.default_rng(13)
     for _ in range(40):

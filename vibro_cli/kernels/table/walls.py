@@ -58,8 +58,7 @@ def meet_wall(world: World, body: BodyData, ball: Ball, x: float, y: float, to: 
     for index in range(sides):
         edge = world.edges[index]
         before = world.edges[index - 1 if index > 0 else sides - 1]
-        after = world.edges[index + 1 if index + 1 < sides else 0]
-        time = _meet_edge(edge, after, body.radius, ball, x, y, best, to)
+        time = _meet_edge(world, index, body.radius, ball, x, y, best, to)
         # The normal at a corner lies between those of its two sides: a ball that approaches neither
         # side, such as one that rolled along one, cannot meet it. A particle meets a side instead.
         pointed = edge.corner == 1 and body.radius > 0.0
@@ -300,17 +299,19 @@ def _approach_to(edge: Edge, ball: Ball) -> float:
 
 @kernel
 def _meet_edge(
-    edge: Edge, after: Edge, r: float, ball: Ball, x: float, y: float, best: float, to: Meeting
+    world: World, index: int, r: float, ball: Ball, x: float, y: float, best: float, to: Meeting
 ) -> float:
     """Return the time (s) until a straight side is met, and store the contact; else ``best``.
 
     ``best`` is the time of an earlier contact.
     """
+    edge = world.edges[index]
     closing = _approach_to(edge, ball)
     if closing == 0.0:
         return best
+    after = world.edges[index + 1 if index + 1 < len(world.edges) else 0]
     vx, vy = ball.vx, ball.vy
-    distance = (edge.x - x) * edge.normal_x + (edge.y - y) * edge.normal_y - r
+    distance = _way_to(edge, r, x, y)
     time = max(distance / closing, 0.0)
     if time >= best:
         return best
@@ -326,10 +327,31 @@ def _meet_edge(
         return best
     if distance < 0.0 and -distance > 1.0e-9 * (edge.length + r):
         return best  # the ball is behind this side
+    if distance < 0.0:
+        before = world.edges[index - 1 if index > 0 else len(world.edges) - 1]
+        if edge.corner == 1 and _leaves(before, r, ball, x, y, distance):
+            return best
+        if after.corner == 1 and _leaves(after, r, ball, x, y, distance):
+            return best
     centre_x = edge.x + place * edge.along_x - r * edge.normal_x
     centre_y = edge.y + place * edge.along_y - r * edge.normal_y
     _note(to, centre_x, centre_y, edge.normal_x, edge.normal_y)
     return time
+
+
+@kernel
+def _way_to(edge: Edge, r: float, x: float, y: float) -> float:
+    """Return the distance (m) of a ball from the line of a side, negative beyond it."""
+    return (edge.x - x) * edge.normal_x + (edge.y - y) * edge.normal_y - r
+
+
+@kernel
+def _leaves(edge: Edge, r: float, ball: Ball, x: float, y: float, distance: float) -> bool:
+    """Return whether a ball comes from one side of a corner that points at it, not the other.
+
+    It is at the ``distance`` from the other side, beyond its line.
+    """
+    return _approach_to(edge, ball) == 0.0 and _way_to(edge, r, x, y) > distance
 
 
 @kernel
