@@ -147,3 +147,26 @@ def test_bounces_end_when_they_do_without_a_body_far_away() -> None:
         row = list(run.events["event"]).index("contact_closed")
         closed.append((run.events["t"][row], run.events["value"][row]))
     assert closed[0] == closed[1]
+
+
+def test_a_run_without_a_stop_ends_when_its_last_bounces_do() -> None:
+    run = simulate_system(system_of(scene(DISH, PAIR, 0.5, collisions=99)), None, 99)
+    (end,) = run.events["t"][run.events["event"] == "contact_closed"]
+    (lasted,) = run.events["value"][run.events["event"] == "contact_closed"]
+    assert run.end_cause == "no_more_collisions"
+    assert lasted > 0.0
+    assert run.summary_record()["quiet_from"] == run.end_time == end
+    stopped = simulate_system(system_of(scene(DISH, PAIR, 0.5, collisions=99)), end + 1.0, None)
+    assert stopped.summary_record()["quiet_from"] == end
+    for name, values in stopped.sample([end]).items():
+        np.testing.assert_array_equal(run.sample([end])[name], values, err_msg=name)
+
+
+def test_impacts_are_still_possible_while_bounces_are_summed() -> None:
+    run = simulate_system(system_of(scene(DISH, PAIR, 0.5, collisions=99)), None, 99)
+    last = float(run.collisions["t"][-1])
+    stopped = simulate_system(
+        system_of(scene(DISH, PAIR, 0.5, collisions=99)), 0.5 * (last + run.end_time), None
+    )
+    assert stopped.summary_record()["quiet_from"] is None
+    assert stopped.events["t"].max(initial=0.0) <= stopped.end_time

@@ -538,7 +538,8 @@ def _horizon(world: World) -> tuple[float, float, int, int]:
 def _finish(world: World) -> int:
     """End a run that has no further event before its stop time, or `LATEST` without one.
 
-    The clock stays at the last event, so that the run can be continued from there.
+    The clock stays at the last event, so that the run can be continued from there; bounces that are
+    summed are events until they end.
     """
     settings = world.settings[0]
     clock = world.clock[0]
@@ -550,11 +551,29 @@ def _finish(world: World) -> int:
     for j in range(settings.pairs):
         pair = world.pairs[j]
         quiet = quiet and (pair.apart == 1 or (pair.held == 1 and pair.release_t == NEVER))
-    if quiet:
-        clock.quiet_from = clock.t
+    end_t, end_low = _end_of_bounces(world)
+    if quiet and end_t <= settings.stop_t:
+        clock.quiet_from = end_t
     if settings.stop_t < NEVER or not quiet:
         return END_TIME
+    clock.t = end_t
+    clock.t_low = end_low
     return END_REST if resting else END_NO_MORE_COLLISIONS
+
+
+@kernel
+def _end_of_bounces(world: World) -> tuple[float, float]:
+    """Return when the last summed bounces end (two doubles, s), or the present instant.
+
+    The end is rounded as in the row of its event, which must not be later than that of the run.
+    """
+    t, low = world.clock[0].t, world.clock[0].t_low
+    for j in range(world.settings[0].pairs):
+        pair = world.pairs[j]
+        end_t = pair.change_t + pair.delay
+        if pair.held == 1 and time_between(end_t, pair.change_t_low, t, low) > 0.0:
+            t, low = end_t, pair.change_t_low
+    return t, low
 
 
 # Without a stop time the loop looks whether any pair can still meet: after each impact on a wall,
