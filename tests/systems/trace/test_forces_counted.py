@@ -97,6 +97,27 @@ def test_speeds_that_last_no_time_have_no_forces(rate: float | None) -> None:
     assert summary["max_friction_demand"] == pytest.approx(demand.max(), rel=1e-6)
 
 
+def test_speeds_at_which_a_run_ends_amid_an_instant_have_no_forces() -> None:
+    """The disk that is hit first would leave the hump, were it not stopped at once by the third."""
+    arc = {"shape": "hump", "radius": 1.0, "end_slope": -STEEP}
+    balls = [
+        {"body": "disk", "radius": RADIUS, "mass": mass, "arc": 1, **place}
+        for mass, place in (
+            (1.0, {"angle": -0.3, "speed": 1.9}),
+            (0.1, {"angle": -0.1}),
+            (1.0, {"touching": "previous"}),
+        )
+    ]
+    collision = {"law": "normal-impulse", "k": 1.0}
+    short, ended = run_of(arc, STEEP, balls, collision=collision, stop={"collisions": 1})
+    impact = short.collisions
+    assert impact["speed_b_post"][0] ** 2 > GRAVITY * (1.0 + RADIUS)
+    before = {"time": float(impact["t"][0]) * (1.0 - 1e-12)}
+    _, expected = run_of(arc, STEEP, balls, collision=collision, stop=before)
+    for name in ("min_normal_force", "max_friction_demand"):
+        assert ended[name] == pytest.approx(expected[name], rel=1e-9)
+
+
 @pytest.mark.parametrize("kappa", [1.0, 1.4, 1.5, 2.0])
 def test_a_body_leaves_a_hump_once(kappa: float) -> None:
     ball = {"inertia_ratio": kappa - 1.0, "radius": RADIUS, "mass": 1.0, "arc": 1}
