@@ -143,7 +143,7 @@ class Flight(QuarticConstants):
     line_acceleration: float
     specific_energy: float  # energy/(m g), m above the body's lowest place
     separatrix_piece: int  # piece whose crest the energy is measured from, or -1
-    separatrix_root: float  # complementary_modulus on that piece
+    separatrix_root: float  # complementary_modulus on that piece; saddle_root if it rotates
     exit_after: float  # time from the start to the end of the flight, s
     exit_side: int  # +1 right end, -1 left end, 0 none
     exit_kind: int  # BOUNDARY or LIFT_OFF
@@ -166,7 +166,8 @@ class Flight(QuarticConstants):
     crests: int
     saddle_s: float  # the saddle that the energy is next to
     saddle_c: float
-    saddle_root: float  # sign(V - E) sqrt|V - E| with V there; NEVER if E follows from the state
+    # sign(V - E) sqrt|V - E| with V there, on a line in m/s; NEVER if E follows from the state
+    saddle_root: float
     origin_s: float  # place from which the angles of the motion on an arc are measured
     origin_c: float
     nearest: float  # u of the place nearest to the saddle, where the motion starts, or 0
