@@ -35,7 +35,7 @@ from vibro_cli.kernels.impact.laws import (
 )
 from vibro_cli.kernels.numerics.constants import EPSILON, NEVER
 from vibro_cli.kernels.numerics.double_double import dd_add, dd_multiply
-from vibro_cli.kernels.table.walls import RESOLVED, bend_at, quickening, touching_distance
+from vibro_cli.kernels.table.walls import RESOLVED, bend_at, touching_distance
 from vibro_cli.kernels.table.world import BounceRow, PairRow, World
 from vibro_cli.kernels.world import END_INADMISSIBLE, END_WALL_CONTACT, RUNNING
 
@@ -358,14 +358,9 @@ def _descend(world: World, closing: int) -> None:
     rounding and may grow again before this is detected. So the impulses with the smallest residual
     are taken.
     """
-    greatest = 0.0
-    for number in range(closing):
-        greatest = max(greatest, abs(world.touches[number].left))
-    swift = quickening(greatest, 0.0)
     target = 0.0
     for number in range(closing):
         touch = world.touches[number]
-        touch.left, touch.left_low = swift * touch.left, swift * touch.left_low
         touch.impulse, touch.impulse_low, touch.best = 0.0, 0.0, 0.0
         touch.direction = touch.left / touch.diagonal
         target += touch.left * touch.left / touch.diagonal
@@ -389,7 +384,7 @@ def _descend(world: World, closing: int) -> None:
                 touch.best = touch.impulse + touch.impulse_low
     for number in range(closing):
         touch = world.touches[number]
-        touch.impulse = touch.best / swift
+        touch.impulse = touch.best
 
 
 @kernel

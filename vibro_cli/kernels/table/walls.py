@@ -29,10 +29,8 @@ STRAIGHT = 1.0e-10
 # A velocity component across a wall below this share of the speed is rounding, not approach. The
 # speed is the greatest in the last impact, since at k = 0 little of it may be left.
 RESOLVED = 4.0 * EPSILON
-# Squares of speeds (m^2/s^2) below the first lose digits: such speeds are multiplied by the second,
-# a power of two, and the times found with them too.
+# Below this square of its speed (m^2/s^2) a ball counts as at rest: lesser ones lose digits.
 SLOWEST = 1.0e-290
-QUICKENED = 2.0**800
 
 
 @kernel
@@ -44,15 +42,14 @@ def meet_wall(world: World, body: BodyData, ball: Ball, x: float, y: float, to: 
     """
     to.other = -1
     wall = world.wall[0]
+    square = ball.vx * ball.vx + ball.vy * ball.vy
+    if square < SLOWEST:
+        return NEVER
     if wall.kind != POLYGON:
-        swift = quickening(ball.vx, ball.vy)
-        vx, vy = swift * ball.vx, swift * ball.vy
-        speed = math.sqrt(vx * vx + vy * vy)
-        if speed == 0.0:
-            return NEVER
-        least = RESOLVED * (swift * ball.fastest) / speed
-        way = _meet_curve(wall, body.radius, x, y, vx / speed, vy / speed, least, to)
-        return swift * (way / speed) if way < NEVER else NEVER
+        speed = math.sqrt(square)
+        least = RESOLVED * ball.fastest / speed
+        way = _meet_curve(wall, body.radius, x, y, ball.vx / speed, ball.vy / speed, least, to)
+        return way / speed if way < NEVER else NEVER
     best = NEVER
     sides = len(world.edges)
     for index in range(sides):
@@ -68,12 +65,6 @@ def meet_wall(world: World, body: BodyData, ball: Ball, x: float, y: float, to: 
             best = time
             to.other = index
     return best
-
-
-@kernel
-def quickening(vx: float, vy: float) -> float:
-    """Return the factor, mostly 1, with which the square of a velocity (m/s) keeps its digits."""
-    return QUICKENED if vx * vx + vy * vy < SLOWEST else 1.0
 
 
 @kernel
@@ -394,8 +385,6 @@ def time_to_distance(
     Without cancellation ``t = c/(root - d w)``, ``root^2 = (|w| D - |d x w|)(|w| D + |d x w|)``.
     An approach slower than ``rounding`` (m/s) counts as none.
     """
-    swift = quickening(wx, wy)
-    wx, wy, rounding = swift * wx, swift * wy, swift * rounding
     closing = dx * wx + dy * wy
     if closing >= 0.0:  # half of all pairs, excluded without a square root
         return NEVER
@@ -411,7 +400,7 @@ def time_to_distance(
     beyond = (apart - distance) * (apart + distance)
     time = max(beyond / (math.sqrt(inside) - closing), 0.0)
     # If the distance is greater then than now, ``root`` is only rounding: they pass each other.
-    return swift * time if time * square <= -2.0 * closing else NEVER
+    return time if time * square <= -2.0 * closing else NEVER
 
 
 @kernel
