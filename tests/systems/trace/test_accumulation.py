@@ -160,6 +160,9 @@ def test_a_run_without_a_stop_ends_when_its_last_bounces_do() -> None:
     assert stopped.summary_record()["quiet_from"] == end
     for name, values in stopped.sample([end]).items():
         np.testing.assert_array_equal(run.sample([end])[name], values, err_msg=name)
+    parts = run.checkpoint(), run.history()
+    continued = simulate_system(run.system, end + 1.0, None, "compiled", None, *parts)
+    assert continued.checkpoint() == stopped.checkpoint()
 
 
 def test_impacts_are_still_possible_while_bounces_are_summed() -> None:

@@ -553,11 +553,11 @@ def _finish(world: World) -> int:
         quiet = quiet and (pair.apart == 1 or (pair.held == 1 and pair.release_t == NEVER))
     end_t, end_low = _end_of_bounces(world)
     if quiet and end_t <= settings.stop_t:
+        clock.t = end_t
+        clock.t_low = end_low
         clock.quiet_from = end_t
     if settings.stop_t < NEVER or not quiet:
         return END_TIME
-    clock.t = end_t
-    clock.t_low = end_low
     return END_REST if resting else END_NO_MORE_COLLISIONS
 
 
