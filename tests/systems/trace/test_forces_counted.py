@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from vibro_cli.api import simulate
+from vibro_cli.commands.shared.terminal import summary_text
 from vibro_cli.scenario import scenario_of
 from vibro_cli.systems.run import Run
 
@@ -116,6 +117,18 @@ def test_speeds_at_which_a_run_ends_amid_an_instant_have_no_forces() -> None:
     _, expected = run_of(arc, STEEP, balls, collision=collision, stop=before)
     for name in ("min_normal_force", "max_friction_demand"):
         assert ended[name] == pytest.approx(expected[name], rel=1e-9)
+
+
+def test_a_run_that_ends_as_it_starts_has_no_forces_to_tell() -> None:
+    """Its summary ended with an internal error."""
+    ball = {"body": "disk", "radius": RADIUS, "mass": 1.0, "arc": 1}
+    balls = [{**ball, "angle": -0.2, "speed": 1.9}, {**ball, "touching": "previous"}]
+    arc = {"shape": "hump", "radius": 1.0, "end_slope": -STEEP}
+    collision = {"law": "normal-impulse", "k": 1.0}
+    run, summary = run_of(arc, STEEP, balls, collision=collision, stop={"collisions": 1})
+    assert run.end_time == 0.0
+    assert summary["min_normal_force"] is summary["max_friction_demand"] is None
+    assert "validity" not in summary_text("name", summary, None)
 
 
 @pytest.mark.parametrize("kappa", [1.0, 1.4, 1.5, 2.0])
