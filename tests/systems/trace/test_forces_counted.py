@@ -99,22 +99,30 @@ def test_speeds_that_last_no_time_have_no_forces(rate: float | None) -> None:
 
 
 def test_speeds_at_which_a_run_ends_amid_an_instant_have_no_forces() -> None:
-    """The disk that is hit first would leave the hump, were it not stopped at once by the third."""
+    """The disk that is hit first would leave the hump, were it not stopped at once by the third.
+
+    That one rests at the wall.
+    """
     arc = {"shape": "hump", "radius": 1.0, "end_slope": -STEEP}
+    beside = math.asin(RADIUS / (1.0 + RADIUS))
     balls = [
         {"body": "disk", "radius": RADIUS, "mass": mass, "arc": 1, **place}
         for mass, place in (
-            (1.0, {"angle": -0.3, "speed": 1.9}),
-            (0.1, {"angle": -0.1}),
+            (1.0, {"angle": STEEP - 5.0 * beside - 0.05, "speed": 1.9}),
+            (0.1, {"angle": STEEP - 3.0 * beside}),
             (1.0, {"touching": "previous"}),
         )
     ]
     collision = {"law": "normal-impulse", "k": 1.0}
-    short, ended = run_of(arc, STEEP, balls, collision=collision, stop={"collisions": 1})
+    keys = {"collision": collision, "ends": {"right": {"wall": 1.0}}}
+    short, ended = run_of(arc, STEEP, balls, stop={"collisions": 1}, **keys)
     impact = short.collisions
     assert impact["speed_b_post"][0] ** 2 > GRAVITY * (1.0 + RADIUS)
+    assert "lift_off" not in short.events["event"].tolist()
+    longer, _ = run_of(arc, STEEP, balls, stop={"collisions": 2}, **keys)
+    assert longer.collisions["t"][1] == impact["t"][0]
     before = {"time": float(impact["t"][0]) * (1.0 - 1e-12)}
-    _, expected = run_of(arc, STEEP, balls, collision=collision, stop=before)
+    _, expected = run_of(arc, STEEP, balls, stop=before, **keys)
     for name in ("min_normal_force", "max_friction_demand"):
         assert ended[name] == pytest.approx(expected[name], rel=1e-9)
 
