@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from vibro_cli.api import simulate
-from vibro_cli.commands.shared.terminal import summary_text
 from vibro_cli.scenario import scenario_of
 from vibro_cli.systems.run import Run
 
@@ -96,47 +95,6 @@ def test_speeds_that_last_no_time_have_no_forces(rate: float | None) -> None:
     demand = masses * GRAVITY * abs(sine) / 3.0 / normal
     assert summary["min_normal_force"] == pytest.approx(normal.min(), rel=1e-6)
     assert summary["max_friction_demand"] == pytest.approx(demand.max(), rel=1e-6)
-
-
-def test_speeds_at_which_a_run_ends_amid_an_instant_have_no_forces() -> None:
-    """The disk that is hit first would leave the hump, were it not stopped at once by the third.
-
-    That one rests at the wall.
-    """
-    arc = {"shape": "hump", "radius": 1.0, "end_slope": -STEEP}
-    beside = math.asin(RADIUS / (1.0 + RADIUS))
-    balls = [
-        {"body": "disk", "radius": RADIUS, "mass": mass, "arc": 1, **place}
-        for mass, place in (
-            (1.0, {"angle": STEEP - 5.0 * beside - 0.05, "speed": 1.9}),
-            (0.1, {"angle": STEEP - 3.0 * beside}),
-            (1.0, {"touching": "previous"}),
-        )
-    ]
-    collision = {"law": "normal-impulse", "k": 1.0}
-    keys = {"collision": collision, "ends": {"right": {"wall": 1.0}}}
-    short, ended = run_of(arc, STEEP, balls, stop={"collisions": 1}, **keys)
-    impact = short.collisions
-    assert impact["speed_b_post"][0] ** 2 > GRAVITY * (1.0 + RADIUS)
-    assert "lift_off" not in short.events["event"].tolist()
-    longer, _ = run_of(arc, STEEP, balls, stop={"collisions": 2}, **keys)
-    assert longer.collisions["t"][1] == impact["t"][0]
-    before = {"time": float(impact["t"][0]) * (1.0 - 1e-12)}
-    _, expected = run_of(arc, STEEP, balls, stop=before, **keys)
-    for name in ("min_normal_force", "max_friction_demand"):
-        assert ended[name] == pytest.approx(expected[name], rel=1e-9)
-
-
-def test_a_run_that_ends_as_it_starts_has_no_forces_to_tell() -> None:
-    """Its summary ended with an internal error."""
-    ball = {"body": "disk", "radius": RADIUS, "mass": 1.0, "arc": 1}
-    balls = [{**ball, "angle": -0.2, "speed": 1.9}, {**ball, "touching": "previous"}]
-    arc = {"shape": "hump", "radius": 1.0, "end_slope": -STEEP}
-    collision = {"law": "normal-impulse", "k": 1.0}
-    run, summary = run_of(arc, STEEP, balls, collision=collision, stop={"collisions": 1})
-    assert run.end_time == 0.0
-    assert summary["min_normal_force"] is summary["max_friction_demand"] is None
-    assert "validity" not in summary_text("name", summary, None)
 
 
 @pytest.mark.parametrize("kappa", [1.0, 1.4, 1.5, 2.0])

@@ -208,7 +208,7 @@ def summary_text(
             "energy": _energy(record),
             "accuracy": _accuracy(record),
         }
-        if record.get("min_normal_force") is not None:
+        if "min_normal_force" in record:
             items["validity"] = _validity(record, one_sided)
         if "lyapunov_1" in record:
             items["exponents"] = _exponents(record, exponent_error)

@@ -39,7 +39,6 @@ from vibro_cli.kernels.flow.flow import (
 from vibro_cli.kernels.flow.rotating_flow import TURNING_LINE, time_on_line, turn_on_line
 from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.world import (
-    END_COLLISIONS,
     RUNNING,
     WALL,
     BodyData,
@@ -255,8 +254,6 @@ def _finish(world: World, outcome: Outcome, final: FinalState, scratch: Flight) 
     final.c = c
     final.p = p
     final.end_energy = energy_of_row(world, row, s, c, p)
-    if duration == 0.0 and outcome.end_cause == END_COLLISIONS:
-        return  # more impacts may follow at this instant, whose speeds last no time
     _update_force_statistics(world, final.latest, duration, (s, c, p), outcome, scratch)
 
 

@@ -20,15 +20,7 @@ from vibro_cli.kernels.events.liftoff_slip import (
     find_passages,
 )
 from vibro_cli.kernels.numerics.constants import NEVER
-from vibro_cli.kernels.world import (
-    CROSSING,
-    END_COLLISIONS,
-    END_LIFT_OFF,
-    END_OF_TRACE,
-    RUNNING,
-    WALL,
-    Flight,
-)
+from vibro_cli.kernels.world import CROSSING, END_LIFT_OFF, END_OF_TRACE, RUNNING, WALL, Flight
 from vibro_cli.systems.driver import called, chosen, joined, zeros
 from vibro_cli.systems.request import OutputRequest
 from vibro_cli.systems.trace.motion import Paths
@@ -107,10 +99,8 @@ class Events:
         """Return the passages of all flights as records of ``Passage``, with rows of `paths`."""
         ended = paths.stretch.cause != RUNNING
         spans, found = self._find(paths, self._spans(paths, ended))
-        # Of several launches at one instant only the last counts: the others have no duration. More
-        # impacts may follow at the instant of the last that ``stop.collisions`` admits.
-        lasting = ended and paths.stretch.cause != END_COLLISIONS
-        counted = (paths.duration != 0.0) | (paths.last & lasting)
+        # Of several launches at one instant only the last counts: the others have no duration.
+        counted = (paths.duration != 0.0) | (paths.last & ended)
         counted &= (paths.log["grouped"] == 0) | (paths.duration > 0.0)
         counted &= (spans["ended"] == 1) | ~_is_segment(paths.log)
         begun = [self._begun_beyond(paths, spans, counted, kind) for kind in (LIFT_OFF, SLIP)]

@@ -420,8 +420,6 @@ def summary_columns(
     demand = outcomes["most_demand"]
     # A particle slides: it needs no friction.
     rolls = np.any(places.kappa > 1.0, axis=0)
-    # A run that ends as it starts has no forces.
-    lasts = outcomes["least_force"] < NEVER
     some = outcomes["collisions"] > 0
     with np.errstate(divide="ignore", invalid="ignore"):
         drift = np.where(kept, (end - start) / start, np.nan)
@@ -443,8 +441,10 @@ def summary_columns(
         "energy_drift": drift,
         "energy_correction": outcomes["correction"].copy(),
         "max_gap": np.where(some, outcomes["max_gap"], np.nan),
-        "min_normal_force": np.where(lasts, outcomes["least_force"], np.nan),
-        "max_friction_demand": np.where((demand < _MOST_FRICTION) & rolls & lasts, demand, np.nan),
+        "min_normal_force": np.where(
+            outcomes["least_force"] < NEVER, outcomes["least_force"], np.nan
+        ),
+        "max_friction_demand": np.where((demand < _MOST_FRICTION) & rolls, demand, np.nan),
     }
     columns.update(_final_states(places, finals))
     return columns
