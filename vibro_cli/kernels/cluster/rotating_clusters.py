@@ -52,6 +52,7 @@ from vibro_cli.kernels.flow.rotating_flight import (
 from vibro_cli.kernels.flow.rotating_flow import (
     TURNING_LINE,
     half_way,
+    heading,
     set_motion,
     time_of_flight,
     torque_of,
@@ -109,7 +110,7 @@ def set_group_flow(world: World, first: int, count: int, ball: int) -> None:
     flight.s, flight.c, flight.p = body_of_group(
         flight, flight.flow_s, flight.flow_c, flight.flow_p
     )
-    if flight.flow_p == 0.0 and flight.quartic_3 == 0.0:
+    if heading(flight) == 0.0:
         flight.at_rest = 1
     _set_bounds(flight, track)
     # Constants of the motion that are logged in the member's row.
@@ -149,7 +150,7 @@ def _set_bounds(flight: Flight, track: TrackData) -> None:
 @kernel
 def _choose_exit(flight: Flight, track: TrackData) -> None:
     """Set the end at which a member leaves its piece, and the time."""
-    forward = flight.flow_p if flight.flow_p != 0.0 else flight.quartic_3
+    forward = heading(flight)
     for turn in range(2):
         right = (forward > 0.0) == (turn == 0)
         side = 1.0 if right else -1.0
