@@ -1,6 +1,7 @@
 """`vibro report`: where the page goes, what is left alone, misuse."""
 
 import os
+import shutil
 from pathlib import Path
 
 import pytest
@@ -217,6 +218,20 @@ def test_what_is_no_run_is_refused(vibro: Vibro, command: str) -> None:
     outcome = vibro(command, "empty")
     assert outcome.code == 2
     assert outcome.err.startswith("vibro: empty is not a vibro run")
+
+
+def test_a_folder_of_runs_is_refused_with_the_names_of_its_runs(vibro: Vibro) -> None:
+    vibro(*RUN, "-o", "runs/b")
+    Path("runs/notes").mkdir()
+    shutil.copytree("runs/b", "runs/a")
+    outcome = vibro("report", "runs")
+    assert outcome.code == 2
+    assert outcome.err.endswith("`vibro run` wrote (results are in runs/a and runs/b)\n")
+    for name in ("c", "d"):
+        shutil.copytree("runs/b", f"runs/{name}")
+    outcome = vibro("verify", "runs")
+    assert outcome.code == 2
+    assert outcome.err.endswith("of vibro (results are in runs/a, runs/b and 2 more)\n")
 
 
 @pytest.mark.parametrize(

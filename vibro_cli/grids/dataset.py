@@ -42,6 +42,7 @@ from vibro_cli.storage.files import (
     read_manifest,
     refusal,
     remove_partial_files,
+    results_within,
     write_file,
 )
 
@@ -332,7 +333,8 @@ def verify(folder: Path) -> Verdict:
     if folder.is_file():
         raise NoManifest(f"{folder} is a file; expected a folder of results")
     if found is None:
-        raise NoManifest(f"{folder} has no valid {MANIFEST_NAME} of vibro")
+        within = results_within(folder)
+        raise NoManifest(f"{folder} has no valid {MANIFEST_NAME} of vibro{within}")
     findings = list(check_files(folder, found["files"]))
     known = {*found["files"], MANIFEST_NAME}
     for path in sorted(folder.rglob("*")):

@@ -32,6 +32,7 @@ from typing import Any, BinaryIO
 
 from vibro_cli import __version__
 from vibro_cli.errors import VibroError
+from vibro_cli.scenario.problems import listing
 
 _AT_FDCWD = -100
 _RENAME_EXCHANGE = 2
@@ -522,6 +523,13 @@ def read_manifest(folder: Path) -> dict[str, Any] | None:
             )
             return found if whole else None
     return None
+
+
+def results_within(folder: Path) -> str:
+    """Return the end of a message on a folder without results: the folders in it with results."""
+    found = [str(path) for path in sorted(folder.glob("*")) if read_manifest(path)]
+    shown = found if len(found) <= 3 else [*found[:2], f"{len(found) - 2} more"]
+    return f" (results are in {listing(shown, 'and')})" if found else ""
 
 
 def _is_entry(described: Any) -> bool:

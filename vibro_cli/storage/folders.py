@@ -30,6 +30,7 @@ from vibro_cli.storage.files import (
     new_folder,
     read_manifest,
     refusal,
+    results_within,
     write_folder,
 )
 from vibro_cli.storage.tables import (
@@ -261,6 +262,7 @@ def read_earlier_run(folder: Path) -> EarlierRun:
     if found is None or not found["schema"].startswith("vibro-run/"):
         raise NotContinuable(
             f"{folder} is not a vibro run; expected a folder that `vibro run` wrote"
+            f"{results_within(folder)}"
         )
     version = found.get("program", {}).get("version")
     if version != __version__:
