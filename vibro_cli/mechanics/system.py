@@ -325,6 +325,11 @@ class ImpactSystem(ABC):
         """Whether impacts with k = 1 conserve the energy of rolling."""
         return bool(law_keeps_energy(self.law, [body.kappa for body in self.bodies]))
 
+    @property
+    def least_energy(self) -> float:
+        """Energy (J), not negative, below which a total of energies may be a mere rounding."""
+        return 0.0
+
     @abstractmethod
     def keeps_energy(self, clock: Mapping[str, Any]) -> bool:
         """Return whether a run conserved energy, given its clock at the end."""

@@ -274,6 +274,7 @@ class Totals:
     @property
     def energy_drift(self) -> float:
         """Relative change of the energy if it should be conserved, else nan."""
-        start = self.energy_start
-        kept = self.system.keeps_energy(self.clock)
-        return (self.energy_end - start) / start if start > 0.0 and kept else float("nan")
+        scale = max(self.energy_start, self.system.least_energy)
+        if not (scale > 0.0 and self.system.keeps_energy(self.clock)):
+            return float("nan")
+        return (self.energy_end - self.energy_start) / scale

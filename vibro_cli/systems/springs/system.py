@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from vibro_cli.kernels.numerics.constants import NEVER
+from vibro_cli.kernels.numerics.constants import EPSILON, NEVER
 from vibro_cli.kernels.springs.loop import MOST_STEPS, advance
 from vibro_cli.kernels.springs.tangent import follow_bodies
 from vibro_cli.kernels.springs.world import (
@@ -62,6 +62,14 @@ class SpringsSystem(ImpactSystem):
     initial: tuple[InitialState, ...]
     restitution: tuple[float, ...]
     """k of each pair of neighbours."""
+
+    @property
+    def least_energy(self) -> float:
+        """A rounding of what it takes to press all springs to no length (J).
+
+        Where springs are unstressed, their energies are roundings of lengths, squared.
+        """
+        return EPSILON * sum(0.5 * one.stiffness * one.length**2 for one in self.springs)
 
     def keeps_energy(self, clock: Mapping[str, Any]) -> bool:
         """Return whether energy was conserved: no lasting contact, and no inelastic impact."""
