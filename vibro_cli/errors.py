@@ -82,6 +82,14 @@ def counted(number: int, one: str, several: str = "") -> str:
     return f"{number:,} {one if number == 1 else several or one + 's'}"
 
 
+def listing(words: Iterable[str], last: str = "or") -> str:
+    """Return words as a list in a sentence: `a, b or c`."""
+    items = list(words)
+    if len(items) < 2:
+        return "".join(items)
+    return f"{', '.join(items[:-1])} {last} {items[-1]}"
+
+
 def similar(word: str, known: Iterable[str]) -> str | None:
     """Return the known word that is most similar to a mistyped one, or None."""
     from difflib import get_close_matches

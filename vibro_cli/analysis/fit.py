@@ -30,7 +30,7 @@ from scipy.special import chdtrc, chdtri, fdtri, stdtrit
 from vibro_cli.analysis.event_words import by_body
 from vibro_cli.analysis.impact_times import ImpactTimes, NoDerivative, impact_times, number_at
 from vibro_cli.assemble import build_system
-from vibro_cli.errors import VibroError, counted, exhausted
+from vibro_cli.errors import VibroError, counted, exhausted, listing
 from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.numerics.elementwise import Floats, outside
 from vibro_cli.progress import WORK
@@ -39,7 +39,6 @@ from vibro_cli.scenario.models import Scenario
 from vibro_cli.scenario.problems import (
     KeyPath,
     ScenarioError,
-    listing,
     parsed_path,
     path_text,
     shown,

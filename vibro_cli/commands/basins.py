@@ -19,7 +19,7 @@ from vibro_cli.commands.shared.options import (
     repeatable,
 )
 from vibro_cli.commands.shared.terminal import json_text, print_found, say
-from vibro_cli.errors import counted
+from vibro_cli.errors import counted, listing
 
 if TYPE_CHECKING:
     from vibro_cli.analysis.basins import Basins, Estimate
@@ -187,8 +187,6 @@ class SectionCommand:
             text = f"--pair: found {self.pair!r}, expected two bodies, such as 1-2"
             raise typer.BadParameter(text)
         if self.target.suffix.lower() not in FORMS:
-            from vibro_cli.scenario.problems import listing
-
             found = f"-o: found {self.target}, expected a {listing(FORMS)} file"
             raise typer.BadParameter(found)
 

@@ -15,6 +15,7 @@ import typer
 from vibro_cli.commands.shared.error_handling import DONE, CommandError, check_place
 from vibro_cli.commands.shared.options import beside, json_option, output_option, repeatable
 from vibro_cli.commands.shared.terminal import json_text, progress_shown, say
+from vibro_cli.errors import listing
 
 if TYPE_CHECKING:
     from vibro_cli.figures.kinds import Drawn
@@ -131,8 +132,6 @@ class ReportCommand:
     def _check_film(self, target: Path) -> None:
         form = target.suffix.lower()
         if form not in FORMS:
-            from vibro_cli.scenario.problems import listing
-
             raise typer.BadParameter(
                 f"--animate: found {target.name!r}, expected a {listing(FORMS)} file"
             )
@@ -250,7 +249,7 @@ def _runs(options: ReportCommand) -> "Runs":
 def _check_maps(subject: "Subject", maps: Sequence[str]) -> None:
     """Raise `CommandError` unless every requested map is of a column of the grid's summary."""
     from vibro_cli.figures.kinds import mapped_columns
-    from vibro_cli.scenario.problems import listing, suggestion
+    from vibro_cli.scenario.problems import suggestion
 
     if maps and isinstance(subject, list):
         raise CommandError("vibro: --map takes a grid, not runs")

@@ -14,6 +14,7 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 from pydantic_core import PydanticCustomError
 
+from vibro_cli.errors import listing
 from vibro_cli.scenario import fields
 from vibro_cli.scenario import quantities as kinds
 from vibro_cli.scenario.base import (
@@ -30,7 +31,6 @@ from vibro_cli.scenario.problems import (
     A_PATH,
     Fault,
     KeyPath,
-    listing,
     parsed_path,
     path_text,
     shown,

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NoReturn, TypedDict, Unpack
 
 import numpy as np
 
-from vibro_cli.errors import NothingToShow, counted
+from vibro_cli.errors import NothingToShow, counted, listing
 from vibro_cli.grids.document import grid_of, load_grid
 from vibro_cli.grids.workers import solve_into
 from vibro_cli.interface import Drawing
@@ -28,7 +28,7 @@ from vibro_cli.scenario.base import (
     plain,
 )
 from vibro_cli.scenario.loading import Document
-from vibro_cli.scenario.problems import Place, Problem, ScenarioError, listing, shown, suggestion
+from vibro_cli.scenario.problems import Place, Problem, ScenarioError, shown, suggestion
 from vibro_cli.scenario.quantities import FLAG, Count, Dictionary
 from vibro_cli.storage.frame import Table
 from vibro_cli.storage.stored import open_grid as open_stored_grid

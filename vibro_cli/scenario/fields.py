@@ -19,9 +19,9 @@ from pydantic import ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
-from vibro_cli.errors import similar
+from vibro_cli.errors import listing, similar
 from vibro_cli.scenario.base import Table
-from vibro_cli.scenario.problems import Fault, KeyPath, listing, shown, suggestion
+from vibro_cli.scenario.problems import Fault, KeyPath, shown, suggestion
 from vibro_cli.scenario.quantities import Kind
 from vibro_cli.systems import system_named
 

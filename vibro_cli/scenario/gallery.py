@@ -8,8 +8,9 @@ from importlib.resources import files
 from importlib.resources.abc import Traversable
 from pathlib import Path
 
+from vibro_cli.errors import listing
 from vibro_cli.scenario.base import system_of as system_of_data
-from vibro_cli.scenario.problems import Place, Problem, ScenarioError, listing, shown, suggestion
+from vibro_cli.scenario.problems import Place, Problem, ScenarioError, shown, suggestion
 from vibro_cli.systems import NAMES
 
 _GRIDS = "grids"

@@ -15,6 +15,7 @@ from typing import Annotated, Any, ClassVar, Literal, get_args
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag, WithJsonSchema
 
+from vibro_cli.errors import listing
 from vibro_cli.kernels.impact.laws import LAW_NAMES
 from vibro_cli.scenario import quantities as kinds
 from vibro_cli.scenario.base import (
@@ -31,7 +32,7 @@ from vibro_cli.scenario.base import (
     at_most_one,
     exactly_one,
 )
-from vibro_cli.scenario.problems import Fault, listing, shown
+from vibro_cli.scenario.problems import Fault, shown
 from vibro_cli.systems import NAMES
 
 Data = Mapping[str, Any]

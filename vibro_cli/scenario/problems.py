@@ -125,14 +125,6 @@ def shortened(text: str) -> str:
     return line if len(line) <= _LONGEST_SHOWN else line[: _LONGEST_SHOWN - 3] + "..."
 
 
-def listing(words: Iterable[str], last: str = "or") -> str:
-    """Return words as a list in a sentence: `a, b or c`."""
-    items = list(words)
-    if len(items) < 2:
-        return "".join(items)
-    return f"{', '.join(items[:-1])} {last} {items[-1]}"
-
-
 def suggestion(word: str, known: Iterable[str]) -> str:
     """Return ` (did you mean "x"?)` for a mistyped word, or an empty string."""
     close = similar(word, known)

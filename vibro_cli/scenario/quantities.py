@@ -24,7 +24,8 @@ from typing import Any
 from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
-from vibro_cli.scenario.problems import listing, shown, suggestion
+from vibro_cli.errors import listing
+from vibro_cli.scenario.problems import shown, suggestion
 
 EXAMPLES = {
     "length": "m, cm, mm, in",

@@ -31,8 +31,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from vibro_cli import __version__
-from vibro_cli.errors import VibroError
-from vibro_cli.scenario.problems import listing
+from vibro_cli.errors import VibroError, listing
 
 _AT_FDCWD = -100
 _RENAME_EXCHANGE = 2

@@ -11,6 +11,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
+from vibro_cli.errors import listing
 from vibro_cli.scenario import quantities as kinds
 from vibro_cli.scenario.base import (
     KIND,
@@ -36,7 +37,7 @@ from vibro_cli.scenario.models import (
     stop_faults,
     with_bodies,
 )
-from vibro_cli.scenario.problems import Fault, listing, shown
+from vibro_cli.scenario.problems import Fault, shown
 
 Side = Literal["inside", "outside"]
 
