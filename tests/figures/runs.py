@@ -53,8 +53,13 @@ class HandMade:
         """Every flight is at hand."""
 
     def flight_curve(
-        self, index: int, count: int, lasts: float = math.inf
+        self, index: Any, count: Any, lasts: float = math.inf
     ) -> tuple[Array, Array, Array]:
+        if np.ndim(index):
+            each = zip(index.tolist(), count.tolist(), strict=True)
+            curves = [self.flight_curve(row, number, lasts) for row, number in each]
+            time, position, rate = map(np.concatenate, zip(*curves, strict=True))
+            return time, position, rate
         self.sampled.append(index)
         row = self.rows[index]
         share = np.linspace(0.0, min(1.0, lasts / (row["t_end"] - row["t_start"])), count)

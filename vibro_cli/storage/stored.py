@@ -168,9 +168,9 @@ class StoredRun:
         self.motion.look_at(rows)
 
     def flight_curve(
-        self, index: int, count: int, lasts: float = math.inf
+        self, index: Any, count: Any, lasts: float = math.inf
     ) -> tuple[Array, Array, Array]:
-        """Return exact times (s), positions (rad, m) and rates (rad/s, m/s) along a flight."""
+        """Return times, positions and rates along flights, see ``systems.run.Run``."""
         return self.motion.flight_curve(index, count, lasts)
 
     def sample(self, times: Any, side: str = "after", extrapolate: bool = False) -> dict[str, Any]:

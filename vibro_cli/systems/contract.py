@@ -113,8 +113,8 @@ class Flights(Protocol):
     def look_at(self, rows: Any) -> None:
         """Announce the flights, as rows of their table, whose curves will be requested."""
 
-    def flight_curve(self, index: int, count: int, lasts: float = math.inf) -> tuple[Any, Any, Any]:
-        """Return times (s), positions and rates at ``count`` points of a flight's first part."""
+    def flight_curve(self, index: Any, count: Any, lasts: float = math.inf) -> tuple[Any, Any, Any]:
+        """Return times (s), positions and rates at points of flights, see ``systems.run.Run``."""
 
 
 class Motion(Flights, Protocol):

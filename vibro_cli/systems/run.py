@@ -420,10 +420,12 @@ class Run:
     def look_at(self, rows: Any) -> None:
         """Do nothing: all flights are at hand."""
 
-    def flight_curve(self, index: int, count: int, lasts: float = math.inf) -> tuple[Any, Any, Any]:
+    def flight_curve(self, index: Any, count: Any, lasts: float = math.inf) -> tuple[Any, Any, Any]:
         """Return times (s), angles (rad) and rates (rad/s) at ``count`` points along a flight.
 
-        On a line: positions (m) and speeds (m/s). ``lasts`` limits the curve's duration (s).
+        On a line: positions (m) and speeds (m/s). ``lasts`` limits the curve's duration (s). For
+        several flights of a body on one piece, `index` and `count` are arrays of shape (n,), and
+        the points of all flights follow one another.
         """
         return self.trajectory.curve(index, count, lasts)  # type: ignore[attr-defined, no-any-return]
 

@@ -124,6 +124,9 @@ def trajectory(run: Recorded, ball: int) -> Trajectory:
     count = points_each(len(ends[0]))
     landscape = Landscape.of(run.system, ball)
     free = _free(run, landscape, flights, ends[0])
+    if not np.all(free):
+        bound = zip(ends[0][~free].tolist(), ends[1][~free].tolist(), strict=True)
+        run.look_at(np.concatenate([np.arange(one, other + 1) for one, other in bound]))
     branches = tuple(
         _branches(run, flights, ball, landscape, piece, ends, free, count)
         for piece in run.system.trace.pieces
@@ -246,8 +249,6 @@ def _branches(
         range(one, other + 1)
         for one, other in zip(first[bound].tolist(), last[bound].tolist(), strict=True)
     ]
-    if spans:
-        run.look_at(np.concatenate(spans))
     sampled = [_sampled(run, flights, span, pace(run, ball, piece), count) for span in spans]
     begin = np.concatenate([rows, first[bound]])
     return Branches(
@@ -283,11 +284,8 @@ def _sampled(run: Recorded, flights: Table, rows: range, pace: float, count: int
     if len(rows) == 1:
         return _sampled_flight(run, rows.start, float(times[0]), pace, count)
     share = times / max(float(np.sum(times)), float(np.finfo(np.float64).tiny))
-    curves = [
-        np.column_stack(run.flight_curve(row, math.ceil(number) + 1)[1:])
-        for row, number in zip(rows, (_FINER * count * share).tolist(), strict=True)
-    ]
-    return _chosen(np.concatenate(curves), count)
+    counts = np.ceil(_FINER * count * share).astype(np.int64) + 1
+    return _chosen(np.column_stack(run.flight_curve(np.array(rows), counts)[1:]), count)
 
 
 def _sampled_flight(run: Recorded, row: int, time: float, pace: float, count: int) -> Array:

@@ -142,6 +142,17 @@ def states_at(world: World, rows: Any, after: Floats, overrides: Overrides) -> A
     return samples.take(place)
 
 
+def _points_along(durations: Any, counts: Any, lasts: float) -> tuple[Any, Floats]:
+    """Return for each point along flights the number of its flight and the time since its start.
+
+    The points of a flight are evenly spaced from its start to its end, or until `lasts` (s).
+    """
+    spans = np.minimum(np.atleast_1d(durations), lasts).tolist()
+    each = np.atleast_1d(counts)
+    times = [np.linspace(0.0, span, count) for span, count in zip(spans, each, strict=True)]
+    return np.repeat(np.arange(len(each)), each), np.concatenate(times)
+
+
 def places_and_rates(places: Places, body: int, piece: int, states: Any) -> tuple[Floats, Floats]:
     """Return the angles (rad) and rates (rad/s) of a body on a piece from records of ``Sample``.
 
@@ -208,18 +219,14 @@ class Paths:
         }
 
     def curve(
-        self, index: int, count: int, lasts: float = math.inf
+        self, index: Any, count: Any, lasts: float = math.inf
     ) -> tuple[Floats, Floats, Floats]:
-        """Return exact times, positions and rates at ``count`` points along a flight.
-
-        ``lasts`` limits the curve's duration (s).
-        """
-        start = float(self.log["t"][index])
-        after = np.linspace(0.0, min(float(self.duration[index]), lasts), count)
-        rows = np.full(count, index)
+        """Return exact times, positions and rates along flights, see ``systems.run.Run``."""
+        each, after = _points_along(self.duration[index], count, lasts)
+        rows = np.atleast_1d(index)[each]
         states = self.states(rows, after)
-        body, piece = self.body[index], self.piece[index]
-        return start + after, *places_and_rates(self.places, body, piece, states)
+        body, piece = self.body[rows[0]], self.piece[rows[0]]
+        return self.log["t"][rows] + after, *places_and_rates(self.places, body, piece, states)
 
     def sample(self, instants: Floats, side: str = "after") -> dict[str, Any]:
         """Return the columns of the motion table, see ``systems.contract.Trajectory``."""
@@ -288,25 +295,25 @@ class LongMotion:
     def look_at(self, rows: Any) -> None:
         """Collect the rows of the log for flights, given as rows of their table."""
         numbers = np.unique(self._numbers[np.asarray(rows, dtype=np.int64)])
-        if np.all(np.isin(numbers, self._asked)):
+        if len(self._asked) and np.all(_among(self._asked, numbers)):
             return
         logs, clock = self._rows_of(numbers)
         self._near = with_logs(SYSTEM.loop, self._world, "compiled", logs, clock)
         self._asked = numbers
 
     def flight_curve(
-        self, index: int, count: int, lasts: float = math.inf
+        self, index: Any, count: Any, lasts: float = math.inf
     ) -> tuple[Floats, Floats, Floats]:
-        """Return times, angles (positions) and rates along a flight, see ``systems.run.Run``."""
-        if self._numbers[index] not in self._asked:
-            self.look_at([index])
+        """Return times, angles (positions) and rates along flights, see ``systems.run.Run``."""
+        rows = np.atleast_1d(index)
+        self.look_at(rows)
         assert self._near is not None
-        row = int(np.searchsorted(self._asked, self._numbers[index]))
-        after = np.linspace(0.0, min(float(self._durations[index]), lasts), count)
-        states = states_at(self._near, np.full(count, row), after, self._overrides)
-        body, piece = (int(self._table[name][index]) - 1 for name in ("ball", "arc"))
-        start = float(self._table["t_start"][index])
-        return start + after, *places_and_rates(self._places, body, piece, states)
+        each, after = _points_along(self._durations[rows], count, lasts)
+        logged = np.searchsorted(self._asked, self._numbers[rows])
+        states = states_at(self._near, logged[each], after, self._overrides)
+        body, piece = (int(self._table[name][rows[0]]) - 1 for name in ("ball", "arc"))
+        times = self._table["t_start"][rows][each] + after
+        return times, *places_and_rates(self._places, body, piece, states)
 
     def sample(self, times: Any, side: str = "after", extrapolate: bool = False) -> dict[str, Any]:
         """Return the columns of the motion table at times (s), see ``systems.run.Run``."""
@@ -380,7 +387,7 @@ class LongMotion:
         """Return logs of some flights only, given by their ascending numbers."""
         flights, segments = [], []
         for stretch, own in _numbered(self._stretches()):
-            rows = np.flatnonzero(np.isin(own, wanted) & (np.arange(len(own)) >= stretch.known))
+            rows = np.flatnonzero(_among(wanted, own) & (np.arange(len(own)) >= stretch.known))
             flights.append(stretch.logs["log"][rows])
             found = stretch.logs["segments"]
             found = found[np.isin(found["flight"], rows)]
@@ -390,6 +397,11 @@ class LongMotion:
                 break
         rows_of = {"log": np.concatenate(flights), "segments": np.concatenate(segments)}
         return {**stretch.logs, **rows_of}, stretch.clock
+
+
+def _among(ascending: Any, numbers: Any) -> Any:
+    """Return which numbers occur in an array of ascending numbers, which is not empty."""
+    return ascending.take(np.searchsorted(ascending, numbers), mode="clip") == numbers
 
 
 def _numbered(stretches: Iterator[Stretch]) -> Iterator[tuple[Stretch, Any]]:
