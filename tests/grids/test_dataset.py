@@ -27,6 +27,7 @@ from vibro_cli.grids.dataset import (
     FolderInUse,
     GridChanged,
     MergeRefused,
+    NoManifest,
     Shard,
     merge,
     opened,
@@ -394,6 +395,39 @@ def test_every_flipped_bit_is_found(grid: Grid, tmp_path: Path) -> None:
             (str(part.relative_to(folder)), "damaged")
         ]
         part.write_bytes(whole)
+
+
+def test_every_flipped_bit_of_the_manifest_is_found_and_mended(grid: Grid, tmp_path: Path) -> None:
+    folder = tmp_path / "flipped"
+    solve(grid, folder)
+    manifest = folder / "manifest.json"
+    whole = manifest.read_bytes()
+    for bit in random.Random(5).sample(range(8 * len(whole)), 500):
+        damaged = bytearray(whole)
+        damaged[bit // 8] ^= 1 << bit % 8
+        manifest.write_bytes(damaged)
+        try:
+            findings = verify(folder).findings
+        except NoManifest:
+            continue
+        assert ("manifest.json", "damaged") in [(one.file, one.state) for one in findings]
+    manifest.write_bytes(whole.replace(b'"impacts": ', b'"impacts": 1'))
+    assert [one.file for one in verify(folder).findings] == ["manifest.json"]
+    solve(grid, folder)
+    assert manifest.read_bytes() == whole
+    manifest.write_bytes(whole.replace(b'"impacts": ', b'"impacts": NaN, "": '))
+    with pytest.raises(NoManifest):
+        verify(folder)
+
+
+def test_a_manifest_of_an_earlier_version_has_no_checksum(grid: Grid, tmp_path: Path) -> None:
+    folder = tmp_path / "earlier"
+    solve(grid, folder)
+    found = json.loads((folder / "manifest.json").read_bytes())
+    del found["sha256"]
+    (folder / "manifest.json").write_text(json.dumps(found))
+    assert verify(folder).sound
+    assert open_grid(folder).points == grid.design.points
 
 
 def test_a_folder_that_cannot_be_written_is_told(grid: Grid, tmp_path: Path) -> None:

@@ -34,6 +34,7 @@ from vibro_cli.storage.files import (
     differences,
     entry,
     flush_folder,
+    is_changed,
     json_bytes,
     json_of,
     lock,
@@ -217,11 +218,11 @@ def drop(folder: Path) -> None:
 def found_receipts(folder: Path, grid: Grid, chunks: Chunks) -> dict[int, Receipt]:
     """Return the receipts of all finished chunks, from the manifest or from the disk.
 
-    A manifest of another grid is ignored, as `grid.json` may be missing.
+    A changed manifest and that of another grid are ignored, as `grid.json` may be missing.
     """
     manifest = read_manifest(folder) or {}
     of_this = entry(grid_content(grid, chunks))
-    same = manifest.get("files", {}).get(GRID_NAME) == of_this
+    same = manifest.get("files", {}).get(GRID_NAME) == of_this and not is_changed(manifest)
     known = _receipts_of(manifest, grid) if same else {}
     found, sizes = {}, chunks.sizes
     for chunk in range(chunks.count):
@@ -321,7 +322,7 @@ class Verdict:
 
 
 def verify(folder: Path) -> Verdict:
-    """Check every file of a folder against its size and SHA-256 in the manifest.
+    """Check every file of a folder against its size and SHA-256 in the manifest, and that itself.
 
     Folders of shards that are not merged yet have their own manifests and are skipped.
 
@@ -336,6 +337,8 @@ def verify(folder: Path) -> Verdict:
         within = results_within(folder)
         raise NoManifest(f"{folder} has no valid {MANIFEST_NAME} of vibro{within}")
     findings = list(check_files(folder, found["files"]))
+    if is_changed(found):
+        findings.insert(0, Finding(MANIFEST_NAME, "damaged", "it does not have its own SHA-256"))
     known = {*found["files"], MANIFEST_NAME}
     for path in sorted(folder.rglob("*")):
         name = str(path.relative_to(folder))

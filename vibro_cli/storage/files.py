@@ -448,6 +448,8 @@ GRID_NAME = "grid.json"
 LACKING = {"undrawn", "unsampled_from"}
 """Entries of a run's manifest for what a signal left out of it."""
 _MANIFEST_VERSION = "1"
+_OWN = "sha256"
+"""Last entry of a manifest: the checksum of the manifest without it."""
 _LIBRARIES = ("matplotlib", "numpy", "pyarrow", "scipy")
 
 
@@ -474,12 +476,12 @@ def entry(*pieces: bytes | memoryview) -> dict[str, Any]:
 def manifest_of(
     kind: str, entries: Mapping[str, Mapping[str, Any]], details: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """Return the manifest of a folder of results.
+    """Return the manifest of a folder of results, which ends with its own checksum.
 
     `kind` is the content of the folder ("run"), `entries` are those of its files by name, and
     `details` is further information on its origin.
     """
-    return {
+    values = {
         "schema": f"vibro-{kind}/{_MANIFEST_VERSION}",
         "program": {"name": "vibro", "version": __version__},
         "environment": {
@@ -489,6 +491,14 @@ def manifest_of(
         **details,
         "files": dict(sorted(entries.items())),
     }
+    return {**values, _OWN: entry(json_bytes(values))["sha256"]}
+
+
+def is_changed(manifest: Mapping[str, Any]) -> bool:
+    """Return whether a manifest differs from its own checksum; earlier versions had none."""
+    *names, last = manifest
+    values = {name: manifest[name] for name in names}
+    return last != "files" and manifest.get(_OWN) != entry(json_bytes(values))["sha256"]
 
 
 def _version(library: str) -> str:
@@ -500,7 +510,7 @@ def _version(library: str) -> str:
 def json_of(path: Path) -> Any:
     """Return the content of a JSON file, or None if it cannot be read."""
     try:
-        return json.loads(path.read_bytes())
+        return json.loads(path.read_bytes(), parse_constant=int)  # which refuses NaN
     except (OSError, ValueError, RecursionError):
         return None
 
