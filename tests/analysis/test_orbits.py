@@ -710,7 +710,9 @@ def test_the_command_writes_table_and_figure(
     assert code == 0
     told = json.loads(capsys.readouterr().out)
     assert told["events"] == ["12", "1|"]
-    table = pq.read_table(target / "orbits.parquet").to_pydict()
+    written = pq.read_table(target / "orbits.parquet")
+    assert written.field("value").metadata[b"unit"] == b"kg"
+    table = written.to_pydict()
     assert [kind for kind in table["special"] if kind] == ["bound", "doubling", "bound"]
     assert table["value"] == sorted(table["value"])
     figure = branch_figure(table, "mass", "double")
@@ -734,7 +736,9 @@ def test_the_scenario_that_is_written_starts_on_the_orbit(
     (tmp_path / "one.json").write_text(json.dumps(document))
     target = tmp_path / "orbit"
     assert run_command_line(["orbit", str(tmp_path / "one.json"), "-o", str(target)]) == 0
-    (row,) = pq.read_table(target / "orbits.parquet").to_pylist()
+    table = pq.read_table(target / "orbits.parquet")
+    assert table.field("position_1").metadata[b"unit"] == (b"m" if place == "s" else b"rad")
+    (row,) = table.to_pylist()
     written = load_any(target / "scenario.json")
     run = simulate(written.replace({"stop.time": row["period"]}))
     assert run.summary["collisions"] > 0
@@ -774,6 +778,8 @@ def test_python_finds_what_the_command_finds(
     assert told["points"] == len(family.points)
     written = pq.read_table(tmp_path / "family" / "orbits.parquet")
     assert written.equals(family.table.to_arrow(), check_metadata=True)
+    assert family.table.units["value"] == "J"
+    assert family.table.units["position_1"] == family.table.units["position_2"] == "m"
     assert family.figure("double").save(tmp_path / "family.pdf").stat().st_size > 1000
     with pytest.raises(ValueError, match="unknown width 'x'"):
         family.figure("x")

@@ -12,13 +12,14 @@ import numpy as np
 import pyarrow as pa
 
 from vibro_cli.analysis import fit as fits
-from vibro_cli.analysis.orbit_branch import Branch, family_of
+from vibro_cli.analysis.orbit_branch import ENERGY, Branch, family_of
 from vibro_cli.analysis.orbits import Orbit, find_orbit
 from vibro_cli.assemble import build_any
 from vibro_cli.errors import counted
 from vibro_cli.interface import Drawing
 from vibro_cli.scenario.base import Listed, checked, checked_path, plain
-from vibro_cli.scenario.problems import shown
+from vibro_cli.scenario.fields import unit_at
+from vibro_cli.scenario.problems import parsed_path, shown
 from vibro_cli.scenario.quantities import Count, Quantity
 from vibro_cli.storage.folders import RESIDUALS, orbits
 from vibro_cli.storage.frame import Table
@@ -41,6 +42,13 @@ class OrbitFamily(Branch):
     """Scenario with the start of the first orbit."""
     vary: str
     """Path of the parameter, or ``"energy"``."""
+
+    @property
+    def unit(self) -> str:
+        """Unit of the parameter, empty for a pure number."""
+        if self.vary == ENERGY:
+            return "J"
+        return unit_at(parsed_path(self.vary), type(self.scenario))
 
     @cached_property
     def table(self) -> Table:
@@ -270,10 +278,19 @@ def _columns_of(measured: Any) -> Mapping[str, Any]:
     }
 
 
-def orbit_table(found: Orbit | Branch, scenario: Scenario) -> Table:
+def orbit_table(found: Orbit | OrbitFamily, scenario: Scenario) -> Table:
     """Return the table of a family or of a single orbit of a scenario."""
     columns = orbit_columns(found)
-    return Table("orbits", to_arrow(orbits(len(scenario.balls)), columns, scenario.resolved()))
+    first = found if isinstance(found, Orbit) else found.points[0].orbit
+    pieces = first.system.trace.pieces
+    lines = [
+        {pieces[arc - 1].is_line for arc in columns[f"arc_{ball}"]}
+        for ball in range(1, len(scenario.balls) + 1)
+    ]
+    # A body whose orbits start on arcs and on lines has positions of either unit.
+    positions = ["" if len(both) > 1 else "m" if True in both else "rad" for both in lines]
+    table = orbits("" if isinstance(found, Orbit) else found.unit, positions)
+    return Table("orbits", to_arrow(table, columns, scenario.resolved()))
 
 
 def orbit_columns(found: Orbit | Branch) -> dict[str, Any]:

@@ -6,7 +6,7 @@ Each holds its tables and numbers, the scenario if any, and figures.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
 from functools import partial
@@ -309,21 +309,24 @@ RESIDUALS = Table(
 )
 
 
-def orbits(balls: int) -> Table:
-    """Return the table of periodic orbits for a number of bodies."""
+def orbits(varied: str, positions: Sequence[str]) -> Table:
+    """Return the table of periodic orbits.
+
+    `varied` is the unit of the varied parameter, `positions` are those of each body's position.
+    """
     states = [
         column
-        for ball in range(1, balls + 1)
+        for ball, unit in enumerate(positions, 1)
         for column in (
             count(f"arc_{ball}", f"piece that body {ball} starts on, from 1"),
             number(
-                f"position_{ball}", "", f"angle (rad) of body {ball}, or distance (m) on a line"
+                f"position_{ball}", unit, f"angle (rad) of body {ball}, or distance (m) on a line"
             ),
             number(f"speed_{ball}", "m/s", f"signed speed of the centre of body {ball}"),
         )
     ]
     columns = (
-        number("value", "", "value of the varied parameter (null for one orbit)", True),
+        number("value", varied, "value of the varied parameter (null for one orbit)", True),
         word(
             "special",
             "doubling, fold, exchange, torus, or how the family ends: bound, halving, grazing, …",
